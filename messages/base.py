@@ -1,0 +1,192 @@
+"""The codec: records with ROS names as MessagePack maps, numeric arrays as one extension type."""
+
+from __future__ import annotations
+
+import sys
+from array import array
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self, TypeVar
+
+import msgspec
+from msgspec import Meta
+
+if TYPE_CHECKING:
+    import numpy as np
+
+ARRAY_CODE = 1
+"""MessagePack extension type of an array: its data is the MessagePack array ``[dtype, shape, raw]``."""
+
+LARGEST = 1e12
+"""Bound of every finite number on the wire; NaN and the infinities lie outside it."""
+
+
+def _bounded(unit: str, limit: float = LARGEST) -> Meta:
+    return Meta(ge=-limit, le=limit, extra={"unit": unit})
+
+
+Finite = Annotated[float, _bounded("")]
+Metres = Annotated[float, _bounded("m")]
+Radians = Annotated[float, _bounded("rad")]
+Nanoseconds = Annotated[int, Meta(ge=0, le=2**63 - 1, extra={"unit": "ns"})]
+Count = Annotated[int, Meta(ge=0, le=2**63 - 1)]
+
+
+class Message(msgspec.Struct, frozen=True, kw_only=True):
+    """A record that travels on the wire as a map with the ROS field names.
+
+    Every field has a default, as in ROS; unknown fields are ignored, so a newer sender is understood.
+    ``ROS_TYPE`` names the type in the encoding of each sample.
+    """
+
+    ROS_TYPE: ClassVar[str] = ""
+
+
+class WrongPayload(ValueError):
+    """A payload is not the expected record; the text says which field and why."""
+
+
+class Array:
+    """A numeric array of one dtype; it keeps the raw bytes and becomes numpy only when asked.
+
+    ``DTYPE`` is numpy's name of the little-endian element type.
+    """
+
+    DTYPE: ClassVar[str] = "<f8"
+    __slots__ = ("raw", "shape")
+
+    def __init__(self, values: Iterable[float] | np.ndarray = (), shape: tuple[int, ...] | None = None) -> None:
+        code = self.DTYPE[1:]
+        if hasattr(values, "astype"):
+            self.raw: bytes = values.astype(self.DTYPE).tobytes()
+            self.shape: tuple[int, ...] = tuple(values.shape)
+        else:
+            flat = array({"f8": "d", "f4": "f", "i4": "i"}[code], values)
+            if sys.byteorder == "big":
+                flat.byteswap()
+            self.raw, self.shape = flat.tobytes(), (len(flat),)
+        if shape is not None:
+            self.shape = shape
+        self._check()
+
+    @classmethod
+    def from_wire(cls, dtype: str, shape: Iterable[int], raw: bytes) -> Self:
+        """Rebuild an array from the three parts of the extension; raises WrongPayload when they disagree."""
+        if dtype != cls.DTYPE:
+            raise WrongPayload(f"expected an array of {cls.DTYPE}, got {dtype}")
+        made = cls.__new__(cls)
+        made.raw, made.shape = bytes(raw), tuple(shape)
+        made._check()
+        return made
+
+    def _check(self) -> None:
+        count = 1
+        for extent in self.shape:
+            if extent < 0:
+                raise WrongPayload(f"an array cannot have the shape {self.shape}")
+            count *= extent
+        if count * int(self.DTYPE[-1]) != len(self.raw):
+            raise WrongPayload(f"{len(self.raw)} bytes are not an array of {self.DTYPE} of shape {self.shape}")
+
+    def __len__(self) -> int:
+        return self.shape[0] if self.shape else 1
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Array) and (self.DTYPE, self.shape, self.raw) == (other.DTYPE, other.shape, other.raw)
+
+    def __hash__(self) -> int:
+        return hash((self.DTYPE, self.shape, self.raw))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.tolist()})"
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        import numpy as np
+
+        view = np.frombuffer(self.raw, self.DTYPE).reshape(self.shape)
+        return view.astype(dtype) if dtype is not None else view
+
+    def numpy(self) -> np.ndarray:
+        """The values as a read-only numpy array of ``shape``."""
+        return self.__array__()
+
+    def tolist(self) -> list[float]:
+        """The values as a flat list of Python numbers, in row-major order."""
+        flat = array({"f8": "d", "f4": "f", "i4": "i"}[self.DTYPE[1:]], self.raw)
+        if sys.byteorder == "big":
+            flat.byteswap()
+        return flat.tolist()
+
+
+class Float64Array(Array):
+    """ROS ``float64[]``."""
+
+    __slots__ = ()
+
+
+class Float32Array(Array):
+    """ROS ``float32[]``."""
+
+    DTYPE = "<f4"
+    __slots__ = ()
+
+
+Covariance = Annotated[tuple[float, ...], Meta(min_length=36, max_length=36)]
+"""ROS ``float64[36]``: a 6x6 matrix in row-major order over x, y, z, roll, pitch, yaw. As a plain MessagePack
+array: twice as fast to decode as the extension at this length."""
+
+Matrix3 = Annotated[tuple[float, ...], Meta(min_length=9, max_length=9)]
+"""ROS ``float64[9]``: a 3x3 matrix in row-major order."""
+
+
+def covariance(*variances: float) -> Covariance:
+    """The 6x6 matrix with the six given variances on its diagonal."""
+    if len(variances) != 6:
+        raise ValueError(f"a covariance diagonal has 6 values, got {len(variances)}")
+    return tuple(float(variances[i // 7]) if i % 7 == 0 else 0.0 for i in range(36))
+
+
+M = TypeVar("M")
+_PARTS = msgspec.msgpack.Decoder(tuple[str, list[int], bytes])
+
+
+class _Parts(tuple[str, list[int], bytes]):
+    """An extension as it came, before the field's type says which array it must be."""
+
+
+def _to_ext(value: object) -> msgspec.msgpack.Ext:
+    if isinstance(value, Array):
+        return msgspec.msgpack.Ext(ARRAY_CODE, msgspec.msgpack.encode((value.DTYPE, value.shape, value.raw)))
+    raise NotImplementedError(f"{type(value).__name__} cannot be put in a message")
+
+
+def _from_ext(code: int, data: memoryview) -> object:
+    if code != ARRAY_CODE:
+        raise WrongPayload(f"unknown extension type {code}; only {ARRAY_CODE} (array) is known")
+    return _Parts(_PARTS.decode(data))
+
+
+def _to_array(wanted: type, value: Any) -> object:
+    if not issubclass(wanted, Array):
+        raise NotImplementedError(f"no message may hold a {wanted.__name__}")
+    if isinstance(value, _Parts):
+        return wanted.from_wire(*value)
+    if isinstance(value, list) and all(type(each) in (int, float) for each in value):
+        return wanted(value)
+    raise WrongPayload(f"expected an array, got {type(value).__name__}")
+
+
+encode: Callable[[object], bytes] = msgspec.msgpack.Encoder(enc_hook=_to_ext).encode
+"""Encode one record as MessagePack bytes."""
+
+
+def decoder(record: type[M]) -> Callable[[bytes], M]:
+    """A function from MessagePack bytes to ``record``; it raises WrongPayload with the path of the field."""
+    decode = msgspec.msgpack.Decoder(record, ext_hook=_from_ext, dec_hook=_to_array).decode
+
+    def checked(payload: bytes) -> M:
+        try:
+            return decode(payload)
+        except (msgspec.MsgspecError, ValueError, RecursionError, OverflowError) as error:
+            raise WrongPayload(str(error)) from None
+
+    return checked

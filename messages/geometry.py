@@ -1,0 +1,146 @@
+"""geometry_msgs: points, poses, twists and transforms in three dimensions."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar, Self
+
+from messages.base import Covariance, Finite, Message, Metres, covariance
+from messages.std import Header
+
+FASTEST_LINEAR = 100.0
+"""No command or measurement of a ground robot exceeds this, m/s; beyond it a Twist is refused as nonsense."""
+FASTEST_ANGULAR = 1000.0
+"""As FASTEST_LINEAR, rad/s."""
+
+
+class Vector3(Message, frozen=True, kw_only=True):
+    """Three finite numbers; the unit is the owner's."""
+
+    ROS_TYPE: ClassVar[str] = "geometry_msgs/Vector3"
+    x: Finite = 0.0
+    y: Finite = 0.0
+    z: Finite = 0.0
+
+
+class Point(Message, frozen=True, kw_only=True):
+    """A position, m."""
+
+    ROS_TYPE: ClassVar[str] = "geometry_msgs/Point"
+    x: Metres = 0.0
+    y: Metres = 0.0
+    z: Metres = 0.0
+
+
+class Quaternion(Message, frozen=True, kw_only=True):
+    """An orientation; unit length, identity by default."""
+
+    ROS_TYPE: ClassVar[str] = "geometry_msgs/Quaternion"
+    x: Finite = 0.0
+    y: Finite = 0.0
+    z: Finite = 0.0
+    w: Finite = 1.0
+
+    @classmethod
+    def from_yaw(cls, yaw: float) -> Self:
+        """The rotation by ``yaw`` [rad] about the z axis."""
+        return cls(z=math.sin(yaw / 2), w=math.cos(yaw / 2))
+
+    @property
+    def yaw(self) -> float:
+        """Heading about the z axis, rad in (-pi, pi]."""
+        return math.atan2(2 * (self.w * self.z + self.x * self.y), 1 - 2 * (self.y * self.y + self.z * self.z))
+
+
+class Pose(Message, frozen=True, kw_only=True):
+    """Position and orientation."""
+
+    ROS_TYPE: ClassVar[str] = "geometry_msgs/Pose"
+    position: Point = Point()
+    orientation: Quaternion = Quaternion()
+
+    @classmethod
+    def planar(cls, x: float, y: float, yaw: float = 0.0) -> Self:
+        """The pose (x [m], y [m], yaw [rad]) on the ground."""
+        return cls(position=Point(x=x, y=y), orientation=Quaternion.from_yaw(yaw))
+
+
+class PoseStamped(Message, frozen=True, kw_only=True):
+    """A pose in the frame and at the time of its header."""
+
+    ROS_TYPE: ClassVar[str] = "geometry_msgs/PoseStamped"
+    header: Header = Header()
+    pose: Pose = Pose()
+
+
+class PoseWithCovariance(Message, frozen=True, kw_only=True):
+    """A pose and its 6x6 covariance."""
+
+    ROS_TYPE: ClassVar[str] = "geometry_msgs/PoseWithCovariance"
+    pose: Pose = Pose()
+    covariance: Covariance = covariance(0, 0, 0, 0, 0, 0)
+
+
+class Twist(Message, frozen=True, kw_only=True):
+    """Velocity: linear in m/s, angular in rad/s, within FASTEST_LINEAR and FASTEST_ANGULAR."""
+
+    ROS_TYPE: ClassVar[str] = "geometry_msgs/Twist"
+    linear: Vector3 = Vector3()
+    angular: Vector3 = Vector3()
+
+    def __post_init__(self) -> None:
+        v, w = self.linear, self.angular
+        if not (
+            -FASTEST_LINEAR <= v.x <= FASTEST_LINEAR
+            and -FASTEST_LINEAR <= v.y <= FASTEST_LINEAR
+            and -FASTEST_LINEAR <= v.z <= FASTEST_LINEAR
+        ):
+            raise ValueError(f"linear velocity {v.x, v.y, v.z} m/s is beyond {FASTEST_LINEAR} m/s or not finite")
+        if not (
+            -FASTEST_ANGULAR <= w.x <= FASTEST_ANGULAR
+            and -FASTEST_ANGULAR <= w.y <= FASTEST_ANGULAR
+            and -FASTEST_ANGULAR <= w.z <= FASTEST_ANGULAR
+        ):
+            raise ValueError(f"angular velocity {w.x, w.y, w.z} rad/s is beyond {FASTEST_ANGULAR} rad/s or not finite")
+
+    @classmethod
+    def planar(cls, v: float, w: float) -> Self:
+        """The twist of a ground robot: forward speed ``v`` [m/s], turn rate ``w`` [rad/s]."""
+        return cls(linear=Vector3(x=v), angular=Vector3(z=w))
+
+
+class TwistStamped(Message, frozen=True, kw_only=True):
+    """A twist at the time of its header."""
+
+    ROS_TYPE: ClassVar[str] = "geometry_msgs/TwistStamped"
+    header: Header = Header()
+    twist: Twist = Twist()
+
+
+class TwistWithCovariance(Message, frozen=True, kw_only=True):
+    """A twist and its 6x6 covariance."""
+
+    ROS_TYPE: ClassVar[str] = "geometry_msgs/TwistWithCovariance"
+    twist: Twist = Twist()
+    covariance: Covariance = covariance(0, 0, 0, 0, 0, 0)
+
+
+class Transform(Message, frozen=True, kw_only=True):
+    """Translation [m] and rotation from a parent to a child frame."""
+
+    ROS_TYPE: ClassVar[str] = "geometry_msgs/Transform"
+    translation: Vector3 = Vector3()
+    rotation: Quaternion = Quaternion()
+
+
+class TransformStamped(Message, frozen=True, kw_only=True):
+    """The pose of ``child_frame_id`` in the header's frame."""
+
+    ROS_TYPE: ClassVar[str] = "geometry_msgs/TransformStamped"
+    header: Header = Header()
+    child_frame_id: str = ""
+    transform: Transform = Transform()
+
+
+STOP = Twist()
+"""The command that stops a robot."""

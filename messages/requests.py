@@ -1,0 +1,115 @@
+"""Requests and replies: what a service may be asked, with typed arguments and results."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Generic, TypeVar
+
+from msgspec import Meta
+
+from messages.base import Count, Message
+from messages.elea import ModelState
+from messages.geometry import Pose, Twist
+from messages.std import Empty
+
+Q = TypeVar("Q", bound=Message)
+R = TypeVar("R", bound=Message)
+
+
+@dataclass(frozen=True)
+class Request(Generic[Q, R]):
+    """A named request: its ROS name (relative, absolute or private), the records asked and replied."""
+
+    name: str
+    asks: type[Q]
+    replies: type[R]
+    about: str
+
+
+class Name(Message, frozen=True, kw_only=True):
+    """The name of a model or process."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/Name"
+    name: str = ""
+
+
+class Done(Message, frozen=True, kw_only=True):
+    """It is done; ``text`` says what."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/Done"
+    text: str = ""
+
+
+class SpawnModel(Message, frozen=True, kw_only=True):
+    """Put a model of ``models/`` into the world as ``name``, its topics in ``namespace`` (the name when empty)."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/SpawnModel"
+    name: str = ""
+    model: str = ""
+    pose: Pose = Pose()
+    namespace: str = ""
+
+
+class SetModelState(Message, frozen=True, kw_only=True):
+    """Move a model; joint angles keep their values."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/SetModelState"
+    name: str = ""
+    pose: Pose = Pose()
+    twist: Twist = Twist()
+
+
+class ModelList(Message, frozen=True, kw_only=True):
+    """All models in the world."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/ModelList"
+    models: tuple[ModelState, ...] = ()
+
+
+class Steps(Message, frozen=True, kw_only=True):
+    """A number of physics steps to run while paused."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/Steps"
+    count: Annotated[int, Meta(ge=1, le=1_000_000)] = 1
+
+
+class SimTime(Message, frozen=True, kw_only=True):
+    """Where the simulation stands, in ns and in physics steps since the last reset."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/SimTime"
+    time: Count = 0
+    tick: Count = 0
+    epoch: Count = 0
+
+
+SPAWN = Request("/sim/spawn", SpawnModel, ModelState, "put a model into the world")
+DELETE = Request("/sim/delete", Name, Done, "take a model out of the world")
+LIST = Request("/sim/list", Empty, ModelList, "all models with their poses and twists")
+GET_STATE = Request("/sim/get_state", Name, ModelState, "pose and twist of one model")
+SET_STATE = Request("/sim/set_state", SetModelState, ModelState, "move a model")
+RESET = Request("/sim/reset", Empty, SimTime, "time to zero and all models to where they were spawned")
+RESET_WORLD = Request("/sim/reset_world", Empty, SimTime, "all models to where they were spawned; time goes on")
+PAUSE = Request("/sim/pause", Empty, SimTime, "stop simulation time")
+RESUME = Request("/sim/resume", Empty, SimTime, "let simulation time go on")
+STEP = Request("/sim/step", Steps, SimTime, "run some physics steps while paused")
+
+SUPERVISOR_START = Request("/supervisor/start", Name, Done, "start a stopped process of the fleet")
+SUPERVISOR_STOP = Request("/supervisor/stop", Name, Done, "stop a process of the fleet")
+SUPERVISOR_RESTART = Request("/supervisor/restart", Name, Done, "stop and start a process of the fleet")
+
+REQUESTS: tuple[Request[Message, Message], ...] = (
+    SPAWN,
+    DELETE,
+    LIST,
+    GET_STATE,
+    SET_STATE,
+    RESET,
+    RESET_WORLD,
+    PAUSE,
+    RESUME,
+    STEP,
+    SUPERVISOR_START,
+    SUPERVISOR_STOP,
+    SUPERVISOR_RESTART,
+)
+"""Every request of this project."""

@@ -1,0 +1,89 @@
+"""sensor_msgs: joints, laser scans, inertial data and cameras."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+from msgspec import Meta
+
+from messages.base import Finite, Float32Array, Matrix3, Message, Metres, Radians
+from messages.geometry import Quaternion, Vector3
+from messages.std import Header
+
+Seconds = Annotated[float, Meta(ge=0, le=1e6, extra={"unit": "s"})]
+
+
+class JointState(Message, frozen=True, kw_only=True):
+    """Position [rad or m], velocity [rad/s or m/s] and effort [N m or N] of the named joints; a part may be empty."""
+
+    ROS_TYPE: ClassVar[str] = "sensor_msgs/JointState"
+    header: Header = Header()
+    name: tuple[str, ...] = ()
+    position: tuple[Finite, ...] = ()
+    velocity: tuple[Finite, ...] = ()
+    effort: tuple[Finite, ...] = ()
+
+    def __post_init__(self) -> None:
+        for part in ("position", "velocity", "effort"):
+            if (count := len(getattr(self, part))) not in (0, len(self.name)):
+                raise ValueError(f"{part} has {count} values for {len(self.name)} joint names")
+
+
+class LaserScan(Message, frozen=True, kw_only=True):
+    """One turn of a laser; ``ranges`` [m], shape (n,), counter-clockwise from ``angle_min``; inf means no echo."""
+
+    ROS_TYPE: ClassVar[str] = "sensor_msgs/LaserScan"
+    header: Header = Header()
+    angle_min: Radians = 0.0
+    angle_max: Radians = 0.0
+    angle_increment: Radians = 0.0
+    time_increment: Seconds = 0.0
+    scan_time: Seconds = 0.0
+    range_min: Metres = 0.0
+    range_max: Metres = 0.0
+    ranges: Float32Array = Float32Array()
+    intensities: Float32Array = Float32Array()
+
+
+class Imu(Message, frozen=True, kw_only=True):
+    """Orientation, angular velocity [rad/s] and specific force [m/s2] in the header's frame."""
+
+    ROS_TYPE: ClassVar[str] = "sensor_msgs/Imu"
+    header: Header = Header()
+    orientation: Quaternion = Quaternion()
+    orientation_covariance: Matrix3 = (0.0,) * 9
+    angular_velocity: Vector3 = Vector3()
+    angular_velocity_covariance: Matrix3 = (0.0,) * 9
+    linear_acceleration: Vector3 = Vector3()
+    linear_acceleration_covariance: Matrix3 = (0.0,) * 9
+
+
+class Image(Message, frozen=True, kw_only=True):
+    """An uncompressed picture, ``height`` rows of ``step`` bytes."""
+
+    ROS_TYPE: ClassVar[str] = "sensor_msgs/Image"
+    header: Header = Header()
+    height: Annotated[int, Meta(ge=0, le=16384)] = 0
+    width: Annotated[int, Meta(ge=0, le=16384)] = 0
+    encoding: str = "rgb8"
+    is_bigendian: int = 0
+    step: Annotated[int, Meta(ge=0, le=2**20)] = 0
+    data: bytes = b""
+
+    def __post_init__(self) -> None:
+        if len(self.data) != self.height * self.step:
+            raise ValueError(f"data has {len(self.data)} bytes, {self.height} rows of {self.step} need another count")
+
+
+class CameraInfo(Message, frozen=True, kw_only=True):
+    """Calibration of a camera: distortion ``d``, intrinsics ``k`` (3x3), rotation ``r`` (3x3), projection ``p`` (3x4)."""
+
+    ROS_TYPE: ClassVar[str] = "sensor_msgs/CameraInfo"
+    header: Header = Header()
+    height: Annotated[int, Meta(ge=0, le=16384)] = 0
+    width: Annotated[int, Meta(ge=0, le=16384)] = 0
+    distortion_model: str = "plumb_bob"
+    d: tuple[float, ...] = ()
+    k: Matrix3 = (0.0,) * 9
+    r: Matrix3 = (0.0,) * 9
+    p: Annotated[tuple[float, ...], Meta(min_length=12, max_length=12)] = (0.0,) * 12

@@ -1,0 +1,72 @@
+"""std_msgs and builtin_interfaces: time, headers and single values."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Self
+
+from msgspec import Meta
+
+from messages.base import LARGEST, Message
+
+SECOND = 1_000_000_000
+"""Nanoseconds in a second."""
+
+
+class Time(Message, frozen=True, kw_only=True):
+    """A point in simulation time."""
+
+    ROS_TYPE: ClassVar[str] = "builtin_interfaces/Time"
+    sec: Annotated[int, Meta(ge=-(2**31), le=2**31 - 1, extra={"unit": "s"})] = 0
+    nanosec: Annotated[int, Meta(ge=0, lt=SECOND, extra={"unit": "ns"})] = 0
+
+    @classmethod
+    def of(cls, nanoseconds: int) -> Self:
+        """The point ``nanoseconds`` after the start of the simulation."""
+        return cls(sec=nanoseconds // SECOND, nanosec=nanoseconds % SECOND)
+
+    @property
+    def ns(self) -> int:
+        """Nanoseconds since the start of the simulation."""
+        return self.sec * SECOND + self.nanosec
+
+
+class Header(Message, frozen=True, kw_only=True):
+    """When and in which frame the data was taken."""
+
+    ROS_TYPE: ClassVar[str] = "std_msgs/Header"
+    stamp: Time = Time()
+    frame_id: str = ""
+
+
+class String(Message, frozen=True, kw_only=True):
+    """One text."""
+
+    ROS_TYPE: ClassVar[str] = "std_msgs/String"
+    data: str = ""
+
+
+class Bool(Message, frozen=True, kw_only=True):
+    """One truth value."""
+
+    ROS_TYPE: ClassVar[str] = "std_msgs/Bool"
+    data: bool = False
+
+
+class Float32(Message, frozen=True, kw_only=True):
+    """One number; travels as a double, is exported as a float."""
+
+    ROS_TYPE: ClassVar[str] = "std_msgs/Float32"
+    data: Annotated[float, Meta(ge=-3.4028235e38, le=3.4028235e38)] = 0.0
+
+
+class Float64(Message, frozen=True, kw_only=True):
+    """One number."""
+
+    ROS_TYPE: ClassVar[str] = "std_msgs/Float64"
+    data: Annotated[float, Meta(ge=-LARGEST, le=LARGEST)] = 0.0
+
+
+class Empty(Message, frozen=True, kw_only=True):
+    """Nothing; the request of services that need no argument."""
+
+    ROS_TYPE: ClassVar[str] = "std_msgs/Empty"

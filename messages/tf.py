@@ -1,0 +1,15 @@
+"""tf2_msgs: transforms between frames."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from messages.base import Message
+from messages.geometry import TransformStamped
+
+
+class TFMessage(Message, frozen=True, kw_only=True):
+    """Several transforms of one instant."""
+
+    ROS_TYPE: ClassVar[str] = "tf2_msgs/TFMessage"
+    transforms: tuple[TransformStamped, ...] = ()

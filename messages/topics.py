@@ -1,0 +1,92 @@
+"""The topics: name, record, promised rate and quality of service, and the table of all of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Generic, TypeVar
+
+from messages.base import Message
+from messages.diagnostic import DiagnosticArray
+from messages.elea import BaseStatus, FleetState, GoalStatus, Health
+from messages.geometry import PoseStamped, Twist
+from messages.nav import Odometry, Path
+from messages.rosgraph import Clock, Log
+from messages.sensor import CameraInfo, Image, Imu, JointState, LaserScan
+from messages.std import Bool, String
+from messages.tf import TFMessage
+
+M = TypeVar("M", bound=Message)
+
+
+class Quality(Enum):
+    """How samples of a topic travel."""
+
+    SENSOR = "newest wins, may drop"
+    COMMAND = "newest wins, express, ahead of everything else"
+    EVENT = "every one arrives, the sender waits"
+    LATCHED = "every one arrives, and the last of each publisher reaches late joiners"
+
+
+@dataclass(frozen=True)
+class Topic(Generic[M]):
+    """A named stream of one record; ``rate`` is the promised rate [Hz] of simulation time, 0 for "when it happens".
+
+    A name without a leading slash is resolved in the namespace of the node, as in ROS.
+    """
+
+    name: str
+    record: type[M]
+    rate: float
+    quality: Quality
+    about: str
+    largest: int = 1 << 16
+    """Bytes; a larger payload is refused unread."""
+
+
+CLOCK = Topic("/clock", Clock, 50, Quality.SENSOR, "simulation time, step, epoch, pause")
+CMD_VEL = Topic("cmd_vel", Twist, 25, Quality.COMMAND, "velocity command of a base")
+E_STOP = Topic("e_stop", Bool, 0, Quality.LATCHED, "true stops the base until false resets it")
+ODOM = Topic("odom", Odometry, 50, Quality.SENSOR, "odometry of a base")
+GROUND_TRUTH = Topic("ground_truth", Odometry, 50, Quality.SENSOR, "true pose in the world, true twist in the body")
+JOINT_STATES = Topic("joint_states", JointState, 50, Quality.SENSOR, "angles and speeds of all moving joints")
+IMU = Topic("imu", Imu, 100, Quality.SENSOR, "orientation, turn rate and specific force")
+SCAN = Topic("scan", LaserScan, 5, Quality.SENSOR, "360 ranges of the laser")
+IMAGE = Topic("camera/image", Image, 10, Quality.SENSOR, "picture of the camera, while somebody looks", 1 << 23)
+CAMERA_INFO = Topic("camera/camera_info", CameraInfo, 10, Quality.SENSOR, "calibration of the camera")
+BASE_STATUS = Topic("base_status", BaseStatus, 5, Quality.EVENT, "what the base obeys, refuses and hits")
+GOAL_POSE = Topic("goal_pose", PoseStamped, 0, Quality.EVENT, "a goal to drive to")
+PLAN = Topic("plan", Path, 0, Quality.LATCHED, "the goals of a robot, in order")
+STATUS = Topic("status", GoalStatus, 0, Quality.LATCHED, "progress on the plan")
+TF = Topic("/tf", TFMessage, 50, Quality.SENSOR, "moving transforms of all robots")
+TF_STATIC = Topic("/tf_static", TFMessage, 0, Quality.LATCHED, "fixed transforms, all of a publisher's in one message")
+ROBOT_DESCRIPTION = Topic("robot_description", String, 0, Quality.LATCHED, "the URDF of a robot", 1 << 20)
+ROSOUT = Topic("/rosout", Log, 0, Quality.EVENT, "the log of every node")
+HEALTH = Topic("/health", Health, 0, Quality.SENSOR, "heartbeat of every node, twice a second of wall time")
+DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, 1, Quality.SENSOR, "state of components, for ROS tools")
+FLEET_STATE = Topic("/supervisor/state", FleetState, 0, Quality.LATCHED, "the processes of the fleet")
+
+TOPICS: tuple[Topic[Message], ...] = (
+    CLOCK,
+    CMD_VEL,
+    E_STOP,
+    ODOM,
+    GROUND_TRUTH,
+    JOINT_STATES,
+    IMU,
+    SCAN,
+    IMAGE,
+    CAMERA_INFO,
+    BASE_STATUS,
+    GOAL_POSE,
+    PLAN,
+    STATUS,
+    TF,
+    TF_STATIC,
+    ROBOT_DESCRIPTION,
+    ROSOUT,
+    HEALTH,
+    DIAGNOSTICS,
+    FLEET_STATE,
+)
+"""Every topic of this project."""
