@@ -16,6 +16,11 @@ if TYPE_CHECKING:
 ARRAY_CODE = 1
 """MessagePack extension type of an array: its data is the MessagePack array ``[dtype, shape, raw]``."""
 
+MOST_DIMENSIONS = 3
+"""No array on the wire has more."""
+MOST_VALUES = 1 << 28
+"""Bound of the product of an array's extents that are not 0: every shape within it is one that numpy takes."""
+
 LARGEST = 1e12
 """Bound of every finite number on the wire; NaN and the infinities lie outside it."""
 
@@ -55,12 +60,12 @@ class Array:
     __slots__ = ("raw", "shape")
 
     def __init__(self, values: Iterable[float] | np.ndarray = (), shape: tuple[int, ...] | None = None) -> None:
-        code = self.DTYPE[1:]
-        if hasattr(values, "astype"):
-            self.raw: bytes = values.astype(self.DTYPE).tobytes()
-            self.shape: tuple[int, ...] = tuple(values.shape)
+        given: Any = values
+        if hasattr(given, "astype"):
+            self.raw: bytes = given.astype(self.DTYPE).tobytes()
+            self.shape: tuple[int, ...] = given.shape
         else:
-            flat = array({"f8": "d", "f4": "f", "i4": "i"}[code], values)
+            flat = array(_TYPECODES[self.DTYPE], given)
             if sys.byteorder == "big":
                 flat.byteswap()
             self.raw, self.shape = flat.tobytes(), (len(flat),)
@@ -79,11 +84,16 @@ class Array:
         return made
 
     def _check(self) -> None:
-        count = 1
+        if len(self.shape) > MOST_DIMENSIONS:
+            raise WrongPayload(f"an array has at most {MOST_DIMENSIONS} dimensions, got {len(self.shape)}")
+        count, room = 1, 1
         for extent in self.shape:
-            if extent < 0:
+            if not 0 <= extent <= MOST_VALUES:
                 raise WrongPayload(f"an array cannot have the shape {self.shape}")
             count *= extent
+            room *= extent or 1
+        if room > MOST_VALUES:
+            raise WrongPayload(f"an array has at most {MOST_VALUES} values, got the shape {self.shape}")
         if count * int(self.DTYPE[-1]) != len(self.raw):
             raise WrongPayload(f"{len(self.raw)} bytes are not an array of {self.DTYPE} of shape {self.shape}")
 
@@ -103,7 +113,7 @@ class Array:
         import numpy as np
 
         view = np.frombuffer(self.raw, self.DTYPE).reshape(self.shape)
-        return view.astype(dtype) if dtype is not None else view
+        return np.array(view, dtype=dtype, copy=copy)
 
     def numpy(self) -> np.ndarray:
         """The values as a read-only numpy array of ``shape``."""
@@ -111,7 +121,7 @@ class Array:
 
     def tolist(self) -> list[float]:
         """The values as a flat list of Python numbers, in row-major order."""
-        flat = array({"f8": "d", "f4": "f", "i4": "i"}[self.DTYPE[1:]], self.raw)
+        flat: array[float] = array(_TYPECODES[self.DTYPE], self.raw)
         if sys.byteorder == "big":
             flat.byteswap()
         return flat.tolist()
@@ -146,42 +156,41 @@ def covariance(*variances: float) -> Covariance:
 
 
 M = TypeVar("M")
-_PARTS = msgspec.msgpack.Decoder(tuple[str, list[int], bytes])
+_TYPECODES = {"<f8": "d", "<f4": "f"}
+_parts = msgspec.msgpack.Decoder(tuple[str, tuple[int, ...], bytes]).decode
 
 
-class _Parts(tuple[str, list[int], bytes]):
-    """An extension as it came, before the field's type says which array it must be."""
-
-
-def _to_ext(value: object) -> msgspec.msgpack.Ext:
+def _to_plain(value: Any) -> object:
     if isinstance(value, Array):
         return msgspec.msgpack.Ext(ARRAY_CODE, msgspec.msgpack.encode((value.DTYPE, value.shape, value.raw)))
+    if hasattr(value, "tolist"):  # numpy scalars and arrays, which control laws yield
+        return value.tolist()
     raise NotImplementedError(f"{type(value).__name__} cannot be put in a message")
-
-
-def _from_ext(code: int, data: memoryview) -> object:
-    if code != ARRAY_CODE:
-        raise WrongPayload(f"unknown extension type {code}; only {ARRAY_CODE} (array) is known")
-    return _Parts(_PARTS.decode(data))
 
 
 def _to_array(wanted: type, value: Any) -> object:
     if not issubclass(wanted, Array):
         raise NotImplementedError(f"no message may hold a {wanted.__name__}")
-    if isinstance(value, _Parts):
-        return wanted.from_wire(*value)
+    if isinstance(value, msgspec.msgpack.Ext):
+        if value.code != ARRAY_CODE:
+            raise WrongPayload(f"unknown extension type {value.code}; only {ARRAY_CODE} (array) is known")
+        try:
+            parts = _parts(value.data)
+        except (msgspec.MsgspecError, ValueError, RecursionError) as error:
+            raise WrongPayload(f"expected an extension [dtype, shape, raw]: {error}") from None
+        return wanted.from_wire(*parts)
     if isinstance(value, list) and all(type(each) in (int, float) for each in value):
         return wanted(value)
     raise WrongPayload(f"expected an array, got {type(value).__name__}")
 
 
-encode: Callable[[object], bytes] = msgspec.msgpack.Encoder(enc_hook=_to_ext).encode
+encode: Callable[[object], bytes] = msgspec.msgpack.Encoder(enc_hook=_to_plain).encode
 """Encode one record as MessagePack bytes."""
 
 
 def decoder(record: type[M]) -> Callable[[bytes], M]:
     """A function from MessagePack bytes to ``record``; it raises WrongPayload with the path of the field."""
-    decode = msgspec.msgpack.Decoder(record, ext_hook=_from_ext, dec_hook=_to_array).decode
+    decode = msgspec.msgpack.Decoder(record, dec_hook=_to_array).decode
 
     def checked(payload: bytes) -> M:
         try:

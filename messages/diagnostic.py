@@ -1,7 +1,5 @@
 """diagnostic_msgs: the state of components, for tools that show it."""
 
-from __future__ import annotations
-
 from typing import Annotated, ClassVar
 
 from msgspec import Meta

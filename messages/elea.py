@@ -1,7 +1,5 @@
 """elea_msgs: what this project says that ROS has no record for: health, goals, bases, models, fleets."""
 
-from __future__ import annotations
-
 from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta

@@ -1,7 +1,5 @@
 """geometry_msgs: points, poses, twists and transforms in three dimensions."""
 
-from __future__ import annotations
-
 import math
 from typing import ClassVar, Self
 

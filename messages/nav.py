@@ -1,7 +1,5 @@
 """nav_msgs: odometry and paths."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 from messages.base import Message

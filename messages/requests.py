@@ -1,7 +1,5 @@
 """Requests and replies: what a service may be asked, with typed arguments and results."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Generic, TypeVar
 
@@ -12,17 +10,17 @@ from messages.elea import ModelState
 from messages.geometry import Pose, Twist
 from messages.std import Empty
 
-Q = TypeVar("Q", bound=Message)
-R = TypeVar("R", bound=Message)
+Q_co = TypeVar("Q_co", bound=Message, covariant=True)
+R_co = TypeVar("R_co", bound=Message, covariant=True)
 
 
 @dataclass(frozen=True)
-class Request(Generic[Q, R]):
+class Request(Generic[Q_co, R_co]):
     """A named request: its ROS name (relative, absolute or private), the records asked and replied."""
 
     name: str
-    asks: type[Q]
-    replies: type[R]
+    asks: type[Q_co]
+    replies: type[R_co]
     about: str
 
 

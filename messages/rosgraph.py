@@ -1,7 +1,5 @@
 """rosgraph_msgs: the clock and the log."""
 
-from __future__ import annotations
-
 from typing import Annotated, ClassVar
 
 from msgspec import Meta

@@ -1,7 +1,5 @@
 """sensor_msgs: joints, laser scans, inertial data and cameras."""
 
-from __future__ import annotations
-
 from typing import Annotated, ClassVar
 
 from msgspec import Meta
@@ -44,6 +42,13 @@ class LaserScan(Message, frozen=True, kw_only=True):
     ranges: Float32Array = Float32Array()
     intensities: Float32Array = Float32Array()
 
+    def __post_init__(self) -> None:
+        ranges, intensities = self.ranges.shape, self.intensities.shape
+        if len(ranges) != 1 or intensities not in ((0,), ranges):
+            raise ValueError(
+                f"ranges and intensities are flat and of one length, got shapes {ranges} and {intensities}"
+            )
+
 
 class Imu(Message, frozen=True, kw_only=True):
     """Orientation, angular velocity [rad/s] and specific force [m/s2] in the header's frame."""
@@ -66,7 +71,7 @@ class Image(Message, frozen=True, kw_only=True):
     height: Annotated[int, Meta(ge=0, le=16384)] = 0
     width: Annotated[int, Meta(ge=0, le=16384)] = 0
     encoding: str = "rgb8"
-    is_bigendian: int = 0
+    is_bigendian: Annotated[int, Meta(ge=0, le=1)] = 0
     step: Annotated[int, Meta(ge=0, le=2**20)] = 0
     data: bytes = b""
 
@@ -76,7 +81,7 @@ class Image(Message, frozen=True, kw_only=True):
 
 
 class CameraInfo(Message, frozen=True, kw_only=True):
-    """Calibration of a camera: distortion ``d``, intrinsics ``k`` (3x3), rotation ``r`` (3x3), projection ``p`` (3x4)."""
+    """Calibration of a camera: distortion ``d``, intrinsics ``k`` and rotation ``r`` (3x3), projection ``p`` (3x4)."""
 
     ROS_TYPE: ClassVar[str] = "sensor_msgs/CameraInfo"
     header: Header = Header()

@@ -1,7 +1,5 @@
 """std_msgs and builtin_interfaces: time, headers and single values."""
 
-from __future__ import annotations
-
 from typing import Annotated, ClassVar, Self
 
 from msgspec import Meta

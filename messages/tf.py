@@ -1,7 +1,5 @@
 """tf2_msgs: transforms between frames."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 from messages.base import Message

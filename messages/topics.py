@@ -1,7 +1,5 @@
 """The topics: name, record, promised rate and quality of service, and the table of all of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import Enum
 from typing import Generic, TypeVar
@@ -16,7 +14,7 @@ from messages.sensor import CameraInfo, Image, Imu, JointState, LaserScan
 from messages.std import Bool, String
 from messages.tf import TFMessage
 
-M = TypeVar("M", bound=Message)
+M_co = TypeVar("M_co", bound=Message, covariant=True)
 
 
 class Quality(Enum):
@@ -29,14 +27,14 @@ class Quality(Enum):
 
 
 @dataclass(frozen=True)
-class Topic(Generic[M]):
+class Topic(Generic[M_co]):
     """A named stream of one record; ``rate`` is the promised rate [Hz] of simulation time, 0 for "when it happens".
 
     A name without a leading slash is resolved in the namespace of the node, as in ROS.
     """
 
     name: str
-    record: type[M]
+    record: type[M_co]
     rate: float
     quality: Quality
     about: str

@@ -1,9 +1,9 @@
 """The one tree of errors.
 
-    EleaError
-    ├── BadInput (ValueError)        a file, flag, name or value from outside is wrong       -> exit status 2
-    ├── CallFailed (RuntimeError)    a request was refused, or nobody answered in time
-    └── Stopped                      the process was asked to end; unwinds the loop          -> exit status 0
+EleaError
+├── BadInput (ValueError)        a file, flag, name or value from outside is wrong       -> exit status 2
+├── CallFailed (RuntimeError)    a request was refused, or nobody answered in time
+└── Stopped                      the process was asked to end; unwinds the loop          -> exit status 0
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ class Parameters(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """
 
 
-Run = Callable[["Context"], None]
+Run = Callable[["Context[Any]"], None]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,186 @@
+"""ROS names: which are legal, how they resolve against a node and its remapping rules, and their Zenoh keys.
+
+A part is ``[A-Za-z_][A-Za-z0-9_]*``, has no ``__`` in it and no ``_`` at its end; parts are joined by single slashes.
+These are the rules of ROS 2 (design.ros2.org, "Topic and Service name mapping to DDS"), with the ``~name`` and
+``__name`` of ROS 1 as well. All such names are legal Zenoh keys, and none holds a wildcard.
+"""
+
+import re
+from collections.abc import Iterable
+from typing import NamedTuple
+
+LONGEST = 255
+"""Characters of a name, before and after it is resolved."""
+
+_PART = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+_ODD = re.compile(r"[^A-Za-z0-9_/]")
+_UNFIT = re.compile(r"[%*$?#\s]")
+_WILD = "names are written out, wildcards are not allowed"
+_CHARACTERS = "a name has letters, digits, '_' and '/' only"
+
+
+class BadName(ValueError):
+    """A name or rule from outside is not legal; the text says what it is, which character, and the rule."""
+
+
+class Remap(NamedTuple):
+    """A rule ``origin:=target``; both sides are as written, not resolved."""
+
+    origin: str
+    target: str
+
+
+class Identity(NamedTuple):
+    """Who a node is: its namespace (``/`` or ``/tb3_0``) and its absolute name."""
+
+    namespace: str
+    node: str
+
+
+NODE_RULES = ("__node", "__name")
+"""Origins of the rule that renames the node itself; the second is ROS 1's."""
+NAMESPACE_RULE = "__ns"
+"""Origin of the rule that moves the node to another namespace."""
+
+
+def validate(name: str) -> str:
+    """``name`` itself if it is a legal relative, absolute or private name; raises BadName otherwise."""
+    if len(name) > LONGEST:
+        raise BadName(f"{name[:40]!r}… has {len(name)} characters; a name has at most {LONGEST}")
+    if not name:
+        raise BadName("'' is not a name: it is empty")
+    if name == "~":
+        return name
+    body = name.removeprefix("~").removeprefix("/")
+    if not body:
+        raise BadName(f"{name!r} is not a name: nothing follows the {name[-1]!r}")
+    start = len(name) - len(body)
+    if odd := _ODD.search(name, start):
+        raise _bad(name, odd.start(), _WILD if odd[0] in "*$?#" else _CHARACTERS)
+    for part in body.split("/"):
+        _check_part(name, part, start)
+        start += len(part) + 1
+    return name
+
+
+def resolve(name: str, namespace: str, node: str) -> str:
+    """The absolute name that ``name`` means to a node.
+
+    ``/name`` is itself, ``name`` lies in ``namespace``, ``~/name`` and ``~name`` lie below the node, ``~`` is the node.
+    ``namespace`` may lack its slash; ``node`` is the node's name in it, or its absolute name. Raises BadName.
+    """
+    validate(name)
+    if name.startswith("/"):
+        return name
+    if name.startswith("~"):
+        inner = name[1:].removeprefix("/")
+        owner = resolve(node, namespace, "")
+        return _join(owner, inner) if inner else owner
+    return _join(absolute_namespace(namespace), name)
+
+
+def absolute_namespace(namespace: str) -> str:
+    """``/`` for the root (also written as nothing), ``/tb3_0`` for ``tb3_0``; raises BadName."""
+    if namespace in ("", "/"):
+        return "/"
+    if namespace.startswith("~"):
+        raise _bad(namespace, 0, "a namespace is not private")
+    return "/" + validate(namespace).removeprefix("/")
+
+
+def key(absolute: str) -> str:
+    """The Zenoh key of an absolute name: ``/tb3_0/cmd_vel`` is ``tb3_0/cmd_vel``."""
+    if not absolute.startswith("/"):
+        raise BadName(f"{absolute!r} has no key: it is not absolute; resolve it first")
+    return validate(absolute)[1:]
+
+
+def name_of(zenoh_key: str) -> str:
+    """The absolute name of a Zenoh key; raises BadName for the keys that no name has."""
+    return validate("/" + zenoh_key)
+
+
+def parse_remap(text: str) -> Remap:
+    """The rule written as ``from:=to``; raises BadName."""
+    origin, mark, target = text.partition(":=")
+    if not mark or not origin or not target:
+        raise BadName(f"{text!r} is not a remapping rule: write from:=to, as in cmd_vel:=/teleop/cmd_vel")
+    try:
+        if origin in NODE_RULES:
+            _node_name(target)
+        elif origin == NAMESPACE_RULE:
+            absolute_namespace(target)
+        elif origin.startswith("__"):
+            raise BadName(f"{origin!r} is unknown; the special rules are {', '.join((*NODE_RULES, NAMESPACE_RULE))}")
+        else:
+            validate(origin)
+            validate(target)
+    except BadName as error:
+        raise BadName(f"in the remapping rule {text!r}: {error}") from None
+    return Remap(origin, target)
+
+
+def identify(name: str, namespace: str, rules: Iterable[Remap]) -> Identity:
+    """Who a node is after the rules ``__node``, ``__name`` and ``__ns``; of each kind the first one counts."""
+    rules = tuple(rules)
+    name = next((rule.target for rule in rules if rule.origin in NODE_RULES), name)
+    namespace = next((rule.target for rule in rules if rule.origin == NAMESPACE_RULE), namespace)
+    namespace = absolute_namespace(namespace)
+    return Identity(namespace, resolve(_node_name(name), namespace, ""))
+
+
+def remap(name: str, namespace: str, node: str, rules: Iterable[Remap]) -> str:
+    """The absolute name that ``name`` means to a node under its rules.
+
+    Both sides of a rule are resolved like ``name``; the first rule whose resolved origin equals the resolved name
+    counts, and its target is not remapped again.
+    """
+    resolved = resolve(name, namespace, node)
+    for origin, target in rules:
+        special = origin in NODE_RULES or origin == NAMESPACE_RULE
+        if not special and resolve(origin, namespace, node) == resolved:
+            return resolve(target, namespace, node)
+    return resolved
+
+
+def mangle(text: str) -> str:
+    """A name or type as one chunk of a liveliness token's key: ``/tb3_0/cmd_vel`` is ``%tb3_0%cmd_vel``."""
+    if unfit := _UNFIT.search(text):
+        raise _bad(text, unfit.start(), "a token's key cannot hold it")
+    if not text:
+        raise BadName("'' is not a name: it is empty")
+    return text.replace("/", "%")
+
+
+def unmangle(chunk: str) -> str:
+    """The text behind a chunk that ``mangle`` made; what others made is not checked."""
+    return chunk.replace("%", "/")
+
+
+def _join(above: str, name: str) -> str:
+    whole = f"{above.rstrip('/')}/{name}"
+    if len(whole) > LONGEST:
+        raise BadName(f"{name!r} in {above[:40]!r} has {len(whole)} characters; a name has at most {LONGEST}")
+    return whole
+
+
+def _node_name(name: str) -> str:
+    if "/" in name or "~" in name:
+        raise BadName(f"{name!r} is not a node's name: it is a single part; {NAMESPACE_RULE} sets the namespace")
+    return validate(name)
+
+
+def _check_part(name: str, part: str, start: int) -> None:
+    if not part:
+        at_end = start == len(name)
+        raise _bad(name, start - 1, "a name does not end in '/'" if at_end else "parts are joined by a single '/'")
+    if not _PART.fullmatch(part):
+        raise _bad(name, start, "a part does not start with a digit")
+    if "__" in part:
+        raise _bad(name, start + part.index("__"), "'__' is reserved")
+    if part.endswith("_"):
+        raise _bad(name, start + len(part) - 1, "a part does not end in '_'")
+
+
+def _bad(name: str, position: int, rule: str) -> BadName:
+    return BadName(f"{name!r} is not a name: {name[position]!r} at position {position}: {rule}")

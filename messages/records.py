@@ -1,0 +1,33 @@
+"""The table of all records by the name of their ROS type."""
+
+import difflib
+
+from messages import diagnostic, elea, geometry, nav, requests, rosgraph, sensor, std, tf
+from messages.base import Message
+
+_MODULES = (std, geometry, nav, sensor, tf, rosgraph, diagnostic, elea, requests)
+
+RECORDS: dict[str, type[Message]] = {
+    each.ROS_TYPE: each
+    for module in _MODULES
+    for each in vars(module).values()
+    if isinstance(each, type) and issubclass(each, Message) and each.__module__ == module.__name__
+}
+"""Every record of this project, ``geometry_msgs/Twist`` for one."""
+
+
+class UnknownRecord(LookupError):
+    """No record has this ROS type; the text names the nearest one, or all."""
+
+
+def record(type_name: str) -> type[Message]:
+    """The record of a ROS type, which may be written as in ROS 2 (``geometry_msgs/msg/Twist``).
+
+    Raises UnknownRecord.
+    """
+    found = RECORDS.get(type_name.replace("/msg/", "/", 1))
+    if found is None:
+        near = difflib.get_close_matches(type_name, RECORDS, 1, cutoff=0.5)
+        hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(sorted(RECORDS))}"
+        raise UnknownRecord(f"unknown record {type_name[:80]!r}; {hint}")
+    return found

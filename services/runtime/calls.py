@@ -1,0 +1,77 @@
+"""Requests and replies: typed, with a deadline on every call and a reason in every refusal."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+from messages.base import Message, WrongPayload, decoder, encode
+from messages.requests import Request
+from services.runtime.errors import CallFailed, EleaError
+from services.runtime.transport import Transport
+
+Q = TypeVar("Q", bound=Message)
+R = TypeVar("R", bound=Message)
+
+DEADLINE_S = 5.0
+"""Wall time that a call waits for its reply unless told otherwise."""
+
+
+class Refusal(Message, frozen=True, kw_only=True):
+    """Why a request was not carried out."""
+
+    ROS_TYPE = "elea_msgs/Refusal"
+    reason: str = ""
+
+
+_read_refusal = decoder(Refusal)
+
+
+def call(transport: Transport, request: Request[Q, R], key: str, message: Q, timeout: float = DEADLINE_S) -> R:
+    """Ask and wait; raises CallFailed when nobody serves, nobody answers in time, or the answer is a refusal."""
+    name = f"/{key}"
+    replies = transport.query(key, encode(message), timeout)
+    if not replies:
+        raise CallFailed(f"nobody serves {name}: is the process that does running?")
+    for reply in replies:
+        if not reply.ok:
+            continue
+        try:
+            return decoder(request.replies)(reply.payload)
+        except WrongPayload as error:
+            raise CallFailed(
+                f"{name} answered with something else than a {request.replies.__name__}: {error}"
+            ) from None
+    raise CallFailed(_reason(name, replies[0].payload, timeout))
+
+
+def _reason(name: str, payload: bytes, timeout: float) -> str:
+    if payload == b"Timeout":
+        return f"{name} did not answer within {timeout} s: it may be stuck, or have died"
+    try:
+        return f"{name}: {_read_refusal(payload).reason}"
+    except WrongPayload:
+        return f"{name} refused without a reason that can be read: {payload[:80]!r}"
+
+
+class Served(Generic[Q, R]):
+    """One request that a node answers, in its own loop."""
+
+    def __init__(self, request: Request[Q, R], key: str, handler: Callable[[Q], R], transport: Transport) -> None:
+        self.request, self.name = request, f"/{key}"
+        self._handler = handler
+        self._read = decoder(request.asks)
+        self._server = transport.serve(key)
+
+    def answer(self) -> None:
+        """Answer what is waiting. A bad request gets its reason; an error of ours is answered, then raised."""
+        while (query := self._server.take()) is not None:
+            try:
+                reply = self._handler(self._read(query.payload))
+            except (EleaError, ValueError) as error:
+                query.refuse(encode(Refusal(reason=str(error))))
+            except BaseException as error:
+                query.refuse(encode(Refusal(reason=f"internal error: {error}")))
+                raise
+            else:
+                query.reply(encode(reply))

@@ -1,0 +1,145 @@
+"""What a service's loop works with: inputs, outputs, ticks, requests, parameters and the log."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any, Generic, NamedTuple, TypeVar
+
+from messages.base import Message
+from messages.requests import Request
+from messages.topics import Topic
+from services.runtime.calls import DEADLINE_S
+from services.runtime.errors import BadInput
+from services.runtime.lockstep import period_of
+from services.runtime.log import Log
+from services.runtime.node import Node
+from services.runtime.outputs import Output
+from services.runtime.pacing import ClockPacer, Instant, LockstepPacer, Pacer
+from services.runtime.service import Parameters
+from services.runtime.views import Latest, Stream
+
+M = TypeVar("M", bound=Message)
+Q = TypeVar("Q", bound=Message)
+R = TypeVar("R", bound=Message)
+P = TypeVar("P", bound=Parameters)
+
+
+class Tick(NamedTuple):
+    """One step of a loop: simulation time [ns], time since the last tick [s], epoch, and whether time began anew.
+
+    ``dt`` is 0 at the first tick and after a reset.
+    """
+
+    time: int
+    dt: float
+    epoch: int
+    reset: bool
+
+
+class Context(Generic[P]):
+    """Handed to ``run``. All of it belongs to the loop's own thread."""
+
+    def __init__(self, node: Node, params: P, rate: float | None, lockstep: bool = False, step_ns: int = 1) -> None:
+        self.params = params
+        self.now = 0
+        self._node = node
+        self._rate, self._lockstep, self._step_ns = rate, lockstep, step_ns
+        self._views: list[Latest[Any] | Stream[Any]] = []
+        self._writing: dict[str, Output[Any]] = {}
+        node.log.now = lambda: self.now
+
+    @property
+    def node(self) -> str:
+        """The node's full name."""
+        return self._node.identity.node
+
+    @property
+    def namespace(self) -> str:
+        """The node's namespace."""
+        return self._node.identity.namespace
+
+    @property
+    def log(self) -> Log:
+        """The node's log."""
+        return self._node.log
+
+    @property
+    def kernel(self) -> Node:
+        """The node itself, for the few services that pace themselves."""
+        return self._node
+
+    def latest(self, topic: Topic[M], name: str | None = None) -> Latest[M]:
+        """The newest message of a topic."""
+        view = Latest(self._node.read(topic, name), lambda: self.now)
+        self._views.append(view)
+        return view
+
+    def stream(self, topic: Topic[M], name: str | None = None) -> Stream[M]:
+        """Every message of a topic."""
+        view = Stream(self._node.read(topic, name))
+        self._views.append(view)
+        return view
+
+    def writer(self, topic: Topic[M], name: str | None = None) -> Output[M]:
+        """A publication, declared now; what lists itself in the graph before its first message."""
+        return self._node.write(topic, name)
+
+    def publish(self, topic: Topic[M], message: M, name: str | None = None) -> None:
+        """Send a message; raises TypeError when it is not the topic's record."""
+        wanted = name or topic.name
+        output = self._writing.get(wanted)
+        if output is None:
+            output = self._writing[wanted] = self._node.write(topic, name)
+        output.publish(message)
+
+    def call(self, request: Request[Q, R], message: Q, timeout: float = DEADLINE_S, name: str | None = None) -> R:
+        """Ask another node; raises CallFailed with the reason."""
+        return self._node.call(request, message, timeout, name)
+
+    def serve(self, request: Request[Q, R], handler: Callable[[Q], R], name: str | None = None) -> None:
+        """Answer a request in this loop; the handler raises BadInput to refuse with a reason."""
+        self._node.serve(request, handler, name)
+
+    def ticks(self) -> Iterator[Tick]:
+        """The loop's steps at the service's rate of simulation time, until the process is asked to end (Stopped).
+
+        Inputs are a snapshot taken as the tick starts. At a reset they are empty.
+        """
+        if self._rate is None:
+            raise BadInput("a service without a rate has no ticks")
+        period = period_of(self._rate, self._step_ns)
+        pacer: Pacer = (LockstepPacer if self._lockstep else ClockPacer)(self._node, period)
+        pacer.start()
+        last: Instant | None = None
+        while True:
+            self._node.turn()
+            instant = pacer.next()
+            if instant is None:
+                self._node.transport.wait(pacer.inlet)
+                continue
+            reset = last is not None and (instant.epoch, instant.simulation) != (last.epoch, last.simulation)
+            begins = reset or last is None
+            dt = 0.0 if begins or last is None else (instant.time - last.time) / 1e9
+            self.now = instant.time
+            self._snapshot(pacer, reset)
+            last = instant
+            self._node.heart.ticks += 1
+            yield Tick(instant.time, dt, instant.epoch, reset)
+            pacer.finish()
+
+    def messages(self, topic: Topic[M], name: str | None = None) -> Iterator[M]:
+        """Every message of a topic as it arrives, for services that answer to messages instead of time."""
+        source = self._node.read(topic, name)
+        self._node.heart.state = "running"
+        while True:
+            source.admit()
+            for message, _ in source.batch:
+                yield message
+            self._node.wait(source.inlet)
+
+    def _snapshot(self, pacer: Pacer, reset: bool) -> None:
+        self._node.admit(pacer.marks)
+        for view in self._views:
+            if reset:
+                view.clear()
+            view.refresh()

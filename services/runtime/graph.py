@@ -1,0 +1,57 @@
+"""The graph of nodes: liveliness tokens that say who publishes, subscribes, serves and steps, read without a daemon."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from messages.names import mangle, unmangle
+from services.runtime.transport import Transport
+
+ROOT = "@elea"
+EVERYTHING = f"{ROOT}/*/*/*/*/*/*"
+
+Kind = Literal["node", "pub", "sub", "srv", "step"]
+"""A node itself, a publication, a subscription, a request served, or readiness to step with the simulation."""
+
+
+@dataclass(frozen=True)
+class Entity:
+    """One token, taken apart. ``name`` is the topic or request, ``record`` its ROS type, ``detail`` the quality.
+
+    The token of a node carries its kind of service in ``name``, the one of a stepping node its period [ns].
+    """
+
+    session: str
+    kind: Kind
+    node: str
+    name: str = "-"
+    record: str = "-"
+    detail: str = "-"
+
+    @property
+    def key(self) -> str:
+        """The Zenoh key of the token."""
+        chunks = (self.session, self.kind, mangle(self.node), mangle(self.name), mangle(self.record), self.detail)
+        return "/".join((ROOT, *chunks))
+
+    @classmethod
+    def parse(cls, key: str) -> Entity | None:
+        """The entity behind a token's key, or None when it is not one of ours."""
+        chunks = key.split("/")
+        if len(chunks) != 7 or chunks[0] != ROOT or chunks[2] not in ("node", "pub", "sub", "srv", "step"):
+            return None
+        _, session, kind, node, name, record, detail = chunks
+        return cls(session, kind, unmangle(node), unmangle(name), unmangle(record), detail)  # type: ignore[arg-type]
+
+
+def pattern(kind: Kind | Literal["*"] = "*", node: str = "*", name: str = "*") -> str:
+    """The key expression of all tokens of a kind, a node, or a topic."""
+    chunks = [each if each == "*" else mangle(each) for each in (node, name)]
+    return "/".join((ROOT, "*", kind, *chunks, "*", "*"))
+
+
+def snapshot(transport: Transport) -> list[Entity]:
+    """Everything on the network now, asked afresh."""
+    found = (Entity.parse(key) for key in transport.tokens(EVERYTHING))
+    return sorted((each for each in found if each), key=lambda e: (e.node, e.kind, e.name))

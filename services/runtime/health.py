@@ -1,0 +1,53 @@
+"""The heartbeat: sent by the loop itself, so that a hung loop has none."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Sequence
+from typing import Any, Literal
+
+from messages.elea import Health
+from services.runtime.inputs import Input
+from services.runtime.outputs import Output
+
+PERIOD_S = 0.5
+"""Wall time between two heartbeats."""
+
+State = Literal["starting", "waiting", "running", "paused", "stopping"]
+
+
+class Heart:
+    """Beats when ``beat`` is called and a period has passed."""
+
+    def __init__(self, node: str) -> None:
+        self.state: State = "starting"
+        self.note = ""
+        self.ticks = 0
+        self._node = node
+        self._beats = 0
+        self._due = 0.0
+
+    def beat(self, output: Output[Health], inputs: Sequence[Input[Any]], outputs: Sequence[Output[Any]]) -> None:
+        """Publish the node's health if it is time."""
+        now = time.monotonic()
+        if now < self._due:
+            return
+        self._due = now + PERIOD_S
+        self._beats += 1
+        output.publish(
+            Health(
+                node=self._node,
+                pid=os.getpid(),
+                beat=self._beats,
+                state=self.state,
+                note=self.note,
+                ticks=self.ticks,
+                inputs=tuple(each.health() for each in inputs),
+                outputs=tuple(each.health() for each in outputs),
+            )
+        )
+
+    def hurry(self) -> None:
+        """Let the next beat come at once: the state has changed."""
+        self._due = 0.0

@@ -1,0 +1,145 @@
+"""What a node reads: samples checked, counted and admitted at the start of a tick."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+from messages.base import Message, WrongPayload, decoder
+from messages.elea import InputHealth
+from messages.topics import Quality, Topic
+from services.runtime.marks import Marks
+from services.runtime.transport import Inlet, Sample, Transport
+from services.runtime.wire import MEMBER_BYTES, NODE_BYTES, Origin, detach, encoding
+
+M = TypeVar("M", bound=Message)
+
+CAPACITY = 1024
+"""Samples kept between two looks; more than any topic brings in a tick of the slowest reader."""
+
+PATIENCE_S = 2.0
+"""Wall time that lockstep waits for a sample that was sent before it gives it up as lost."""
+
+
+class Input(Generic[M]):
+    """One subscription. Its owner calls ``admit`` once a tick; ``batch`` then holds what is new, oldest first.
+
+    Refused (wrong type, undecodable, too large) and lost samples (gaps in the numbers) are counted, never passed on.
+    A sample without our attachment is foreign: it is taken if it decodes.
+    """
+
+    def __init__(self, topic: Topic[M], name: str, key: str, transport: Transport) -> None:
+        self.topic, self.name, self.key = topic, name, key
+        self.encoding = encoding(topic.record.ROS_TYPE)
+        self.inlet: Inlet = transport.subscribe(key, self.encoding, CAPACITY, topic.quality is Quality.LATCHED)
+        self.batch: list[tuple[M, Origin | None]] = []
+        self.received = self.lost = self.refused = self.foreign = 0
+        self.reason = ""
+        self._decode: Callable[[bytes], M] = decoder(topic.record)
+        self._last: dict[bytes, int] = {}
+        self._held: deque[tuple[M, Origin]] = deque()
+
+    def admit(self, marks: Marks | None = None) -> None:
+        """Take what has come. With ``marks`` (lockstep), members' samples wait until their tick is over."""
+        fresh = self._drain()
+        if marks is None:
+            self.batch = fresh
+            return
+        reached = marks.reached.get(self.key, {})
+        awaited = marks.awaited.get(self.key)
+        if awaited:
+            self._await(awaited, fresh)
+        ready: list[tuple[M, Origin | None]] = []
+        waiting: deque[tuple[M, Origin]] = deque()
+        for message, origin in (*self._held, *fresh):
+            governed = origin is not None and origin.publisher[:MEMBER_BYTES] in marks.members
+            if governed and origin is not None and origin.sequence > reached.get(origin.publisher, 0):
+                waiting.append((message, origin))
+            else:
+                ready.append((message, origin))
+        if len(ready) > 1:
+            ready.sort(key=_order)
+        self.batch, self._held = ready, waiting
+
+    def clear(self) -> None:
+        """Forget what was admitted; a reset begins anew."""
+        self.batch = []
+
+    def health(self) -> InputHealth:
+        """The counts, as they are shown."""
+        return InputHealth(
+            topic=self.name,
+            received=self.received,
+            lost=self.lost,
+            refused=self.refused,
+            foreign=self.foreign,
+            reason=self.reason,
+        )
+
+    def _drain(self) -> list[tuple[M, Origin | None]]:
+        taken: list[tuple[M, Origin | None]] = []
+        while (sample := self.inlet.take()) is not None:
+            origin = detach(sample.attachment) if sample.attachment else None
+            if origin is not None and not self._count(origin):
+                continue
+            message = self._read(sample)
+            if message is not None:
+                self.received += 1
+                if origin is None:
+                    self.foreign += 1
+                taken.append((message, origin))
+        return taken
+
+    def _count(self, origin: Origin) -> bool:
+        """Whether the sample is new; gaps before it are counted as lost."""
+        last = self._last.get(origin.publisher)
+        if last is not None:
+            if origin.sequence <= last:
+                return False
+            self.lost += origin.sequence - last - 1
+        elif len(self._last) >= CAPACITY:
+            self._last.pop(next(iter(self._last)))
+        self._last[origin.publisher] = origin.sequence
+        return True
+
+    def _read(self, sample: Sample) -> M | None:
+        if sample.encoding and sample.encoding != self.encoding:
+            self._refuse(f"expected {self.encoding}, got {sample.encoding[:80]}")
+            return None
+        if len(sample.payload) > self.topic.largest:
+            self._refuse(f"{len(sample.payload)} bytes, the limit is {self.topic.largest}")
+            return None
+        try:
+            return self._decode(sample.payload)
+        except WrongPayload as error:
+            self._refuse(str(error))
+            return None
+
+    def _refuse(self, reason: str) -> None:
+        self.refused += 1
+        self.reason = reason[:200]
+
+    def _await(self, awaited: dict[bytes, int], fresh: list[tuple[M, Origin | None]]) -> None:
+        """Block until every awaited sample is there; what does not come within PATIENCE_S is counted as lost."""
+        deadline = 0.0
+        while missing := [each for each, number in awaited.items() if self._last.get(each, 0) < number]:
+            if deadline == 0.0:
+                deadline = time.monotonic() + PATIENCE_S
+            elif time.monotonic() > deadline:
+                for publisher in missing:
+                    self.lost += awaited[publisher] - self._last.get(publisher, awaited[publisher] - 1)
+                    self._last[publisher] = awaited[publisher]
+                return
+            else:
+                time.sleep(0.00005)
+            fresh += self._drain()
+
+
+def _order(entry: tuple[Message, Origin | None]) -> tuple[bytes, bytes, int]:
+    """Senders by name, then topic, then number: the same in every run, whatever the network's timing."""
+    origin = entry[1]
+    if origin is None:
+        return b"", b"", 0
+    return origin.publisher[:NODE_BYTES], origin.publisher[MEMBER_BYTES:], origin.sequence

@@ -1,0 +1,114 @@
+"""The command line of every service, the same for all: ``python -m services.NAME``."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Any
+
+import click
+import msgspec
+
+from services.runtime.errors import BadInput, EleaError, Stopped
+from services.runtime.parameters import build, describe, read_assignments
+from services.runtime.service import Parameters, Service
+
+
+def main(service: Service) -> None:
+    """Parse the command line, run the service and end the process: status 0, 1 after an error, 2 for bad input."""
+    from services.runtime import process
+
+    try:
+        process.refuse_shadows()
+        options = _command(service).main(standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(2)
+    except click.exceptions.Abort:
+        sys.exit(1)
+    except BadInput as error:
+        sys.stderr.write(f"{service.name}: {error}\n")
+        sys.exit(2)
+    if not isinstance(options, dict):
+        sys.exit(0)
+    process.die_with_parent()
+    process.die_with_threads()
+    process.end(_run(service, options))
+
+
+def _run(service: Service, options: dict[str, Any]) -> int:
+    """The exit status of the service's loop."""
+    from services.runtime import process
+    from services.runtime.start import serve
+
+    status = 1
+    try:
+        serve(service, options)
+        status = 0
+    except Stopped:
+        status = 0
+    except BadInput as error:
+        sys.stderr.write(f"{service.name}: {error}\n")
+        status = 2
+    except EleaError as error:
+        sys.stderr.write(f"{service.name}: {error}\n")
+    process.end_within(process.CLOSE_S, status)
+    return status
+
+
+def _command(service: Service) -> click.Command:
+    """The click command; its callback returns the options, checked as far as they can be without the network."""
+
+    def check(param: tuple[str, ...], **options: Any) -> dict[str, Any] | None:
+        from messages.names import BadName, parse_remap, validate
+
+        try:
+            remaps = tuple(parse_remap(each) for each in options.pop("remap"))
+            validate(options["name"] or service.name)
+        except BadName as error:
+            raise BadInput(str(error)) from None
+        options["remaps"] = remaps
+        options["params"] = build(service.parameters, read_assignments(param), "--param")
+        if options.pop("print_config"):
+            _print_config(service, options)
+            return None
+        return options
+
+    option = click.Option
+    return click.Command(
+        service.name,
+        callback=check,
+        help=service.about,
+        epilog=_epilog(service.parameters),
+        params=[
+            option(["--namespace"], default="/", help="Namespace of the node's relative names, as /tb3_0."),
+            option(["--name"], default="", help=f"Name of the node; {service.name} by default."),
+            option(["--remap"], multiple=True, metavar="FROM:=TO", help="Use another name; may be repeated."),
+            option(["--param"], multiple=True, metavar="K=V", help="Set a parameter; may be repeated."),
+            option(["--connect"], multiple=True, metavar="ENDPOINT", help="Router to join; tcp/127.0.0.1:7447."),
+            option(["--domain"], default="", help="Isolates fleets of one network from each other."),
+            option(["--topology"], type=click.Choice(["direct", "star"]), default="direct", help="Peers, or clients."),
+            option(["--lockstep"], is_flag=True, help="Step with the simulation, which waits for this node."),
+            option(
+                ["--log-level"],
+                type=click.Choice(["debug", "info", "warn", "error"]),
+                default="info",
+                help="Least level.",
+            ),
+            option(["--print-config"], is_flag=True, help="Show what would run, and end."),
+        ],
+    )
+
+
+def _epilog(record: type[Parameters]) -> str:
+    """The parameters, one paragraph each."""
+    lines = []
+    for each in describe(record):
+        facts = ", ".join(part for part in (f"{each.default!r} by default", each.bounds, each.unit) if part)
+        lines.append(f"  {each.name} ({facts}): {each.text}")
+    return "\b\nParameters:\n" + "\n".join(lines) if lines else ""
+
+
+def _print_config(service: Service, options: dict[str, Any]) -> None:
+    shown = {"service": service.name, **options, "params": msgspec.to_builtins(options["params"])}
+    click.echo(json.dumps(shown, indent=2))

@@ -1,0 +1,233 @@
+"""The transport in memory: for tests of loops without processes, under the same conformance suite as Zenoh."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from collections import deque
+from collections.abc import Sequence
+from typing import Self
+
+from messages.topics import Quality
+from services.runtime.errors import BadInput
+from services.runtime.transport import BEAT_S, Inlet, Reply, Sample, TokenEvent
+
+
+def matches(pattern: str, key: str) -> bool:
+    """Whether ``key`` lies in a key expression of ``*`` and ``**`` chunks; neither matches a chunk with a leading @."""
+    return _match(pattern.split("/"), key.split("/"))
+
+
+def _match(pattern: list[str], key: list[str]) -> bool:
+    if not pattern or not key:
+        return pattern in ([], ["**"]) and not key
+    head = pattern[0]
+    if head == "**":
+        return _match(pattern[1:], key) or (not key[0].startswith("@") and _match(pattern, key[1:]))
+    return (head == key[0] or (head == "*" and not key[0].startswith("@"))) and _match(pattern[1:], key[1:])
+
+
+class MemoryBus:
+    """The network that transports of one process share; every verb holds its lock."""
+
+    def __init__(self) -> None:
+        self.changed = threading.Condition(threading.RLock())
+        self.inlets: list[MemoryInlet] = []
+        self.latched: dict[tuple[str, int], Sample] = {}
+        self.servers: list[MemoryServer] = []
+        self.tokens: dict[str, int] = {}
+        self.watches: list[MemoryWatch] = []
+        self.numbers = itertools.count(1)
+
+    def show(self, key: str, alive: bool) -> None:
+        """Tell the watches that a token came or went."""
+        with self.changed:
+            for watch in self.watches:
+                if matches(watch.pattern, key):
+                    watch.events.append(TokenEvent(key, alive))
+                    watch.owner.nudge()
+
+
+class MemoryInlet:
+    """A subscription on a bounded queue."""
+
+    def __init__(self, bus: MemoryBus, key: str, capacity: int) -> None:
+        self._bus, self.key = bus, key
+        self.samples: deque[Sample] = deque(maxlen=capacity)
+
+    def take(self) -> Sample | None:
+        with self._bus.changed:
+            return self.samples.popleft() if self.samples else None
+
+    def close(self) -> None:
+        with self._bus.changed:
+            if self in self._bus.inlets:
+                self._bus.inlets.remove(self)
+
+
+class MemoryOutlet:
+    """A publication."""
+
+    def __init__(self, bus: MemoryBus, key: str, encoding: str, latched: bool) -> None:
+        self._bus, self._key, self._encoding = bus, key, encoding
+        self._number = next(bus.numbers) if latched else None
+
+    def put(self, payload: bytes, attachment: bytes) -> None:
+        sample = Sample(payload, self._encoding, attachment, self._key)
+        with self._bus.changed:
+            for inlet in self._bus.inlets:
+                if matches(inlet.key, self._key):
+                    inlet.samples.append(sample)
+            if self._number is not None:
+                self._bus.latched[self._key, self._number] = sample
+            self._bus.changed.notify_all()
+
+    @property
+    def wanted(self) -> bool:
+        with self._bus.changed:
+            return any(matches(inlet.key, self._key) for inlet in self._bus.inlets)
+
+    def close(self) -> None:
+        with self._bus.changed:
+            if self._number is not None:
+                self._bus.latched.pop((self._key, self._number), None)
+
+
+class MemoryQuery:
+    """A request and the place for its answer."""
+
+    def __init__(self, bus: MemoryBus, payload: bytes) -> None:
+        self._bus, self.payload = bus, payload
+        self.answer: Reply | None = None
+
+    def reply(self, payload: bytes) -> None:
+        self._answer(Reply(True, payload))
+
+    def refuse(self, payload: bytes) -> None:
+        self._answer(Reply(False, payload))
+
+    def _answer(self, reply: Reply) -> None:
+        with self._bus.changed:
+            self.answer = reply
+            self._bus.changed.notify_all()
+
+
+class MemoryServer:
+    """The requests on one key."""
+
+    def __init__(self, key: str, owner: MemoryTransport) -> None:
+        self.key, self.owner = key, owner
+        self.queries: deque[MemoryQuery] = deque()
+
+    def take(self) -> MemoryQuery | None:
+        return self.queries.popleft() if self.queries else None
+
+
+class MemoryWatch:
+    """Liveliness events, in order."""
+
+    def __init__(self, pattern: str, present: list[str], owner: MemoryTransport) -> None:
+        self.pattern, self.owner = pattern, owner
+        self.events: deque[TokenEvent] = deque(TokenEvent(key, True) for key in present)
+
+    def take(self) -> TokenEvent | None:
+        return self.events.popleft() if self.events else None
+
+
+class MemoryToken:
+    """A liveliness token."""
+
+    def __init__(self, bus: MemoryBus, key: str) -> None:
+        self._bus, self._key = bus, key
+
+    def close(self) -> None:
+        with self._bus.changed:
+            if self._bus.tokens.pop(self._key, None) is not None:
+                self._bus.show(self._key, False)
+
+
+class MemoryTransport:
+    """One connection to a MemoryBus."""
+
+    def __init__(self, bus: MemoryBus) -> None:
+        self._bus = bus
+        self.session = f"{next(bus.numbers):032x}"
+        self._nudged = False
+        self._owned: list[MemoryInlet | MemoryOutlet | MemoryToken] = []
+        self._servers: list[MemoryServer] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def subscribe(self, key: str, encoding: str, capacity: int, latched: bool = False) -> MemoryInlet:
+        inlet = MemoryInlet(self._bus, key, capacity)
+        with self._bus.changed:
+            if latched:
+                inlet.samples.extend(each for each in self._bus.latched.values() if matches(key, each.key))
+            self._bus.inlets.append(inlet)
+        self._owned.append(inlet)
+        return inlet
+
+    def publish(self, key: str, encoding: str, quality: Quality) -> MemoryOutlet:
+        if "*" in key:
+            raise BadInput(f"cannot publish on {key!r}: a publication has no wildcards")
+        outlet = MemoryOutlet(self._bus, key, encoding, quality is Quality.LATCHED)
+        self._owned.append(outlet)
+        return outlet
+
+    def serve(self, key: str) -> MemoryServer:
+        server = MemoryServer(key, self)
+        with self._bus.changed:
+            self._bus.servers.append(server)
+        self._servers.append(server)
+        return server
+
+    def query(self, key: str, payload: bytes, timeout: float) -> Sequence[Reply]:
+        with self._bus.changed:
+            asked = []
+            for server in self._bus.servers:
+                if matches(server.key, key):
+                    query = MemoryQuery(self._bus, payload)
+                    server.queries.append(query)
+                    asked.append(query)
+                    server.owner.nudge()
+            self._bus.changed.wait_for(lambda: all(each.answer for each in asked), timeout)
+        return [each.answer or Reply(False, b"Timeout") for each in asked]
+
+    def token(self, key: str) -> MemoryToken:
+        token = MemoryToken(self._bus, key)
+        with self._bus.changed:
+            self._bus.tokens[key] = 1
+            self._bus.show(key, True)
+        self._owned.append(token)
+        return token
+
+    def tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
+        with self._bus.changed:
+            return sorted(key for key in self._bus.tokens if matches(pattern, key))
+
+    def watch(self, pattern: str) -> MemoryWatch:
+        with self._bus.changed:
+            watch = MemoryWatch(pattern, self.tokens(pattern), self)
+            self._bus.watches.append(watch)
+        return watch
+
+    def wait(self, inlet: Inlet) -> None:
+        assert isinstance(inlet, MemoryInlet)
+        with self._bus.changed:
+            self._bus.changed.wait_for(lambda: bool(inlet.samples) or self._nudged, BEAT_S)
+            self._nudged = False
+
+    def nudge(self) -> None:
+        with self._bus.changed:
+            self._nudged = True
+            self._bus.changed.notify_all()
+
+    def close(self) -> None:
+        for each in self._owned:
+            each.close()
+        with self._bus.changed:
+            self._bus.servers = [each for each in self._bus.servers if each not in self._servers]

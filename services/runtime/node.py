@@ -1,0 +1,136 @@
+"""A node on the network: its name, its inputs and outputs, what it serves, its tokens and its heartbeat."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, Self, TypeVar
+
+from messages.base import Message
+from messages.elea import Health
+from messages.requests import Request
+from messages.rosgraph import Log as LogLine
+from messages.topics import HEALTH, ROSOUT, Topic
+from services.runtime.calls import DEADLINE_S, Served, call
+from services.runtime.errors import BadInput, Stopped
+from services.runtime.graph import Entity, Kind, pattern
+from services.runtime.health import Heart
+from services.runtime.identity import Identity
+from services.runtime.inputs import Input
+from services.runtime.log import Log
+from services.runtime.marks import Marks
+from services.runtime.outputs import Output
+from services.runtime.transport import Inlet, Transport
+
+M = TypeVar("M", bound=Message)
+Q = TypeVar("Q", bound=Message)
+R = TypeVar("R", bound=Message)
+
+SETTLE_S = 0.15
+"""Wall time in which links to the others come up; a name is not claimed before."""
+TAKEOVER_S = 1.5
+"""Wall time in which the token of a predecessor that was killed must have gone."""
+
+
+class Node:
+    """Everything of a node but its time. Used by one thread, the loop's."""
+
+    def __init__(self, transport: Transport, identity: Identity, kind: str, log: Log) -> None:
+        self.transport, self.identity, self.kind, self.log = transport, identity, kind, log
+        self.heart = Heart(identity.node)
+        self.inputs: list[Input[Any]] = []
+        self.outputs: list[Output[Any]] = []
+        self.served: list[Served[Any, Any]] = []
+        self.stopping = False
+
+    def __enter__(self) -> Self:
+        self._claim()
+        self._health: Output[Health] = Output(
+            HEALTH, HEALTH.name, self.identity.key(HEALTH.name), self.identity.node, self.transport
+        )
+        self._declare("pub", HEALTH.name, Health.ROS_TYPE, HEALTH.quality.name)
+        self._rosout: Output[LogLine] = self.write(ROSOUT)
+        self.log.publish = self._rosout.publish
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.log.publish = None
+
+    def read(self, topic: Topic[M], name: str | None = None) -> Input[M]:
+        """Subscribe to a topic, under another name if one is given; one subscription serves all its readers."""
+        absolute = self.identity.resolve(name or topic.name)
+        for known in self.inputs:
+            if known.name == absolute and known.topic.record is topic.record:
+                return known
+        made = Input(topic, absolute, self.identity.key(name or topic.name), self.transport)
+        self.inputs.append(made)
+        self._declare("sub", absolute, topic.record.ROS_TYPE, topic.quality.name)
+        return made
+
+    def write(self, topic: Topic[M], name: str | None = None) -> Output[M]:
+        """Publish on a topic, under another name if one is given."""
+        absolute = self.identity.resolve(name or topic.name)
+        for known in self.outputs:
+            if known.name == absolute:
+                return known
+        made = Output(topic, absolute, self.identity.key(name or topic.name), self.identity.node, self.transport)
+        self.outputs.append(made)
+        self._declare("pub", absolute, topic.record.ROS_TYPE, topic.quality.name)
+        return made
+
+    def serve(self, request: Request[Q, R], handler: Callable[[Q], R], name: str | None = None) -> None:
+        """Answer a request in this node's loop; the handler raises BadInput to refuse with a reason."""
+        absolute = self.identity.resolve(name or request.name)
+        self.served.append(Served(request, self.identity.key(name or request.name), handler, self.transport))
+        self._declare("srv", absolute, request.asks.ROS_TYPE, "-")
+
+    def call(self, request: Request[Q, R], message: Q, timeout: float = DEADLINE_S, name: str | None = None) -> R:
+        """Ask another node; raises CallFailed. The caller's loop stands still until the reply or the deadline."""
+        return call(self.transport, request, self.identity.key(name or request.name), message, timeout)
+
+    def turn(self) -> None:
+        """What every loop does again and again: end when asked, answer requests, beat."""
+        if self.stopping:
+            raise Stopped("the process was asked to end")
+        for served in self.served:
+            served.answer()
+        self.heart.beat(self._health, self.inputs, self.outputs)
+
+    def wait(self, inlet: Inlet) -> None:
+        """Turn, then block until the inlet, a nudge or a tenth of a second."""
+        self.turn()
+        self.transport.wait(inlet)
+
+    def admit(self, marks: Marks | None = None) -> None:
+        """Take the snapshot of all inputs."""
+        for each in self.inputs:
+            each.admit(marks)
+
+    def _claim(self) -> None:
+        """Take the node's name; raises BadInput when another process holds it and does not go."""
+        mine = Entity(self.transport.session, "node", self.identity.node, self.kind)
+        self.transport.token(mine.key)
+        started = time.monotonic()
+        while True:
+            rivals = self._rivals(mine.session)
+            waited = time.monotonic() - started
+            if not rivals and waited > SETTLE_S:
+                return
+            if rivals and waited > TAKEOVER_S:
+                raise BadInput(
+                    f"a node {self.identity.node} is already there (session {rivals[0]}): "
+                    "give this one another --name or --namespace, or stop the other"
+                )
+            time.sleep(0.02)
+
+    def _rivals(self, mine: str) -> list[str]:
+        """Sessions with a better claim to the name: those at work under it, else those that ask at the same moment."""
+        at_work = self._sessions("pub") - {mine}
+        return sorted(at_work) or sorted(each for each in self._sessions("node") if each < mine)
+
+    def _sessions(self, kind: Kind) -> set[str]:
+        found = (Entity.parse(key) for key in self.transport.tokens(pattern(kind, self.identity.node)))
+        return {each.session for each in found if each}
+
+    def _declare(self, kind: Kind, name: str, record: str, detail: str) -> None:
+        self.transport.token(Entity(self.transport.session, kind, self.identity.node, name, record, detail).key)

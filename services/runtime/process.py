@@ -1,0 +1,87 @@
+"""The life of a service process: it dies with its parent, with any of its threads, and when it is asked to."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType, TracebackType
+
+from services.runtime.errors import BadInput
+
+ROOT = Path(__file__).resolve().parents[2]
+"""The project's folder."""
+
+PARENT = "ELEA_PARENT_PID"
+"""Environment variable by which a supervisor asks its children not to outlive it."""
+
+CLOSE_S = 5.0
+"""Wall time in which a process must have left the network once its loop has ended."""
+
+_PR_SET_PDEATHSIG = 1
+_DEAD_THREAD = 70
+
+
+def refuse_shadows() -> None:
+    """End when another package has taken the name of one of ours; raises BadInput."""
+    for name in ("messages", "services", "models"):
+        module = __import__(name)
+        if Path(str(module.__file__)).resolve().parent != ROOT / name:
+            raise BadInput(f"package {name!r} comes from {module.__file__}, not from {ROOT}: check PYTHONPATH")
+
+
+def die_with_parent() -> None:
+    """Be killed when the supervisor that started this process dies, however it dies."""
+    parent = os.environ.get(PARENT, "")
+    if not parent.isdigit():
+        return
+    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != int(parent):
+        os._exit(_DEAD_THREAD)
+
+
+def die_with_threads() -> None:
+    """End the process, with the traceback, when any of its threads dies of an exception, the main one too."""
+
+    def report(dead: threading.ExceptHookArgs) -> None:
+        name = dead.thread.name if dead.thread else "?"
+        sys.stderr.write(f"thread {name} died; the process ends with it\n")
+        traceback.print_exception(dead.exc_type, dead.exc_value, dead.exc_traceback)
+        sys.stderr.flush()
+        os._exit(_DEAD_THREAD)
+
+    def report_main(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+        traceback.print_exception(kind, error, trace)
+        end(1)
+
+    threading.excepthook = report
+    sys.excepthook = report_main
+
+
+def on_stop(stop: Callable[[], None]) -> None:
+    """Call ``stop`` at SIGINT, SIGTERM and SIGHUP."""
+
+    def handler(number: int, frame: FrameType | None) -> None:
+        stop()
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, handler)
+
+
+def end(status: int) -> None:
+    """Leave at once; what is left of native threads cannot hold the process."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)
+
+
+def end_within(seconds: float, status: int) -> None:
+    """Leave after ``seconds`` if leaving in an orderly way hangs."""
+    timer = threading.Timer(seconds, end, (status,))
+    timer.daemon = True
+    timer.start()

@@ -1,0 +1,158 @@
+"""The seam to the network: a few verbs that Zenoh and an in-memory bus implement alike.
+
+A transport belongs to one thread, its owner's loop. The loop blocks in ``wait`` on one inlet and wakes for a sample
+there, for a nudge (a query, a signal, another thread) and ten times a second in any case; everything else is drained
+without blocking. Waiting on the channel itself, instead of having a receiving thread hand samples over, makes the
+round trip a third shorter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol, Self
+
+from messages.topics import Quality
+
+BEAT_S = 0.1
+"""``wait`` returns at least this often [s of wall time]."""
+
+
+class Sample(NamedTuple):
+    """One arrival. ``encoding`` is empty when the sender gave none."""
+
+    payload: bytes
+    encoding: str
+    attachment: bytes
+    key: str
+
+
+class TokenEvent(NamedTuple):
+    """A liveliness token appeared (``alive``) or went."""
+
+    key: str
+    alive: bool
+
+
+class Inlet(Protocol):
+    """A subscription; the newest samples are kept, the oldest overwritten when nobody takes them."""
+
+    def take(self) -> Sample | None:
+        """The oldest sample waiting, or None."""
+        ...
+
+    def close(self) -> None:
+        """End the subscription."""
+        ...
+
+
+class Outlet(Protocol):
+    """A publication."""
+
+    def put(self, payload: bytes, attachment: bytes) -> None:
+        """Send one sample."""
+        ...
+
+    @property
+    def wanted(self) -> bool:
+        """Whether anybody subscribes at present."""
+        ...
+
+    def close(self) -> None:
+        """End the publication."""
+        ...
+
+
+class Query(Protocol):
+    """A request that waits for its reply."""
+
+    payload: bytes
+
+    def reply(self, payload: bytes) -> None:
+        """Answer."""
+        ...
+
+    def refuse(self, payload: bytes) -> None:
+        """Answer with an error."""
+        ...
+
+
+class Server(Protocol):
+    """The requests that arrive on one key."""
+
+    def take(self) -> Query | None:
+        """The oldest request waiting, or None."""
+        ...
+
+
+class Reply(NamedTuple):
+    """The answer to a query: ``ok`` tells a result from an error."""
+
+    ok: bool
+    payload: bytes
+
+
+class Token(Protocol):
+    """A liveliness token; it goes when it is closed or its process dies."""
+
+    def close(self) -> None:
+        """Take the token back."""
+        ...
+
+
+class Watch(Protocol):
+    """A view on liveliness tokens; those already there appear first."""
+
+    def take(self) -> TokenEvent | None:
+        """The oldest event waiting, or None."""
+        ...
+
+
+class Transport(Protocol):
+    """A connection to the network, closed by ``with``."""
+
+    session: str
+    """The unique id of this connection, as hexadecimal digits."""
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(self, *exception: object) -> None: ...
+
+    def subscribe(self, key: str, encoding: str, capacity: int, latched: bool = False) -> Inlet:
+        """Receive the samples on ``key`` (wildcards allowed); keep ``capacity`` of them."""
+        ...
+
+    def publish(self, key: str, encoding: str, quality: Quality) -> Outlet:
+        """Send samples on ``key``."""
+        ...
+
+    def serve(self, key: str) -> Server:
+        """Receive the requests on ``key``."""
+        ...
+
+    def query(self, key: str, payload: bytes, timeout: float) -> Sequence[Reply]:
+        """Ask all who serve ``key`` and wait at most ``timeout`` [s]; nobody there is an empty list."""
+        ...
+
+    def token(self, key: str) -> Token:
+        """Show that this process lives."""
+        ...
+
+    def tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
+        """The tokens there are now."""
+        ...
+
+    def watch(self, pattern: str) -> Watch:
+        """Follow the tokens that match ``pattern``."""
+        ...
+
+    def wait(self, inlet: Inlet) -> None:
+        """Block until ``inlet`` has a sample, a nudge comes, or BEAT_S has passed."""
+        ...
+
+    def nudge(self) -> None:
+        """Wake the loop from another thread or a signal handler."""
+        ...
+
+    def close(self) -> None:
+        """Leave the network."""
+        ...

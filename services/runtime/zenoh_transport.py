@@ -1,0 +1,242 @@
+"""The transport on Eclipse Zenoh."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections import deque
+from collections.abc import Sequence
+from typing import Any, Self
+
+import zenoh
+from zenoh.handlers import Callback, RingChannel
+
+from messages.topics import Quality
+from services.runtime.errors import BadInput
+from services.runtime.transport import BEAT_S, Inlet, Reply, Sample, TokenEvent
+
+_NUDGE = zenoh.Encoding("elea/nudge")
+
+_DROP, _BLOCK = zenoh.CongestionControl.DROP, zenoh.CongestionControl.BLOCK
+_QUALITIES: dict[Quality, dict[str, Any]] = {
+    Quality.SENSOR: {"congestion_control": _DROP, "priority": zenoh.Priority.DATA},
+    Quality.COMMAND: {"congestion_control": _DROP, "priority": zenoh.Priority.REAL_TIME, "express": True},
+    Quality.EVENT: {"congestion_control": _BLOCK, "priority": zenoh.Priority.DATA},
+    Quality.LATCHED: {"congestion_control": _BLOCK, "priority": zenoh.Priority.DATA},
+}
+
+
+class ZenohInlet:
+    """A subscription on a ring: the publisher is never blocked by a reader that is slow."""
+
+    def __init__(self, key: str, encoding: str, subscriber: Any, session: str) -> None:
+        self.key = key
+        self.nudge_key = key.replace("**", session).replace("*", session)
+        self.held: deque[Any] = deque()
+        self.subscriber = subscriber
+        self._encoding, self._expected = encoding, zenoh.Encoding(encoding)
+        self._single = "*" not in key
+
+    def take(self) -> Sample | None:
+        while True:
+            sample = self.held.popleft() if self.held else self.subscriber.try_recv()
+            if sample is None:
+                return None
+            seen = sample.encoding
+            if seen == self._expected:
+                name = self._encoding
+            elif seen == _NUDGE:
+                continue
+            else:
+                name = "" if str(seen) == "zenoh/bytes" else str(seen)
+            attachment = sample.attachment
+            return Sample(
+                sample.payload.to_bytes(),
+                name,
+                attachment.to_bytes() if attachment is not None else b"",
+                self.key if self._single else str(sample.key_expr),
+            )
+
+    def close(self) -> None:
+        self.subscriber.undeclare()
+
+
+class ZenohOutlet:
+    """A publication with the encoding of its record."""
+
+    def __init__(self, publisher: Any) -> None:
+        self._publisher = publisher
+        self._put = publisher.put
+
+    def put(self, payload: bytes, attachment: bytes) -> None:
+        self._put(payload, attachment=attachment)
+
+    @property
+    def wanted(self) -> bool:
+        return bool(self._publisher.matching_status.matching)
+
+    def close(self) -> None:
+        self._publisher.undeclare()
+
+
+class ZenohQuery:
+    """A request; it counts as finished once it is answered."""
+
+    def __init__(self, query: Any) -> None:
+        self._query = query
+        self.payload: bytes = query.payload.to_bytes() if query.payload is not None else b""
+
+    def reply(self, payload: bytes) -> None:
+        with self._query:
+            self._query.reply(self._query.key_expr, payload)
+
+    def refuse(self, payload: bytes) -> None:
+        with self._query:
+            self._query.reply_err(payload)
+
+
+class _Mailbox:
+    """What callbacks hand over to the loop: they append and nudge, nothing more."""
+
+    def __init__(self) -> None:
+        self.items: deque[Any] = deque()
+        self.handle: Any = None
+
+
+class ZenohServer(_Mailbox):
+    """The requests on one key."""
+
+    def take(self) -> ZenohQuery | None:
+        return ZenohQuery(self.items.popleft()) if self.items else None
+
+
+class ZenohWatch(_Mailbox):
+    """Liveliness events, in order."""
+
+    def take(self) -> TokenEvent | None:
+        if not self.items:
+            return None
+        sample = self.items.popleft()
+        return TokenEvent(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+
+class ZenohToken:
+    """A liveliness token."""
+
+    def __init__(self, token: Any) -> None:
+        self._token = token
+
+    def close(self) -> None:
+        self._token.undeclare()
+
+
+class ZenohTransport:
+    """One Zenoh session. A single small thread nudges the loop; no other Python thread exists."""
+
+    def __init__(self, configuration: dict[str, Any]) -> None:
+        self._configuration = configuration
+        self._waiting: ZenohInlet | None = None
+        self._poked = False
+        self._awake = threading.Event()
+        self._open = True
+
+    def __enter__(self) -> Self:
+        zenoh.init_log_from_env_or("error")
+        wanted = self._configuration["connect"]["endpoints"]
+        try:
+            self._zenoh = zenoh.open(zenoh.Config.from_json5(json.dumps(self._configuration)))
+        except zenoh.ZError as error:
+            listens = self._configuration["listen"]["endpoints"]
+            raise BadInput(f"cannot join the network (connect {wanted}, listen {listens}): {error}") from None
+        self.session = str(self._zenoh.zid())
+        self._ticker = threading.Thread(target=self._beat, name="nudge", daemon=True)
+        self._ticker.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def subscribe(self, key: str, encoding: str, capacity: int, latched: bool = False) -> ZenohInlet:
+        handler: Any = RingChannel(capacity)
+        if latched:
+            subscriber: Any = zenoh.ext.declare_advanced_subscriber(
+                self._zenoh, key, handler, history=zenoh.ext.HistoryConfig(detect_late_publishers=True)
+            )
+        else:
+            subscriber = self._zenoh.declare_subscriber(key, handler)
+        return ZenohInlet(key, encoding, subscriber, self.session)
+
+    def publish(self, key: str, encoding: str, quality: Quality) -> ZenohOutlet:
+        options = dict(_QUALITIES[quality], encoding=zenoh.Encoding(encoding))
+        if quality is Quality.LATCHED:
+            cache = zenoh.ext.CacheConfig(1)
+            return ZenohOutlet(
+                zenoh.ext.declare_advanced_publisher(self._zenoh, key, cache=cache, publisher_detection=True, **options)
+            )
+        return ZenohOutlet(self._zenoh.declare_publisher(key, **options))
+
+    def serve(self, key: str) -> ZenohServer:
+        server = ZenohServer()
+        server.handle = self._zenoh.declare_queryable(key, self._handing_over(server))
+        return server
+
+    def query(self, key: str, payload: bytes, timeout: float) -> Sequence[Reply]:
+        answers = []
+        for reply in self._zenoh.get(key, payload=payload, timeout=timeout):
+            if reply.ok is not None:
+                answers.append(Reply(True, reply.ok.payload.to_bytes()))
+            elif reply.err is not None:
+                answers.append(Reply(False, reply.err.payload.to_bytes()))
+        return answers
+
+    def token(self, key: str) -> ZenohToken:
+        return ZenohToken(self._zenoh.liveliness().declare_token(key))
+
+    def tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
+        replies = self._zenoh.liveliness().get(pattern, timeout=timeout)
+        return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
+
+    def watch(self, pattern: str) -> ZenohWatch:
+        watch = ZenohWatch()
+        handler = self._handing_over(watch)
+        watch.handle = self._zenoh.liveliness().declare_subscriber(pattern, handler, history=True)
+        return watch
+
+    def wait(self, inlet: Inlet) -> None:
+        assert isinstance(inlet, ZenohInlet)
+        if inlet.held or self._poked:
+            self._poked = False
+            return
+        self._waiting = inlet
+        try:
+            inlet.held.append(inlet.subscriber.recv())
+        finally:
+            self._waiting = None
+
+    def nudge(self) -> None:
+        self._awake.set()
+
+    def close(self) -> None:
+        if self._open:
+            self._open = False
+            self._awake.set()
+            self._zenoh.close()  # type: ignore[no-untyped-call]
+
+    def _handing_over(self, mailbox: _Mailbox) -> Callback[Any]:
+        def hand_over(item: Any) -> None:
+            mailbox.items.append(item)
+            self._awake.set()
+
+        return Callback(hand_over, indirect=False)
+
+    def _beat(self) -> None:
+        """Wake the loop when asked and ten times a second, by a sample that stays in this session."""
+        while self._open:
+            asked = self._awake.wait(BEAT_S)
+            self._awake.clear()
+            inlet = self._waiting
+            if inlet is None:
+                self._poked = self._poked or asked
+            elif self._open:
+                here = zenoh.Locality.SESSION_LOCAL
+                self._zenoh.put(inlet.nudge_key, b"", encoding=_NUDGE, allowed_destination=here)
