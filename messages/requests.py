@@ -31,6 +31,13 @@ class Name(Message, frozen=True, kw_only=True):
     name: str = ""
 
 
+class Refusal(Message, frozen=True, kw_only=True):
+    """The error reply to any request: why it was not carried out."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/Refusal"
+    reason: str = ""
+
+
 class Done(Message, frozen=True, kw_only=True):
     """It is done; ``text`` says what."""
 

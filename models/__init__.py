@@ -1,0 +1,41 @@
+"""The robots and worlds as data: where each file lies, and which there are."""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+
+MODELS = ("burger", "waffle", "waffle_pi")
+"""Every robot of this folder; each has a ``robot.urdf``, a ``model.toml`` and a ``README.md``."""
+
+SCENES = ("arena", "empty")
+"""Every world of ``worlds/``."""
+
+_HERE = Path(__file__).resolve().parent
+
+
+class UnknownModel(ValueError):
+    """No model or world has this name; the text lists those that there are."""
+
+
+def model_path(name: str) -> Path:
+    """The URDF of a robot; raises UnknownModel with the nearest name and the list."""
+    return _HERE / _known("model", name, MODELS) / "robot.urdf"
+
+
+def figures_path(name: str) -> Path:
+    """The figures of a robot's driver and sensors, see ``models.figures``; raises UnknownModel."""
+    return _HERE / _known("model", name, MODELS) / "model.toml"
+
+
+def scene_path(name: str) -> Path:
+    """The file of a world, see ``models.scene``; raises UnknownModel."""
+    return _HERE / "worlds" / f"{_known('world', name, SCENES)}.toml"
+
+
+def _known(kind: str, name: str, names: tuple[str, ...]) -> str:
+    if name in names:
+        return name
+    near = difflib.get_close_matches(name, names, 1)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    raise UnknownModel(f"unknown {kind} {name!r}{hint} (known: {', '.join(names)})")

@@ -1,0 +1,24 @@
+"""The router: the meeting point of a machine's nodes, and the link to other machines."""
+
+from typing import Annotated
+
+from msgspec import Meta
+
+from services.runtime.service import Parameters, Service
+
+
+class RouterParameters(Parameters, frozen=True, kw_only=True):
+    """Where the router listens and which other routers it joins."""
+
+    listen: Annotated[str, Meta(description="endpoint to listen on")] = "tcp/127.0.0.1:7447"
+    link: Annotated[tuple[str, ...], Meta(description="endpoints of routers on other machines")] = ()
+
+
+SERVICE = Service(
+    name="router",
+    about="The meeting point of all nodes of a machine.",
+    run="services.router.loop:run",
+    parameters=RouterParameters,
+    holds_lockstep=False,
+    routes=True,
+)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from messages.base import Message, WrongPayload, decoder, encode
-from messages.requests import Request
+from messages.requests import Refusal, Request
 from services.runtime.errors import CallFailed, EleaError
 from services.runtime.transport import Transport
 
@@ -15,13 +15,6 @@ R = TypeVar("R", bound=Message)
 
 DEADLINE_S = 5.0
 """Wall time that a call waits for its reply unless told otherwise."""
-
-
-class Refusal(Message, frozen=True, kw_only=True):
-    """Why a request was not carried out."""
-
-    ROS_TYPE = "elea_msgs/Refusal"
-    reason: str = ""
 
 
 _read_refusal = decoder(Refusal)

@@ -10,12 +10,14 @@ from messages.requests import Request
 from messages.topics import Topic
 from services.runtime.calls import DEADLINE_S
 from services.runtime.errors import BadInput
+from services.runtime.graph import ROOT
 from services.runtime.lockstep import period_of
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.outputs import Output
 from services.runtime.pacing import ClockPacer, Instant, LockstepPacer, Pacer
 from services.runtime.service import Parameters
+from services.runtime.transport import Inlet
 from services.runtime.views import Latest, Stream
 
 M = TypeVar("M", bound=Message)
@@ -46,6 +48,7 @@ class Context(Generic[P]):
         self._rate, self._lockstep, self._step_ns = rate, lockstep, step_ns
         self._views: list[Latest[Any] | Stream[Any]] = []
         self._writing: dict[str, Output[Any]] = {}
+        self._resting: Inlet | None = None
         node.log.now = lambda: self.now
 
     @property
@@ -136,6 +139,13 @@ class Context(Generic[P]):
             for message, _ in source.batch:
                 yield message
             self._node.wait(source.inlet)
+
+    def idle(self) -> None:
+        """Turn once and rest for a tenth of a second, for services that follow neither time nor messages."""
+        if self._resting is None:
+            key = f"{ROOT}/{self._node.transport.session}/rest"
+            self._resting = self._node.transport.subscribe(key, "", 16)
+        self._node.wait(self._resting)
 
     def _snapshot(self, pacer: Pacer, reset: bool) -> None:
         self._node.admit(pacer.marks)

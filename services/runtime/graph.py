@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from messages.names import mangle, unmangle
+from messages.names import BadName, mangle, unmangle, validate
 from services.runtime.transport import Transport
 
 ROOT = "@elea"
@@ -42,6 +42,12 @@ class Entity:
         if len(chunks) != 7 or chunks[0] != ROOT or chunks[2] not in ("node", "pub", "sub", "srv", "step"):
             return None
         _, session, kind, node, name, record, detail = chunks
+        try:
+            validate(unmangle(node))
+            if kind in ("pub", "sub", "srv"):
+                validate(unmangle(name))
+        except BadName:
+            return None
         return cls(session, kind, unmangle(node), unmangle(name), unmangle(record), detail)  # type: ignore[arg-type]
 
 

@@ -3,30 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 from messages import names
 
 
 @dataclass(frozen=True)
 class Identity:
-    """Namespace (``/`` or ``/tb3_0``), name, and the remappings of a node."""
+    """Namespace (``/`` or ``/tb3_0``), absolute name (``/tb3_0/waypoint``) and remapping rules of a node."""
 
     namespace: str
-    name: str
-    remaps: tuple[tuple[str, str], ...] = ()
+    node: str
+    rules: tuple[names.Remap, ...] = ()
 
-    @property
-    def node(self) -> str:
-        """The full name, ``/tb3_0/waypoint``."""
-        return names.resolve(self.name, self.namespace, self.name)
+    @classmethod
+    def of(cls, name: str, namespace: str = "/", rules: tuple[names.Remap, ...] = ()) -> Self:
+        """The identity after the rules that rename the node itself; raises BadName."""
+        return cls(*names.identify(name, namespace, rules), rules)
 
     def resolve(self, name: str) -> str:
         """The absolute name behind ``name`` after remapping; raises BadName."""
-        absolute = names.resolve(name, self.namespace, self.name)
-        for source, target in self.remaps:
-            if names.resolve(source, self.namespace, self.name) == absolute:
-                return names.resolve(target, self.namespace, self.name)
-        return absolute
+        return names.remap(name, self.namespace, self.node, self.rules)
 
     def key(self, name: str) -> str:
         """The Zenoh key behind ``name``."""

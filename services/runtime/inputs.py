@@ -63,9 +63,9 @@ class Input(Generic[M]):
             ready.sort(key=_order)
         self.batch, self._held = ready, waiting
 
-    def clear(self) -> None:
-        """Forget what was admitted; a reset begins anew."""
-        self.batch = []
+    def close(self) -> None:
+        """End the subscription."""
+        self.inlet.close()
 
     def health(self) -> InputHealth:
         """The counts, as they are shown."""

@@ -23,7 +23,7 @@ from services.runtime.graph import ROOT, Entity, pattern
 from services.runtime.log import Log
 from services.runtime.marks import Marks, Numbers, merge
 from services.runtime.outputs import Output
-from services.runtime.transport import Inlet, Outlet, Transport
+from services.runtime.transport import Inlet, Outlet, Token, Transport
 from services.runtime.wire import member_id
 
 _ENCODING = "application/msgpack;elea/lockstep"
@@ -88,10 +88,12 @@ class Follower:
         self.marks = Marks()
         self._done: Outlet | None = None
         self._simulation = ""
+        self._token: Token | None = None
 
     def join(self) -> None:
         """Show readiness; every input is declared by now, so whoever sees this token reaches them."""
-        self._transport.token(Entity(self._transport.session, "step", self._node, detail=str(self._period_ns)).key)
+        entity = Entity(self._transport.session, "step", self._node, detail=str(self._period_ns))
+        self._token = self._transport.token(entity.key)
 
     def take(self) -> Go | None:
         """The next Go, if one is there."""

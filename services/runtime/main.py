@@ -60,14 +60,14 @@ def _command(service: Service) -> click.Command:
     """The click command; its callback returns the options, checked as far as they can be without the network."""
 
     def check(param: tuple[str, ...], **options: Any) -> dict[str, Any] | None:
-        from messages.names import BadName, parse_remap, validate
+        from messages.names import BadName, parse_remap
+        from services.runtime.identity import Identity
 
         try:
-            remaps = tuple(parse_remap(each) for each in options.pop("remap"))
-            validate(options["name"] or service.name)
+            rules = tuple(parse_remap(each) for each in options.pop("remap"))
+            options["identity"] = Identity.of(options.pop("name") or service.name, options.pop("namespace"), rules)
         except BadName as error:
             raise BadInput(str(error)) from None
-        options["remaps"] = remaps
         options["params"] = build(service.parameters, read_assignments(param), "--param")
         if options.pop("print_config"):
             _print_config(service, options)
@@ -110,5 +110,4 @@ def _epilog(record: type[Parameters]) -> str:
 
 
 def _print_config(service: Service, options: dict[str, Any]) -> None:
-    shown = {"service": service.name, **options, "params": msgspec.to_builtins(options["params"])}
-    click.echo(json.dumps(shown, indent=2))
+    click.echo(json.dumps({"service": service.name, **msgspec.to_builtins(options)}, indent=2))

@@ -20,7 +20,7 @@ from services.runtime.inputs import Input
 from services.runtime.log import Log
 from services.runtime.marks import Marks
 from services.runtime.outputs import Output
-from services.runtime.transport import Inlet, Transport
+from services.runtime.transport import Inlet, Token, Transport
 
 M = TypeVar("M", bound=Message)
 Q = TypeVar("Q", bound=Message)
@@ -42,6 +42,7 @@ class Node:
         self.outputs: list[Output[Any]] = []
         self.served: list[Served[Any, Any]] = []
         self.stopping = False
+        self._tokens: dict[tuple[Kind, str], Token] = {}
 
     def __enter__(self) -> Self:
         self._claim()
@@ -78,6 +79,17 @@ class Node:
         self._declare("pub", absolute, topic.record.ROS_TYPE, topic.quality.name)
         return made
 
+    def forget(self, *ends: Input[Any] | Output[Any]) -> None:
+        """End subscriptions and publications, as when a robot leaves the world."""
+        for end in ends:
+            if isinstance(end, Input):
+                self.inputs.remove(end)
+                self._tokens.pop(("sub", end.name)).close()
+            else:
+                self.outputs.remove(end)
+                self._tokens.pop(("pub", end.name)).close()
+            end.close()
+
     def serve(self, request: Request[Q, R], handler: Callable[[Q], R], name: str | None = None) -> None:
         """Answer a request in this node's loop; the handler raises BadInput to refuse with a reason."""
         absolute = self.identity.resolve(name or request.name)
@@ -105,11 +117,13 @@ class Node:
         """Take the snapshot of all inputs."""
         for each in self.inputs:
             each.admit(marks)
+        if marks is not None:
+            marks.settle()
 
     def _claim(self) -> None:
         """Take the node's name; raises BadInput when another process holds it and does not go."""
         mine = Entity(self.transport.session, "node", self.identity.node, self.kind)
-        self.transport.token(mine.key)
+        self._tokens["node", self.identity.node] = self.transport.token(mine.key)
         started = time.monotonic()
         while True:
             rivals = self._rivals(mine.session)
@@ -133,4 +147,5 @@ class Node:
         return {each.session for each in found if each}
 
     def _declare(self, kind: Kind, name: str, record: str, detail: str) -> None:
-        self.transport.token(Entity(self.transport.session, kind, self.identity.node, name, record, detail).key)
+        entity = Entity(self.transport.session, kind, self.identity.node, name, record, detail)
+        self._tokens[kind, name] = self.transport.token(entity.key)

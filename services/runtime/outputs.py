@@ -38,6 +38,10 @@ class Output(Generic[M]):
         """Whether anybody subscribes at present; what costs time to make may be left out when nobody does."""
         return self._outlet.wanted
 
+    def close(self) -> None:
+        """End the publication."""
+        self._outlet.close()
+
     def health(self) -> OutputHealth:
         """The count, as it is shown."""
         return OutputHealth(topic=self.name, sent=self.sent)

@@ -22,7 +22,7 @@ COMPLAINT_S = 2.0
 
 
 class Instant(NamedTuple):
-    """A point of simulation time: ns, epoch (one more at each reset) and the simulation's identity."""
+    """A point of simulation time: ns, epoch (one more at each reset), and which run of a simulation it is."""
 
     time: int
     epoch: int
@@ -85,7 +85,7 @@ class ClockPacer:
         self._read = decoder(Clock)
         self._period_ns = period_ns
         self._silence = Silence(node, node.log)
-        self._next = 0
+        self._next = self._jumps = 0
         self._epoch = -1
 
     def start(self) -> None:
@@ -104,11 +104,11 @@ class ClockPacer:
         self._silence.heard(clock.paused)
         now = clock.clock.ns
         if clock.epoch != self._epoch or now < self._next - self._period_ns:
-            self._epoch, self._next = clock.epoch, now
+            self._epoch, self._next, self._jumps = clock.epoch, now, self._jumps + 1
         if now < self._next:
             return None
         self._next = now - now % self._period_ns + self._period_ns
-        return Instant(now, clock.epoch, "")
+        return Instant(now, clock.epoch, str(self._jumps))
 
     def finish(self) -> None:
         pass
@@ -148,7 +148,6 @@ class LockstepPacer:
 
     def finish(self) -> None:
         assert self._step is not None
-        self._follower.marks.settle()
         self._follower.finish(self._step.tick, numbers(self._node.outputs), {})
 
     def _link(self) -> None:

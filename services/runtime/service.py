@@ -31,7 +31,7 @@ class Service:
     """One kind of process. ``run`` is the loop, or its place as ``"package.module:function"`` to import it late.
 
     ``rate`` [Hz] of simulation time paces ``Context.ticks``; None for services that pace themselves.
-    ``holds_lockstep`` tells whether the simulation may wait for it in lockstep.
+    ``holds_lockstep`` tells whether the simulation may wait for it in lockstep; ``routes`` is the router's mark.
     """
 
     name: str
@@ -43,6 +43,7 @@ class Service:
     rate: float | None = None
     parameters: type[Parameters] = field(default=Parameters)
     holds_lockstep: bool = True
+    routes: bool = False
 
     def entry(self) -> Run:
         """The loop itself, imported now if it was named by its place."""

@@ -17,11 +17,9 @@ from services.runtime.zenoh_transport import ZenohTransport
 def serve(service: Service, options: dict[str, Any]) -> None:
     """Open the transport, declare the node, run the loop; raises what ends it."""
     run = service.entry()
-    identity = Identity(options["namespace"], options["name"] or service.name, options["remaps"])
+    identity: Identity = options["identity"]
     log = Log(identity.node, options["log_level"])
-    role: Role = "star" if options["topology"] == "star" else "direct"
-    connect = options["connect"] or (DEFAULT_ROUTER,)
-    tree = configuration(role, connect, domain=options["domain"], reliable=options["lockstep"])
+    tree = _configuration(service, options)
     with ZenohTransport(tree) as transport, Node(transport, identity, service.name, log) as node:
 
         def stop() -> None:
@@ -36,3 +34,13 @@ def serve(service: Service, options: dict[str, Any]) -> None:
             run(context)
         finally:
             end_within(CLOSE_S + 10.0, 1)
+
+
+def _configuration(service: Service, options: dict[str, Any]) -> dict[str, Any]:
+    """Zenoh's configuration: the router listens where its parameters say, everybody else joins it."""
+    domain = options["domain"]
+    if service.routes:
+        params = options["params"]
+        return configuration("router", params.link, (params.listen,), domain)
+    role: Role = "star" if options["topology"] == "star" else "direct"
+    return configuration(role, options["connect"] or (DEFAULT_ROUTER,), domain=domain, reliable=options["lockstep"])

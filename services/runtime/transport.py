@@ -134,7 +134,7 @@ class Transport(Protocol):
         ...
 
     def token(self, key: str) -> Token:
-        """Show that this process lives."""
+        """Show that this process lives, for as long as the token is kept."""
         ...
 
     def tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:

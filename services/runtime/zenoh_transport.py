@@ -141,7 +141,7 @@ class ZenohTransport:
         self._open = True
 
     def __enter__(self) -> Self:
-        zenoh.init_log_from_env_or("error")
+        zenoh.init_log_from_env_or("off")
         wanted = self._configuration["connect"]["endpoints"]
         try:
             self._zenoh = zenoh.open(zenoh.Config.from_json5(json.dumps(self._configuration)))

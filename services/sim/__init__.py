@@ -1,0 +1,69 @@
+"""The simulation: physics, sensors and the base drivers of all robots, and simulation time itself."""
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from messages.requests import DELETE, GET_STATE, LIST, PAUSE, RESET, RESET_WORLD, RESUME, SET_STATE, SPAWN, STEP
+from messages.topics import CLOCK, TF, TF_STATIC
+from services.runtime.service import Parameters, Service
+
+STEP_NS = 5_000_000
+"""One physics step, ns. 200 Hz divides every control rate in use; the bases stay within 0.3 % of their commands."""
+
+Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
+
+
+class BaseParameters(Parameters, frozen=True, kw_only=True):
+    """How one robot's base and sensors behave."""
+
+    cmd_vel_timeout: Annotated[
+        float,
+        Meta(ge=0, le=60, description="a command older than this is not obeyed; 0 disables it", extra={"unit": "s"}),
+    ] = 0.25
+    clamp: Annotated[bool, Meta(description="keep to the hardware's speeds; false obeys anything")] = True
+    jump: Annotated[
+        float, Meta(ge=0, le=1, description="Gazebo's rule: within this, wheels jump to speed", extra={"unit": "m/s"})
+    ] = 0.0
+    odometry: Annotated[
+        Literal["model", "world", "encoder"], Meta(description="true pose, or what the wheels tell; the model's choice")
+    ] = "model"
+    noise: Annotated[bool, Meta(description="sensors have the noise of the real ones")] = True
+
+
+class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A robot that is there from the start."""
+
+    name: str
+    model: str
+    x: Coordinate = 0.0
+    y: Coordinate = 0.0
+    yaw: float = 0.0
+    namespace: str = ""
+    parameters: BaseParameters = BaseParameters()
+
+
+class SimParameters(Parameters, frozen=True, kw_only=True):
+    """The world, its robots and how time runs."""
+
+    world: Annotated[str, Meta(description="world of models/worlds")] = "empty"
+    robots: Annotated[tuple[RobotEntry, ...], Meta(description="robots that are there from the start")] = ()
+    mode: Annotated[Literal["lockstep", "real", "free"], Meta(description="how time runs")] = "real"
+    factor: Annotated[float, Meta(gt=0, le=1000, description="simulated per wall-clock second, in real time")] = 1.0
+    latency: Annotated[
+        int, Meta(ge=0, le=1, description="ticks that a command takes in lockstep; 1 overlaps control and physics")
+    ] = 0
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="seed of the sensors' noise")] = 0
+    members: Annotated[tuple[str, ...], Meta(description="nodes that lockstep waits for")] = ()
+
+
+SERVICE = Service(
+    name="sim",
+    about="Physics, sensors, base drivers and simulation time.",
+    run="services.sim.loop:run",
+    writes=(CLOCK, TF, TF_STATIC),
+    serves=(SPAWN, DELETE, LIST, GET_STATE, SET_STATE, RESET, RESET_WORLD, PAUSE, RESUME, STEP),
+    parameters=SimParameters,
+    holds_lockstep=False,
+)

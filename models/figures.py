@@ -1,0 +1,90 @@
+"""What a robot's URDF cannot say: the figures of its driver and sensors, from ``models/<name>/model.toml``."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from models import figures_path
+
+Positive = Annotated[float, Meta(gt=0)]
+NotNegative = Annotated[float, Meta(ge=0)]
+
+
+class Figures(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A table of a model file; an unknown key is an error."""
+
+
+class Wheels(Figures, frozen=True, kw_only=True):
+    """A base with two driven wheels.
+
+    Lengths in m. ``max_linear`` [m/s] and ``max_angular`` [rad/s] are the hardware's; ``acceleration`` and ``brake``
+    [m/s2] are those of a wheel's rim, the second after a time-out or an emergency stop; ``torque`` [N m] per wheel.
+    """
+
+    left_joint: str
+    right_joint: str
+    separation: Positive
+    radius: Positive
+    max_linear: Positive
+    max_angular: Positive
+    acceleration: Positive
+    brake: Positive
+    torque: Positive
+
+
+class Laser(Figures, frozen=True, kw_only=True):
+    """A turning laser: ``samples`` rays over a whole turn, counter-clockwise from the link's x axis.
+
+    ``rate`` [Hz], ranges and ``noise`` (standard deviation) in m. Rays start ``clearance`` [m] from the link's origin,
+    outside the laser's own housing.
+    """
+
+    link: str
+    rate: Positive
+    samples: Annotated[int, Meta(ge=1, le=10_000)]
+    range_min: Positive
+    range_max: Positive
+    noise: NotNegative
+    clearance: Positive
+
+
+class Inertial(Figures, frozen=True, kw_only=True):
+    """An inertial unit: ``rate`` [Hz]; noises are standard deviations of one sample, rad/s and m/s2."""
+
+    link: str
+    rate: Positive
+    gyro_noise: NotNegative
+    acceleration_noise: NotNegative
+
+
+class Camera(Figures, frozen=True, kw_only=True):
+    """A pinhole camera: ``link`` is its optical frame (z forward, y down), ``fov`` [rad] is horizontal, clips in m."""
+
+    link: str
+    rate: Positive
+    width: Annotated[int, Meta(ge=1, le=4096)]
+    height: Annotated[int, Meta(ge=1, le=4096)]
+    fov: Annotated[float, Meta(gt=0, lt=3.14)]
+    near: Positive
+    far: Positive
+
+
+class Model(Figures, frozen=True, kw_only=True):
+    """A robot: ``radius`` [m] of the circle around ``base_frame`` that holds it, and what it carries."""
+
+    about: str
+    base_frame: str
+    radius: Positive
+    odometry: Literal["world", "encoder"]
+    wheels: Wheels | None = None
+    laser: Laser | None = None
+    imu: Inertial | None = None
+    camera: Camera | None = None
+
+
+def read_model(name: str) -> Model:
+    """The figures of the robot ``name``; raises ``models.UnknownModel``."""
+    return msgspec.toml.decode(figures_path(name).read_bytes(), type=Model)

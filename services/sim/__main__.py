@@ -1,0 +1,6 @@
+"""``python -m services.sim``."""
+
+from services.runtime import main
+from services.sim import SERVICE
+
+main(SERVICE)

@@ -1,0 +1,109 @@
+"""Who drives a base: several commanders with priorities, time-outs in simulation time, and the emergency stop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import NamedTuple
+
+from messages.geometry import FASTEST_ANGULAR, FASTEST_LINEAR
+
+SECOND = 1_000_000_000
+
+
+class Decision(NamedTuple):
+    """What a base does now: the command of ``source``, or, with ``braking``, come to a stop."""
+
+    v: float
+    w: float
+    braking: bool
+    source: bytes | None
+
+
+BRAKE = Decision(0.0, 0.0, True, None)
+
+
+@dataclass(frozen=True)
+class _Command:
+    """The last good command of a source; it is dead after ``until`` [ns]; ``turn`` counts all good commands."""
+
+    priority: int
+    v: float
+    w: float
+    until: float
+    turn: int
+
+
+class Arbiter:
+    """Chooses the command that a base obeys. All times are simulation time, ns.
+
+    The command of the highest priority among those that are not older than ``timeout`` [s] is obeyed; among equal
+    priorities, the last one that arrived. A command's age counts from its stamp where it has one, and from its arrival
+    otherwise. With ``timeout`` 0 a command holds until its publisher is gone. When nothing is left, the base brakes.
+    ``commands``, ``refused`` and ``stale_dropped`` count what was offered; ``commands_timed_out`` counts how often a
+    base that had been told to move was left without a live command.
+    """
+
+    def __init__(self, timeout: float = 0.25) -> None:
+        self._timeout = round(timeout * SECOND) if timeout > 0 else inf
+        self._heard: dict[bytes, _Command] = {}
+        self._decision, self._until = BRAKE, inf
+        self.e_stopped = False
+        self.timed_out = False
+        self.commands = self.refused = self.stale_dropped = self.commands_timed_out = 0
+
+    def offer(self, source: bytes, priority: int, v: float, w: float, stamp_ns: int | None, now_ns: int) -> bool:
+        """Take a command made at ``stamp_ns`` (None if unknown) that arrived at ``now_ns``; True if it is accepted.
+
+        Refused and counted are speeds that are not finite or beyond ``messages.geometry``'s bounds. Dropped as stale
+        are commands older than the time-out, and those from the future: they were made before time was set back.
+        During an emergency stop commands count but are not kept, so none moves the base when it is over.
+        """
+        if not (-FASTEST_LINEAR <= v <= FASTEST_LINEAR and -FASTEST_ANGULAR <= w <= FASTEST_ANGULAR):
+            self.refused += 1
+            return False
+        made = now_ns if stamp_ns is None else stamp_ns
+        if not 0 <= now_ns - made <= self._timeout:
+            self.stale_dropped += 1
+            return False
+        self.commands += 1
+        if not self.e_stopped:
+            self._heard[source] = _Command(priority, v, w, made + self._timeout, self.commands)
+            self._choose(now_ns)
+        return True
+
+    def lost(self, source: bytes, now_ns: int) -> None:
+        """The publisher ``source`` is gone: its command counts no more, whatever its age."""
+        if self._heard.pop(source, None) is not None:
+            self._choose(now_ns)
+
+    def e_stop(self, on: bool) -> None:
+        """Stop at once and stay so until ``e_stop(False)``; then only commands that arrive later are obeyed."""
+        self.e_stopped = on
+        if on:
+            self.clear()
+
+    def clear(self) -> None:
+        """Forget all commands, as when simulation time starts anew; an emergency stop and the counts stay."""
+        self._heard.clear()
+        self._decision, self._until = BRAKE, inf
+        self.timed_out = False
+
+    def decide(self, now_ns: int) -> Decision:
+        """What the base does at ``now_ns``; 0.2 us while the answer stays the same."""
+        if now_ns > self._until:
+            self._choose(now_ns)
+        return self._decision
+
+    def _choose(self, now_ns: int) -> None:
+        before = self._decision
+        self._heard = {source: command for source, command in self._heard.items() if now_ns <= command.until}
+        if not self._heard:
+            self.timed_out = self.timed_out or not before.braking
+            if before.v or before.w:
+                self.commands_timed_out += 1
+            self._decision, self._until = BRAKE, inf
+            return
+        source, best = max(self._heard.items(), key=lambda item: (item[1].priority, item[1].turn))
+        self._decision, self._until = Decision(best.v, best.w, False, source), best.until
+        self.timed_out = False

@@ -1,0 +1,67 @@
+"""The transforms of all robots on ``/tf`` and ``/tf_static``, every frame prefixed by its robot's name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from messages.geometry import Quaternion, Transform, TransformStamped, Vector3
+from messages.std import Header, Time
+from messages.tf import TFMessage
+from models.frames import Joint, read_joints
+from services.sim.robot import Robot
+from services.sim.world import ORIGIN, Placement, World
+
+
+def fixed(robots: Iterable[tuple[Robot, Placement]], now: int) -> TFMessage:
+    """All fixed transforms in one message, since a latched publisher keeps only its last.
+
+    ``world`` to ``odom`` is the identity for odometry in world coordinates, else where the robot was spawned.
+    """
+    transforms = []
+    for robot, spawned in robots:
+        origin = spawned if robot.telemetry.track is not None else ORIGIN
+        header = Header(stamp=Time.of(now), frame_id="world")
+        transforms.append(_stamped(header, f"{robot.name}/odom", origin.position, origin.orientation))
+        for joint in read_joints(robot.entry.model):
+            if joint.kind == "fixed":
+                transforms.append(_of_joint(robot.name, joint, 0.0, now))
+    return TFMessage(transforms=tuple(transforms))
+
+
+def moving(robots: Iterable[Robot], world: World, now: int) -> TFMessage:
+    """Where the bases are in their odometry, and how the wheels stand."""
+    transforms = []
+    for robot in robots:
+        odometry = robot.telemetry.odometry
+        if odometry is not None:
+            pose = odometry.pose.pose
+            place = pose.position
+            transforms.append(
+                TransformStamped(
+                    header=odometry.header,
+                    child_frame_id=odometry.child_frame_id,
+                    transform=Transform(
+                        translation=Vector3(x=place.x, y=place.y, z=place.z), rotation=pose.orientation
+                    ),
+                )
+            )
+        angles = dict(zip(world.joints(robot.name), world.joint_readings(robot.name).position, strict=True))
+        for joint in read_joints(robot.entry.model):
+            if joint.name in angles:
+                transforms.append(_of_joint(robot.name, joint, angles[joint.name], now))
+    return TFMessage(transforms=tuple(transforms))
+
+
+def _of_joint(robot: str, joint: Joint, angle: float, now: int) -> TransformStamped:
+    header = Header(stamp=Time.of(now), frame_id=f"{robot}/{joint.parent}")
+    return _stamped(header, f"{robot}/{joint.child}", joint.xyz, joint.rotation(angle))
+
+
+def _stamped(
+    header: Header, child: str, xyz: tuple[float, float, float], turn: tuple[float, float, float, float]
+) -> TransformStamped:
+    transform = Transform(
+        translation=Vector3(x=xyz[0], y=xyz[1], z=xyz[2]),
+        rotation=Quaternion(x=turn[0], y=turn[1], z=turn[2], w=turn[3]),
+    )
+    return TransformStamped(header=header, child_frame_id=child, transform=transform)

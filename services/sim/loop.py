@@ -1,0 +1,57 @@
+"""The simulation's loop: publish, wait as the mode asks, take commands, step."""
+
+from __future__ import annotations
+
+import math
+
+from models import UnknownModel
+from models.scene import read_scene
+from services.runtime.context import Context
+from services.runtime.errors import BadInput
+from services.sim import STEP_NS, SimParameters
+from services.sim.bullet import BulletWorld
+from services.sim.desk import Desk, advance
+from services.sim.stage import Stage
+from services.sim.timing import Free, Lockstep, Real, Timing
+from services.sim.world import Placement
+
+
+def run(ctx: Context[SimParameters]) -> None:
+    """Simulate until the process is asked to end."""
+    params, node = ctx.params, ctx.kernel
+    try:
+        scene = read_scene(params.world)
+        with BulletWorld(scene, STEP_NS) as world:
+            stage = Stage(node, world, params.seed)
+            node.log.now = lambda: stage.now
+            for entry in params.robots:
+                half = entry.yaw / 2
+                turn = (0.0, 0.0, math.sin(half), math.cos(half))
+                stage.spawn(entry, Placement((entry.x, entry.y, 0.0), turn))
+            timing = _timing(ctx, stage)
+            Desk(stage, timing, node)
+            timing.begin()
+            node.heart.state = "running"
+            node.heart.hurry()
+            ctx.log.info(f"{len(stage.robots)} robots, {params.mode}")
+            while True:
+                if stage.paused:
+                    node.heart.state = "paused"
+                    stage.tell_time()
+                    ctx.idle()
+                else:
+                    node.heart.state = "running"
+                    advance(stage, timing)
+                    node.heart.ticks = stage.tick
+    except UnknownModel as error:
+        raise BadInput(str(error)) from None
+
+
+def _timing(ctx: Context[SimParameters], stage: Stage) -> Timing:
+    match ctx.params.mode:
+        case "lockstep":
+            return Lockstep(stage, ctx.kernel, ctx.params.members, ctx.params.latency)
+        case "real":
+            return Real(stage, ctx.kernel, ctx.params.factor)
+        case _:
+            return Free(stage, ctx.kernel)

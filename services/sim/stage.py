@@ -1,0 +1,134 @@
+"""The stage: the world with its robots, advanced step by step and published tick by tick."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from messages.names import BadName, validate
+from messages.rosgraph import Clock
+from messages.std import Time
+from messages.topics import CLOCK, TF, TF_STATIC
+from services.runtime.errors import BadInput, unknown
+from services.runtime.marks import Marks
+from services.runtime.node import Node
+from services.runtime.outputs import Output
+from services.sim import STEP_NS, RobotEntry
+from services.sim.commanders import Ages, Commanders
+from services.sim.frames import fixed, moving
+from services.sim.robot import Robot
+from services.sim.world import Placement, World
+
+CONTROL = 4
+"""Physics steps between two publications of odometry, ground truth and the clock: 50 Hz."""
+STATUS = 40
+"""Physics steps between two states of the bases: 5 Hz."""
+
+
+class Stage:
+    """Everything that moves, and simulation time: ``tick`` counts physics steps since the last reset."""
+
+    def __init__(self, node: Node, world: World, seed: int) -> None:
+        self.world, self.tick, self.epoch, self.paused = world, 0, 0, False
+        self._node, self._seed = node, seed
+        self._robots: dict[str, tuple[Robot, Placement]] = {}
+        self._commanders, self._ages = Commanders(node.transport), Ages()
+        self._clock: Output[Any] = node.write(CLOCK)
+        self._tf: Output[Any] = node.write(TF)
+        self._tf_static: Output[Any] = node.write(TF_STATIC)
+
+    @property
+    def now(self) -> int:
+        """Simulation time, ns."""
+        return self.tick * STEP_NS
+
+    @property
+    def robots(self) -> list[Robot]:
+        """All robots, in the order of their spawning."""
+        return [robot for robot, _ in self._robots.values()]
+
+    def find(self, name: str) -> Robot:
+        """The robot of a name; raises BadInput."""
+        if name not in self._robots:
+            raise unknown("model", name, self._robots)
+        return self._robots[name][0]
+
+    def spawn(self, entry: RobotEntry, place: Placement) -> Robot:
+        """Add a robot; raises BadInput when its name is taken or wrong, or it would overlap with something."""
+        try:
+            validate(entry.name)
+            validate(entry.namespace or entry.name)
+        except BadName as error:
+            raise BadInput(f"a robot cannot have this name: {error}") from None
+        if entry.name in self._robots:
+            raise BadInput(f"a robot {entry.name!r} is already there")
+        robot = Robot(self._node, self.world, entry, place, self._seed, self._commanders, self._ages)
+        self._robots[entry.name] = robot, place
+        self._tf_static.publish(fixed(self._robots.values(), self.now))
+        return robot
+
+    def delete(self, name: str) -> None:
+        """Take a robot out; raises BadInput when there is none of this name."""
+        self.find(name).close()
+        del self._robots[name]
+        self._tf_static.publish(fixed(self._robots.values(), self.now))
+
+    def restart(self, time_too: bool) -> None:
+        """Put everything where it was spawned; with ``time_too`` time begins anew in a new epoch."""
+        self.world.reset()
+        if time_too:
+            self.tick = 0
+            self.epoch += 1
+        for robot in self.robots:
+            robot.restart()
+        self._tf_static.publish(fixed(self._robots.values(), self.now))
+
+    def tell(self) -> None:
+        """Publish what is due at this tick."""
+        now, tick = self.now, self.tick
+        if tick % 2 == 0:
+            for robot in self.robots:
+                robot.telemetry.sensors(now, tick)
+        if tick % CONTROL:
+            return
+        self._touch()
+        for robot in self.robots:
+            robot.telemetry.motion(now)
+            robot.telemetry.joints(now)
+            if tick % STATUS == 0:
+                robot.report(now)
+        if self._tf.wanted:
+            self._tf.publish(moving(self.robots, self.world, now))
+        self.tell_time()
+
+    def tell_time(self) -> None:
+        """Publish the clock."""
+        self._clock.publish(Clock(clock=Time.of(self.now), tick=self.tick, epoch=self.epoch, paused=self.paused))
+
+    def listen(self, marks: Marks | None, factor: float) -> None:
+        """Take the commands that have come. ``marks`` are those of lockstep, ``factor`` is that of real time."""
+        self._node.admit(marks)
+        governed = marks.members if marks is not None else set()
+        for source in self._commanders.gone():
+            for robot in self.robots:
+                if robot.base is not None:
+                    robot.base.arbiter.lost(source, self.now)
+        for robot in self.robots:
+            robot.obey(self.now, governed, factor)
+
+    def advance(self) -> None:
+        """One physics step."""
+        now = self.now
+        for robot, _ in self._robots.values():
+            robot.drive(now)
+        self.world.step()
+        self.tick += 1
+
+    def _touch(self) -> None:
+        contacts = self.world.contacts()
+        for robot in self.robots:
+            robot.touch(frozenset(_partners(robot.name, contacts)))
+
+
+def _partners(name: str, contacts: tuple[Any, ...]) -> list[str]:
+    """What a body touches."""
+    return [c.other if c.body == name else c.body for c in contacts if name in (c.body, c.other)]

@@ -1,0 +1,145 @@
+"""What one robot tells: odometry, ground truth, joints, sensors and its base's state, each on its topic."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from messages.elea import BaseStatus
+from messages.nav import Odometry
+from messages.std import Header, String, Time
+from messages.topics import (
+    BASE_STATUS,
+    CAMERA_INFO,
+    GROUND_TRUTH,
+    IMAGE,
+    IMU,
+    JOINT_STATES,
+    ODOM,
+    ROBOT_DESCRIPTION,
+    SCAN,
+    Topic,
+)
+from models import model_path
+from models.figures import Model
+from services.runtime.node import Node
+from services.runtime.outputs import Output
+from services.sim import STEP_NS, RobotEntry
+from services.sim.odometry import PLANAR, Track, encoder_odometry, roll, start, world_odometry
+from services.sim.photo import calibration, photograph
+from services.sim.rotation import into_body
+from services.sim.sensors import imu, joint_state, noise_source, scan
+from services.sim.world import BodyState, World
+
+
+class Telemetry:
+    """The publications of one robot. What costs time to make is made only while somebody listens."""
+
+    def __init__(self, node: Node, world: World, entry: RobotEntry, model: Model, namespace: str, seed: int) -> None:
+        self._node, self._world, self._model, self._seed = node, world, model, seed
+        self._name, self._noise = entry.name, entry.parameters.noise
+        self._joints = world.joints(entry.name)
+        chosen = entry.parameters.odometry
+        self._counts_wheels = model.wheels is not None and "encoder" in (
+            chosen,
+            model.odometry if chosen == "model" else "",
+        )
+        topics: list[Topic[Any]] = [ODOM, GROUND_TRUTH, JOINT_STATES, BASE_STATUS, ROBOT_DESCRIPTION]
+        topics += [SCAN] if model.laser else []
+        topics += [IMU] if model.imu else []
+        topics += [IMAGE, CAMERA_INFO] if model.camera else []
+        self._out: dict[Topic[Any], Output[Any]] = {
+            topic: node.write(topic, f"{namespace}/{topic.name}") for topic in topics
+        }
+        self._out[ROBOT_DESCRIPTION].publish(String(data=model_path(entry.model).read_text()))
+        self._child = self.frame(model.base_frame)
+        self.restart()
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._node.forget(*self._out.values())
+
+    def restart(self) -> None:
+        """Begin anew from where the body is."""
+        self.track = start(*self._wheel_angles()) if self._counts_wheels else None
+        self.truth: Odometry | None = None
+        self.odometry: Odometry | None = None
+        self._told = -1
+        self._before: tuple[int, BodyState] | None = None
+
+    def frame(self, link: str) -> str:
+        """The frame of a link, prefixed by the robot's name."""
+        return f"{self._name}/{link}"
+
+    def motion(self, now: int) -> None:
+        """Publish ground truth and odometry, and keep them for the frames."""
+        state = self._world.state(self._name)
+        stamp = Time.of(now)
+        own = Header(stamp=stamp, frame_id=self.frame("odom"))
+        truth = world_odometry(state, Header(stamp=stamp, frame_id="world"), self._child)
+        if self.track is None:
+            pose = type(truth.pose)(pose=truth.pose.pose, covariance=PLANAR)
+            odometry = Odometry(header=own, child_frame_id=self._child, pose=pose, twist=truth.twist)
+        else:
+            self.track = self._roll(self.track, (now - self._told) / 1e9 if self._told >= 0 else 0.0)
+            odometry = encoder_odometry(self.track, own, self._child)
+        self._told = now
+        self.truth, self.odometry = truth, odometry
+        self._out[GROUND_TRUTH].publish(truth)
+        self._out[ODOM].publish(odometry)
+
+    def joints(self, now: int) -> None:
+        """Publish the joints' angles."""
+        if self._joints and self._out[JOINT_STATES].wanted:
+            readings = self._world.joint_readings(self._name)
+            self._out[JOINT_STATES].publish(joint_state(self._joints, readings, Header(stamp=Time.of(now))))
+
+    def sensors(self, now: int, tick: int) -> None:
+        """Publish the sensors that are due at ``tick``."""
+        model = self._model
+        if model.imu is not None and _due(tick, model.imu.rate):
+            self._imu(now, tick)
+        if model.laser is not None and _due(tick, model.laser.rate) and self._out[SCAN].wanted:
+            header = Header(stamp=Time.of(now), frame_id=self.frame(model.laser.link))
+            noise = noise_source(self._seed, self._name, "scan", tick) if self._noise else None
+            self._out[SCAN].publish(scan(self._world, self._name, model.laser, header, noise))
+        if model.camera is not None and _due(tick, model.camera.rate) and self._out[IMAGE].wanted:
+            header = Header(stamp=Time.of(now), frame_id=self.frame(model.camera.link))
+            self._out[CAMERA_INFO].publish(calibration(model.camera, header))
+            self._out[IMAGE].publish(photograph(self._world, self._name, model.camera, header))
+
+    def status(self, status: BaseStatus) -> None:
+        """Publish the state of the base."""
+        self._out[BASE_STATUS].publish(status)
+
+    def _imu(self, now: int, tick: int) -> None:
+        unit = self._model.imu
+        assert unit is not None
+        if not self._out[IMU].wanted:
+            self._before = None
+            return
+        state, before = self._world.state(self._name), self._before
+        self._before = now, state
+        if before is None or before[0] >= now:
+            return
+        place = self._world.link_placement(self._name, unit.link).position
+        apart = (place[0] - state.position[0], place[1] - state.position[1], place[2] - state.position[2])
+        noise = noise_source(self._seed, self._name, "imu", tick) if self._noise else None
+        header = Header(stamp=Time.of(now), frame_id=self.frame(unit.link))
+        offset, dt = into_body(state.orientation, apart), (now - before[0]) / 1e9
+        self._out[IMU].publish(imu(unit, offset, before[1], state, dt, header, noise))
+
+    def _roll(self, track: Track, dt: float) -> Track:
+        wheels = self._model.wheels
+        assert wheels is not None
+        return roll(track, *self._wheel_angles(), dt, wheels.separation, wheels.radius) if dt > 0 else track
+
+    def _wheel_angles(self) -> tuple[float, float]:
+        wheels = self._model.wheels
+        assert wheels is not None
+        angles = dict(zip(self._joints, self._world.joint_readings(self._name).position, strict=True))
+        return angles[wheels.left_joint], angles[wheels.right_joint]
+
+
+def _due(tick: int, rate: float) -> bool:
+    """Whether something of this rate [Hz] happens at a physics step."""
+    return tick % round(1e9 / rate / STEP_NS) == 0

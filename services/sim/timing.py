@@ -1,0 +1,130 @@
+"""The three ways in which time runs: with the wall clock, as fast as it can, or in lockstep with the members."""
+
+from __future__ import annotations
+
+import time
+from typing import Protocol
+
+from services.runtime.lockstep import Barrier, Go
+from services.runtime.marks import Marks
+from services.runtime.node import Node
+from services.sim.stage import CONTROL, Stage
+
+SLACK_S = 0.1
+"""Wall time by which real time may lag before it gives up catching up."""
+
+
+class Timing(Protocol):
+    """Holds the simulation at a tick until it may go on."""
+
+    marks: Marks | None
+    factor: float
+
+    def begin(self) -> None:
+        """Block until time may start."""
+        ...
+
+    def hold(self) -> bool:
+        """Wait as long as this tick asks for; True when commands are to be taken now."""
+        ...
+
+    def halt(self) -> None:
+        """Time was paused, stepped or set anew."""
+        ...
+
+
+class Free:
+    """As fast as it can, without waiting for anyone."""
+
+    marks: Marks | None = None
+    factor = 1.0
+
+    def __init__(self, stage: Stage, node: Node) -> None:
+        self._stage, self._node = stage, node
+
+    def begin(self) -> None:
+        pass
+
+    def hold(self) -> bool:
+        if self._stage.tick % CONTROL:
+            return False
+        self._node.turn()
+        return True
+
+    def halt(self) -> None:
+        pass
+
+
+class Real:
+    """With the wall clock times a factor; what the machine cannot keep up with is lost, not made up for."""
+
+    marks: Marks | None = None
+
+    def __init__(self, stage: Stage, node: Node, factor: float) -> None:
+        self._stage, self._node, self.factor = stage, node, factor
+        self.halt()
+
+    def begin(self) -> None:
+        self.halt()
+
+    def hold(self) -> bool:
+        if self._stage.tick % CONTROL:
+            return False
+        self._node.turn()
+        ahead = self._start + (self._stage.now - self._from) / 1e9 / self.factor - time.monotonic()
+        if ahead > 0:
+            time.sleep(ahead)
+        elif ahead < -SLACK_S:
+            self._node.log.warn(f"simulation lags by {-ahead:.1f} s: the machine is too slow or busy", every=10.0)
+            self.halt()
+        return True
+
+    def halt(self) -> None:
+        self._start, self._from = time.monotonic(), self._stage.now
+
+
+class Lockstep:
+    """Waits at each tick for the members that are due; with ``latency`` 1 they compute while the physics steps."""
+
+    factor = 1.0
+
+    def __init__(self, stage: Stage, node: Node, members: tuple[str, ...], latency: int) -> None:
+        self._stage, self._node, self._latency = stage, node, latency
+        self._barrier = Barrier(node.transport, members, node.log, node.wait)
+        self.marks: Marks | None = self._barrier.marks
+        self._released = False
+
+    def begin(self) -> None:
+        self._node.heart.state = "waiting"
+        self._node.heart.note = "for the members of lockstep"
+        self._barrier.gather(self._go)
+        self._node.heart.note = ""
+
+    def hold(self) -> bool:
+        due = self._barrier.due(self._stage.now)
+        control = self._stage.tick % CONTROL == 0
+        if control:
+            self._node.turn()
+            self._barrier.update(self._go)
+        if not due:
+            return control
+        if self._released:
+            self._barrier.collect()
+        self._barrier.release(self._go(), self._node.outputs)
+        self._released = bool(self._latency)
+        if not self._latency:
+            self._barrier.collect()
+        return True
+
+    def halt(self) -> None:
+        self._barrier.announce(self._go())
+
+    def _go(self) -> Go:
+        stage = self._stage
+        return Go(
+            simulation=self._node.transport.session,
+            tick=stage.tick,
+            time=stage.now,
+            epoch=stage.epoch,
+            paused=stage.paused,
+        )

@@ -1,0 +1,142 @@
+"""What the simulation asks of a physics engine: a few verbs over plain records, so that a second engine can follow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+GRAVITY = 9.81
+"""m/s2, toward -z."""
+
+Vector = tuple[float, float, float]
+Rotation = tuple[float, float, float, float]
+"""A unit quaternion (x, y, z, w)."""
+
+
+class Placement(NamedTuple):
+    """Where something is in the world: position [m] and orientation."""
+
+    position: Vector = (0.0, 0.0, 0.0)
+    orientation: Rotation = (0.0, 0.0, 0.0, 1.0)
+
+
+ORIGIN = Placement()
+
+
+class BodyState(NamedTuple):
+    """A body's root frame in the world: position [m], orientation, velocity [m/s] and turn rate [rad/s], all in world
+    axes."""
+
+    position: Vector
+    orientation: Rotation
+    linear: Vector
+    angular: Vector
+
+
+class JointReadings(NamedTuple):
+    """The movable joints of a body in the order of ``World.joints``: rad or m, rad/s or m/s, N m or N."""
+
+    position: tuple[float, ...]
+    velocity: tuple[float, ...]
+    effort: tuple[float, ...]
+
+
+class Contact(NamedTuple):
+    """Two things that touch: ``body`` is a body of the world, ``other`` another one or a static obstacle."""
+
+    body: str
+    other: str
+
+
+@dataclass(frozen=True)
+class Motor:
+    """A joint that is driven to a speed with at most ``torque`` [N m]; all other joints move freely."""
+
+    joint: str
+    torque: float
+
+
+@dataclass(frozen=True)
+class Body:
+    """What enters the world: a URDF whose root frame is put at ``placement``, at rest."""
+
+    name: str
+    urdf: Path
+    placement: Placement = ORIGIN
+    motors: tuple[Motor, ...] = ()
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A pinhole camera: picture size in pixels, horizontal field of view [rad], clipping distances [m]."""
+
+    width: int
+    height: int
+    fov: float
+    near: float
+    far: float
+
+
+class World(Protocol):
+    """A world with a level ground at z = 0 that advances in equal steps.
+
+    The same calls in the same order give the same numbers, bit for bit. Names that do not exist, bodies that would
+    overlap and URDFs that do not load raise ``services.runtime.errors.BadInput``.
+    """
+
+    @property
+    def step_ns(self) -> int:
+        """Simulation time of one step, ns."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All bodies, in the order of their spawning."""
+
+    def spawn(self, body: Body) -> None:
+        """Add a body, unless its name is taken or it would overlap with another body, an obstacle or the ground."""
+
+    def delete(self, name: str) -> None:
+        """Take a body out."""
+
+    def reset(self) -> None:
+        """Start anew: all present bodies as they were spawned, at rest, motors at zero."""
+
+    def step(self) -> None:
+        """Advance by ``step_ns``."""
+
+    def state(self, name: str) -> BodyState:
+        """Pose and velocity of a body's root frame."""
+
+    def set_state(self, name: str, state: BodyState) -> None:
+        """Move a body; its joints keep their angles. Refused where it would overlap."""
+
+    def joints(self, name: str) -> tuple[str, ...]:
+        """The movable joints of a body, in the URDF's order."""
+
+    def joint_readings(self, name: str) -> JointReadings:
+        """Angles, speeds and motor torques of ``joints(name)``."""
+
+    def set_speeds(self, name: str, speeds: Sequence[float]) -> None:
+        """Set the target speeds [rad/s] of a body's motors, in their order; they hold until set again."""
+
+    def link_placement(self, name: str, link: str) -> Placement:
+        """Where the frame of a link is."""
+
+    def contacts(self) -> tuple[Contact, ...]:
+        """The pairs that touched in the last step, each once, sorted; the ground does not count."""
+
+    def rays(self, origins: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far rays get, shape (n,), as a fraction of their length, from ``origins`` to ``ends`` [m], shape (n, 3);
+        inf where nothing is hit."""
+
+    def picture(self, eye: Placement, lens: Lens) -> bytes:
+        """A picture from ``eye`` (z forward, x right, y down): rows from the top, three bytes RGB per pixel."""
+
+    def close(self) -> None:
+        """End the world."""

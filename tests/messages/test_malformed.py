@@ -1,0 +1,123 @@
+"""Whatever is wrong with a payload, it is refused as a whole, with the path of what is wrong."""
+
+import math
+import re
+from typing import Any
+
+import msgpack
+import msgspec.inspect as kinds
+import pytest
+
+from messages.base import Message, WrongPayload, decoder
+from messages.records import RECORDS
+from tests.messages.spots import filled, spots
+from tests.messages.strategies import struct
+
+EVERY_RECORD = pytest.mark.parametrize("kind", RECORDS.values(), ids=list(RECORDS))
+EXT = msgpack.ExtType(7, b"x")
+WRONG: dict[type[kinds.Type], tuple[Any, ...]] = {
+    kinds.FloatType: ("x", b"x", True, None, [], {}, EXT),
+    kinds.IntType: ("x", b"x", 1.0, 1.5, True, None, [], {}, EXT),
+    kinds.BoolType: ("x", b"x", 0, 1, 1.0, None, [], {}, EXT),
+    kinds.StrType: (b"x", 1, 1.5, True, None, [], {}, EXT),
+    kinds.BytesType: (1, 1.5, True, None, [], {}, EXT),
+    kinds.LiteralType: ("nonsense", b"x", 1, True, None, [], {}, EXT),
+    kinds.UnionType: ("x", b"x", 1.5, True, [], {}, EXT),
+    kinds.StructType: ("x", b"x", 1, 1.5, True, None, [], EXT),
+    kinds.VarTupleType: ("x", b"x", 1, 1.5, True, None, {}, EXT),
+    kinds.CustomType: ("x", b"x", 1, 1.5, True, None, {}, ["x"], [[1.0]], [True], EXT),
+}
+
+
+def refusal(kind: type[Message], payload: bytes) -> str:
+    with pytest.raises(WrongPayload) as caught:
+        decoder(kind)(payload)
+    return str(caught.value)
+
+
+def at(path: str) -> str:
+    """How an error names a path; the payload as a whole goes without."""
+    return "" if path == "$" else f" - at `{path}`"
+
+
+def whole(kind: type[Message]) -> bytes:
+    payload: bytes = msgpack.packb(filled(struct(kind)))
+    decoder(kind)(payload)  # what follows is about the fault put into it, not about this payload
+    return payload
+
+
+@EVERY_RECORD
+def test_every_truncation_is_refused(kind: type[Message]) -> None:
+    payload = whole(kind)
+    for end in range(len(payload)):
+        assert "truncated" in refusal(kind, payload[:end])
+
+
+@EVERY_RECORD
+def test_trailing_bytes_are_refused(kind: type[Message]) -> None:
+    assert "trailing" in refusal(kind, whole(kind) + b"\x00")
+
+
+@EVERY_RECORD
+def test_a_wrong_type_is_refused_at_every_spot(kind: type[Message]) -> None:
+    whole(kind)
+    for spot in spots(kind):
+        for wrong in WRONG[type(spot.kind)]:
+            assert refusal(kind, msgpack.packb(spot.put(wrong))).endswith(at(spot.path)), (spot.path, wrong)
+
+
+@EVERY_RECORD
+def test_numbers_beyond_their_bounds_are_refused(kind: type[Message]) -> None:
+    for spot in spots(kind):
+        for beyond in _beyond(spot.kind):
+            assert refusal(kind, msgpack.packb(spot.put(beyond))).endswith(at(spot.path)), (spot.path, beyond)
+
+
+def _beyond(kind: kinds.Type) -> list[float]:
+    if isinstance(kind, kinds.FloatType) and kind.ge is not None and kind.le is not None:
+        return [math.nan, math.inf, -math.inf, math.nextafter(kind.le, math.inf), math.nextafter(kind.ge, -math.inf)]
+    if isinstance(kind, kinds.IntType) and kind.ge is not None:
+        high = kind.lt if kind.lt is not None else kind.le + 1 if kind.le is not None else None
+        return [kind.ge - 1, *([] if high is None else [high])]
+    return []
+
+
+def test_what_moves_a_robot_is_finite() -> None:
+    movers = [spot for name in ("Twist", "Pose") for spot in spots(RECORDS[f"geometry_msgs/{name}"])]
+    floats = [spot.kind for spot in movers if isinstance(spot.kind, kinds.FloatType)]
+    assert len(floats) == 6 + 7
+    assert all(_beyond(kind) for kind in floats)
+
+
+@EVERY_RECORD
+def test_unknown_fields_are_ignored_at_every_level(kind: type[Message]) -> None:
+    expected = decoder(kind)(whole(kind))
+    more = {"of_a_newer_sender": {"deep": [1, None, EXT]}}
+    for spot in spots(kind):
+        if isinstance(spot.kind, kinds.StructType):
+            assert decoder(kind)(msgpack.packb(spot.put(filled(spot.kind) | more))) == expected
+
+
+@EVERY_RECORD
+def test_fixed_lengths_are_kept(kind: type[Message]) -> None:
+    for spot in spots(kind):
+        if isinstance(spot.kind, kinds.VarTupleType) and spot.kind.min_length is not None:
+            assert spot.kind.min_length == spot.kind.max_length
+            for length in (0, spot.kind.min_length - 1, spot.kind.min_length + 1):
+                refused = refusal(kind, msgpack.packb(spot.put([0.0] * length)))
+                assert re.search(rf"of length [<>]= {spot.kind.min_length}", refused)
+                assert refused.endswith(at(spot.path))
+
+
+@pytest.mark.parametrize(
+    ("type_name", "payload", "says"),
+    [
+        ("geometry_msgs/Twist", {"linear": {"x": 100.1}}, "beyond 100.0 m/s"),
+        ("geometry_msgs/TwistStamped", {"twist": {"angular": {"z": -1001.0}}}, "beyond 1000.0 rad/s .*`$.twist`"),
+        ("sensor_msgs/JointState", {"name": ["a"], "effort": [1.0, 2.0]}, "effort has 2 values for 1 joint names"),
+        ("sensor_msgs/Image", {"height": 2, "step": 3, "data": b"12345"}, "5 bytes, 2 rows of 3"),
+        ("sensor_msgs/LaserScan", {"ranges": [1.0, 2.0], "intensities": [1.0]}, "one length"),
+    ],
+)
+def test_fields_that_contradict_each_other_are_refused(type_name: str, payload: Any, says: str) -> None:
+    assert re.search(says.replace("$.", r"\$\."), refusal(RECORDS[type_name], msgpack.packb(payload)))

@@ -1,0 +1,87 @@
+"""Every record travels unchanged, through our codec and through an independent MessagePack library."""
+
+import json
+from typing import Any
+
+import msgpack
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from messages.base import Message, decoder, encode
+from messages.records import RECORDS, UnknownRecord, record
+from tests.messages.strategies import STEADY, plain, struct, unpack, values, write_array
+
+EVERY_RECORD = pytest.mark.parametrize("kind", RECORDS.values(), ids=list(RECORDS))
+
+
+def same(ours: Any, theirs: Any) -> bool:
+    """Equality of plain values, arrays by their bytes and shape, numbers by type as well."""
+    if isinstance(ours, dict):
+        return list(ours) == list(theirs) and all(same(ours[name], theirs[name]) for name in ours)
+    if isinstance(ours, list):
+        return len(ours) == len(theirs) and all(map(same, ours, theirs))
+    if isinstance(ours, np.ndarray):
+        return bool(ours.dtype == theirs.dtype and ours.shape == theirs.shape and ours.tobytes() == theirs.tobytes())
+    return bool(ours == theirs) and type(ours) is type(theirs)
+
+
+@EVERY_RECORD
+@STEADY
+@given(data=st.data())
+def test_a_record_survives_both_codecs(kind: type[Message], data: st.DataObject) -> None:
+    value = data.draw(values(kind))
+    payload = encode(value)
+    assert decoder(kind)(payload) == value
+
+    seen = unpack(payload)
+    assert same(plain(value), seen)
+
+    assert decoder(kind)(msgpack.packb(seen, default=write_array)) == value
+
+
+@EVERY_RECORD
+def test_an_empty_map_is_the_record_of_defaults(kind: type[Message]) -> None:
+    assert decoder(kind)(b"\x80") == kind()
+
+
+@EVERY_RECORD
+def test_each_record_has_a_type_of_its_own_and_says_what_it_is(kind: type[Message]) -> None:
+    package, _, name = vars(kind)["ROS_TYPE"].partition("/")
+    assert package.endswith(("_msgs", "_interfaces"))
+    assert name == kind.__name__
+    assert kind.__doc__
+    with pytest.raises(AttributeError, match="immutable"):
+        setattr(kind(), struct(kind).fields[0].name if struct(kind).fields else "x", None)
+
+
+def test_the_table_has_every_record() -> None:
+    def below(parent: type[Message]) -> set[type[Message]]:
+        children = {child for child in parent.__subclasses__() if child.__module__.startswith("messages.")}
+        return children.union(*map(below, children)) if children else set()
+
+    assert set(RECORDS.values()) == below(Message)
+    assert json.dumps(sorted(RECORDS))
+
+
+def test_the_records_that_ros_users_expect_are_there() -> None:
+    expected = {
+        "std_msgs": "String Bool Float32 Float64 Header Empty",
+        "geometry_msgs": "Vector3 Quaternion Point Pose PoseStamped PoseWithCovariance Twist TwistStamped"
+        " TwistWithCovariance Transform TransformStamped",
+        "nav_msgs": "Odometry Path",
+        "sensor_msgs": "JointState LaserScan Imu Image CameraInfo",
+        "tf2_msgs": "TFMessage",
+        "rosgraph_msgs": "Clock Log",
+        "diagnostic_msgs": "DiagnosticArray",
+    }
+    assert {f"{package}/{name}" for package, names in expected.items() for name in names.split()} <= RECORDS.keys()
+
+
+def test_a_record_is_found_by_its_name_and_a_wrong_name_gets_the_nearest() -> None:
+    assert record("geometry_msgs/Twist") is record("geometry_msgs/msg/Twist") is RECORDS["geometry_msgs/Twist"]
+    with pytest.raises(UnknownRecord, match=r"'geometry_msgs/Twits'; did you mean 'geometry_msgs/Twist'\?"):
+        record("geometry_msgs/Twits")
+    with pytest.raises(UnknownRecord, match=r"known: .*nav_msgs/Odometry"):
+        record("42")

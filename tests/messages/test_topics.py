@@ -1,0 +1,39 @@
+"""The tables of topics and requests hold together."""
+
+from messages import requests, topics
+from messages.names import key, resolve
+from messages.records import RECORDS
+from messages.requests import REQUESTS, Request
+from messages.topics import TOPICS, Quality, Topic
+
+
+def test_topics_have_legal_names_each_its_own() -> None:
+    resolved = [resolve(topic.name, "/tb3_0", "driver") for topic in TOPICS]
+    assert len(set(resolved)) == len(resolved)
+    assert all(key(name) for name in resolved)
+
+
+def test_topics_carry_known_records_at_a_promised_rate() -> None:
+    for topic in TOPICS:
+        assert RECORDS[topic.record.ROS_TYPE] is topic.record
+        assert topic.rate >= 0
+        assert topic.about
+        assert topic.largest >= 1 << 16
+
+
+def test_a_latched_topic_promises_no_rate() -> None:
+    assert not [topic.name for topic in TOPICS if topic.quality is Quality.LATCHED and topic.rate]
+
+
+def test_requests_have_legal_names_each_its_own_and_known_records() -> None:
+    names = [resolve(request.name, "/tb3_0", "driver") for request in REQUESTS]
+    assert len(set(names)) == len(names)
+    for request in REQUESTS:
+        assert RECORDS[request.asks.ROS_TYPE] is request.asks
+        assert RECORDS[request.replies.ROS_TYPE] is request.replies
+        assert request.about
+
+
+def test_the_tables_have_all_that_is_declared() -> None:
+    assert [each for each in vars(topics).values() if isinstance(each, Topic)] == list(TOPICS)
+    assert [each for each in vars(requests).values() if isinstance(each, Request)] == list(REQUESTS)
