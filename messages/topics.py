@@ -26,7 +26,7 @@ class Quality(Enum):
     LATCHED = "every one arrives, and the last of each publisher reaches late joiners"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Topic(Generic[M_co]):
     """A named stream of one record; ``rate`` is the promised rate [Hz] of simulation time, 0 for "when it happens".
 

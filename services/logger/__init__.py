@@ -1,0 +1,51 @@
+"""The logger service: records a run for the rerun viewer, into a file and live."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from messages.base import Metres
+from messages.topics import CMD_VEL, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, ROSOUT, STATUS
+from services.runtime.service import Parameters, Service
+
+
+class LoggerParameters(Parameters, frozen=True, kw_only=True):
+    """What to record, where to, and who may look on."""
+
+    robots: Annotated[tuple[str, ...], Meta(description="names of the robots, in the order of their colours")] = ()
+    models: Annotated[tuple[str, ...], Meta(description="model of each robot; a single one stands for all of them")] = (
+        "burger",
+    )
+    file: Annotated[str, Meta(description="the recording; empty means run.rrd in the working directory")] = ""
+    footer: Annotated[
+        bool,
+        Meta(description="end the file with a table of contents; off saves about 0.1 MiB of memory a minute and robot"),
+    ] = True
+    serve: Annotated[bool, Meta(description="serve the run to viewers on 127.0.0.1 while it lasts")] = True
+    port: Annotated[int, Meta(ge=1024, le=65535, description="port of the live view")] = 9876
+    memory: Annotated[
+        int, Meta(ge=16, le=65536, description="kept for viewers that come late, oldest dropped", extra={"unit": "MiB"})
+    ] = 256
+    view: Annotated[
+        Literal["auto", "never", "always"], Meta(description="open a viewer: auto does so where there is a display")
+    ] = "auto"
+    window: Annotated[float, Meta(ge=0.02, le=10, description="wall time between two batches", extra={"unit": "s"})] = (
+        0.25
+    )
+    extent: Annotated[
+        tuple[Metres, Metres, Metres, Metres],
+        Meta(description="ground that the first picture shows: x and y of a corner, then of the opposite one"),
+    ] = (-0.5, -4.5, 5.5, 4.5)
+
+
+SERVICE = Service(
+    name="logger",
+    about="records robots, trails, plots and log for the rerun viewer, into a file and live",
+    run="services.logger.loop:run",
+    reads=(GROUND_TRUTH, ODOM, CMD_VEL, JOINT_STATES, PLAN, STATUS, ROSOUT),
+    rate=5,
+    parameters=LoggerParameters,
+    holds_lockstep=False,
+)

@@ -106,7 +106,7 @@ class Context(Generic[P]):
     def ticks(self) -> Iterator[Tick]:
         """The loop's steps at the service's rate of simulation time, until the process is asked to end (Stopped).
 
-        Inputs are a snapshot taken as the tick starts. At a reset they are empty.
+        Inputs are a snapshot taken as the tick starts. At a reset they are empty but for what is latched.
         """
         if self._rate is None:
             raise BadInput("a service without a rate has no ticks")
@@ -150,6 +150,7 @@ class Context(Generic[P]):
     def _snapshot(self, pacer: Pacer, reset: bool) -> None:
         self._node.admit(pacer.marks)
         for view in self._views:
-            if reset:
+            if reset and not view.latched:
                 view.clear()
-            view.refresh()
+            else:
+                view.refresh()

@@ -137,12 +137,22 @@ class _Member:
 
 
 class Barrier:
-    """The simulation's side. ``idle`` is called with the inlet to wait on whenever it has to wait."""
+    """The simulation's side.
 
-    def __init__(self, transport: Transport, roster: tuple[str, ...], log: Log, idle: Callable[[Inlet], None]) -> None:
+    ``idle`` is called with the inlet to wait on whenever it has to wait, ``now`` tells where the simulation stands.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        roster: tuple[str, ...],
+        log: Log,
+        idle: Callable[[Inlet], None],
+        now: Callable[[], Go],
+    ) -> None:
         self.marks = Marks()
         self.dropped: list[str] = []
-        self._transport, self._roster, self._log, self._idle = transport, roster, log, idle
+        self._transport, self._roster, self._log, self._idle, self._now = transport, roster, log, idle, now
         self._inlet = transport.subscribe(f"{ROOT}/{transport.session}/done", _ENCODING, _CAPACITY)
         self._reads_watch = transport.watch(pattern("sub"))
         self._watch = transport.watch(pattern("step"))
@@ -151,12 +161,11 @@ class Barrier:
         self._pending: dict[str, int] = {}
         self._generation = 0
 
-    def gather(self, now: Callable[[], Go]) -> None:
+    def gather(self) -> None:
         """Block until the whole roster has joined and every member sees every other."""
         started = reported = time.monotonic()
         while True:
-            self.update(now)
-            self._receive()
+            self.update()
             active = {member.node for member in self._members.values() if member.active}
             missing = [node for node in self._roster if node not in active]
             if not missing:
@@ -167,8 +176,9 @@ class Barrier:
                 self._log.warn(f"waiting for {', '.join(missing)} since {waited:.0f} s: did they start?")
             self._idle(self._inlet)
 
-    def update(self, now: Callable[[], Go]) -> None:
-        """Follow who joined and who left."""
+    def update(self) -> None:
+        """Follow who joined, who left, and who answered."""
+        self._receive()
         while (event := self._reads_watch.take()) is not None:
             entity = Entity.parse(event.key)
             if entity is not None:
@@ -185,7 +195,7 @@ class Barrier:
         for member in list(self._members.values()):
             if not member.greeted and self._all_here():
                 member.greeted = True
-                self._tell(member, msgspec.structs.replace(now(), roster=self._present()))
+                self._tell(member, msgspec.structs.replace(self._now(), roster=self._present()))
 
     def due(self, time_ns: int) -> bool:
         """Whether any member steps at this time."""
@@ -204,7 +214,7 @@ class Barrier:
         self._receive()
         while self._pending:
             self._idle(self._inlet)
-            self._receive()
+            self.update()
 
     def announce(self, go: Go) -> None:
         """Tell every member something that is no step: a pause."""

@@ -7,6 +7,7 @@ from typing import Generic, TypeVar
 
 from messages.base import Message
 from messages.std import Header
+from messages.topics import Quality
 from services.runtime.inputs import CAPACITY, Input
 from services.runtime.wire import Origin
 
@@ -18,6 +19,7 @@ class Latest(Generic[M]):
 
     def __init__(self, source: Input[M], now: Callable[[], int]) -> None:
         self._source, self._now = source, now
+        self.latched = source.topic.quality is Quality.LATCHED
         self.value: M | None = None
         self.origin: Origin | None = None
         self._stamp = 0
@@ -48,6 +50,7 @@ class Stream(Generic[M]):
 
     def __init__(self, source: Input[M]) -> None:
         self._source = source
+        self.latched = source.topic.quality is Quality.LATCHED
         self._taken: list[M] = []
 
     def refresh(self) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from models.scene import Scene
 from services.runtime.errors import BadInput
-from services.sim.engine import connect, load_body, load_scene
+from services.sim.engine import connect, load_body, load_scene, rolls
 from services.sim.quiet import pybullet
 from services.sim.world import Placement
 
@@ -19,12 +19,16 @@ DEEPEST = 0.002
 """Bodies may reach this far, m, into each other or the ground: what resting on it takes, and rounding."""
 
 
+_GROUND = 0
+"""The number of what was loaded first."""
+
+
 class Clearance:
     """Copies of a world's ground, obstacles and bodies, none of which ever moves by itself."""
 
     def __init__(self, scene: Scene) -> None:
         self._client = connect(1.0)
-        self._fixed = {0: "the ground", **load_scene(self._client, scene)}
+        self._fixed = {_GROUND: "the ground", **load_scene(self._client, scene)}
         self._copies: dict[str, int] = {}
 
     def admit(self, name: str, urdf: Path, placement: Placement, others: Mapping[str, Placement]) -> None:
@@ -59,9 +63,14 @@ class Clearance:
 
     def _compare(self, name: str, placement: Placement, copy: int, number: int, other: str) -> None:
         near = pybullet.getClosestPoints(copy, number, 0.0, physicsClientId=self._client)
-        depth = -min((point[8] for point in near), default=0.0)
+        depth = -min((point[8] for point in near if self._meet(copy, number, *point[3:5])), default=0.0)
         if depth > DEEPEST:
             x, y, z = placement.position
             raise BadInput(
                 f"{name!r} at x {x:.3f} m, y {y:.3f} m, z {z:.3f} m would overlap with {other} by {depth:.3f} m"
             )
+
+    def _meet(self, copy: int, number: int, link: int, other: int) -> bool:
+        # Distances know nothing of who may touch whom.
+        ground = number == _GROUND
+        return ground or not (rolls(self._client, copy, link) or rolls(self._client, number, other))

@@ -13,9 +13,12 @@ from services.runtime.errors import BadInput
 from services.sim.quiet import pybullet, stdout_kept_clean
 from services.sim.world import GRAVITY, Placement
 
-# Who may touch whom: rolling parts touch the ground alone, because a sphere is wider than the wheel it stands for.
-_BODY, _ROLLER, _GROUND = 1, 64, 128
-_EVERYTHING = -1
+# Who may touch whom, as (group, mask): rolling parts touch the ground alone, because a sphere is wider than the wheel
+# it stands for. Masks are spelt out: with the mask -1 PyBullet lets rolling parts and bodies collide all the same.
+_BODY_BIT, _ROLLER_BIT, _GROUND_BIT = 1, 2, 4
+_BODY = (_BODY_BIT, _BODY_BIT | _GROUND_BIT)
+_ROLLER = (_ROLLER_BIT, _GROUND_BIT)
+_GROUND = (_GROUND_BIT, _BODY_BIT | _ROLLER_BIT)
 _SPHERE = pybullet.GEOM_SPHERE
 
 
@@ -45,7 +48,7 @@ def load_scene(client: int, scene: Scene) -> dict[int, str]:
     """Put the ground and the obstacles into a client; returns the obstacles' names by their numbers."""
     plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
     ground = pybullet.createMultiBody(0, plane, physicsClientId=client)
-    _settle(client, ground, -1, scene.friction, _GROUND, _EVERYTHING)
+    _settle(client, ground, -1, scene.friction, _GROUND)
     return {_load_box(client, box): box.name for box in scene.boxes}
 
 
@@ -55,7 +58,7 @@ def _load_box(client: int, box: Box) -> int:
     look = pybullet.createVisualShape(pybullet.GEOM_BOX, halfExtents=half, rgbaColor=box.colour, physicsClientId=client)
     turn = (0.0, 0.0, math.sin(box.yaw / 2), math.cos(box.yaw / 2))
     number: int = pybullet.createMultiBody(0, shape, look, box.position, turn, physicsClientId=client)
-    _settle(client, number, -1, 0.5, _BODY, _EVERYTHING)
+    _settle(client, number, -1, 0.5, _BODY)
     return number
 
 
@@ -76,23 +79,21 @@ def load_body(client: int, urdf: Path, placement: Placement) -> int:
         raise BadInput(f"{urdf}: PyBullet cannot load this URDF ({error}); its reasons stand on stderr") from error
     for link in range(-1, pybullet.getNumJoints(number, physicsClientId=client)):
         friction = pybullet.getDynamicsInfo(number, link, physicsClientId=client)[1]
-        if _rolls(client, number, link):
-            _settle(client, number, link, friction, _ROLLER, _GROUND)
-        else:
-            _settle(client, number, link, friction, _BODY, _EVERYTHING)
+        _settle(client, number, link, friction, _ROLLER if rolls(client, number, link) else _BODY)
         if link >= 0:
             # Every movable joint is born with a motor that brakes it.
             pybullet.setJointMotorControl2(number, link, pybullet.VELOCITY_CONTROL, force=0, physicsClientId=client)
     return number
 
 
-def _rolls(client: int, number: int, link: int) -> bool:
+def rolls(client: int, number: int, link: int) -> bool:
+    """Whether a link of a body rolls, that is, collides as a sphere."""
     shapes = pybullet.getCollisionShapeData(number, link, physicsClientId=client)
     return bool(shapes) and all(shape[2] == _SPHERE for shape in shapes)
 
 
-def _settle(client: int, number: int, link: int, friction: float, group: int, mask: int) -> None:
+def _settle(client: int, number: int, link: int, friction: float, touches: tuple[int, int]) -> None:
     # Two calls: in one, PyBullet leaves the friction at 0.5, and a burger spins 3.9 % short.
     pybullet.changeDynamics(number, link, lateralFriction=friction, physicsClientId=client)
     pybullet.changeDynamics(number, link, linearDamping=0, angularDamping=0, physicsClientId=client)
-    pybullet.setCollisionFilterGroupMask(number, link, group, mask, physicsClientId=client)
+    pybullet.setCollisionFilterGroupMask(number, link, *touches, physicsClientId=client)

@@ -90,14 +90,14 @@ class Lockstep:
 
     def __init__(self, stage: Stage, node: Node, members: tuple[str, ...], latency: int) -> None:
         self._stage, self._node, self._latency = stage, node, latency
-        self._barrier = Barrier(node.transport, members, node.log, node.wait)
+        self._barrier = Barrier(node.transport, members, node.log, node.wait, self._go)
         self.marks: Marks | None = self._barrier.marks
         self._released = False
 
     def begin(self) -> None:
         self._node.heart.state = "waiting"
         self._node.heart.note = "for the members of lockstep"
-        self._barrier.gather(self._go)
+        self._barrier.gather()
         self._node.heart.note = ""
 
     def hold(self) -> bool:
@@ -105,7 +105,7 @@ class Lockstep:
         control = self._stage.tick % CONTROL == 0
         if control:
             self._node.turn()
-            self._barrier.update(self._go)
+            self._barrier.update()
         if not due:
             return control
         if self._released:

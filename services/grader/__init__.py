@@ -1,0 +1,38 @@
+"""The grader service: it watches a run, measures every robot against ground truth, and ends the run."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from messages.topics import BASE_STATUS, GROUND_TRUTH, HEALTH, ODOM, PLAN, STATUS
+from services.runtime.service import Parameters, Service
+
+
+class GraderParameters(Parameters, frozen=True, kw_only=True):
+    """Whom to watch, until when, and where the measurements go."""
+
+    robots: Annotated[tuple[str, ...], Meta(description="namespaces of the robots to measure")] = ()
+    ends: Annotated[
+        Literal["goals", "duration", "never"],
+        Meta(description="end the run when all robots have finished, after the duration, or only when stopped"),
+    ] = "goals"
+    duration: Annotated[
+        float, Meta(ge=0, le=1e7, description="longest simulation time; 0 is no limit", extra={"unit": "s"})
+    ] = 0.0
+    output: Annotated[str, Meta(description="folder of measurements.json and trajectories.npz")] = "."
+    reach_tolerance: Annotated[
+        float,
+        Meta(gt=0, le=1, description="true distance at which a point counts as reached", extra={"unit": "m"}),
+    ] = 0.05
+
+
+SERVICE = Service(
+    name="grader",
+    about="measures a run against ground truth, ends it and writes the figures",
+    run="services.grader.loop:run",
+    reads=(GROUND_TRUTH, ODOM, PLAN, STATUS, BASE_STATUS, HEALTH),
+    rate=5,
+    parameters=GraderParameters,
+)

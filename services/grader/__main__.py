@@ -1,0 +1,6 @@
+"""`python -m services.grader`."""
+
+from services.grader import SERVICE
+from services.runtime.main import main
+
+main(SERVICE)

@@ -1,0 +1,56 @@
+"""What remains of a trajectory: a fingerprint of every sample, and a trail of bounded length for the picture."""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from collections.abc import Mapping
+
+from messages.geometry import Pose
+
+_SAMPLE = struct.Struct("<q7d")
+
+TRAIL_LENGTH = 6000
+"""Most points that a trail keeps; five minutes at 50 Hz are thinned to 3750."""
+
+
+class Fingerprint:
+    """SHA-256 over the samples of one robot in the order of their stamps: ns as int64, x y z qx qy qz qw as doubles."""
+
+    def __init__(self) -> None:
+        self._hash = hashlib.sha256()
+
+    def add(self, stamp: int, pose: Pose) -> None:
+        """Take in one sample; ``stamp`` in ns."""
+        p, q = pose.position, pose.orientation
+        self._hash.update(_SAMPLE.pack(stamp, p.x, p.y, p.z, q.x, q.y, q.z, q.w))
+
+    def digest(self) -> bytes:
+        """The 32 bytes so far."""
+        return self._hash.digest()
+
+
+def trajectory_hash(fingerprints: Mapping[str, Fingerprint]) -> str:
+    """One hexadecimal hash over all robots, in the order of their names."""
+    whole = hashlib.sha256()
+    for name in sorted(fingerprints):
+        whole.update(name.encode() + b"\0" + fingerprints[name].digest())
+    return whole.hexdigest()
+
+
+class Trail:
+    """Evenly thinned rows: when full, every second one goes and from then on only every second one is kept."""
+
+    def __init__(self, length: int = TRAIL_LENGTH) -> None:
+        self.rows: list[tuple[float, ...]] = []
+        self._length, self._stride, self._seen = length, 1, 0
+
+    def add(self, row: tuple[float, ...]) -> None:
+        """Offer the next row."""
+        if self._seen % self._stride == 0:
+            if len(self.rows) >= self._length:
+                self.rows = self.rows[::2]
+                self._stride *= 2
+            if self._seen % self._stride == 0:
+                self.rows.append(row)
+        self._seen += 1

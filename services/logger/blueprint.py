@@ -1,0 +1,104 @@
+"""The layout in which a recording opens: the world, the fleet's plots beside it, each robot's own, the log below."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import rerun as rr
+import rerun.blueprint as rrb
+
+from services.logger.paths import COMMANDED, CROSS_TRACK, DISTANCE, LOG, ODOMETRY_ERROR, SPEED, collisions, trail
+
+Extent = tuple[float, float, float, float]
+
+DARK = (18, 20, 24)
+
+
+def blueprint(robots: Sequence[tuple[str, str]], extent: Extent, timelines: Sequence[str]) -> rrb.Blueprint:
+    """The layout for robots as (name, name of the URDF's robot), on the last of ``timelines``.
+
+    ``extent`` [m] is the ground that the world shows at first: x and y of one corner, then of the opposite one.
+    """
+    names = [name for name, _ in robots]
+    own = [_robot(name, [each == name for each in names]) for name in names]
+    log = rrb.TextLogView(
+        origin=LOG,
+        name="Log",
+        columns=rrb.TextLogColumns(text_log_columns=["LogLevel", "Body"]),
+    )
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            _world(robots, extent, timelines),
+            rrb.Vertical(rrb.Tabs(_fleet(), *own, active_tab=0, name="plots"), log, row_shares=[9, 2]),
+            column_shares=[11, 9],
+        ),
+        rrb.TimePanel(timeline=timelines[-1], state="collapsed", play_state="following"),
+        collapse_panels=True,
+    )
+
+
+def _world(robots: Sequence[tuple[str, str]], extent: Extent, timelines: Sequence[str]) -> rrb.Spatial3DView:
+    past = [
+        rrb.VisibleTimeRange(
+            timeline,
+            start=rrb.TimeRangeBoundary.infinite(),
+            end=rrb.TimeRangeBoundary.cursor_relative(),
+        )
+        for timeline in timelines
+    ]
+    return rrb.Spatial3DView(
+        origin="/",
+        name="World",
+        contents=["+ /**", *(f"- {collisions(name, model)}/**" for name, model in robots)],
+        spatial_information=rrb.SpatialInformation(target_frame="world"),
+        background=DARK,
+        line_grid=rrb.LineGrid3D(spacing=0.5, stroke_width=0.75, color=(90, 96, 106, 110)),
+        eye_controls=_eye(extent),
+        defaults=[rr.Boxes3D.from_fields(fill_mode="solid"), rr.Cylinders3D.from_fields(fill_mode="solid")],
+        overrides={trail(name): rrb.VisibleTimeRanges(past) for name, _ in robots},
+    )
+
+
+def _eye(extent: Extent) -> rrb.EyeControls3D:
+    """From the south and above, so far away that the whole extent is in view, x to the right."""
+    x, y = (extent[0] + extent[2]) / 2, (extent[1] + extent[3]) / 2
+    size = max(abs(extent[2] - extent[0]), abs(extent[3] - extent[1]), 1.0)
+    return rrb.EyeControls3D(
+        position=(x, y - 0.6 * size, 0.72 * size),
+        look_target=(x, y - 0.06 * size, 0.0),
+        eye_up=(0.0, 0.0, 1.0),
+    )
+
+
+def _fleet() -> rrb.Vertical:
+    return rrb.Vertical(
+        _plot("Speed [m/s]", SPEED, legend=True),
+        _plot("Cross-track error [m]", CROSS_TRACK),
+        _plot("Odometry against ground truth [m]", ODOMETRY_ERROR),
+        _plot("Distance to the goal [m]", DISTANCE),
+        name="fleet",
+    )
+
+
+def _robot(name: str, only: list[bool]) -> rrb.Vertical:
+    return rrb.Vertical(
+        _plot("Speed, and commanded speed (darker) [m/s]", COMMANDED, SPEED, only=only),
+        _plot("Cross-track error [m]", CROSS_TRACK, only=only),
+        _plot("Odometry against ground truth [m]", ODOMETRY_ERROR, only=only),
+        _plot("Distance to the goal [m]", DISTANCE, only=only),
+        name=name,
+    )
+
+
+def _plot(name: str, *entities: str, only: Sequence[bool] | None = None, legend: bool = False) -> rrb.TimeSeriesView:
+    """A plot of the whole run, of every robot or of the ``only`` one; the colours are those of the trails."""
+    lines = {} if only is None else {each: rr.SeriesLines.from_fields(visible_series=only) for each in entities}
+    always = rrb.TimeRangeBoundary.infinite()
+    return rrb.TimeSeriesView(
+        origin="/",
+        name=name,
+        contents=[f"+ {each}" for each in entities],
+        overrides={each: style.visualizer() for each, style in lines.items()},
+        axis_x=rrb.TimeAxis(view_range=rrb.TimeRange(start=always, end=always)),
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftBottom, visible=legend),
+    )

@@ -1,0 +1,39 @@
+"""What the logger hears of one robot."""
+
+from __future__ import annotations
+
+from messages.topics import CMD_VEL, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, STATUS
+from services.logger import LoggerParameters
+from services.logger.columns import RobotColumns
+from services.runtime.context import Context
+
+
+class Ear:
+    """Subscribes to a robot's topics and hands them to its columns."""
+
+    def __init__(self, ctx: Context[LoggerParameters], robot: str) -> None:
+        self.robot, self.columns = robot, RobotColumns()
+        self._truth = ctx.stream(GROUND_TRUTH, f"/{robot}/{GROUND_TRUTH.name}")
+        self._odometry = ctx.stream(ODOM, f"/{robot}/{ODOM.name}")
+        self._commands = ctx.stream(CMD_VEL, f"/{robot}/{CMD_VEL.name}")
+        self._joints = ctx.stream(JOINT_STATES, f"/{robot}/{JOINT_STATES.name}")
+        self._plans = ctx.stream(PLAN, f"/{robot}/{PLAN.name}")
+        self._status = ctx.stream(STATUS, f"/{robot}/{STATUS.name}")
+
+    def collect(self, now: int, dt: float) -> None:
+        """Take over what came in the ``dt`` [s] before ``now`` [ns]."""
+        self.columns.add_truth(self._truth.take())
+        self.columns.add_odometry(self._odometry.take())
+        self.columns.add_commands(self._commands.take(), now, dt)
+        self.columns.add_joints(self._joints.take())
+        for plan in self._plans.take():
+            self.columns.add_plan(plan)
+        for status in self._status.take():
+            self.columns.add_status(status)
+
+    def collect_rest(self, now: int) -> None:
+        """Take over what came after the last tick."""
+        streams = (self._truth, self._odometry, self._commands, self._joints, self._plans, self._status)
+        for stream in streams:
+            stream.refresh()
+        self.collect(now, 0.0)

@@ -1,0 +1,82 @@
+"""The loop of the logger: every robot's topics and the log in, a recording out."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from messages.topics import ROSOUT
+from services.logger import LoggerParameters
+from services.logger.ear import Ear
+from services.runtime.context import Context
+from services.runtime.errors import BadInput
+
+try:
+    from services.logger.recording import Recording
+    from services.logger.viewer import open_viewer, wanted
+except ImportError as error:
+    raise BadInput(f"rerun cannot be loaded ({error}): is rerun-sdk installed in this environment?") from None
+
+
+def run(ctx: Context[LoggerParameters]) -> None:
+    """Record until told to stop; what came last is still written."""
+    p = ctx.params
+    file = Path(p.file or "run.rrd").absolute()
+    port = p.port if p.serve else None
+    robots = crew(p.robots, p.models)
+    with Recording(file, robots, p.extent, ctx.log.warn, port, p.memory, p.footer) as recording:
+        ctx.log.info(f"recording to {file}" + (f", live at {recording.url}" if recording.url else ""))
+        show(ctx, recording)
+        ears = [Ear(ctx, robot) for robot, _ in robots]
+        lines = ctx.stream(ROSOUT)
+        due = time.monotonic() + p.window
+        try:
+            for tick in ctx.ticks():
+                if tick.reset:
+                    write(ctx, recording, ears, last=True)
+                    recording.restart()
+                    for ear in ears:
+                        ear.columns.clear()
+                for ear in ears:
+                    ear.collect(tick.time, tick.dt)
+                if time.monotonic() >= due:
+                    recording.write_log(lines.take())
+                    write(ctx, recording, ears)
+                    due = time.monotonic() + p.window
+        finally:
+            ctx.kernel.admit()
+            lines.refresh()
+            for ear in ears:
+                ear.collect_rest(ctx.now)
+            recording.write_log(lines.take())
+            write(ctx, recording, ears, last=True)
+
+
+def crew(robots: Sequence[str], models: Sequence[str]) -> list[tuple[str, str]]:
+    """Each robot with its model; raises BadInput when their counts do not fit or a robot comes twice."""
+    names = [robot.strip("/") for robot in robots]
+    if len(set(names)) != len(names):
+        raise BadInput(f"logger: robots {', '.join(names)}: a name comes twice")
+    if len(models) not in (1, len(robots)):
+        raise BadInput(
+            f"logger: {len(models)} models for {len(robots)} robots: give one model for each, or one for all"
+        )
+    return list(zip(names, models if len(models) > 1 else (*models,) * len(robots), strict=True))
+
+
+def write(ctx: Context[LoggerParameters], recording: Recording, ears: Sequence[Ear], last: bool = False) -> None:
+    """Write what the robots have brought, and tell what was lost."""
+    recording.write({ear.robot: ear.columns.flush() for ear in ears}, last)
+    if lost := sum(ear.columns.dropped for ear in ears):
+        ctx.log.warn(f"{lost} rows were not recorded: more comes than is written, is the disk slow?", every=5.0)
+
+
+def show(ctx: Context[LoggerParameters], recording: Recording) -> None:
+    """Open a viewer where one is wanted; the recording goes on without it."""
+    if recording.url and wanted(ctx.params.view, os.environ):
+        try:
+            open_viewer(recording.url, os.environ, recording.file.with_suffix(".viewer.log"))
+        except OSError as error:
+            ctx.log.warn(f"no viewer: {error}; open one with: rerun --connect {recording.url}")

@@ -1,0 +1,91 @@
+"""The loop of the waypoint service: odometry and goals in; commands, plan and status out."""
+
+from __future__ import annotations
+
+from messages.elea import GoalStatus
+from messages.geometry import STOP, Pose, PoseStamped, Twist
+from messages.nav import Odometry, Path
+from messages.std import Header, Time
+from messages.topics import CMD_VEL, GOAL_POSE, ODOM, PLAN, STATUS
+from services.runtime.context import Context
+from services.waypoint import WaypointParameters
+from services.waypoint.pilot import Pilot, Progress
+from services.waypoint.plan import Goal, Plan
+from services.waypoint.planar import Motion, Planar
+
+
+def run(ctx: Context[WaypointParameters]) -> None:
+    """Drive until told to stop; the last command is STOP.
+
+    Commands go on at every tick after the end too: zero holds the robot, silence would count as a timeout.
+    """
+    odom, goals = ctx.latest(ODOM), ctx.stream(GOAL_POSE)
+    commands, plans, states = ctx.writer(CMD_VEL), ctx.writer(PLAN), ctx.writer(STATUS)
+    frame = f"{ctx.namespace.strip('/')}/odom".lstrip("/")
+    pilot = Pilot(ctx.params)
+    published: Plan | None = None
+    shown: tuple[str, int] | None = None
+    silence = 0.0
+    try:
+        for tick in ctx.ticks():
+            header = Header(stamp=Time.of(tick.time), frame_id=frame)
+            if tick.reset:
+                pilot, published, silence = Pilot(ctx.params), None, 0.0
+            for asked in goals.take():
+                if asked.header.frame_id in ("", "world", frame):
+                    pilot.follow(Plan((goal_of(asked),)))
+                else:
+                    ctx.log.warn(
+                        f"goal refused: its frame {asked.header.frame_id!r} is neither 'world' nor {frame!r}", every=1
+                    )
+            if pilot.plan is not published:
+                published, shown = pilot.plan, None
+                plans.publish(path(pilot.plan, header))
+
+            now = odom.fresh(ctx.params.odometry_timeout)
+            silence = silence + tick.dt if now is None else 0.0
+            if silence > ctx.params.odometry_timeout:
+                ctx.log.warn(
+                    f"no odometry for {silence:.1f} s, standing still: is the robot in the simulation?", every=5
+                )
+            progress = pilot.wait() if now is None else pilot.step(*seen(now), tick.dt)
+            if progress.command is not None:
+                commands.publish(Twist.planar(progress.command.v, progress.command.w))
+            if shown != (progress.state, progress.index):
+                shown = progress.state, progress.index
+                states.publish(status(progress, header))
+    finally:
+        if pilot.plan.goals:
+            commands.publish(STOP)
+
+
+def seen(odometry: Odometry) -> tuple[Planar, Motion]:
+    """The pose on the ground and the velocity that an odometry message tells."""
+    pose, twist = odometry.pose.pose, odometry.twist.twist
+    return Planar(pose.position.x, pose.position.y, pose.orientation.yaw), Motion(twist.linear.x, twist.angular.z)
+
+
+def goal_of(asked: PoseStamped) -> Goal:
+    """The goal that a pose asks for, heading included."""
+    return Goal(asked.pose.position.x, asked.pose.position.y, asked.pose.orientation.yaw)
+
+
+def path(plan: Plan, header: Header) -> Path:
+    """A plan as ROS shows it; a goal with a free heading has yaw 0."""
+    return Path(header=header, poses=tuple(PoseStamped(header=header, pose=_pose(goal)) for goal in plan.goals))
+
+
+def status(progress: Progress, header: Header) -> GoalStatus:
+    """The progress as a message."""
+    return GoalStatus(
+        header=header,
+        state=progress.state,
+        index=progress.index,
+        count=progress.count,
+        goal=_pose(progress.goal),
+        distance=progress.distance,
+    )
+
+
+def _pose(goal: Goal) -> Pose:
+    return Pose.planar(goal.x, goal.y, goal.yaw or 0.0)

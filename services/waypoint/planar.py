@@ -1,0 +1,61 @@
+"""Poses, velocities and straight legs on the ground."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Planar:
+    """A pose: x, y [m], yaw [rad]."""
+
+    x: float
+    y: float
+    yaw: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """A velocity in the body frame: forward ``v`` [m/s], turn ``w`` [rad/s]."""
+
+    v: float = 0.0
+    w: float = 0.0
+
+
+STILL = Motion()
+
+
+def wrap(angle: float) -> float:
+    """The same angle in [-pi, pi]."""
+    return math.remainder(angle, math.tau)
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """The straight line from (x0, y0) to (x1, y1), m."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+    @property
+    def length(self) -> float:
+        """Metres from start to end."""
+        return math.hypot(self.x1 - self.x0, self.y1 - self.y0)
+
+    @property
+    def heading(self) -> float:
+        """Direction of travel, rad."""
+        return math.atan2(self.y1 - self.y0, self.x1 - self.x0)
+
+    def left_and_offset(self, here: Planar) -> tuple[float, float]:
+        """Distance left along the leg, negative past its end, and offset to the left of it, both m."""
+        c, s = math.cos(self.heading), math.sin(self.heading)
+        dx, dy = here.x - self.x1, here.y - self.y1
+        return -(dx * c + dy * s), dy * c - dx * s
+
+    def distance(self, here: Planar) -> float:
+        """Straight distance to the end, m."""
+        return math.hypot(self.x1 - here.x, self.y1 - here.y)

@@ -1,0 +1,3 @@
+"""Crashes before its first heartbeat."""
+
+raise SystemExit("bad config")

@@ -1,0 +1,93 @@
+"""One fleet for each port: who holds it is told, and a supervisor that died holds nothing."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from deploy.claim import Running, claim, folder, running
+from services.runtime.errors import BadInput
+from services.runtime.process import ROOT
+
+HOLDER = """
+import sys, time
+from deploy.claim import Running, claim
+entry = Running(fleet="other", mode="real", port=int(sys.argv[1]), pid=0, folder="/x", started="today")
+with claim(entry):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.fixture
+def port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> int:
+    """A port that nobody holds, and an empty state folder."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def entry(port: int) -> Running:
+    return Running(fleet="mine", mode="real", port=port, pid=os.getpid(), folder="/runs/1", started="now")
+
+
+def hold(port: int) -> subprocess.Popen[str]:
+    """Another process that holds the port."""
+    holder = subprocess.Popen([sys.executable, "-c", HOLDER, str(port)], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    assert holder.stdout is not None
+    assert holder.stdout.readline() == "held\n"
+    return holder
+
+
+def test_a_fleet_is_listed_as_long_as_it_runs(port: int) -> None:
+    with claim(entry(port)):
+        assert running() == (entry(port),)
+    assert running() == ()
+
+
+def test_another_fleet_is_named(port: int) -> None:
+    with hold(port) as holder:
+        try:
+            with (
+                pytest.raises(BadInput, match=rf"port {port} is held by the fleet other .* --port"),
+                claim(entry(port)),
+            ):
+                pass
+        finally:
+            holder.kill()
+
+
+def test_a_killed_supervisor_holds_nothing_although_its_file_is_there(port: int) -> None:
+    with hold(port) as holder:
+        assert [each.fleet for each in running()] == ["other"]
+        holder.kill()
+    assert (folder() / f"{port}.json").exists()
+    assert running() == ()
+    with claim(entry(port)):
+        assert running() == (entry(port),)
+
+
+def test_another_program_on_the_port(port: int) -> None:
+    refused = pytest.raises(BadInput, match=f"port {port} of 127.0.0.1 is held by another program")
+    with socket.create_server(("127.0.0.1", port)), refused, claim(entry(port)):
+        pass
+    assert running() == ()
+
+
+def test_state_folder_that_cannot_be_made(port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
+    with pytest.raises(BadInput, match="set XDG_STATE_HOME"), claim(entry(port)):
+        pass
+
+
+def test_damaged_entry_is_no_fleet(port: int) -> None:
+    with claim(entry(port)):
+        (folder() / f"{port}.json").write_text("{")
+        assert running() == ()

@@ -1,0 +1,141 @@
+"""Fleet files: what is in them arrives typed, and what is wrong in them is told with its line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from deploy.fleet_file import find_fleet, fleet_names, parse_fleet, read_fleet
+from services.runtime.errors import BadInput
+
+FILE = """\
+name = "pair"
+[run]
+mode = "real"
+factor = 2
+[[robot]]
+name = "a"
+model = "burger"
+pose = { x = 1, y = 0.5, yaw = 1.57 }
+[[robot]]
+name = "b"
+model = "waffle"
+parameters = { cmd_vel_timeout = 0.5 }
+[[robot.services]]
+kind = "waypoint"
+name = "driver"
+parameters.laps = 2
+parameters.goals = [
+  [1, 2],
+  [3, 4],
+]
+[[every_robot]]
+kind = "waypoint"
+from_start = ["goals"]
+parameters = { goals = [[5, 0]], max_linear = 0.1 }
+[[service]]
+kind = "logger"
+restart = { when = "always", limit = 2 }
+[bounds]
+cross_track_max_m = 0.1
+"""
+
+
+def refusal(old: str, new: str) -> str:
+    """The text of the error after a change to FILE."""
+    assert old in FILE
+    with pytest.raises(BadInput) as caught:
+        parse_fleet(Path("pair.toml"), FILE.replace(old, new, 1))
+    return str(caught.value)
+
+
+def test_values_arrive() -> None:
+    fleet = parse_fleet(Path("pair.toml"), FILE)
+    assert (fleet.run.mode, fleet.run.factor, fleet.run.port) == ("real", 2.0, 7447)
+    assert [robot.name for robot in fleet.robot] == ["a", "b"]
+    assert fleet.robot[0].pose.yaw == 1.57
+    assert fleet.robot[1].services[0].parameters == {"laps": 2, "goals": [[1, 2], [3, 4]]}
+    assert fleet.bounds == {"cross_track_max_m": 0.1}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place", "hint"),
+    [
+        ("factor = 2", "facter = 2", 4, "did you mean 'factor'"),
+        ('model = "waffle"', 'model = "wafle"', 11, "did you mean 'waffle'"),
+        ('model = "burger"', "modell = 1", 7, "did you mean 'model'"),
+        ("yaw = 1.57", "jaw = 1.57", 8, "did you mean 'yaw'"),
+        ("[[service]]", "[[servise]]", 25, "did you mean 'service'"),
+        ('kind = "logger"', 'kind = "loger"', 26, "did you mean 'logger'"),
+        ("parameters.laps", "parameters.lap", 16, "did you mean 'laps'"),
+        ("max_linear = 0.1", "max_liner = 0.1", 24, "did you mean 'max_linear'"),
+        ("cmd_vel_timeout", "cmd_timeout", 12, "did you mean 'cmd_vel_timeout'"),
+        ("limit = 2", "limits = 2", 27, "did you mean 'limit'"),
+        ("cross_track_max_m", "cross_track_mx_m", 29, "did you mean 'cross_track_max_m'"),
+    ],
+)
+def test_wrong_name(old: str, new: str, place: int, hint: str) -> None:
+    text = refusal(old, new)
+    assert text.startswith(f"pair.toml:{place}: ")
+    assert hint in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place", "what"),
+    [
+        ('mode = "real"', 'mode = "reel"', 3, "run.mode"),
+        ("factor = 2", "factor = 0", 4, "run.factor"),
+        ("factor = 2", "factor = nan", 4, "run.factor"),
+        ("x = 1,", 'x = "1",', 8, "robot[0].pose.x"),
+        ("parameters.laps = 2", "parameters.laps = -2", 16, "laps"),
+        ("[3, 4],", '[3, "four"],', 17, "goals"),
+        ("max_linear = 0.1", "max_linear = 1e9", 24, "max_linear"),
+        ("cmd_vel_timeout = 0.5", "cmd_vel_timeout = -1", 12, "cmd_vel_timeout"),
+        ("limit = 2", 'limit = "two"', 27, "service[0].restart.limit"),
+        ('from_start = ["goals"]', 'from_start = ["max_linear"]', 23, "list of points"),
+        ('name = "b"\n', "", 9, "name"),
+    ],
+)
+def test_wrong_value(old: str, new: str, place: int, what: str) -> None:
+    text = refusal(old, new)
+    assert text.startswith(f"pair.toml:{place}: ")
+    assert what in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place", "what"),
+    [
+        ('name = "b"', 'name = "a"', 10, "already a robot 'a'"),
+        ('name = "b"', 'name = "3b"', 10, "does not start with a digit"),
+        ('name = "driver"', "", 13, "/b/waypoint is already stated"),
+        ('kind = "logger"', 'kind = "logger"\nremap = { "*" = "x" }', 27, "wildcards are not allowed"),
+        ('kind = "logger"', 'kind = "logger"\nfrom_start = ["x"]', 27, "needs a robot"),
+        ('kind = "logger"\n', 'kind = "sim"\nname = "world"\n', 25, "keeps its name"),
+        ('mode = "real"', 'ends = "duration"', 3, "needs a duration"),
+        ("factor = 2", "factor = ", 4, "not TOML"),
+    ],
+)
+def test_contradiction(old: str, new: str, place: int, what: str) -> None:
+    text = refusal(old, new)
+    assert f"pair.toml:{place}: " in text
+    assert what in text
+
+
+def test_unknown_fleet_names_the_nearest() -> None:
+    with pytest.raises(BadInput, match=r"unknown fleet 'lap'; did you mean 'lab'"):
+        find_fleet("lap")
+    with pytest.raises(BadInput, match=r"no fleet file ./mine\.toml"):
+        find_fleet("./mine.toml")
+
+
+def test_file_that_is_no_text(tmp_path: Path) -> None:
+    (tmp_path / "x.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(BadInput, match="cannot be read"):
+        read_fleet(tmp_path / "x.toml")
+
+
+def test_every_fleet_of_the_project_is_good() -> None:
+    assert {"lab", "bare"} <= set(fleet_names())
+    for name in fleet_names():
+        assert read_fleet(find_fleet(name)).name == name

@@ -1,0 +1,94 @@
+"""A fleet becomes processes: their order, their arguments, and that each service understands its own."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from deploy.catalogue import declaration
+from deploy.fleet import Fleet, Member, Run
+from deploy.fleet_file import find_fleet, fleet_names, read_fleet
+from deploy.policy import Policy
+from deploy.process import Process, processes
+from deploy.wiring import Terms
+from services.runtime.parameters import build, read_assignments
+
+TERMS = Terms(folder=Path("/tmp/run"))
+
+
+def expand(fleet: Fleet) -> dict[str, Process]:
+    return {each.name: each for each in processes(fleet, TERMS)}
+
+
+def options(process: Process, name: str) -> list[str]:
+    """The values of an option on a command line."""
+    return [value for option, value in zip(process.argv, process.argv[1:], strict=False) if option == name]
+
+
+@pytest.mark.parametrize("name", fleet_names())
+def test_every_service_accepts_its_parameters(name: str) -> None:
+    for process in expand(read_fleet(find_fleet(name))).values():
+        build(declaration(process.kind).parameters, read_assignments(options(process, "--param")))
+
+
+def test_lab_is_the_seed_shifted_by_each_start() -> None:
+    plan = expand(read_fleet(find_fleet("lab")))
+    x, y = [5, 1, 2.5, 4, 0, 0, 5, 5, 0, 0], [0, -4, 2.5, -4, 0, 2.5, 2.5, -4, -4, 0]
+    for robot in range(4):
+        stated = read_assignments(options(plan[f"tb3_{robot}/waypoint"], "--param"))
+        assert stated["goals"] == [[a, b + 0.5 * robot] for a, b in zip(x, y, strict=True)]
+        assert stated["laps"] == 1
+
+
+def test_lab_starts_in_order_and_steps_together() -> None:
+    plan = expand(read_fleet(find_fleet("lab")))
+    assert plan["router"].depends_on == ()
+    assert plan["sim"].depends_on == ("router",)
+    drivers = [f"tb3_{robot}/waypoint" for robot in range(4)]
+    assert all(plan[each].depends_on == ("router", "sim") for each in (*drivers, "logger", "grader"))
+    members = read_assignments(options(plan["sim"], "--param"))["members"]
+    assert sorted(members) == sorted(["/grader", *(f"/{each}" for each in drivers)])
+    assert {each.node for each in plan.values() if "--lockstep" in each.argv} == {*members, "/sim"}
+
+
+def test_nobody_steps_together_on_the_wall_clock() -> None:
+    fleet = read_fleet(find_fleet("lab"))
+    plan = expand(msgspec.structs.replace(fleet, run=Run(mode="real")))
+    assert not any("--lockstep" in each.argv for each in plan.values())
+    assert read_assignments(options(plan["sim"], "--param"))["members"] == []
+
+
+def test_what_the_end_of_each_means() -> None:
+    plan = expand(read_fleet(find_fleet("lab")))
+    assert {each.name for each in plan.values() if each.required} == {"router", "sim", "grader"}
+    assert {each.name: each.policy.when for each in plan.values()} == {
+        "router": "always",
+        "sim": "on-failure",
+        "grader": "never",
+        "logger": "on-failure",
+        **{f"tb3_{robot}/waypoint": "on-failure" for robot in range(4)},
+    }
+
+
+def test_stated_beats_implied() -> None:
+    fleet = Fleet(
+        name="own",
+        run=Run(mode="free", port=9000, topology="star"),
+        service=(
+            Member(kind="sim", parameters={"world": "arena"}, required=False, restart="never"),
+            Member(kind="logger", name="log", namespace="/tools", remap={"odom": "/x/odom"}, restart=Policy(limit=1)),
+        ),
+    )
+    plan = expand(fleet)
+    assert list(plan) == ["router", "sim", "grader", "tools/log"]
+    assert read_assignments(options(plan["sim"], "--param"))["world"] == "arena"
+    assert (plan["sim"].required, plan["sim"].policy) == (False, Policy(when="never"))
+    assert plan["tools/log"].policy == Policy(limit=1)
+    assert options(plan["tools/log"], "--namespace") == ["/tools"]
+    assert options(plan["tools/log"], "--remap") == ["odom:=/x/odom"]
+    assert options(plan["tools/log"], "--connect") == ["tcp/127.0.0.1:9000"]
+    assert options(plan["sim"], "--topology") == ["star"]
+    assert json.loads(options(plan["router"], "--param")[0].partition("=")[2]) == "tcp/127.0.0.1:9000"

@@ -1,0 +1,37 @@
+"""When a process counts as hanging, on a clock of numbers."""
+
+from __future__ import annotations
+
+from deploy.supervisor.pulse import GRACE_S, LIMIT_S, Pulse
+
+
+def test_grace_before_the_first_beat() -> None:
+    pulse = Pulse(100.0)
+    assert not pulse.hangs(100.0 + GRACE_S)
+    assert pulse.hangs(100.1 + GRACE_S)
+    assert not pulse.well(100.1)
+
+
+def test_three_missed_beats() -> None:
+    pulse = Pulse(0.0)
+    pulse.heard(5.0)
+    assert pulse.well(5.9)
+    assert not pulse.well(6.1)
+    assert not pulse.hangs(5.0 + LIMIT_S)
+    assert pulse.hangs(5.01 + LIMIT_S)
+    pulse.heard(7.0)
+    assert not pulse.hangs(7.0 + LIMIT_S)
+
+
+def test_excused_silence_counts_from_the_excuse() -> None:
+    pulse = Pulse(0.0)
+    pulse.heard(1.0)
+    pulse.excuse(4.0, 3.0)
+    assert not pulse.hangs(7.0)
+    assert pulse.hangs(7.1)
+
+
+def test_an_excuse_never_shortens_the_time() -> None:
+    pulse = Pulse(0.0)
+    pulse.excuse(1.0, 1.0)
+    assert not pulse.hangs(GRACE_S)

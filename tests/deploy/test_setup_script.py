@@ -1,0 +1,207 @@
+"""./elea in a bare copy with programs of our own on the PATH: what it installs, when, and what it says."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+import pytest
+
+from services.runtime.process import ROOT
+
+TOOLS = ("sh", "cat", "chmod", "cksum", "dirname", "flock", "mkdir", "mv", "readlink", "rm", "sleep", "uname")
+
+PYTHON = """#!/bin/sh
+# Stands for python3.11: makes an environment whose python says what it is asked.
+case "$*" in
+    *version_info*) exit ${OLD_PYTHON:-0} ;;
+    *ensurepip*) exit ${NO_VENV:-0} ;;
+    "-m venv "*)
+        echo "venv" >>"$COUNT"
+        mkdir -p "$3/bin"
+        cat >"$3/bin/python" <<'END'
+#!/bin/sh
+case "$*" in
+    *"-m pip install"*)
+        echo "pip" >>"$COUNT"
+        [ -z "${HANG:-}" ] || { echo "half" >"$HANG"; sleep 60; }
+        exit ${PIP_STATUS:-0} ;;
+    *) echo "python $*"; echo "path $PYTHONPATH" ;;
+esac
+END
+        chmod +x "$3/bin/python" ;;
+esac
+"""
+
+UV = """#!/bin/sh
+# Stands for uv.
+echo "uv $1 $2" >>"$COUNT"
+case "$1 $2" in
+    "venv "*) for target; do :; done; python3.11 -m venv "$target" ;;
+    "pip sync") exit ${UV_STATUS:-0} ;;
+esac
+"""
+
+
+class Copy:
+    """A fresh clone as far as the script is concerned."""
+
+    def __init__(self, folder: Path) -> None:
+        self.root, self._bin, self.count = folder / "clone", folder / "bin", folder / "count"
+        self.root.mkdir()
+        self._bin.mkdir()
+        for name in ("elea", "pyproject.toml", "requirements.lock"):
+            shutil.copy(ROOT / name, self.root / name)
+        for tool in TOOLS:
+            found = shutil.which(tool)
+            assert found
+            (self._bin / tool).symlink_to(found)
+
+    def provide(self, name: str, script: str) -> None:
+        """Put a program on the PATH."""
+        (self._bin / name).write_text(script)
+        (self._bin / name).chmod(0o755)
+
+    def environment(self, **extra: str) -> dict[str, str]:
+        return {"PATH": str(self._bin), "COUNT": str(self.count), **extra}
+
+    def start(
+        self,
+        *arguments: str,
+        script: Path | None = None,
+        cwd: Path | None = None,
+        extra: Mapping[str, str] = MappingProxyType({}),
+    ) -> subprocess.CompletedProcess[str]:
+        """Start the script from another folder, with ``extra`` in its environment."""
+        return subprocess.run(
+            [str(script or self.root / "elea"), *arguments],
+            env=self.environment(**extra),
+            cwd=cwd or self.root.parent,
+            capture_output=True,
+            text=True,
+            timeout=30,
+        )
+
+    def installs(self) -> list[str]:
+        """What was done, in order."""
+        return self.count.read_text().split("\n")[:-1] if self.count.exists() else []
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Copy:
+    made = Copy(tmp_path)
+    made.provide("python3.11", PYTHON)
+    return made
+
+
+def test_first_start_installs_and_the_second_does_not(copy: Copy) -> None:
+    first = copy.start("up", "--seed", "3")
+    assert first.returncode == 0
+    assert first.stdout == f"python -P -m deploy up --seed 3\npath {copy.root}\n"
+    assert "making .venv" in first.stderr
+    second = copy.start("test")
+    assert second.stdout.startswith("python -P -m deploy test\n")
+    assert second.stderr == ""
+    assert copy.installs() == ["venv", "pip"]
+
+
+def test_works_through_a_link_and_from_anywhere(copy: Copy, tmp_path: Path) -> None:
+    (tmp_path / "links").mkdir()
+    (tmp_path / "links" / "one").symlink_to("../clone/elea")
+    (tmp_path / "two").symlink_to(tmp_path / "links" / "one")
+    done = copy.start("ps", script=tmp_path / "two", cwd=Path("/"))
+    assert done.stdout.endswith(f"path {copy.root}\n")
+
+
+def test_changed_lock_installs_anew(copy: Copy) -> None:
+    copy.start()
+    with (copy.root / "requirements.lock").open("a") as lock:
+        lock.write("# changed\n")
+    copy.start()
+    copy.start()
+    assert copy.installs() == ["venv", "pip"] * 2
+
+
+def test_moved_folder_installs_anew(copy: Copy, tmp_path: Path) -> None:
+    copy.start()
+    copy.root.rename(tmp_path / "moved")
+    copy.start(script=tmp_path / "moved" / "elea")
+    assert copy.installs() == ["venv", "pip"] * 2
+
+
+def test_interrupted_install_is_made_anew_and_never_used(copy: Copy, tmp_path: Path) -> None:
+    half = tmp_path / "half"
+    script = subprocess.Popen(
+        [copy.root / "elea", "up"],
+        env=copy.environment(HANG=str(half)),
+        start_new_session=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+    )
+    deadline = time.monotonic() + 20
+    while not half.exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    os.killpg(script.pid, signal.SIGKILL)
+    assert script.communicate()[0] == b""
+    assert (copy.root / ".venv" / "bin" / "python").exists()
+    assert copy.start("up").stdout.startswith("python -P -m deploy up")
+    assert copy.installs() == ["venv", "pip"] * 2
+
+
+def test_two_first_starts_install_once(copy: Copy) -> None:
+    slow = PYTHON.replace('echo "pip" >>"$COUNT"', 'echo "pip" >>"$COUNT"; sleep 0.5')
+    copy.provide("python3.11", slow)
+    both = [
+        subprocess.Popen([copy.root / "elea", "ps"], env=copy.environment(), stdout=subprocess.PIPE) for _ in range(2)
+    ]
+    assert [each.communicate(timeout=30)[0].split(b"\n")[0] for each in both] == [b"python -P -m deploy ps"] * 2
+    assert copy.installs() == ["venv", "pip"]
+
+
+def test_failed_install_is_told_and_retried(copy: Copy) -> None:
+    failed = copy.start("up", extra={"PIP_STATUS": "1"})
+    assert failed.returncode == 2
+    assert failed.stdout == ""
+    assert "is the package index reachable?" in failed.stderr
+    assert copy.start("up").returncode == 0
+
+
+def test_uv_comes_first(copy: Copy) -> None:
+    copy.provide("uv", UV)
+    assert copy.start("up").returncode == 0
+    assert copy.installs() == ["uv venv --quiet", "venv", "uv pip sync"]
+
+
+def test_pip_helps_where_uv_fails(copy: Copy) -> None:
+    copy.provide("uv", UV)
+    done = copy.start("up", extra={"UV_STATUS": "1"})
+    assert done.returncode == 0
+    assert "trying pip" in done.stderr
+    assert copy.installs() == ["uv venv --quiet", "venv", "uv pip sync", "venv", "pip"]
+
+
+@pytest.mark.parametrize(
+    ("lacking", "message"),
+    [
+        ({"OLD_PYTHON": "1"}, "needs Python 3.11: on Debian 12, apt install python3.11 python3.11-venv"),
+        ({"NO_VENV": "1"}, "cannot make virtual environments: on Debian, apt install python3.11-venv"),
+    ],
+)
+def test_what_is_missing_is_told(copy: Copy, lacking: dict[str, str], message: str) -> None:
+    done = copy.start("up", extra=lacking)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert not (copy.root / ".venv").exists()
+
+
+def test_no_python_at_all(tmp_path: Path) -> None:
+    done = Copy(tmp_path).start("up")
+    assert done.returncode == 2
+    assert "needs Python 3.11" in done.stderr

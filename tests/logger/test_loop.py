@@ -1,0 +1,98 @@
+"""The logger's loop on the bus: it records what is sent, also what came last, and begins anew at a reset."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from messages.geometry import Twist
+from messages.rosgraph import Log
+from messages.std import Header, Time
+from messages.topics import CMD_VEL, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, ROSOUT, STATUS
+from services.logger import SERVICE, LoggerParameters
+from services.logger.loop import crew
+from services.logger.viewer import wanted
+from services.runtime.errors import BadInput
+from tests.logger.drive import Robot
+from tests.logger.rows import columns, poses, table
+from tests.ports import free_port
+from tests.unit_waypoint.bench import Bench, running
+
+
+def drive(bench: Bench, robot: Robot, until: float, epoch: int = 0) -> None:
+    """A robot's messages and the clock, sample by sample."""
+    while robot.time < round(until * 1e9):
+        robot.step()
+        bench.send(GROUND_TRUTH, "tb3_0/ground_truth", robot.truth())
+        bench.send(ODOM, "tb3_0/odom", robot.odometry())
+        bench.send(JOINT_STATES, "tb3_0/joint_states", robot.joints())
+        bench.send(CMD_VEL, "tb3_0/cmd_vel", Twist.planar(robot.wanted, 0.0))
+    bench.clock(robot.time / 1e9, epoch)
+
+
+def settings(file: Path, port: int) -> LoggerParameters:
+    return LoggerParameters(robots=("/tb3_0",), file=str(file), port=port, view="never", window=0.02)
+
+
+def test_it_records_all_that_came_until_it_was_stopped(tmp_path: Path) -> None:
+    robot = Robot(y0=0.0)
+    with running(SERVICE, "/", settings(tmp_path / "run.rrd", free_port())) as bench:
+        bench.clock(0.0)
+        bench.send(PLAN, "tb3_0/plan", robot.plan())
+        bench.send(STATUS, "tb3_0/status", robot.status())
+        for end in np.arange(0.2, 6.1, 0.2):
+            drive(bench, robot, end)
+        said = Log(header=Header(stamp=Time.of(6_000_000_000)), name="/tb3_0/waypoint", msg="there")
+        bench.send(ROSOUT, "rosout", said)
+    times, _ = poses(tmp_path / "run.rrd", "tb3_0", "base_footprint")
+    assert times.tolist() == [20_000_000 * k for k in range(1, 301)]
+    times, cross = table(tmp_path / "run.rrd", "/plots/cross_track")
+    assert len(times) == 300
+    assert (cross < 0.1).all()
+    _, text = columns(tmp_path / "run.rrd", "/log/tb3_0/waypoint", "TextLog:text")
+    assert text == [["tb3_0/waypoint: there"]]
+    assert "recording to" in bench.log
+
+
+def test_a_reset_begins_a_new_timeline(tmp_path: Path) -> None:
+    file = tmp_path / "run.rrd"
+    with running(SERVICE, "/", settings(file, free_port())) as bench:
+        bench.clock(0.0)
+        drive_until_written(bench, Robot(y0=0.0), file, "sim_time")
+        bench.clock(0.0, epoch=1)
+        again = Robot(y0=0.5)
+        drive_until_written(bench, again, file, "sim_time_2", epoch=1)
+    times, found = poses(file, "tb3_0", "base_footprint", "sim_time_2")
+    assert times[-1] == again.time
+    assert np.abs(found[:, 1] - 0.5).max() < 0.2
+    _, before = poses(file, "tb3_0", "base_footprint", "sim_time")
+    assert np.abs(before[:, 1]).max() < 0.2
+
+
+def drive_until_written(bench: Bench, robot: Robot, file: Path, timeline: str, epoch: int = 0) -> None:
+    """Drive until the first batch is in the file: what is sent while a reset is under way is not recorded."""
+    for _ in range(100):
+        drive(bench, robot, robot.time / 1e9 + 0.2, epoch)
+        if len(poses(file, "tb3_0", "base_footprint", timeline)[0]):
+            return
+    raise AssertionError("nothing was written")
+
+
+def test_one_model_stands_for_all_and_wrong_counts_are_refused() -> None:
+    assert crew(("a", "/b"), ("burger",)) == [("a", "burger"), ("b", "burger")]
+    assert crew(("a", "b"), ("burger", "waffle")) == [("a", "burger"), ("b", "waffle")]
+    assert crew((), ("burger",)) == []
+    with pytest.raises(BadInput, match="2 models for 3 robots"):
+        crew(("a", "b", "c"), ("burger", "waffle"))
+    with pytest.raises(BadInput, match="twice"):
+        crew(("a", "/a"), ("burger",))
+
+
+def test_a_viewer_opens_where_there_is_a_display() -> None:
+    assert wanted("auto", {"DISPLAY": ":0"})
+    assert wanted("auto", {"WAYLAND_DISPLAY": "wayland-0"})
+    assert not wanted("auto", {"DISPLAY": ""})
+    assert not wanted("never", {"DISPLAY": ":0"})
+    assert wanted("always", {})

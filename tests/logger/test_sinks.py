@@ -1,0 +1,121 @@
+"""Files that cannot be written, ports that are taken, a recorder that is killed, and memory that stays bounded."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+import psutil
+import pytest
+
+from services.logger.recording import Recording
+from services.runtime.errors import BadInput
+from tests.logger.conftest import EXTENT
+from tests.logger.rows import entities, poses
+from tests.ports import free_port
+
+ROOT = Path(__file__).resolve().parents[2]
+
+RECORDER = """
+    import sys, pathlib
+    from services.logger.columns import RobotColumns
+    from services.logger.recording import Recording
+    from tests.logger.drive import fleet, seconds
+    robots = fleet()
+    columns = {name: RobotColumns() for name in robots}
+    file = pathlib.Path(sys.argv[1])
+    with Recording(file, [(name, "burger") for name in robots], (0, 0, 1, 1), print) as recording:
+        for count, now in enumerate(seconds(robots, 1000.0), start=1):
+            for name, robot in robots.items():
+                columns[name].add_truth([robot.truth()])
+            if count % 25 == 0:
+                recording.write({name: each.flush() for name, each in columns.items()})
+                print(count, flush=True)
+                sys.stdin.readline()
+"""
+
+HOARDER = """
+    import sys, pathlib, psutil
+    from messages.rosgraph import Log
+    from messages.std import Header, Time
+    from services.logger.recording import Recording
+    file, port = pathlib.Path(sys.argv[1]), int(sys.argv[2])
+    with Recording(file, [], (0, 0, 1, 1), print, port=port, memory_mib=16) as recording:
+        before = psutil.Process().memory_info().rss
+        for number in range(400):
+            line = Log(header=Header(stamp=Time.of(number)), name="/n", msg=f"{number:06d}" * 87_000)
+            recording.write_log([line])
+        print((psutil.Process().memory_info().rss - before) >> 20)
+"""
+
+
+def python(program: str, *arguments: object) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-c", textwrap.dedent(program), *map(str, arguments)],
+        cwd=ROOT,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_a_killed_recorder_leaves_a_file_that_reads_to_the_last_batch(tmp_path: Path) -> None:
+    file = tmp_path / "run.rrd"
+    with python(RECORDER, file) as recorder:
+        assert recorder.stdin is not None
+        assert recorder.stdout is not None
+        for expected in range(25, 251, 25):
+            assert int(recorder.stdout.readline()) == expected
+            if expected < 250:
+                recorder.stdin.write("\n")
+                recorder.stdin.flush()
+        recorder.kill()
+        assert recorder.wait(10) == -signal.SIGKILL
+    for robot in ("tb3_0", "tb3_3"):
+        times, _ = poses(file, robot, "base_footprint")
+        whole = 225
+        assert len(times) >= whole, "only the batch that was under way when the process died may be missing"
+        assert times[:whole].tolist() == [20_000_000 * k for k in range(1, whole + 1)]
+
+
+def test_the_live_view_shows_the_run_on_the_loopback_only(tmp_path: Path) -> None:
+    port = free_port()
+    with Recording(tmp_path / "run.rrd", [("tb3_0", "burger")], EXTENT, pytest.fail, port) as recording:
+        assert recording.url == f"rerun+http://127.0.0.1:{port}/proxy"
+        listening = [each.laddr for each in psutil.Process().net_connections("tcp") if each.status == "LISTEN"]
+        assert [each.ip for each in listening if each.port == port] == ["127.0.0.1"]
+    with socket.socket() as probe:
+        assert probe.connect_ex(("127.0.0.1", port)) != 0, "the server ends with the recording"
+
+
+def test_a_taken_port_costs_the_live_view_and_nothing_else(tmp_path: Path) -> None:
+    said: list[str] = []
+    with socket.socket() as holder:
+        holder.bind(("127.0.0.1", 0))
+        holder.listen()
+        port = holder.getsockname()[1]
+        with Recording(tmp_path / "run.rrd", [("tb3_0", "burger")], EXTENT, said.append, port) as recording:
+            assert recording.url == ""
+    assert len(said) == 1
+    assert f"port {port} of 127.0.0.1 is not free" in said[0]
+    assert "run.rrd" in said[0]
+    assert "/tb3_0/tf_static" in set(entities(tmp_path / "run.rrd"))
+
+
+def test_a_file_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+    with (
+        pytest.raises(BadInput, match=r"cannot be written.*nowhere"),
+        Recording(tmp_path / "nowhere" / "run.rrd", [], EXTENT, pytest.fail),
+    ):
+        pass
+
+
+def test_memory_for_late_viewers_is_bounded(tmp_path: Path) -> None:
+    with python(HOARDER, tmp_path / "run.rrd", free_port()) as hoarder:
+        grown, _ = hoarder.communicate(timeout=60)
+    assert hoarder.returncode == 0
+    assert int(grown) < 130, "MiB, after 200 MiB of text with 16 MiB to keep it in"

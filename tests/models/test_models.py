@@ -1,0 +1,148 @@
+"""Every model of the repository is loaded by real PyBullet and by rerun's strict parser, and shaken for a second."""
+
+from __future__ import annotations
+
+import math
+import random
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from rerun.urdf import UrdfTree
+
+import models
+from models import MODELS, SCENES, UnknownModel, figures_path, model_path, scene_path
+from models.figures import read_model
+from models.frames import link_offset, read_joints
+from models.scene import Scene, read_scene
+from services.sim.bullet import BulletWorld
+from services.sim.world import Body, Motor
+
+MASSES = {"burger": 1.0, "waffle": 1.55, "waffle_pi": 1.55}
+"""kg, the sums of the published URDFs."""
+
+
+def test_the_lists_are_what_lies_in_the_folders() -> None:
+    here = Path(models.__file__).parent
+    assert set(MODELS) == {each.parent.name for each in here.glob("*/robot.urdf")}
+    assert set(SCENES) == {each.stem for each in (here / "worlds").glob("*.toml")}
+
+
+def test_a_wrong_name_gets_the_nearest_right_one() -> None:
+    with pytest.raises(UnknownModel, match=r"unknown model 'buger'; did you mean 'burger'\? \(known: burger, waffle"):
+        model_path("buger")
+    with pytest.raises(UnknownModel, match=r"unknown model '\.\./x' \(known"):
+        figures_path("../x")
+    with pytest.raises(UnknownModel, match="unknown world 'emty'; did you mean 'empty'"):
+        scene_path("emty")
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_every_link_has_a_mass_and_a_tensor_that_a_body_can_have(name: str) -> None:
+    total = 0.0
+    for link in ElementTree.parse(model_path(name)).getroot().findall("link"):
+        inertial = link.find("inertial")
+        assert inertial is not None, f"{link.get('name')} would weigh 1 kg in PyBullet"
+        mass, tensor = inertial.find("mass"), inertial.find("inertia")
+        assert mass is not None
+        assert tensor is not None
+        total += float(mass.attrib["value"])
+        x, y, z = sorted(float(tensor.attrib[axis]) for axis in ("ixx", "iyy", "izz"))
+        assert 0 < z <= x + y, link.get("name")
+    assert total == pytest.approx(MASSES[name], rel=0.01)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_every_movable_joint_has_a_velocity_limit(name: str) -> None:
+    for joint in ElementTree.parse(model_path(name)).getroot().findall("joint"):
+        if joint.get("type") != "fixed":
+            limit = joint.find("limit")
+            assert limit is not None
+            assert float(limit.attrib["velocity"]) > 0
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_rerun_parses_it(name: str) -> None:
+    tree = UrdfTree.from_file_path(model_path(name), entity_path_prefix="robot")
+    assert tree.name == name
+    assert [joint.name for joint in tree.joints()] == [joint.name for joint in read_joints(name)]
+    base = tree.get_link_by_name("base_link")
+    assert base is not None
+    assert len(tree.get_visual_geometry_paths(base)) > 5
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_figures_and_urdf_agree(name: str) -> None:
+    model, joints = read_model(name), {joint.name: joint for joint in read_joints(name)}
+    links = {joint.child for joint in joints.values()}
+    assert model.wheels is not None
+    left, right = joints[model.wheels.left_joint], joints[model.wheels.right_joint]
+    assert math.dist(left.xyz, right.xyz) == pytest.approx(model.wheels.separation)
+    assert left.xyz[1] > 0 > right.xyz[1]
+    assert left.axis == right.axis == (0.0, 1.0, 0.0)
+    assert left.xyz[2] + joints["base_joint"].xyz[2] == pytest.approx(model.wheels.radius), "wheels touch the ground"
+    for part in (model.laser, model.imu, model.camera):
+        assert part is None or part.link in links
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_readme_gives_sources(name: str) -> None:
+    text = model_path(name).with_name("README.md").read_text()
+    assert "## Sources" in text
+    assert "ROBOTIS" in text
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_shaken_for_a_second_it_stays_upright_and_whole(name: str) -> None:
+    model = read_model(name)
+    assert model.wheels is not None
+    motors = tuple(Motor(joint, model.wheels.torque) for joint in (model.wheels.left_joint, model.wheels.right_joint))
+    chance = random.Random(7)
+    top = model.wheels.max_linear / model.wheels.radius
+    with BulletWorld(Scene(), 5_000_000) as world:
+        world.spawn(Body("robot", model_path(name), motors=motors))
+        for step in range(200):
+            if step % 20 == 0:
+                world.set_speeds("robot", [chance.uniform(-top, top) for _ in motors])
+            world.step()
+            state = world.state("robot")
+            x, y, _, _ = state.orientation
+            assert 2 * math.hypot(x, y) < 0.1, f"tilted at step {step}"
+            assert abs(state.position[2]) < 0.01
+        world.set_speeds("robot", [0.0] * len(motors))
+        for _ in range(200):
+            world.step()
+        state = world.state("robot")
+        x, y, _, _ = state.orientation
+        assert 2 * math.hypot(x, y) < 1e-3, "it stands level again"
+        assert math.dist(state.linear, (0, 0, 0)) < 1e-4
+        assert world.contacts() == ()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_every_world_can_be_entered(name: str) -> None:
+    with BulletWorld(read_scene(name), 5_000_000) as world:
+        world.spawn(Body("robot", model_path("burger")))
+        world.step()
+
+
+def test_a_joint_turns_its_child_as_urdf_says() -> None:
+    optical = next(joint for joint in read_joints("waffle_pi") if joint.child == "camera_rgb_optical_frame")
+    assert optical.rotation() == pytest.approx((-0.5, 0.5, -0.5, 0.5))
+    wheel = next(joint for joint in read_joints("burger") if joint.name == "wheel_left_joint")
+    assert wheel.rotation(math.pi / 2) == pytest.approx((0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)))
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_link_offsets_are_where_the_engine_has_the_links(name: str) -> None:
+    with BulletWorld(Scene(), 5_000_000) as world:
+        world.spawn(Body("robot", model_path(name)))
+        for link in {joint.child for joint in read_joints(name)}:
+            assert link_offset(name, link) == pytest.approx(world.link_placement("robot", link).position, abs=1e-6)
+
+
+def test_the_optical_frame_looks_ahead() -> None:
+    """Its z axis is the robot's x axis."""
+    joints = {joint.child: joint for joint in read_joints("waffle")}
+    x, y, z, w = joints["camera_rgb_optical_frame"].rotation()
+    assert (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)) == pytest.approx((1.0, 0.0, 0.0))

@@ -1,0 +1,67 @@
+"""Robots driven as the simulation drives them: one step of the ramp before each physics step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from models import model_path
+from models.figures import Model, Wheels, read_model
+from services.sim.bullet import BulletWorld
+from services.sim.drive import AT_REST, Limits, Rims, advance, wheel_speeds
+from services.sim.world import Body, BodyState, Motor, Placement
+
+STEP_NS = 5_000_000
+DT = STEP_NS / 1e9
+
+
+def place(x: float, y: float, yaw: float = 0.0, z: float = 0.0) -> Placement:
+    return Placement((x, y, z), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
+
+
+def wheels_of(model: Model) -> Wheels:
+    assert model.wheels is not None
+    return model.wheels
+
+
+def body(name: str, model: str, placement: Placement) -> Body:
+    wheels = wheels_of(read_model(model))
+    motors = tuple(Motor(joint, wheels.torque) for joint in (wheels.left_joint, wheels.right_joint))
+    return Body(name, model_path(model), placement, motors)
+
+
+def yaw_of(state: BodyState) -> float:
+    x, y, z, w = state.orientation
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+@dataclass
+class Driver:
+    """A base under constant commands; ``rims`` are its ramped wheel speeds."""
+
+    world: BulletWorld
+    name: str
+    limits: Limits
+    rims: Rims = field(default=AT_REST)
+
+    def set(self, v: float, w: float, *, braking: bool = False) -> None:
+        after = advance(self.limits, self.rims, v, w, braking, DT)
+        if after is not self.rims:
+            self.rims = after
+            self.world.set_speeds(self.name, wheel_speeds(self.limits, after))
+
+
+def drive(drivers: Sequence[Driver], v: float, w: float, seconds: float, *, braking: bool = False) -> list[BodyState]:
+    """Command all for a time; returns the states of the first after each step."""
+    states = []
+    for _ in range(round(seconds / DT)):
+        for each in drivers:
+            each.set(v, w, braking=braking)
+        drivers[0].world.step()
+        states.append(drivers[0].world.state(drivers[0].name))
+    return states
+
+
+Spawner = Callable[..., Driver]
+"""Puts a robot into the world of a test: name, model, placement, whether speeds are clamped."""

@@ -1,0 +1,129 @@
+"""Lasers, inertial units and cameras in real PyBullet."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from messages.std import Header
+from models import MODELS
+from models.figures import Laser, read_model
+from models.scene import Box, Scene
+from services.sim.bullet import BulletWorld
+from services.sim.photo import calibration, photograph
+from services.sim.sensors import imu, joint_state, noise_source, scan
+from tests.physics.rig import DT, STEP_NS, Spawner, body, drive, place
+
+WALL = Box(name="wall", size=(0.2, 8.0, 1.0), position=(2.1, 0.0, 0.5), colour=(1.0, 0.0, 0.0, 1.0))
+HEADER = Header(frame_id="base_scan")
+
+
+def laser_of(model: str) -> Laser:
+    laser = read_model(model).laser
+    assert laser is not None
+    return laser
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_laser_does_not_see_its_own_robot_or_the_ground(spawn: Spawner, world: BulletWorld, model: str) -> None:
+    robot = spawn(model=model)
+    drive([robot], 0.2, 1.0, 1.0)
+    ranges = scan(world, "robot", laser_of(model), HEADER).ranges.numpy()
+    assert ranges.shape == (360,)
+    assert np.isinf(ranges).all()
+    assert (ranges > 0).all()
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.0, -2.5])
+def test_a_laser_measures_the_wall_in_every_direction(yaw: float) -> None:
+    with BulletWorld(Scene(boxes=(WALL,)), STEP_NS) as world:
+        world.spawn(body("robot", "burger", place(0.0, 0.0, yaw)))
+        world.step()
+        turn = scan(world, "robot", laser_of("burger"), HEADER)
+    ahead = 2.0 + 0.032 * math.cos(yaw)
+    angles = yaw + turn.angle_min + turn.angle_increment * np.arange(360)
+    expected = np.full(360, np.inf)
+    facing = np.cos(angles) > 0.6
+    expected[facing] = ahead / np.cos(angles[facing])
+    expected[expected > 3.5] = np.inf
+    ranges = turn.ranges.numpy()
+    assert ranges[facing] == pytest.approx(expected[facing], abs=2e-3)
+    assert np.isinf(ranges[np.cos(angles) < 0.5]).all()
+    assert turn.angle_max == pytest.approx(turn.angle_min + 359 * turn.angle_increment)
+
+
+def test_a_laser_sees_the_other_robot_and_marks_what_is_too_near(spawn: Spawner, world: BulletWorld) -> None:
+    spawn("robot")
+    spawn("other", at=place(0.5, 0.0))
+    world.step()
+    ranges = scan(world, "robot", laser_of("burger"), HEADER).ranges.numpy()
+    assert ranges[0] == pytest.approx(0.5 + 0.015 - 0.055, abs=3e-3)
+    near = Box(name="near", size=(0.05, 0.05, 0.5), position=(0.075, 0.0, 0.25))
+    with BulletWorld(Scene(boxes=(near,)), STEP_NS) as close:
+        close.spawn(body("robot", "burger", place(0.0, 0.0)))
+        assert scan(close, "robot", laser_of("burger"), HEADER).ranges.numpy()[0] == -np.inf
+
+
+def test_noise_depends_on_seed_robot_and_tick_alone() -> None:
+    laser = laser_of("burger")
+    with BulletWorld(Scene(boxes=(WALL,)), STEP_NS) as world:
+        world.spawn(body("robot", "burger", place(0.0, 0.0)))
+        clean = scan(world, "robot", laser, HEADER).ranges.numpy()
+
+        def noisy(*key: object) -> bytes:
+            return scan(world, "robot", laser, HEADER, noise_source(*key)).ranges.raw  # type: ignore[arg-type]
+
+        first = noisy(1, "robot", "scan", 40)
+        assert first == noisy(1, "robot", "scan", 40)
+        others = {noisy(2, "robot", "scan", 40), noisy(1, "tb3_1", "scan", 40), noisy(1, "robot", "scan", 80)}
+        assert len(others | {first}) == 4
+        errors = np.frombuffer(first, "<f4")[np.isfinite(clean)] - clean[np.isfinite(clean)]
+        assert np.std(errors) == pytest.approx(laser.noise, rel=0.25)
+        assert (np.isinf(np.frombuffer(first, "<f4")) == np.isinf(clean)).all()
+
+
+def test_an_inertial_unit_feels_gravity_the_ramp_and_the_turn(spawn: Spawner, world: BulletWorld) -> None:
+    unit = read_model("burger").imu
+    assert unit is not None
+    robot = spawn()
+    offset = (-0.032, 0.0, 0.078)
+    rest = drive([robot], 0.0, 0.0, 0.5)
+    still = imu(unit, offset, rest[-3], rest[-1], 2 * DT, HEADER)
+    assert still.linear_acceleration.z == pytest.approx(9.81, abs=0.02)
+    assert abs(still.linear_acceleration.x) < 0.02
+    ramp = drive([robot], 0.22, 0.0, 0.15)
+    feels = [
+        imu(unit, offset, a, b, 2 * DT, HEADER).linear_acceleration.x for a, b in zip(ramp, ramp[2:], strict=False)
+    ]
+    assert np.mean(feels) == pytest.approx(1.0, rel=0.1)
+    drive([robot], 0.0, 2.0, 2.0)
+    spin = drive([robot], 0.0, 2.0, 1.0)
+    turning = imu(unit, offset, spin[-3], spin[-1], 2 * DT, HEADER)
+    assert turning.angular_velocity.z == pytest.approx(2.0, rel=0.004)
+    assert turning.linear_acceleration.x == pytest.approx(2.0**2 * 0.032, rel=0.1), "toward the centre"
+
+
+def test_joint_states_carry_names_and_readings(spawn: Spawner, world: BulletWorld) -> None:
+    drive([spawn()], 0.1, 0.0, 1.0)
+    state = joint_state(world.joints("robot"), world.joint_readings("robot"), HEADER)
+    assert state.name == ("wheel_left_joint", "wheel_right_joint")
+    assert state.velocity[0] == pytest.approx(0.1 / 0.033, rel=0.003)
+
+
+@pytest.mark.parametrize("model", ["waffle", "waffle_pi"])
+def test_a_camera_sees_the_red_wall_upright(model: str) -> None:
+    camera = read_model(model).camera
+    assert camera is not None
+    low = Box(name="low", size=(0.2, 8.0, 0.2), position=(2.1, 0.0, 0.1), colour=(1.0, 0.0, 0.0, 1.0))
+    with BulletWorld(Scene(boxes=(low,)), STEP_NS) as world:
+        world.spawn(body("robot", model, place(0.0, 0.0)))
+        shot = photograph(world, "robot", camera, HEADER)
+    pixels = np.frombuffer(shot.data, np.uint8).reshape(shot.height, shot.width, 3).astype(int)
+    red = (pixels[:, :, 0] > 80) & (pixels[:, :, 1] < pixels[:, :, 0] // 2)
+    rows, columns = np.nonzero(red)
+    assert len(set(columns)) == camera.width, "from edge to edge"
+    eye, focal = 0.117 if model == "waffle" else 0.103, calibration(camera, HEADER).k[0]
+    assert rows.min() < camera.height / 2 < rows.max() + 40
+    assert rows.min() == pytest.approx(camera.height / 2 - focal * (0.2 - eye) / 1.92, abs=3)

@@ -1,0 +1,202 @@
+"""A service's loop over memory: ticks, snapshots, freshness, reset, pause, ending."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+import pytest
+
+from messages.base import encode
+from messages.geometry import Twist
+from messages.nav import Odometry
+from messages.std import Header, Time
+from messages.topics import CMD_VEL, ODOM, Quality
+from services.runtime.context import Context, Tick
+from services.runtime.errors import BadInput, Stopped
+from services.runtime.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.service import Parameters
+from services.runtime.wire import attach, encoding
+from tests.runtime.bench import HandClock, node
+from tests.waiting import until
+
+MS = 1_000_000
+
+
+class Odom:
+    """Publishes odometry by hand."""
+
+    def __init__(self, bus: MemoryBus) -> None:
+        self._outlet = MemoryTransport(bus).publish("tb3_0/odom", encoding(Odometry.ROS_TYPE), Quality.SENSOR)
+        self._sent = 0
+
+    def put(self, ns: int) -> None:
+        self._sent += 1
+        self._outlet.put(encode(Odometry(header=Header(stamp=Time.of(ns)))), attach(self._sent, b"o" * 16))
+
+
+@contextmanager
+def running(bus: MemoryBus, run: Callable[[Context[Any]], None], rate: float = 25) -> Iterator[Context[Any]]:
+    """The loop in a thread of its own; stopped and joined at the end. An exception in it fails the test."""
+    waiter = node(bus, "waypoint", "/tb3_0")
+    with waiter:
+        ctx: Context[Any] = Context(waiter, Parameters(), rate)
+
+        def body() -> None:
+            with suppress(Stopped):
+                run(ctx)
+
+        thread = threading.Thread(target=body)
+        thread.start()
+        try:
+            yield ctx
+        finally:
+            waiter.stopping = True
+            waiter.transport.nudge()
+            thread.join(10)
+            assert not thread.is_alive()
+
+
+def test_ticks_follow_the_clock_at_the_rate(bus: MemoryBus, clock: HandClock) -> None:
+    ticks: list[Tick] = []
+
+    def run(ctx: Context[Any]) -> None:
+        for tick in ctx.ticks():
+            ticks.append(tick)
+
+    with running(bus, run):
+        for number in range(11):
+            clock.tell(number * 20 * MS)
+            until(lambda n=number: len(ticks) >= n // 2 + 1)
+    assert [tick.time for tick in ticks] == [n * 40 * MS for n in range(6)]
+    assert [tick.dt for tick in ticks] == [0.0] + [0.04] * 5
+    assert not any(tick.reset for tick in ticks)
+
+
+def test_what_was_missed_is_not_made_up_for(bus: MemoryBus, clock: HandClock) -> None:
+    ticks: list[Tick] = []
+
+    def run(ctx: Context[Any]) -> None:
+        for tick in ctx.ticks():
+            ticks.append(tick)
+
+    with running(bus, run):
+        for time_ns in (0, 500 * MS, 520 * MS):
+            clock.tell(time_ns)
+            until(lambda t=time_ns: ticks and (ticks[-1].time == t))
+    assert [tick.time for tick in ticks] == [0, 500 * MS, 520 * MS]
+
+
+def test_a_tick_sees_one_instant_and_freshness_is_simulation_time(bus: MemoryBus, clock: HandClock) -> None:
+    seen: list[tuple[float, bool, bool]] = []
+    odom = Odom(bus)
+
+    def run(ctx: Context[Any]) -> None:
+        here = ctx.latest(ODOM)
+        for _ in ctx.ticks():
+            seen.append((here.age, here.fresh(0.5) is not None, here.value is not None))
+
+    with running(bus, run) as ctx:
+        until(lambda: ctx.kernel.inputs)
+        clock.tell(0)
+        until(lambda: len(seen) == 1)
+        odom.put(40 * MS)
+        clock.tell(80 * MS)
+        until(lambda: len(seen) == 2)
+        clock.tell(640 * MS)
+        until(lambda: len(seen) == 3)
+    assert seen == [(float("inf"), False, False), (0.04, True, True), (0.6, False, True)]
+
+
+def test_a_new_epoch_is_a_reset_and_empties_the_inputs(bus: MemoryBus, clock: HandClock) -> None:
+    seen: list[tuple[int, bool, float, bool]] = []
+    odom = Odom(bus)
+
+    def run(ctx: Context[Any]) -> None:
+        here = ctx.latest(ODOM)
+        for tick in ctx.ticks():
+            seen.append((tick.time, tick.reset, tick.dt, here.value is not None))
+
+    with running(bus, run) as ctx:
+        until(lambda: ctx.kernel.inputs)
+        odom.put(0)
+        clock.tell(1000 * MS)
+        until(lambda: len(seen) == 1)
+        clock.tell(0, epoch=1)
+        until(lambda: len(seen) == 2)
+        clock.tell(40 * MS, epoch=1)
+        until(lambda: len(seen) == 3)
+    assert seen == [(1000 * MS, False, 0.0, True), (0, True, 0.0, False), (40 * MS, False, 0.04, False)]
+
+
+def test_a_simulation_that_starts_anew_is_a_reset_too(bus: MemoryBus, clock: HandClock) -> None:
+    seen: list[tuple[int, bool, float]] = []
+
+    def run(ctx: Context[Any]) -> None:
+        for tick in ctx.ticks():
+            seen.append((tick.time, tick.reset, tick.dt))
+
+    with running(bus, run):
+        clock.tell(5000 * MS)
+        until(lambda: len(seen) == 1)
+        clock.tell(0)
+        until(lambda: len(seen) == 2)
+    assert seen[1] == (0, True, 0.0)
+
+
+def test_a_paused_clock_gives_no_ticks_and_shows(bus: MemoryBus, clock: HandClock) -> None:
+    count = [0]
+
+    def run(ctx: Context[Any]) -> None:
+        for _ in ctx.ticks():
+            count[0] += 1
+
+    with running(bus, run) as ctx:
+        clock.tell(0)
+        until(lambda: count[0] == 1)
+        clock.tell(0, paused=True)
+        until(lambda: ctx.kernel.heart.state == "paused")
+        clock.tell(40 * MS)
+        until(lambda: count[0] == 2)
+        assert ctx.kernel.heart.state == "running"
+
+
+def test_without_a_clock_the_node_says_that_it_waits(bus: MemoryBus) -> None:
+    def run(ctx: Context[Any]) -> None:
+        for _ in ctx.ticks():
+            raise AssertionError("a tick without a clock")
+
+    with running(bus, run) as ctx:
+        until(lambda: ctx.kernel.heart.state == "waiting")
+        assert ctx.kernel.heart.note == "no clock"
+
+
+def test_publish_refuses_another_record(bus: MemoryBus) -> None:
+    with node(bus, "a") as made:
+        ctx: Context[Any] = Context(made, Parameters(), 25)
+        with pytest.raises(TypeError, match="carries Twist, not Odometry"):
+            ctx.publish(CMD_VEL, Odometry())  # type: ignore[arg-type]
+        ctx.publish(CMD_VEL, Twist())
+        assert [each.sent for each in made.outputs if each.name == "/cmd_vel"] == [1]
+
+
+def test_a_service_without_a_rate_has_no_ticks(bus: MemoryBus) -> None:
+    with node(bus, "a") as made, pytest.raises(BadInput, match="without a rate"):
+        next(iter(Context(made, Parameters(), None).ticks()))
+
+
+def test_messages_are_answered_as_they_come(bus: MemoryBus) -> None:
+    odom, seen = Odom(bus), []
+
+    def run(ctx: Context[Any]) -> None:
+        for message in ctx.messages(ODOM):
+            seen.append(message.header.stamp.ns)
+
+    with running(bus, run) as ctx:
+        until(lambda: ctx.kernel.inputs)
+        for stamp in (1, 2, 3):
+            odom.put(stamp)
+        until(lambda: len(seen) == 3)
+    assert seen == [1, 2, 3]

@@ -1,0 +1,192 @@
+"""Pilot and ideal base together: laps, limits, stops, new goals, lost odometry."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import msgspec
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from services.waypoint import WaypointParameters
+from services.waypoint.pilot import Pilot
+from services.waypoint.plan import Goal, Plan
+from services.waypoint.planar import STILL, Leg, Planar, wrap
+from tests.unit_waypoint.ideal_base import CONTROL, IdealBase, Instant, drive
+
+TEN = ((5, 0), (1, -4), (2.5, 2.5), (4, -4), (0, 0), (0, 2.5), (5, 2.5), (5, -4), (0, -4), (0, 0))
+START_YAW = 1.57
+
+
+def lap(shift: float = 0.0, law: str = "steady") -> list[Instant]:
+    goals = tuple((float(x), y + shift) for x, y in TEN)
+    parameters = WaypointParameters(goals=goals, law="seed" if law == "seed" else "steady")
+    return list(drive(Pilot(parameters), Planar(0, shift, START_YAW), 400))
+
+
+def reached(run: list[Instant]) -> list[int]:
+    return [now.progress.index for now in run if now.progress.state == "reached"]
+
+
+@pytest.fixture(scope="module")
+def four() -> list[list[Instant]]:
+    return [lap(0.5 * robot) for robot in range(4)]
+
+
+def test_a_lap_stops_on_every_point_within_a_millimetre_and_in_time(four: list[list[Instant]]) -> None:
+    run = four[0]
+    assert run[-1].progress.state == "finished"
+    assert reached(run) == list(range(10))
+    for now in run:
+        if now.progress.state == "reached":
+            assert now.progress.distance < 0.002
+            assert abs(now.moving.v) < 0.01
+    assert run[-1].time < 300
+
+
+def test_the_lap_keeps_to_its_legs(four: list[list[Instant]]) -> None:
+    corners = [(0.0, 0.0), *TEN]
+    offsets = [
+        Leg(*corners[now.progress.index], *corners[now.progress.index + 1]).left_and_offset(now.here)[1]
+        for now in four[0]
+    ]
+    assert math.sqrt(sum(offset**2 for offset in offsets) / len(offsets)) < 0.001
+    assert max(map(abs, offsets)) < 0.005
+
+
+def test_four_robots_half_a_metre_apart_keep_their_distance(four: list[list[Instant]]) -> None:
+    """Same law, same shifted points, same start: the formation moves as one, so 0.5 m stays 0.5 m."""
+    assert [len(reached(run)) for run in four] == [10, 10, 10, 10]
+    smallest = min(
+        math.hypot(a.here.x - b.here.x, a.here.y - b.here.y)
+        for together in zip(*four, strict=True)
+        for a, b in itertools.combinations(together, 2)
+    )
+    assert 0.49 < smallest < 0.51
+
+
+def test_the_seed_law_cuts_its_corners_and_takes_as_long_as_computed() -> None:
+    """Computed for the original without limits: 292 s; this base ramps its wheels at 1 m/s^2."""
+    run = lap(law="seed")
+    assert reached(run) == list(range(10))
+    assert run[-1].time == pytest.approx(292, rel=0.03)
+    assert all(0.29 < now.progress.distance < 0.3 for now in run if now.progress.state == "reached")
+
+
+def test_endless_laps_begin_again() -> None:
+    pilot = Pilot(WaypointParameters(goals=((0.3, 0.0), (0.3, 0.3)), laps=0))
+    run = list(drive(pilot, Planar(0, 0), 60))
+    assert reached(run)[:6] == [0, 1, 0, 1, 0, 1]
+    assert run[-1].progress.state != "finished"
+
+
+def test_two_laps_are_one_plan_of_twice_the_points() -> None:
+    pilot = Pilot(WaypointParameters(goals=((0.3, 0.0), (0.3, 0.3)), laps=2, final_yaw=1.0))
+    run = list(drive(pilot, Planar(0, 0), 60))
+    assert reached(run) == [0, 1, 2, 3]
+    assert run[-1].progress.count == 4
+    assert wrap(run[-1].here.yaw - 1.0) == pytest.approx(0, abs=0.02)
+
+
+def test_a_goal_twice_in_the_list_is_reached_twice() -> None:
+    run = list(drive(Pilot(WaypointParameters(goals=((0.3, 0.0), (0.3, 0.0)))), Planar(0, 0), 20))
+    assert reached(run) == [0, 1]
+
+
+def test_a_pilot_without_goals_commands_nothing_until_it_gets_one() -> None:
+    pilot = Pilot(WaypointParameters())
+    assert pilot.step(Planar(0, 0), STILL, CONTROL).command is None
+    pilot.follow(Plan((Goal(0.5, 0.5, -2.0),)))
+    last = list(drive(pilot, Planar(0, 0), 30))[-1]
+    assert last.progress.state == "finished"
+    assert math.hypot(last.here.x - 0.5, last.here.y - 0.5) < 0.01
+    assert abs(wrap(last.here.yaw + 2.0)) < 0.02
+
+
+def test_a_new_goal_on_the_way_replaces_the_plan_without_a_jerk() -> None:
+    pilot, base = Pilot(WaypointParameters(goals=((5.0, 0.0),))), IdealBase(Planar(0, 0))
+    commands = []
+    for tick in range(600):
+        if tick == 100:
+            pilot.follow(Plan((Goal(0.0, 1.0),)))
+        command = pilot.step(base.here, base.moving, CONTROL).command or STILL
+        commands.append(command)
+        base.run(command)
+    assert math.hypot(base.here.x, base.here.y - 1) < 0.01
+    assert max(abs(b.v - a.v) for a, b in itertools.pairwise(commands[:-1])) <= 0.5 * CONTROL + 1e-9
+
+
+def test_without_odometry_it_stands_and_then_goes_on() -> None:
+    pilot = Pilot(WaypointParameters(goals=((2.0, 0.0),)))
+    half = list(drive(pilot, Planar(0, 0), 5))[-1]
+    assert half.moving.v == pytest.approx(0.22, abs=0.001)
+    waiting = pilot.wait()
+    assert (waiting.state, waiting.command) == ("waiting", STILL)
+    run = list(drive(pilot, half.here, 20))
+    assert run[-1].progress.state == "finished"
+    assert run[1].progress.command is not None
+    assert run[1].progress.command.v <= 2 * 0.5 * CONTROL
+
+
+def test_a_robot_that_is_carried_away_takes_the_straight_line_from_there() -> None:
+    pilot = Pilot(WaypointParameters(goals=((2.0, 0.0), (2.0, 2.0))))
+    list(drive(pilot, Planar(0, 0), 5))
+    run = list(drive(pilot, Planar(-1, 3, 2), 60))
+    assert reached(run) == [0, 1]
+    assert run[-1].progress.distance < 0.01
+
+
+place = st.floats(-2, 2).map(lambda value: round(value, 2))
+heading = st.floats(-3.14, 3.14).map(lambda value: round(value, 2))
+
+
+def reaches(start: Planar, goal: tuple[float, float], parameters: WaypointParameters, seconds: float) -> None:
+    """Assert that the goal is reached, the limits are kept, and the distance never grows once it drives."""
+    run = list(drive(Pilot(parameters), start, seconds))
+    assert run[-1].progress.state == "finished"
+    assert math.hypot(run[-1].here.x - goal[0], run[-1].here.y - goal[1]) <= parameters.tolerance + 0.001
+    nearest = math.inf
+    commands = [now.progress.command or STILL for now in run]
+    for now, command in zip(run, commands, strict=True):
+        distance = math.hypot(now.here.x - goal[0], now.here.y - goal[1])
+        nearest = min(nearest, distance)
+        assert distance < nearest + 0.005
+        assert 0 <= command.v <= parameters.max_linear
+        assert abs(command.w) <= parameters.max_angular
+    for a, b in itertools.pairwise(commands[:-1]):
+        assert -parameters.deceleration * CONTROL - 1e-9 <= b.v - a.v <= parameters.acceleration * CONTROL + 1e-9
+        assert abs(b.w - a.w) <= parameters.angular_acceleration * CONTROL + 1e-9
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(place, place, heading, place, place)
+@example(0, 0, math.pi, 1, 0)
+@example(0, 0, 0, 0, 0)
+@example(0, 0, 3.14, 0.011, 0)
+def test_the_steady_law_reaches_any_goal_and_never_drives_away(
+    x: float, y: float, yaw: float, goal_x: float, goal_y: float
+) -> None:
+    reaches(Planar(x, y, yaw), (goal_x, goal_y), WaypointParameters(goals=((goal_x, goal_y),)), 60)
+
+
+def bound(*values: float) -> st.SearchStrategy[float]:
+    return st.sampled_from(values)
+
+
+@settings(max_examples=16, deadline=None, derandomize=True)
+@given(
+    max_linear=bound(0.02, 0.22, 2.0),
+    max_angular=bound(0.1, 3.0),
+    acceleration=bound(0.1, 1.0),
+    deceleration=bound(0.1, 1.0),
+    angular_acceleration=bound(0.5, 6.0),
+    lookahead=bound(0.1, 2.0),
+    lag=bound(0.15, 1.0),
+    tolerance=bound(0.005, 0.5),
+    yaw=heading,
+)
+def test_every_gain_at_its_bound_is_safe(yaw: float, **gains: float) -> None:
+    parameters = msgspec.convert({"goals": ((0.6, 0.8),), **gains}, WaypointParameters)
+    reaches(Planar(0, 0, yaw), (0.6, 0.8), parameters, 200)
