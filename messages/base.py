@@ -36,7 +36,7 @@ Nanoseconds = Annotated[int, Meta(ge=0, le=2**63 - 1, extra={"unit": "ns"})]
 Count = Annotated[int, Meta(ge=0, le=2**63 - 1)]
 
 
-class Message(msgspec.Struct, frozen=True, kw_only=True):
+class Message(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """A record that travels on the wire as a map with the ROS field names.
 
     Every field has a default, as in ROS; unknown fields are ignored, so a newer sender is understood.

@@ -34,5 +34,6 @@ SERVICE = Service(
     run="services.grader.loop:run",
     reads=(GROUND_TRUTH, ODOM, PLAN, STATUS, BASE_STATUS, HEALTH),
     rate=5,
+    observer=True,
     parameters=GraderParameters,
 )

@@ -21,7 +21,7 @@ class LoggerParameters(Parameters, frozen=True, kw_only=True):
     file: Annotated[str, Meta(description="the recording; empty means run.rrd in the working directory")] = ""
     footer: Annotated[
         bool,
-        Meta(description="end the file with a table of contents; off saves about 0.1 MiB of memory a minute and robot"),
+        Meta(description="end the file with a table of contents; off saves about 0.2 MiB of memory a minute and robot"),
     ] = True
     serve: Annotated[bool, Meta(description="serve the run to viewers on 127.0.0.1 while it lasts")] = True
     port: Annotated[int, Meta(ge=1024, le=65535, description="port of the live view")] = 9876
@@ -47,5 +47,5 @@ SERVICE = Service(
     reads=(GROUND_TRUTH, ODOM, CMD_VEL, JOINT_STATES, PLAN, STATUS, ROSOUT),
     rate=5,
     parameters=LoggerParameters,
-    holds_lockstep=False,
+    observer=True,
 )

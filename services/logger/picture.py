@@ -13,6 +13,7 @@ from pathlib import Path
 
 from rerun.experimental import ViewerClient
 
+from services.logger.mend import readable
 from services.logger.paths import TIMELINE
 from services.logger.viewer import PROGRAM, QUIET
 from services.runtime.errors import BadInput
@@ -50,14 +51,14 @@ def picture(rrd: Path, png: Path, at: float | None = None) -> None:
 def headless(rrd: Path) -> Iterator[ViewerClient]:
     """A viewer without a window that shows the recording; it listens on 127.0.0.1 only and ends with the block.
 
+    A recording whose writer was killed is shown up to its torn end.
     Raises BadInput when it cannot start or does not show the recording within LOADING_S.
     """
-    if not rrd.is_file():
-        raise BadInput(f"no recording {rrd}")
     port = _free_port()
     command = [str(PROGRAM), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--hide-welcome-screen"]
-    command += ["--window-size", f"{SIZE[0]}x{SIZE[1]}", str(rrd.absolute())]
-    with tempfile.TemporaryFile() as said:
+    command += ["--window-size", f"{SIZE[0]}x{SIZE[1]}"]
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as said:
+        command.append(str(readable(rrd, Path(folder)).absolute()))
         try:
             process = subprocess.Popen(
                 command, env={**os.environ, **QUIET}, stdin=subprocess.DEVNULL, stdout=said, stderr=said

@@ -11,12 +11,11 @@ from messages.topics import Topic
 from services.runtime.calls import DEADLINE_S
 from services.runtime.errors import BadInput
 from services.runtime.graph import ROOT
-from services.runtime.lockstep import period_of
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.outputs import Output
 from services.runtime.pacing import ClockPacer, Instant, LockstepPacer, Pacer
-from services.runtime.service import Parameters
+from services.runtime.service import Parameters, period_of
 from services.runtime.transport import Inlet
 from services.runtime.views import Latest, Stream
 
@@ -41,11 +40,13 @@ class Tick(NamedTuple):
 class Context(Generic[P]):
     """Handed to ``run``. All of it belongs to the loop's own thread."""
 
-    def __init__(self, node: Node, params: P, rate: float | None, lockstep: bool = False, step_ns: int = 1) -> None:
+    def __init__(
+        self, node: Node, params: P, rate: float | None, lockstep: bool = False, observer: bool = False
+    ) -> None:
         self.params = params
         self.now = 0
         self._node = node
-        self._rate, self._lockstep, self._step_ns = rate, lockstep, step_ns
+        self._rate, self._lockstep, self._observer = rate, lockstep, observer
         self._views: list[Latest[Any] | Stream[Any]] = []
         self._writing: dict[str, Output[Any]] = {}
         self._resting: Inlet | None = None
@@ -110,7 +111,7 @@ class Context(Generic[P]):
         """
         if self._rate is None:
             raise BadInput("a service without a rate has no ticks")
-        period = period_of(self._rate, self._step_ns)
+        period = period_of(self._rate, self._lockstep)
         pacer: Pacer = (LockstepPacer if self._lockstep else ClockPacer)(self._node, period)
         pacer.start()
         last: Instant | None = None
@@ -127,8 +128,11 @@ class Context(Generic[P]):
             self._snapshot(pacer, reset)
             last = instant
             self._node.heart.ticks += 1
+            if self._observer:
+                pacer.finish()
             yield Tick(instant.time, dt, instant.epoch, reset)
-            pacer.finish()
+            if not self._observer:
+                pacer.finish()
 
     def messages(self, topic: Topic[M], name: str | None = None) -> Iterator[M]:
         """Every message of a topic as it arrives, for services that answer to messages instead of time."""
@@ -144,7 +148,7 @@ class Context(Generic[P]):
         """Turn once and rest for a tenth of a second, for services that follow neither time nor messages."""
         if self._resting is None:
             key = f"{ROOT}/{self._node.transport.session}/rest"
-            self._resting = self._node.transport.subscribe(key, "", 16)
+            self._resting = self._node.transport.subscribe(key, 16)
         self._node.wait(self._resting)
 
     def _snapshot(self, pacer: Pacer, reset: bool) -> None:

@@ -33,7 +33,7 @@ class Input(Generic[M]):
     def __init__(self, topic: Topic[M], name: str, key: str, transport: Transport) -> None:
         self.topic, self.name, self.key = topic, name, key
         self.encoding = encoding(topic.record.ROS_TYPE)
-        self.inlet: Inlet = transport.subscribe(key, self.encoding, CAPACITY, topic.quality is Quality.LATCHED)
+        self.inlet: Inlet = transport.subscribe(key, CAPACITY, topic.quality is Quality.LATCHED)
         self.batch: list[tuple[M, Origin | None]] = []
         self.received = self.lost = self.refused = self.foreign = 0
         self.reason = ""
@@ -80,21 +80,31 @@ class Input(Generic[M]):
 
     def _drain(self) -> list[tuple[M, Origin | None]]:
         taken: list[tuple[M, Origin | None]] = []
-        while (sample := self.inlet.take()) is not None:
-            origin = detach(sample.attachment) if sample.attachment else None
-            if origin is not None and not self._count(origin):
+        take = self.inlet.take
+        while (sample := take()) is not None:
+            origin = detach(sample.attachment)
+            if not self._expected(sample, origin):
                 continue
-            message = self._read(sample)
+            message = self._read(sample.payload)
             if message is not None:
                 self.received += 1
-                if origin is None:
-                    self.foreign += 1
                 taken.append((message, origin))
         return taken
 
-    def _count(self, origin: Origin) -> bool:
-        """Whether the sample is new; gaps before it are counted as lost."""
-        last = self._last.get(origin.publisher)
+    def _expected(self, sample: Sample, origin: Origin | None) -> bool:
+        """Whether the sample is new and of the topic's type; gaps before it are counted as lost.
+
+        A publisher's type is that of its first sample; asking for it costs more than the rest of this check.
+        """
+        last = None if origin is None else self._last.get(origin.publisher)
+        if last is None:
+            kind = self.inlet.encoding(sample)
+            if kind and kind != self.encoding:
+                self._refuse(f"expected {self.encoding}, got {kind[:80]}")
+                return False
+        if origin is None:
+            self.foreign += 1
+            return True
         if last is not None:
             if origin.sequence <= last:
                 return False
@@ -104,15 +114,12 @@ class Input(Generic[M]):
         self._last[origin.publisher] = origin.sequence
         return True
 
-    def _read(self, sample: Sample) -> M | None:
-        if sample.encoding and sample.encoding != self.encoding:
-            self._refuse(f"expected {self.encoding}, got {sample.encoding[:80]}")
-            return None
-        if len(sample.payload) > self.topic.largest:
-            self._refuse(f"{len(sample.payload)} bytes, the limit is {self.topic.largest}")
+    def _read(self, payload: bytes) -> M | None:
+        if len(payload) > self.topic.largest:
+            self._refuse(f"{len(payload)} bytes, the limit is {self.topic.largest}")
             return None
         try:
-            return self._decode(sample.payload)
+            return self._decode(payload)
         except WrongPayload as error:
             self._refuse(str(error))
             return None

@@ -18,7 +18,6 @@ import msgspec
 from messages.base import decoder, encode
 from messages.names import key as key_of
 from messages.topics import Quality
-from services.runtime.errors import BadInput
 from services.runtime.graph import ROOT, Entity, pattern
 from services.runtime.log import Log
 from services.runtime.marks import Marks, Numbers, merge
@@ -84,7 +83,7 @@ class Follower:
 
     def __init__(self, transport: Transport, node: str, period_ns: int) -> None:
         self._transport, self._node, self._period_ns = transport, node, period_ns
-        self.inlet: Inlet = transport.subscribe(f"{ROOT}/{transport.session}/go", _ENCODING, _CAPACITY)
+        self.inlet: Inlet = transport.subscribe(f"{ROOT}/{transport.session}/go", _CAPACITY)
         self.marks = Marks()
         self._done: Outlet | None = None
         self._simulation = ""
@@ -153,7 +152,7 @@ class Barrier:
         self.marks = Marks()
         self.dropped: list[str] = []
         self._transport, self._roster, self._log, self._idle, self._now = transport, roster, log, idle, now
-        self._inlet = transport.subscribe(f"{ROOT}/{transport.session}/done", _ENCODING, _CAPACITY)
+        self._inlet = transport.subscribe(f"{ROOT}/{transport.session}/done", _CAPACITY)
         self._reads_watch = transport.watch(pattern("sub"))
         self._watch = transport.watch(pattern("step"))
         self._reads: dict[str, set[str]] = {}
@@ -283,11 +282,3 @@ class Barrier:
             for session, member in self._members.items():
                 if session != sender and key in self._reads.get(session, ()):
                     merge(getattr(member, kind), {key: reached})
-
-
-def period_of(rate: float, step_ns: int) -> int:
-    """The period [ns] of a rate; it must be a whole number of physics steps."""
-    period = round(1e9 / rate)
-    if period % step_ns:
-        raise BadInput(f"a rate of {rate} Hz is no whole number of physics steps of {step_ns / 1e6} ms")
-    return period

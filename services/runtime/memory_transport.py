@@ -52,12 +52,18 @@ class MemoryInlet:
     """A subscription on a bounded queue."""
 
     def __init__(self, bus: MemoryBus, key: str, capacity: int) -> None:
-        self._bus, self.key = bus, key
+        self._bus, self.pattern = bus, key
         self.samples: deque[Sample] = deque(maxlen=capacity)
 
     def take(self) -> Sample | None:
         with self._bus.changed:
             return self.samples.popleft() if self.samples else None
+
+    def encoding(self, sample: Sample) -> str:
+        return str(sample.source[0])
+
+    def key(self, sample: Sample) -> str:
+        return str(sample.source[1])
 
     def close(self) -> None:
         with self._bus.changed:
@@ -73,10 +79,10 @@ class MemoryOutlet:
         self._number = next(bus.numbers) if latched else None
 
     def put(self, payload: bytes, attachment: bytes) -> None:
-        sample = Sample(payload, self._encoding, attachment, self._key)
+        sample = Sample(payload, attachment, (self._encoding, self._key))
         with self._bus.changed:
             for inlet in self._bus.inlets:
-                if matches(inlet.key, self._key):
+                if matches(inlet.pattern, self._key):
                     inlet.samples.append(sample)
             if self._number is not None:
                 self._bus.latched[self._key, self._number] = sample
@@ -85,7 +91,7 @@ class MemoryOutlet:
     @property
     def wanted(self) -> bool:
         with self._bus.changed:
-            return any(matches(inlet.key, self._key) for inlet in self._bus.inlets)
+            return any(matches(inlet.pattern, self._key) for inlet in self._bus.inlets)
 
     def close(self) -> None:
         with self._bus.changed:
@@ -162,11 +168,11 @@ class MemoryTransport:
     def __exit__(self, *exception: object) -> None:
         self.close()
 
-    def subscribe(self, key: str, encoding: str, capacity: int, latched: bool = False) -> MemoryInlet:
+    def subscribe(self, key: str, capacity: int, latched: bool = False) -> MemoryInlet:
         inlet = MemoryInlet(self._bus, key, capacity)
         with self._bus.changed:
             if latched:
-                inlet.samples.extend(each for each in self._bus.latched.values() if matches(key, each.key))
+                inlet.samples.extend(each for each in self._bus.latched.values() if matches(key, each.source[1]))
             self._bus.inlets.append(inlet)
         self._owned.append(inlet)
         return inlet

@@ -13,7 +13,6 @@ from services.runtime.log import Log
 from services.runtime.marks import Marks
 from services.runtime.node import Node
 from services.runtime.transport import Inlet
-from services.runtime.wire import encoding
 
 SILENCE_S = 0.5
 """Wall time without a clock after which the loop calls itself waiting."""
@@ -81,7 +80,7 @@ class ClockPacer:
 
     def __init__(self, node: Node, period_ns: int) -> None:
         transport = node.transport
-        self.inlet = transport.subscribe(node.identity.key(CLOCK.name), encoding(Clock.ROS_TYPE), 16)
+        self.inlet = transport.subscribe(node.identity.key(CLOCK.name), 16)
         self._read = decoder(Clock)
         self._period_ns = period_ns
         self._silence = Silence(node, node.log)

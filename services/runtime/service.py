@@ -11,6 +11,7 @@ import msgspec
 
 from messages.requests import Request
 from messages.topics import Topic
+from services.runtime.errors import BadInput
 
 if TYPE_CHECKING:
     from services.runtime.context import Context
@@ -25,13 +26,26 @@ class Parameters(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 Run = Callable[["Context[Any]"], None]
 
+STEP_NS = 5_000_000
+"""The physics step, ns: 200 Hz. In lockstep every rate divides it."""
+
+
+def period_of(rate: float, lockstep: bool) -> int:
+    """The period [ns] of a rate [Hz]; in lockstep it must be a whole number of physics steps, else BadInput."""
+    period = round(1e9 / rate)
+    if lockstep and period % STEP_NS:
+        raise BadInput(f"a rate of {rate:g} Hz is no whole number of physics steps of {STEP_NS / 1e6:g} ms")
+    return period
+
 
 @dataclass(frozen=True, kw_only=True)
 class Service:
     """One kind of process. ``run`` is the loop, or its place as ``"package.module:function"`` to import it late.
 
     ``rate`` [Hz] of simulation time paces ``Context.ticks``; None for services that pace themselves.
-    ``holds_lockstep`` tells whether the simulation may wait for it in lockstep; ``routes`` is the router's mark.
+    ``holds_lockstep`` tells whether the simulation may wait for it in lockstep. An ``observer`` only looks on: lockstep
+    goes on as soon as it has its snapshot, and waits at its next tick if it is still busy with the last one.
+    ``routes`` is the router's mark.
     """
 
     name: str
@@ -43,6 +57,7 @@ class Service:
     rate: float | None = None
     parameters: type[Parameters] = field(default=Parameters)
     holds_lockstep: bool = True
+    observer: bool = False
     routes: bool = False
 
     def entry(self) -> Run:

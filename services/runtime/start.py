@@ -27,7 +27,7 @@ def serve(service: Service, options: dict[str, Any]) -> None:
             transport.nudge()
 
         on_stop(stop)
-        context = Context(node, options["params"], service.rate, options["lockstep"])
+        context = Context(node, options["params"], service.rate, options["lockstep"], service.observer)
         for topic in service.writes:
             context.writer(topic)
         try:

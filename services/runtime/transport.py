@@ -9,7 +9,7 @@ round trip a third shorter.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self
 
 from messages.topics import Quality
 
@@ -18,12 +18,11 @@ BEAT_S = 0.1
 
 
 class Sample(NamedTuple):
-    """One arrival. ``encoding`` is empty when the sender gave none."""
+    """One arrival; what else there is to know of it, its inlet tells: most readers never ask."""
 
     payload: bytes
-    encoding: str
     attachment: bytes
-    key: str
+    source: Any
 
 
 class TokenEvent(NamedTuple):
@@ -38,6 +37,14 @@ class Inlet(Protocol):
 
     def take(self) -> Sample | None:
         """The oldest sample waiting, or None."""
+        ...
+
+    def encoding(self, sample: Sample) -> str:
+        """The encoding that the sender gave, or an empty text."""
+        ...
+
+    def key(self, sample: Sample) -> str:
+        """The key on which the sample came."""
         ...
 
     def close(self) -> None:
@@ -117,7 +124,7 @@ class Transport(Protocol):
 
     def __exit__(self, *exception: object) -> None: ...
 
-    def subscribe(self, key: str, encoding: str, capacity: int, latched: bool = False) -> Inlet:
+    def subscribe(self, key: str, capacity: int, latched: bool = False) -> Inlet:
         """Receive the samples on ``key`` (wildcards allowed); keep ``capacity`` of them."""
         ...
 

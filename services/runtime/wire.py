@@ -18,10 +18,11 @@ MEMBER_BYTES = 10
 
 
 class Origin(NamedTuple):
-    """Where a sample comes from: its number (1, 2, …), the sender's system clock [ns], the publisher's id."""
+    """Where a sample comes from: its number (1, 2, …), the sender's system clock [ns], the id and its length."""
 
     sequence: int
     source_ns: int
+    size: int
     publisher: bytes
 
 
@@ -53,5 +54,5 @@ def detach(attachment: bytes) -> Origin | None:
     """The origin that an attachment tells, or None when it is not one of ours."""
     if len(attachment) != ATTACHMENT_SIZE:
         return None
-    sequence, source_ns, size, publisher = _LAYOUT.unpack(attachment)
-    return Origin(sequence, source_ns, publisher) if size == 16 and sequence > 0 else None
+    origin = Origin._make(_LAYOUT.unpack(attachment))
+    return origin if origin.size == 16 and origin.sequence > 0 else None

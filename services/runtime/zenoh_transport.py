@@ -29,33 +29,28 @@ _QUALITIES: dict[Quality, dict[str, Any]] = {
 class ZenohInlet:
     """A subscription on a ring: the publisher is never blocked by a reader that is slow."""
 
-    def __init__(self, key: str, encoding: str, subscriber: Any, session: str) -> None:
-        self.key = key
+    def __init__(self, key: str, subscriber: Any, session: str) -> None:
         self.nudge_key = key.replace("**", session).replace("*", session)
         self.held: deque[Any] = deque()
         self.subscriber = subscriber
-        self._encoding, self._expected = encoding, zenoh.Encoding(encoding)
-        self._single = "*" not in key
 
     def take(self) -> Sample | None:
         while True:
             sample = self.held.popleft() if self.held else self.subscriber.try_recv()
             if sample is None:
                 return None
-            seen = sample.encoding
-            if seen == self._expected:
-                name = self._encoding
-            elif seen == _NUDGE:
-                continue
-            else:
-                name = "" if str(seen) == "zenoh/bytes" else str(seen)
             attachment = sample.attachment
-            return Sample(
-                sample.payload.to_bytes(),
-                name,
-                attachment.to_bytes() if attachment is not None else b"",
-                self.key if self._single else str(sample.key_expr),
-            )
+            if attachment is not None:
+                return Sample(sample.payload.to_bytes(), attachment.to_bytes(), sample)
+            if sample.encoding != _NUDGE:
+                return Sample(sample.payload.to_bytes(), b"", sample)
+
+    def encoding(self, sample: Sample) -> str:
+        name = str(sample.source.encoding)
+        return "" if name == "zenoh/bytes" else name
+
+    def key(self, sample: Sample) -> str:
+        return str(sample.source.key_expr)
 
     def close(self) -> None:
         self.subscriber.undeclare()
@@ -167,7 +162,7 @@ class ZenohTransport:
     def __exit__(self, *exception: object) -> None:
         self.close()
 
-    def subscribe(self, key: str, encoding: str, capacity: int, latched: bool = False) -> ZenohInlet:
+    def subscribe(self, key: str, capacity: int, latched: bool = False) -> ZenohInlet:
         handler: Any = RingChannel(capacity)
         if latched:
             subscriber: Any = zenoh.ext.declare_advanced_subscriber(
@@ -175,7 +170,7 @@ class ZenohTransport:
             )
         else:
             subscriber = self._zenoh.declare_subscriber(key, handler)
-        return ZenohInlet(key, encoding, subscriber, self.session)
+        return ZenohInlet(key, subscriber, self.session)
 
     def publish(self, key: str, encoding: str, quality: Quality) -> ZenohOutlet:
         options = dict(_QUALITIES[quality], encoding=zenoh.Encoding(encoding))

@@ -9,9 +9,6 @@ from messages.requests import DELETE, GET_STATE, LIST, PAUSE, RESET, RESET_WORLD
 from messages.topics import CLOCK, TF, TF_STATIC
 from services.runtime.service import Parameters, Service
 
-STEP_NS = 5_000_000
-"""One physics step, ns. 200 Hz divides every control rate in use; the bases stay within 0.3 % of their commands."""
-
 Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
 
 

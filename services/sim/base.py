@@ -7,8 +7,9 @@ from messages.elea import BaseStatus
 from messages.geometry import Twist
 from messages.std import Bool, Header, Time
 from models.figures import Wheels
+from services.runtime.service import STEP_NS
 from services.runtime.wire import MEMBER_BYTES, Origin
-from services.sim import STEP_NS, BaseParameters
+from services.sim import BaseParameters
 from services.sim.arbiter import Arbiter
 from services.sim.commanders import FOREIGN, Ages, Commanders
 from services.sim.drive import AT_REST, Limits, advance, wheel_speeds

@@ -8,7 +8,8 @@ from models import UnknownModel
 from models.scene import read_scene
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
-from services.sim import STEP_NS, SimParameters
+from services.runtime.service import STEP_NS
+from services.sim import SimParameters
 from services.sim.bullet import BulletWorld
 from services.sim.desk import Desk, advance
 from services.sim.stage import Stage

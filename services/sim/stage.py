@@ -12,7 +12,8 @@ from services.runtime.errors import BadInput, unknown
 from services.runtime.marks import Marks
 from services.runtime.node import Node
 from services.runtime.outputs import Output
-from services.sim import STEP_NS, RobotEntry
+from services.runtime.service import STEP_NS
+from services.sim import RobotEntry
 from services.sim.commanders import Ages, Commanders
 from services.sim.frames import fixed, moving
 from services.sim.robot import Robot

@@ -23,7 +23,8 @@ from models import model_path
 from models.figures import Model
 from services.runtime.node import Node
 from services.runtime.outputs import Output
-from services.sim import STEP_NS, RobotEntry
+from services.runtime.service import STEP_NS
+from services.sim import RobotEntry
 from services.sim.odometry import PLANAR, Track, encoder_odometry, roll, start, world_odometry
 from services.sim.photo import calibration, photograph
 from services.sim.rotation import into_body

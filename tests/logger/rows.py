@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rerun.chunk import RrdReader
+from rerun.chunk import Chunk, RrdReader
 
 Stamps = NDArray[np.int64]
 
@@ -17,13 +18,20 @@ def columns(file: Path, entity: str, component: str, timeline: str = "sim_time")
     """Times [ns] and cells of a component of an entity, in the order of time."""
     times: list[int] = []
     cells: list[Any] = []
-    for chunk in RrdReader(file).stream():
+    for chunk in chunks(file):
         if chunk.entity_path == entity and not chunk.is_static and timeline in chunk.timeline_names:
             batch = chunk.to_record_batch()
             times += batch.column(timeline).cast("int64").to_pylist()
             cells += batch.column(component).to_pylist()
     order = np.argsort(np.array(times, np.int64), kind="stable")
     return np.array(times, np.int64)[order], [cells[i] for i in order]
+
+
+def chunks(file: Path) -> Iterator[Chunk]:
+    """All chunks; the footer may be missing."""
+    with warnings.catch_warnings(action="ignore"):
+        reader = RrdReader(file)
+    yield from reader.stream()
 
 
 def table(file: Path, entity: str, timeline: str = "sim_time") -> tuple[Stamps, NDArray[np.float64]]:
@@ -44,4 +52,4 @@ def poses(file: Path, robot: str, frame: str, timeline: str = "sim_time") -> tup
 
 def entities(file: Path) -> Iterator[str]:
     """The entities of which the recording holds anything."""
-    yield from {chunk.entity_path for chunk in RrdReader(file).stream()}
+    yield from {chunk.entity_path for chunk in chunks(file)}

@@ -16,10 +16,10 @@ from messages.std import Float64
 from messages.topics import Quality, Topic
 from services.runtime.context import Context
 from services.runtime.errors import BadInput, Stopped
-from services.runtime.lockstep import Barrier, Go, period_of
+from services.runtime.lockstep import Barrier, Go
 from services.runtime.memory_transport import MemoryBus, MemoryTransport
 from services.runtime.node import Node
-from services.runtime.service import Parameters
+from services.runtime.service import STEP_NS, Parameters, period_of
 from services.runtime.transport import Transport
 from services.runtime.zenoh_config import configuration
 from services.runtime.zenoh_transport import ZenohTransport
@@ -27,7 +27,6 @@ from tests.ports import free_port
 from tests.runtime.bench import node
 from tests.waiting import until
 
-STEP_NS = 5_000_000
 TRUTH = Topic("/truth", Float64, 50, Quality.SENSOR, "what the simulation tells")
 SHARED = Topic("/shared", Float64, 50, Quality.EVENT, "what all members write and read")
 EFFORT = Topic("/effort", Float64, 50, Quality.COMMAND, "what the simulation obeys")
@@ -201,6 +200,7 @@ def test_a_member_that_comes_back_is_waited_for_again(connect: Callable[[], Tran
 
 
 def test_a_rate_must_be_whole_steps() -> None:
-    assert period_of(25, STEP_NS) == 40_000_000
+    assert period_of(25, lockstep=True) == 40_000_000
+    assert period_of(30, lockstep=False) == 33_333_333
     with pytest.raises(BadInput, match="no whole number of physics steps"):
-        period_of(30, STEP_NS)
+        period_of(30, lockstep=True)

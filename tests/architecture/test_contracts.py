@@ -1,0 +1,95 @@
+"""The import contracts hold on this tree, and each of them is broken by what it is there to forbid."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from services.runtime.process import ROOT
+
+LINT = "import sys; from importlinter.cli import lint_imports_command as lint; lint()"
+
+LAYERS = "Data flows one way: deploy, services, then messages and models"
+SERVICES = "Services stand on the runtime and never import each other"
+VOCABULARY = "Messages import no network, physics, viewer or arrays"
+NETWORK = "Zenoh stands behind the transport alone"
+PHYSICS = "PyBullet stands behind the simulation alone"
+VIEWER = "Rerun stands behind the logger alone"
+
+PLANTED = [
+    (LAYERS, "services/waypoint/plan.py", "from deploy.version import VERSION"),
+    (LAYERS, "messages/names.py", "from services.runtime.errors import BadInput"),
+    (LAYERS, "models/frames.py", "from messages.std import Time"),
+    (LAYERS, "messages/std.py", "from models import model_path"),
+    (SERVICES, "services/waypoint/law.py", "from services.sim.drive import advance"),
+    (SERVICES, "services/grader/measure.py", "from services.waypoint import planar"),
+    (SERVICES, "services/runtime/context.py", "from services.sim import STEP_NS"),
+    (SERVICES, "services/newcomer/__init__.py", "SERVICE = None"),
+    (VOCABULARY, "messages/sensor.py", "import numpy"),
+    (VOCABULARY, "messages/topics.py", "def later(): import zenoh"),
+    (VOCABULARY, "messages/geometry.py", "import pybullet"),
+    (VOCABULARY, "messages/nav.py", "import rerun"),
+    (NETWORK, "services/runtime/node.py", "import zenoh"),
+    (NETWORK, "services/grader/loop.py", "def later(): import zenoh"),
+    (NETWORK, "deploy/commands/network.py", "from zenoh import Config"),
+    (PHYSICS, "services/grader/loop.py", "import pybullet"),
+    (PHYSICS, "models/scene.py", "import pybullet_data"),
+    (VIEWER, "services/sim/loop.py", "import rerun"),
+    (VIEWER, "deploy/report/picture.py", "import rerun_cli"),
+]
+"""The contract, and a line at the end of a file that breaks it."""
+
+
+def lint(tree: Path) -> tuple[int, list[str]]:
+    """The exit status of the linter in ``tree``, and the names of the contracts that it finds broken."""
+    ran = subprocess.run(
+        [sys.executable, "-P", "-c", LINT, "--no-cache", "--no-logo", "--config", ".importlinter"],
+        cwd=tree,
+        env={**os.environ, "PYTHONPATH": str(tree), "COLUMNS": "200"},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    summary = ran.stdout.partition("Broken contracts")[0]
+    assert "Contracts:" in summary, ran.stdout + ran.stderr
+    return ran.returncode, [line.rpartition(" BROKEN")[0] for line in summary.splitlines() if " BROKEN" in line]
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Path:
+    """The contracts and the four packages, to spoil."""
+    for package in ("deploy", "services", "messages", "models"):
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / ".importlinter", tmp_path)
+    return tmp_path
+
+
+def test_the_contracts_hold() -> None:
+    assert lint(ROOT) == (0, [])
+
+
+@pytest.mark.parametrize(("contract", "file", "line"), PLANTED, ids=[f"{file}: {line}" for _, file, line in PLANTED])
+def test_a_planted_violation_breaks_its_contract(copy: Path, contract: str, file: str, line: str) -> None:
+    spoilt = copy / file
+    assert spoilt.is_file() or "newcomer" in file
+    spoilt.parent.mkdir(exist_ok=True)
+    with spoilt.open("a") as out:
+        out.write(f"\n{line}\n")
+    status, broken = lint(copy)
+    assert status != 0
+    assert contract in broken
+
+
+def test_every_contract_is_planted_against() -> None:
+    stated = {line.partition("=")[2].strip() for line in _config() if line.startswith("name =")}
+    assert stated == {contract for contract, _, _ in PLANTED}
+
+
+def _config() -> list[str]:
+    return (ROOT / ".importlinter").read_text().splitlines()

@@ -1,0 +1,71 @@
+"""Every file of the packages is small and says first what it is; one file knows MessagePack."""
+
+from __future__ import annotations
+
+import ast
+import re
+import statistics
+from pathlib import Path
+
+import pytest
+
+from services.runtime.process import ROOT
+from tests.tree import PACKAGES, files
+
+LONGEST = 250
+"""Lines of a file."""
+
+SOURCES = [path for package in PACKAGES for path in files(".py", under=ROOT / package)]
+NAMES = [str(path.relative_to(ROOT)) for path in SOURCES]
+LEFTOVER = re.compile(r"\b(?:T[O]DO|F[I]XME|X[X]X|H[A]CK)\b")
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=NAMES)
+def test_a_file_is_small_and_says_what_it_is(path: Path) -> None:
+    text = path.read_text()
+    assert len(text.splitlines()) <= LONGEST
+    if text:
+        assert ast.get_docstring(ast.parse(text)), "it has no docstring"
+
+
+def test_most_files_are_far_smaller() -> None:
+    assert statistics.median(len(path.read_text().splitlines()) for path in SOURCES) <= 75
+
+
+def test_nothing_is_left_for_later() -> None:
+    assert [str(path) for path in files(".py", ".md", ".toml", ".sh") if LEFTOVER.search(path.read_text())] == []
+
+
+def touches_messagepack(source: str) -> bool:
+    """Whether a module imports ``msgpack``, or uses ``msgspec.msgpack`` in any way."""
+    for node in ast.walk(ast.parse(source)):
+        match node:
+            case ast.Attribute(value=ast.Name(id="msgspec"), attr="msgpack"):
+                return True
+            case ast.Import(names=names) if any(re.match(r"msgpack\b|msgspec\.msgpack\b", n.name) for n in names):
+                return True
+            case ast.ImportFrom(module=str(module)) if re.match(r"msgpack\b|msgspec\.msgpack\b", module):
+                return True
+            case ast.ImportFrom(module="msgspec", names=names) if any(n.name == "msgpack" for n in names):
+                return True
+    return False
+
+
+def test_the_codec_alone_knows_messagepack() -> None:
+    found = [name for name, path in zip(NAMES, SOURCES, strict=True) if touches_messagepack(path.read_text())]
+    assert found == ["messages/base.py"]
+
+
+@pytest.mark.parametrize(
+    "planted",
+    [
+        "import msgspec\n\nread = msgspec.msgpack.decode\n",
+        "def later():\n    import msgspec.msgpack\n",
+        "from msgspec import Meta, msgpack\n",
+        "from msgspec.msgpack import Decoder\n",
+        "import msgpack\n",
+    ],
+)
+def test_planted_messagepack_is_found(planted: str) -> None:
+    assert touches_messagepack(planted)
+    assert not touches_messagepack("import msgspec\nfrom msgspec import Meta\nread = msgspec.json.decode\n")

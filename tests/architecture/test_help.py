@@ -1,0 +1,51 @@
+"""Declarations and ``--help`` load nothing heavy: a command line answers at once."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from deploy.catalogue import kinds
+from deploy.commands.cli import VERBS
+from services.runtime.process import ROOT
+
+PROGRAM = """
+import runpy, sys
+sys.argv = [sys.argv[1], *sys.argv[2:]]
+try:
+    runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=False)
+except SystemExit as end:
+    status = end.code or 0
+heavy = {"zenoh", "numpy", "pybullet", "rerun", "rerun_cli", "matplotlib", "psutil"}
+print("status", status, *sorted(heavy & {name.partition(".")[0] for name in sys.modules}))
+"""
+
+OWN_HELP = [verb for verb in VERBS if verb != "test"]
+"""The help of ``test`` is pytest's."""
+
+COMMANDS = [
+    *((f"services.{kind}", "--help") for kind in kinds()),
+    *((f"services.{kind}", "--print-config") for kind in kinds()),
+    ("deploy", "--help"),
+    ("deploy", "--version"),
+    *(("deploy", verb, "--help") for verb in OWN_HELP),
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_help_is_light(command: tuple[str, ...]) -> None:
+    ran = subprocess.run(
+        [sys.executable, "-P", "-c", PROGRAM, *command],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+    )
+    *said, last = ran.stdout.splitlines()
+    assert last == "status 0", ran.stdout + ran.stderr
+    assert said

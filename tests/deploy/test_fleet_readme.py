@@ -1,0 +1,25 @@
+"""The README of the fleet files: its example is good, and it names every key."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import msgspec
+
+from deploy.fleet import Fleet, Member, Robot, Run
+from deploy.fleet_file import FLEETS, fleet_names, parse_fleet
+from deploy.policy import Policy
+
+README = (FLEETS / "README.md").read_text()
+
+
+def test_its_example_is_a_fleet() -> None:
+    (example,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    assert parse_fleet(Path("example.toml"), example).name == "pair"
+
+
+def test_it_names_every_key_and_every_fleet() -> None:
+    keys = {each.name for record in (Fleet, Run, Robot, Member, Policy) for each in msgspec.structs.fields(record)}
+    missing = [name for name in (*keys, *fleet_names()) if not re.search(rf"(`|\[){name}\b|{name} = ", README)]
+    assert missing == []

@@ -1,0 +1,28 @@
+"""The parts of README.md that tests take out of it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from services.runtime.process import ROOT
+
+README: Path = ROOT / "README.md"
+
+
+def section(title: str, text: str | None = None) -> str:
+    """The text under a heading ``## title``."""
+    found = re.search(rf"^## {re.escape(title)}\n(.*?)(?=^## |\Z)", text or README.read_text(), re.MULTILINE | re.DOTALL)
+    assert found, f"README.md has no section {title!r}"
+    return found[1]
+
+
+def blocks(language: str, text: str) -> list[str]:
+    """The code blocks of a language."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+
+
+def table(text: str) -> list[list[str]]:
+    """The cells of the first table, without its head, and without the backticks."""
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    return [[cell.strip().strip("`") for cell in row.strip("|").split("|")] for row in rows[2:]]

@@ -1,0 +1,55 @@
+"""What the documents point to exists."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from services.runtime.process import ROOT
+from tests.tree import files
+
+LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+CODE = re.compile(r"`([^`\n]+)`")
+PLACE = re.compile(r"[\w.-]+(?:/[\w.-]+)*/?")
+TOP = {each.name for each in ROOT.iterdir() if each.is_dir() and not each.name.startswith(".")} - {"runs"}
+
+DOCUMENTS = list(files(".md"))
+
+
+def headings(path: Path) -> set[str]:
+    """The anchors of a document's headings, as the usual viewers make them."""
+    titles = re.findall(r"^#+ (.+)$", path.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_links_lead_somewhere(document: Path) -> None:
+    lost = []
+    for target in LINK.findall(document.read_text()):
+        if target.startswith(("http://", "https://")):
+            continue
+        place, _, anchor = target.partition("#")
+        file = document.parent / place if place else document
+        if not file.exists() or (anchor and anchor not in headings(file)):
+            lost.append(target)
+    assert lost == []
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_files_that_are_named_exist(document: Path) -> None:
+    """A name in backticks that begins with a folder of the project is a file or folder of it."""
+    text = re.sub(r"^```.*?^```$", "", document.read_text(), flags=re.MULTILINE | re.DOTALL)
+    lost = []
+    for name in CODE.findall(text):
+        inside = PLACE.fullmatch(name) and "/" in name and name.split("/")[0] in TOP
+        if inside and not (ROOT / name).exists() and not (document.parent / name).exists():
+            lost.append(name)
+    assert lost == []
+
+
+def test_the_documents_are_there() -> None:
+    for name in ("README.md", "ARCHITECTURE.md", "CONTRIBUTING.md", "CHANGELOG.md", "LICENSE"):
+        assert (ROOT / name).is_file()
+    assert "Apache License" in (ROOT / "LICENSE").read_text()

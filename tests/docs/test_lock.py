@@ -1,0 +1,49 @@
+"""What is installed is stated whole, with hashes, and without the name of any host."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+from deploy.version import VERSION
+from services.runtime.process import ROOT
+from tests.tree import files
+
+ENTRY = re.compile(r"^([\w.-]+)==(\S+)(?: ; [^\\]+)? \\\n((?:    --hash=sha256:[0-9a-f]{64}(?: \\)?\n)+)", re.MULTILINE)
+LOCK = (ROOT / "requirements.lock").read_text()
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+
+HOSTS = re.compile(r"p[y]pi\.org|p[y]thonhosted\.org|c[r]ates\.io|n[p]mjs\.(?:com|org)|a[n]aconda\.(?:com|org)")
+"""Registries of packages; machines have mirrors of their own, and a lock that names a host defeats them."""
+
+
+def test_every_package_is_pinned_with_hashes_and_nothing_else_is_stated() -> None:
+    assert ENTRY.sub("", LOCK).strip() == ""
+    assert len(ENTRY.findall(LOCK)) > 40
+
+
+def test_the_lock_serves_what_the_project_asks_for() -> None:
+    pinned = {canonicalize_name(name): version for name, version, _ in ENTRY.findall(LOCK)}
+    asked = [*PROJECT["project"]["dependencies"], *PROJECT["dependency-groups"]["dev"]]
+    for text in asked:
+        wanted = Requirement(text)
+        assert wanted.specifier.contains(pinned[canonicalize_name(wanted.name)]), text
+
+
+def test_no_file_names_the_host_of_a_registry() -> None:
+    found = []
+    for path in files():
+        try:
+            text = path.read_text(encoding="utf-8")
+        except UnicodeDecodeError:
+            continue
+        found += [f"{path}: {host}" for host in HOSTS.findall(text)]
+    assert found == []
+
+
+def test_one_version_everywhere() -> None:
+    assert PROJECT["project"]["version"] == VERSION
+    assert f"## [{VERSION}]" in (ROOT / "CHANGELOG.md").read_text()
