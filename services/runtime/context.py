@@ -114,25 +114,10 @@ class Context(Generic[P]):
         period = period_of(self._rate, self._lockstep)
         pacer: Pacer = (LockstepPacer if self._lockstep else ClockPacer)(self._node, period)
         pacer.start()
-        last: Instant | None = None
-        while True:
-            self._node.turn()
-            instant = pacer.next()
-            if instant is None:
-                self._node.transport.wait(pacer.inlet)
-                continue
-            reset = last is not None and (instant.epoch, instant.simulation) != (last.epoch, last.simulation)
-            begins = reset or last is None
-            dt = 0.0 if begins or last is None else (instant.time - last.time) / 1e9
-            self.now = instant.time
-            self._snapshot(pacer, reset)
-            last = instant
-            self._node.heart.ticks += 1
-            if self._observer:
-                pacer.finish()
-            yield Tick(instant.time, dt, instant.epoch, reset)
-            if not self._observer:
-                pacer.finish()
+        try:
+            yield from self._follow(pacer)
+        finally:
+            pacer.leave()
 
     def messages(self, topic: Topic[M], name: str | None = None) -> Iterator[M]:
         """Every message of a topic as it arrives, for services that answer to messages instead of time."""
@@ -150,6 +135,25 @@ class Context(Generic[P]):
             key = f"{ROOT}/{self._node.transport.session}/rest"
             self._resting = self._node.transport.subscribe(key, 16)
         self._node.wait(self._resting)
+
+    def _follow(self, pacer: Pacer) -> Iterator[Tick]:
+        last: Instant | None = None
+        while True:
+            self._node.turn()
+            instant = pacer.next()
+            if instant is None:
+                self._node.transport.wait(pacer.inlet)
+                continue
+            reset = last is not None and (instant.epoch, instant.simulation) != (last.epoch, last.simulation)
+            dt = 0.0 if reset or last is None else (instant.time - last.time) / 1e9
+            self.now, last = instant.time, instant
+            self._snapshot(pacer, reset)
+            self._node.heart.ticks += 1
+            if self._observer:
+                pacer.finish()
+            yield Tick(instant.time, dt, instant.epoch, reset)
+            if not self._observer:
+                pacer.finish()
 
     def _snapshot(self, pacer: Pacer, reset: bool) -> None:
         self._node.admit(pacer.marks)

@@ -158,6 +158,7 @@ class MemoryTransport:
     def __init__(self, bus: MemoryBus) -> None:
         self._bus = bus
         self.session = f"{next(bus.numbers):032x}"
+        self.open = True
         self._nudged = False
         self._owned: list[MemoryInlet | MemoryOutlet | MemoryToken] = []
         self._servers: list[MemoryServer] = []
@@ -233,6 +234,7 @@ class MemoryTransport:
             self._bus.changed.notify_all()
 
     def close(self) -> None:
+        self.open = False
         for each in self._owned:
             each.close()
         with self._bus.changed:

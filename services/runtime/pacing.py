@@ -8,7 +8,8 @@ from typing import NamedTuple, Protocol
 from messages.base import WrongPayload, decoder
 from messages.rosgraph import Clock
 from messages.topics import CLOCK
-from services.runtime.lockstep import LINK_S, Follower, Go, greeting_numbers, numbers
+from services.runtime.follower import LINK_S, Follower
+from services.runtime.lockstep import Go, greeting_numbers, numbers
 from services.runtime.log import Log
 from services.runtime.marks import Marks
 from services.runtime.node import Node
@@ -44,6 +45,10 @@ class Pacer(Protocol):
 
     def finish(self) -> None:
         """The tick's work is done."""
+        ...
+
+    def leave(self) -> None:
+        """There will be no more ticks."""
         ...
 
 
@@ -112,6 +117,9 @@ class ClockPacer:
     def finish(self) -> None:
         pass
 
+    def leave(self) -> None:
+        pass
+
 
 class LockstepPacer:
     """Ticks when the simulation lets it."""
@@ -148,6 +156,9 @@ class LockstepPacer:
     def finish(self) -> None:
         assert self._step is not None
         self._follower.finish(self._step.tick, numbers(self._node.outputs), {})
+
+    def leave(self) -> None:
+        self._follower.leave()
 
     def _link(self) -> None:
         """Answer the greeting once all fellows are in sight, or after LINK_S without some."""

@@ -119,6 +119,8 @@ class Transport(Protocol):
 
     session: str
     """The unique id of this connection, as hexadecimal digits."""
+    open: bool
+    """Whether it was not closed yet."""
 
     def __enter__(self) -> Self: ...
 

@@ -144,7 +144,7 @@ class ZenohTransport:
         self._waiting: ZenohInlet | None = None
         self._poked = False
         self._awake = threading.Event()
-        self._open = True
+        self.open = True
 
     def __enter__(self) -> Self:
         zenoh.init_log_from_env_or("off")
@@ -224,8 +224,8 @@ class ZenohTransport:
         self._awake.set()
 
     def close(self) -> None:
-        if self._open:
-            self._open = False
+        if self.open:
+            self.open = False
             self._awake.set()
             self._zenoh.close()  # type: ignore[no-untyped-call]
 
@@ -238,12 +238,12 @@ class ZenohTransport:
 
     def _beat(self) -> None:
         """Wake the loop when asked and ten times a second, by a sample that stays in this session."""
-        while self._open:
+        while self.open:
             asked = self._awake.wait(BEAT_S)
             self._awake.clear()
             inlet = self._waiting
             if inlet is None:
                 self._poked = self._poked or asked
-            elif self._open:
+            elif self.open:
                 here = zenoh.Locality.SESSION_LOCAL
                 self._zenoh.put(inlet.nudge_key, b"", encoding=_NUDGE, allowed_destination=here)

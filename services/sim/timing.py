@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 from typing import Protocol
 
-from services.runtime.lockstep import Barrier, Go
+from services.runtime.barrier import Barrier
+from services.runtime.lockstep import Go
 from services.runtime.marks import Marks
 from services.runtime.node import Node
 from services.sim.stage import CONTROL, Stage

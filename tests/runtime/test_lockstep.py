@@ -14,9 +14,10 @@ import pytest
 
 from messages.std import Float64
 from messages.topics import Quality, Topic
+from services.runtime.barrier import Barrier
 from services.runtime.context import Context
 from services.runtime.errors import BadInput, Stopped
-from services.runtime.lockstep import Barrier, Go
+from services.runtime.lockstep import Go
 from services.runtime.memory_transport import MemoryBus, MemoryTransport
 from services.runtime.node import Node
 from services.runtime.service import STEP_NS, Parameters, period_of
