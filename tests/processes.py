@@ -90,8 +90,7 @@ class Process:
 
 def start_service(name: str, *arguments: str, logs: Path, env: Mapping[str, str] | None = None) -> Process:
     """``python -P -m services.NAME`` with ``arguments``, its log in the folder ``logs``."""
-    taken = len(list(logs.glob(f"{name}-*.log")))
-    return Process(["-m", f"services.{name}", *arguments], logs / f"{name}-{taken}.log", env)
+    return Process(["-m", f"services.{name}", *arguments], _unused(logs, name), env)
 
 
 class Network:
@@ -118,9 +117,9 @@ class Network:
         return self._stack.enter_context(process)
 
     def run(self, file: Path, *arguments: str) -> Process:
-        """A Python file with a service of its own that joins this network."""
-        process = Process([str(file), "--connect", self.endpoint, *arguments], self._logs / f"{file.stem}.log")
-        return self._stack.enter_context(process)
+        """A Python file with a service of its own that joins this network, as ``./elea run FILE`` does it."""
+        command = ["-m", "deploy", "run", str(file), "--connect", self.endpoint, *arguments]
+        return self._stack.enter_context(Process(command, _unused(self._logs, file.stem)))
 
     @contextmanager
     def node(self, name: str = "tester") -> Iterator[Node]:
@@ -136,3 +135,8 @@ class Network:
         assert self.router.status is None, self.router.text
         with socket.socket() as probe:
             return probe.connect_ex(("127.0.0.1", self.port)) == 0
+
+
+def _unused(logs: Path, name: str) -> Path:
+    """A log of its own for each life: ``NAME-0.log``, ``NAME-1.log``, …"""
+    return logs / f"{name}-{len(list(logs.glob(f'{name}-*.log')))}.log"

@@ -124,10 +124,10 @@ class Context(Generic[P]):
         source = self._node.read(topic, name)
         self._node.heart.state = "running"
         while True:
-            source.admit()
-            for message, _ in source.batch:
+            if (message := source.next()) is not None:
                 yield message
-            self._node.wait(source.inlet)
+            else:
+                self._node.wait(source.inlet)
 
     def idle(self) -> None:
         """Turn once and rest for a tenth of a second, for services that follow neither time nor messages."""

@@ -64,6 +64,16 @@ class Input(Generic[M]):
             ready.sort(key=_order)
         self.batch, self._held = ready, waiting
 
+    def next(self) -> M | None:
+        """The next message, for who answers to each as it comes, without time; None when nothing is there."""
+        while (sample := self.inlet.take()) is not None:
+            if self._expected(sample, detach(sample.attachment)):
+                message = self._read(sample.payload)
+                if message is not None:
+                    self.received += 1
+                    return message
+        return None
+
     def close(self) -> None:
         """End the subscription."""
         self.inlet.close()

@@ -31,19 +31,19 @@ class ZenohInlet:
 
     def __init__(self, key: str, subscriber: Any, session: str) -> None:
         self.nudge_key = key.replace("**", session).replace("*", session)
-        self.held: deque[Any] = deque()
+        self.held: Any = None
         self.subscriber = subscriber
 
     def take(self) -> Sample | None:
-        while True:
-            sample = self.held.popleft() if self.held else self.subscriber.try_recv()
-            if sample is None:
-                return None
+        sample, self.held = self.held, None
+        while sample is not None or (sample := self.subscriber.try_recv()) is not None:
             attachment = sample.attachment
             if attachment is not None:
                 return Sample(sample.payload.to_bytes(), attachment.to_bytes(), sample)
             if sample.encoding != _NUDGE:
                 return Sample(sample.payload.to_bytes(), b"", sample)
+            sample = None
+        return None
 
     def encoding(self, sample: Sample) -> str:
         name = str(sample.source.encoding)
@@ -211,14 +211,12 @@ class ZenohTransport:
 
     def wait(self, inlet: Inlet) -> None:
         assert isinstance(inlet, ZenohInlet)
-        if inlet.held or self._poked:
+        if inlet.held is not None or self._poked:
             self._poked = False
             return
         self._waiting = inlet
-        try:
-            inlet.held.append(inlet.subscriber.recv())
-        finally:
-            self._waiting = None
+        inlet.held = inlet.subscriber.recv()
+        self._waiting = None
 
     def nudge(self) -> None:
         self._awake.set()

@@ -91,13 +91,16 @@ class Desk:
             raise BadInput("time is running: pause it before stepping")
         if self._stepping:
             raise BadInput("a step is under way already")
+        stage = self._stage
+        epoch, goal = stage.epoch, stage.tick + asked.count
         self._stepping = True
         try:
-            for _ in range(asked.count):
-                advance(self._stage, self._timing)
+            while stage.tick < goal and stage.epoch == epoch:
+                advance(stage, self._timing)
         finally:
             self._stepping = False
-        self._stage.tell()
+            self._timing.halt()
+        stage.tell()
         return self._time()
 
     def _time(self) -> SimTime:
@@ -106,14 +109,21 @@ class Desk:
 
 
 def advance(stage: Stage, timing: Timing) -> None:
-    """Publish, wait, listen, and take one physics step."""
-    stage.tell()
-    epoch, tick = stage.epoch, stage.tick
-    listening = timing.hold()
-    if (stage.epoch, stage.tick) != (epoch, tick):
-        return
-    if listening:
-        stage.listen(timing.marks, timing.factor)
+    """Publish, wait and listen, once at each tick, then take one physics step.
+
+    A pause that came with the wait holds time before the step; the next call takes it.
+    """
+    if not stage.held:
+        stage.tell()
+        epoch, tick = stage.epoch, stage.tick
+        listening = timing.hold()
+        if (stage.epoch, stage.tick) != (epoch, tick):
+            return
+        if listening:
+            stage.listen(timing.marks, timing.factor)
+        stage.held = True
+        if stage.paused:
+            return
     stage.advance()
 
 

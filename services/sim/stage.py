@@ -26,16 +26,20 @@ STATUS = 40
 
 
 class Stage:
-    """Everything that moves, and simulation time: ``tick`` counts physics steps since the last reset."""
+    """Everything that moves, and simulation time: ``tick`` counts physics steps since the last reset.
+
+    ``held`` tells that this tick's wait is over: what is left of it is the step.
+    """
 
     def __init__(self, node: Node, world: World, seed: int) -> None:
-        self.world, self.tick, self.epoch, self.paused = world, 0, 0, False
+        self.world, self.tick, self.epoch, self.paused, self.held = world, 0, 0, False, False
         self._node, self._seed = node, seed
         self._robots: dict[str, tuple[Robot, Placement]] = {}
         self._commanders, self._ages = Commanders(node.transport), Ages()
         self._clock: Output[Any] = node.write(CLOCK)
         self._tf: Output[Any] = node.write(TF)
         self._tf_static: Output[Any] = node.write(TF_STATIC)
+        self._told = -1
 
     @property
     def now(self) -> int:
@@ -77,6 +81,7 @@ class Stage:
         """Put everything where it was spawned; with ``time_too`` time begins anew in a new epoch."""
         self.world.reset()
         if time_too:
+            self.held, self._told = False, -1
             self.tick = 0
             self.epoch += 1
         for robot in self.robots:
@@ -84,8 +89,11 @@ class Stage:
         self._tf_static.publish(fixed(self._robots.values(), self.now))
 
     def tell(self) -> None:
-        """Publish what is due at this tick."""
+        """Publish what is due at this tick, unless that is done."""
         now, tick = self.now, self.tick
+        if self._told == tick:
+            return
+        self._told = tick
         if tick % 2 == 0:
             for robot in self.robots:
                 robot.telemetry.sensors(now, tick)
@@ -123,6 +131,7 @@ class Stage:
             robot.drive(now)
         self.world.step()
         self.tick += 1
+        self.held = False
 
     def _touch(self) -> None:
         contacts = self.world.contacts()

@@ -91,7 +91,7 @@ class Lockstep:
 
     def __init__(self, stage: Stage, node: Node, members: tuple[str, ...], latency: int) -> None:
         self._stage, self._node, self._latency = stage, node, latency
-        self._barrier = Barrier(node.transport, members, node.log, node.wait, self._go)
+        self._barrier = Barrier(node.transport, members, node.log, node.wait, self._greeting)
         self.marks: Marks | None = self._barrier.marks
         self._released = False
 
@@ -111,21 +111,27 @@ class Lockstep:
             return control
         if self._released:
             self._barrier.collect()
-        self._barrier.release(self._go(), self._node.outputs)
+        # Also while single steps are taken in a pause.
+        self._barrier.release(self._go(paused=False), self._node.outputs)
         self._released = bool(self._latency)
         if not self._latency:
             self._barrier.collect()
         return True
 
     def halt(self) -> None:
-        self._barrier.announce(self._go())
+        # Of all else the next step tells; whatever is not paused, a member takes as one.
+        if self._stage.paused:
+            self._barrier.announce(self._go(paused=True))
 
-    def _go(self) -> Go:
+    def _greeting(self) -> Go:
+        return self._go(self._stage.paused)
+
+    def _go(self, paused: bool) -> Go:
         stage = self._stage
         return Go(
             simulation=self._node.transport.session,
             tick=stage.tick,
             time=stage.now,
             epoch=stage.epoch,
-            paused=stage.paused,
+            paused=paused,
         )

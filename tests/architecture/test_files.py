@@ -28,6 +28,11 @@ def test_a_file_is_small_and_says_what_it_is(path: Path) -> None:
         assert ast.get_docstring(ast.parse(text)), "it has no docstring"
 
 
+def test_every_folder_of_code_is_a_package() -> None:
+    """Without ``__init__.py`` the import contracts would not see what is in it."""
+    assert [str(path.parent) for path in SOURCES if not (path.parent / "__init__.py").is_file()] == []
+
+
 def test_most_files_are_far_smaller() -> None:
     assert statistics.median(len(path.read_text().splitlines()) for path in SOURCES) <= 75
 

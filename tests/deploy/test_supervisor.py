@@ -174,6 +174,19 @@ def test_grader_that_finishes_ends_the_run(tmp_path: Path) -> None:
     assert stage.states("a")[-1] == "stopped"
 
 
+def test_wall_time_counts_from_when_simulation_time_can_begin(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+
+    async def rest(supervisor: Supervisor) -> None:
+        await all_ready(supervisor)
+        await asyncio.sleep(0.3)
+
+    late = child("good", "/late", depends_on=("begins",))
+    outcome = stage.run(rest, child("good", "/begins", begins=True), late)
+    interrupted = stage.when("late", "stopping")
+    assert abs(interrupted - stage.when("begins", "ready") - outcome.wall_seconds) < 0.1
+
+
 def test_required_process_that_fails_ends_the_fleet(tmp_path: Path) -> None:
     stage = Stage(tmp_path)
     crash = child("crash_later", "/r", "0.3", required=True, policy=FAST)

@@ -12,7 +12,9 @@ README: Path = ROOT / "README.md"
 
 def section(title: str, text: str | None = None) -> str:
     """The text under a heading ``## title``."""
-    found = re.search(rf"^## {re.escape(title)}\n(.*?)(?=^## |\Z)", text or README.read_text(), re.MULTILINE | re.DOTALL)
+    found = re.search(
+        rf"^## {re.escape(title)}\n(.*?)(?=^## |\Z)", text or README.read_text(), re.MULTILINE | re.DOTALL
+    )
     assert found, f"README.md has no section {title!r}"
     return found[1]
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 from deploy.catalogue import declaration, kinds
 from deploy.commands.cli import VERBS
 from deploy.fleet_file import fleet_names
+from messages.base import Message
 from messages.topics import TOPICS, Quality, Topic
+from services.sim import SERVICE
 from tests.docs.readme import section, table
 
 
-def row(topic: Topic[object]) -> list[str]:  # type: ignore[type-var]
+def row(topic: Topic[Message]) -> list[str]:
     """A topic as the table shows it."""
     rate = f"{topic.rate:g}" if topic.rate else "-"
     return [topic.name, topic.record.ROS_TYPE, rate, topic.quality.name.lower(), topic.about]
@@ -22,7 +24,11 @@ def test_the_table_of_topics_is_that_of_the_code() -> None:
 def test_the_qualities_are_explained() -> None:
     text = section("Topics")
     for quality in Quality:
-        assert f"`{quality.name.lower()}`: {quality.value}" in text.replace("\n", " ")
+        assert f"- `{quality.name.lower()}`: {quality.value}\n" in text
+
+
+def test_every_request_of_the_simulation_is_named() -> None:
+    assert [each.name for each in SERVICE.serves if f"`{each.name}`" not in section("Topics")] == []
 
 
 def test_the_verbs_are_those_of_the_command_line() -> None:
@@ -32,7 +38,8 @@ def test_the_verbs_are_those_of_the_command_line() -> None:
 
 
 def test_the_services_are_those_that_exist() -> None:
-    assert table(section("Services")) == [[kind, declaration(kind).about.rstrip(".")] for kind in kinds()]
+    told = [[cells[0], cells[1].lower()] for cells in table(section("Services"))]
+    assert told == [[kind, declaration(kind).about.rstrip(".").lower()] for kind in kinds()]
 
 
 def test_every_fleet_is_named() -> None:

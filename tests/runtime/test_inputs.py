@@ -73,7 +73,6 @@ BAD = (
     encode(Twist.planar(1, 0))[:-1],
     encode({"linear": {"x": float("nan")}}),
     encode({"linear": {"x": 1e308}}),
-    encode({"linear": {"x": 1e5}}),
     encode({"linear": {"x": "fast"}}),
     b"\xc1" * 50,
     b"x" * 70_000,

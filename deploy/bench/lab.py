@@ -1,0 +1,101 @@
+"""A fleet under the bench: started by the command line as a user would, watched by a node of its network."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import psutil
+
+from deploy.bench.partner import watcher
+from messages.geometry import Twist
+from messages.topics import CLOCK, CMD_VEL, GROUND_TRUTH
+from services.runtime.node import Node
+
+ROBOTS = ("tb3_0", "tb3_1", "tb3_2", "tb3_3")
+BEGIN_S = 20.0
+"""Wall time in which a fleet must have begun to move."""
+
+
+class Fleet:
+    """``elea up NAME …`` in a process of its own, its results in ``folder``."""
+
+    def __init__(self, name: str, folder: Path, port: int, *options: str) -> None:
+        self._command = [sys.executable, "-P", "-m", "deploy", "up", name, "--report", str(folder), "--port", str(port)]
+        self._command += ["--no-view", *options]
+        self.endpoint = f"tcp/127.0.0.1:{port}"
+        self.folder = folder
+
+    def __enter__(self) -> Self:
+        self.started = time.perf_counter()
+        self._process = subprocess.Popen(self._command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._process.terminate()
+        self._process.wait(60)
+
+    def finish(self) -> dict[str, Any]:
+        """Wait for the end of the run; its report."""
+        self._process.wait(600)
+        report: dict[str, Any] = json.loads((self.folder / "report.json").read_text())
+        return report
+
+    def services(self) -> dict[str, psutil.Process]:
+        """The service processes by name."""
+        state = json.loads((self.folder / "processes.json").read_text())
+        return {each["name"]: psutil.Process(each["pid"]) for each in state["processes"] if each["pid"]}
+
+
+class Watch:
+    """What the bench sees of a running fleet: the clock, the commands, the first motion."""
+
+    def __init__(self, node: Node, commands: bool) -> None:
+        self._node = node
+        self._clock = node.read(CLOCK)
+        self._truth = node.read(GROUND_TRUTH, f"/{ROBOTS[0]}/ground_truth")
+        self._commands = {name: node.read(CMD_VEL, f"/{name}/cmd_vel") for name in ROBOTS} if commands else {}
+        self.heard: dict[str, list[Twist]] = {name: [] for name in ROBOTS}
+        self.now = 0.0
+
+    def turn(self) -> None:
+        """Wait for the clock and take what has come."""
+        self._node.wait(self._clock.inlet)
+        self._node.admit()
+        for name, source in self._commands.items():
+            self.heard[name] += [command for command, _ in source.batch]
+        if self._clock.batch:
+            self.now = self._clock.batch[-1][0].clock.ns / 1e9
+
+    def until(self, seconds: float) -> float:
+        """Watch until simulation time ``seconds``; the wall-clock time then."""
+        while self.now < seconds:
+            self.turn()
+        return time.perf_counter()
+
+    def until_motion(self, within: float = BEGIN_S) -> float:
+        """Watch until the first robot moves; the wall-clock time then."""
+        deadline = time.perf_counter() + within
+        while time.perf_counter() < deadline:
+            self.turn()
+            for truth, _ in self._truth.batch:
+                twist = truth.twist.twist
+                if abs(twist.linear.x) > 0.01 or abs(twist.angular.z) > 0.01:
+                    return time.perf_counter()
+        raise TimeoutError(f"no robot moved within {within} s")
+
+
+@contextmanager
+def watched(fleet: Fleet, commands: bool = False) -> Iterator[Watch]:
+    """A node in the fleet's network."""
+    with watcher(fleet.endpoint) as node:
+        yield Watch(node, commands)

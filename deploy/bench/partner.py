@@ -1,0 +1,97 @@
+"""The other end of the wire measurements, a process of its own: ``python -m deploy.bench.partner KIND``.
+
+``typed`` is a service of the runtime that answers each Odometry with an Odometry; ``raw`` answers bytes with bytes on a
+plain Zenoh session of the same configuration. Both can also flood the measuring side.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import zenoh
+
+from messages.geometry import Pose, PoseWithCovariance, Twist, TwistWithCovariance
+from messages.nav import Odometry
+from messages.std import Header, Time
+from messages.topics import Quality, Topic
+from services.runtime import Service, main
+from services.runtime.context import Context
+from services.runtime.identity import Identity
+from services.runtime.log import Log
+from services.runtime.node import Node
+from services.runtime.zenoh_config import configuration
+from services.runtime.zenoh_transport import ZenohTransport
+
+PING = Topic("/bench/ping", Odometry, 0, Quality.SENSOR, "measured round trip, out")
+PONG = Topic("/bench/pong", Odometry, 0, Quality.SENSOR, "measured round trip, back")
+FLOOD = Topic("/bench/flood", Odometry, 0, Quality.EVENT, "measured throughput")
+RAW_PING, RAW_PONG, RAW_FLOOD = "bench_raw/ping", "bench_raw/pong", "bench_raw/flood"
+
+COUNT_IN_SEC = 1_000_000
+"""A ping whose stamp's seconds are this much or more asks for a flood of (seconds - COUNT_IN_SEC) messages."""
+
+
+def odometry(number: int = 0) -> Odometry:
+    """A message with every field in use, as a robot sends it."""
+    variances = tuple(1e-5 if i % 7 == 0 else 0.0 for i in range(36))
+    return Odometry(
+        header=Header(stamp=Time(sec=number, nanosec=123_456_789), frame_id="tb3_0/odom"),
+        child_frame_id="tb3_0/base_footprint",
+        pose=PoseWithCovariance(pose=Pose.planar(1.2345, -0.9876, 0.4321), covariance=variances),
+        twist=TwistWithCovariance(twist=Twist.planar(0.21987, 0.1234), covariance=variances),
+    )
+
+
+def typed(ctx: Context[Any]) -> None:
+    """Answer, or flood."""
+    pong, flood = ctx.writer(PONG), ctx.writer(FLOOD)
+    for ping in ctx.messages(PING):
+        asked = ping.header.stamp.sec - COUNT_IN_SEC
+        if asked < 0:
+            pong.publish(ping)
+            continue
+        for _ in range(asked - 1):
+            flood.publish(ping)
+        flood.publish(odometry(asked - 1))
+
+
+@contextmanager
+def watcher(endpoint: str) -> Iterator[Node]:
+    """The bench itself as a node."""
+    identity = Identity.of("bench")
+    with (
+        ZenohTransport(configuration("direct", (endpoint,), reliable=True)) as transport,
+        Node(transport, identity, "bench", Log(identity.node)) as node,
+    ):
+        yield node
+
+
+def raw(endpoint: str) -> None:
+    """Answer, or flood when a ping of eight bytes tells how many; an empty one ends."""
+    with zenoh.open(zenoh.Config.from_json5(json.dumps(configuration("direct", (endpoint,))))) as session:
+        pings = session.declare_subscriber(RAW_PING, zenoh.handlers.RingChannel(1024))
+        pong = session.declare_publisher(RAW_PONG, congestion_control=zenoh.CongestionControl.DROP)
+        flood = session.declare_publisher(RAW_FLOOD, congestion_control=zenoh.CongestionControl.BLOCK)
+        payload = b""
+        while True:
+            asked = pings.recv().payload.to_bytes()
+            if not asked:
+                return
+            if len(asked) == 8:
+                for _ in range(int.from_bytes(asked, "little")):
+                    flood.put(payload)
+            else:
+                payload = asked
+                pong.put(payload)
+
+
+if __name__ == "__main__":
+    if sys.argv[1] == "raw":
+        raw(sys.argv[2])
+    else:
+        sys.argv.pop(1)
+        main(Service(name="bench_partner", about="Answers the bench.", run=typed, reads=(PING,), writes=(PONG, FLOOD)))

@@ -1,0 +1,81 @@
+"""``elea up``: run a fleet to its report."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import click
+import msgspec
+
+from deploy.fleet import Fleet, Run
+from deploy.fleet_file import find_fleet, read_fleet
+from services.runtime.errors import BadInput
+
+
+@click.command("up")
+@click.argument("fleet", default="lab")
+@click.option("--mode", type=click.Choice(["lockstep", "real", "free"]), help="How time runs; the fleet's by default.")
+@click.option("--factor", type=float, help="Simulated per wall-clock second, in real time.")
+@click.option("--duration", type=float, metavar="S", help="End after S seconds of simulation time.")
+@click.option("--detach", is_flag=True, help="Return when all is ready; end it with ./elea down.")
+@click.option("--report", metavar="DIR", default="", help="Folder of the results; runs/TIME-FLEET by default.")
+@click.option("--seed", type=int, metavar="N", help="Seed of the sensors' noise.")
+@click.option("--domain", default="", help="Isolates fleets of one network from each other.")
+@click.option("--connect", multiple=True, metavar="ENDPOINT", help="Router of another machine, as tcp/host:7447.")
+@click.option("--port", type=int, help="Port of the fleet's router on the loopback.")
+@click.option("--no-view", is_flag=True, help="Do not open the viewer.")
+@click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
+def command(fleet: str, detach: bool, report: str, as_json: bool, **options: Any) -> None:
+    """Run FLEET, one of deploy/fleets or a TOML file, to its report; lab by default.
+
+    Ctrl-C ends the run with a report on what was driven so far and exit status 130 (0 for a fleet that never ends by
+    itself); a second one kills. The status is 0 when every check of the report holds, 1 if not, 2 for bad input.
+    """
+    if detach:
+        from deploy.detach import up_detached
+
+        described = overridden(read_fleet(find_fleet(fleet)), options)
+        raise SystemExit(up_detached(described.name, report, as_json))
+    raise SystemExit(_run(overridden(read_fleet(find_fleet(fleet)), options), report, as_json, options))
+
+
+def overridden(fleet: Fleet, options: dict[str, Any]) -> Fleet:
+    """The fleet with what the command line says about its run; raises BadInput."""
+    stated = {
+        name: options[name] for name in ("mode", "factor", "duration", "seed", "port") if options[name] is not None
+    }
+    if fleet.run.ends == "never" and stated.get("duration"):
+        stated["ends"] = "duration"
+    try:
+        run = msgspec.convert({**msgspec.to_builtins(fleet.run), **stated}, Run)
+    except msgspec.ValidationError as error:
+        text, _, name = str(error).partition(" - at `$.")
+        raise BadInput(f"--{name.rstrip('`')}: {text}") from None
+    return msgspec.structs.replace(fleet, run=run)
+
+
+def _run(fleet: Fleet, report: str, as_json: bool, options: dict[str, Any]) -> int:
+    from deploy.progress import screen
+    from deploy.run_fleet import run_fleet
+    from deploy.run_folder import make_folder
+    from deploy.wiring import Terms
+    from services.runtime.zenoh_config import endpoint
+
+    links = tuple(endpoint(each) for each in options["connect"])
+    folder = make_folder(fleet.name, report)
+    terms = Terms(folder=folder, domain=options["domain"], links=links, view=not options["no_view"])
+    with screen() as shown:
+        result = run_fleet(fleet, terms, shown)
+    if result.report is None:
+        sys.stderr.write(f"elea: no report: {result.trouble}\n")
+    elif as_json:
+        from deploy.report.write import to_json
+
+        sys.stdout.write(to_json(result.report).decode())
+    else:
+        from deploy.report.table import show
+
+        show(result.report)
+        sys.stdout.write(f"results in {folder}\n")
+    return result.status(fleet)

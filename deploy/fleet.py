@@ -1,0 +1,80 @@
+"""A fleet file: the robots, services and terms of a run, as typed records; README.md in fleets/ documents every key."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta
+
+from deploy.policy import Policy, When
+from deploy.report.bounds import Bound
+
+Mode = Literal["lockstep", "real", "free"]
+Ends = Literal["goals", "duration", "never"]
+Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
+PORT = 7447
+"""Where a fleet's router listens on the loopback unless told otherwise; Zenoh's own default port."""
+
+
+class Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A table of a fleet file; an unknown key is an error."""
+
+
+class Start(Table, frozen=True, kw_only=True):
+    """Where a robot starts, in the world: m, m, rad."""
+
+    x: Coordinate = 0.0
+    y: Coordinate = 0.0
+    yaw: Annotated[float, Meta(ge=-100, le=100, extra={"unit": "rad"})] = 0.0
+
+
+class Run(Table, frozen=True, kw_only=True):
+    """How time runs, how long, and over which network."""
+
+    mode: Mode = "lockstep"
+    factor: Annotated[float, Meta(gt=0, le=1000)] = 1.0
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
+    duration: Annotated[float, Meta(ge=0, le=1e7, extra={"unit": "s"})] = 0.0
+    ends: Ends = "goals"
+    latency: Annotated[int, Meta(ge=0, le=1)] = 0
+    topology: Literal["direct", "star"] = "direct"
+    port: Annotated[int, Meta(ge=1, le=65535)] = PORT
+
+
+class Member(Table, frozen=True, kw_only=True):
+    """One service; its name is its kind and its namespace that of its robot unless stated.
+
+    ``from_start`` names parameters that hold points [x, y] counted from the robot's start: they are shifted to it.
+    """
+
+    kind: str
+    name: str = ""
+    namespace: str = ""
+    parameters: dict[str, Any] = {}
+    remap: dict[str, str] = {}
+    from_start: tuple[str, ...] = ()
+    required: bool | None = None
+    restart: When | Policy | None = None
+
+
+class Robot(Table, frozen=True, kw_only=True):
+    """One robot, the parameters of its base, and the services in its namespace."""
+
+    name: str
+    model: str
+    pose: Start = Start()
+    parameters: dict[str, Any] = {}
+    services: tuple[Member, ...] = ()
+
+
+class Fleet(Table, frozen=True, kw_only=True):
+    """A fleet. ``every_robot`` are services that each robot gets beside its own."""
+
+    name: str
+    description: str = ""
+    run: Run = Run()
+    robot: tuple[Robot, ...] = ()
+    every_robot: tuple[Member, ...] = ()
+    service: tuple[Member, ...] = ()
+    bounds: dict[str, float | int | Bound] = {}

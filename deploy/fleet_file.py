@@ -1,0 +1,97 @@
+"""Reading a fleet file: what is wrong in it is told with file, line and the nearest right name."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import msgspec
+
+from deploy.fleet import Fleet, Member, Robot, Run, Start
+from deploy.fleet_check import check
+from deploy.policy import Policy
+from deploy.report.bounds import Bound
+from deploy.toml_place import Source, Step
+from services.runtime.errors import BadInput, unknown
+
+FLEETS = Path(__file__).resolve().parent / "fleets"
+
+_TABLES: dict[str, type[msgspec.Struct]] = {
+    "": Fleet,
+    "run": Run,
+    "robot": Robot,
+    "pose": Start,
+    "services": Member,
+    "every_robot": Member,
+    "service": Member,
+    "restart": Policy,
+    "bounds": Bound,
+}
+"""The record behind each table, by its last name."""
+
+
+def fleet_names() -> tuple[str, ...]:
+    """The fleets that come with the project."""
+    return tuple(sorted(each.stem for each in FLEETS.glob("*.toml")))
+
+
+def find_fleet(name: str) -> Path:
+    """The file of a fleet: ``name`` is one of ``fleet_names``, or the path of a TOML file; raises BadInput."""
+    if name in fleet_names():
+        return FLEETS / f"{name}.toml"
+    path = Path(name)
+    if path.is_file():
+        return path
+    if path.suffix == ".toml" or "/" in name:
+        raise BadInput(f"there is no fleet file {name}")
+    raise unknown("fleet", name, fleet_names())
+
+
+def read_fleet(path: Path) -> Fleet:
+    """The fleet in a file, checked as far as it can be without starting anything; raises BadInput."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"the fleet file {path} cannot be read: {error}") from None
+    return parse_fleet(path, text)
+
+
+def parse_fleet(path: Path, text: str) -> Fleet:
+    """The fleet in ``text``; ``path`` is named in errors. Raises BadInput."""
+    try:
+        tree = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        found = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
+        place = f"{path}:{found[1]}" if found else f"{path}:{text.count(chr(10)) + 1}"
+        raise BadInput(f"{place}: this is not TOML: {error}") from None
+    source = Source(path, text)
+    try:
+        fleet = msgspec.convert(tree, Fleet)
+    except msgspec.ValidationError as error:
+        raise _located(source, str(error)) from None
+    check(fleet, source)
+    return fleet
+
+
+def _located(source: Source, error: str) -> BadInput:
+    """msgspec's error with the line of its path, and the alternatives when a key is unknown."""
+    text, _, where = error.partition(" - at `$")
+    path = _path(where.rstrip("`"))
+    if found := re.search(r"unknown field `(.*?)`", text):
+        names = [step for step in path if isinstance(step, str)]
+        record = _TABLES[names[-1] if names else ""]
+        known = [each.name for each in msgspec.structs.fields(record)]
+        return unknown("key", found[1], known, source.at(*path, found[1]))
+    shown = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).lstrip(".")
+    return BadInput(f"{source.at(*path)}: {f'{shown}: ' if shown else ''}{text}")
+
+
+def _path(text: str) -> tuple[Step, ...]:
+    """``.robot[2].pose.x`` taken apart; it ends where msgspec no longer names the key."""
+    steps: list[Step] = []
+    for name, index, rest in re.findall(r"\.(\w+)|\[(\d+)\]|(\[\.\.\.\])", text):
+        if rest:
+            break
+        steps.append(name or int(index))
+    return tuple(steps)

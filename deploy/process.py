@@ -1,0 +1,116 @@
+"""The processes that a fleet needs, as data: what to run, in which order, and what their end means."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Any
+
+import msgspec
+
+from deploy.catalogue import declaration
+from deploy.fleet import Fleet, Member, Robot
+from deploy.fleet_check import identity
+from deploy.policy import Policy, When
+from deploy.wiring import IMPLIED, Terms, endpoint, wired
+
+_RESTART: dict[str, When] = {"router": "always", "grader": "never"}
+"""A router has no work that could be done; a grader that comes back has lost what it measured."""
+
+
+class Process(msgspec.Struct, frozen=True, kw_only=True):
+    """One process. The fleet ends with a ``required`` one; ``depends_on`` names those that must be ready before.
+
+    Simulation time begins when every process that ``begins`` it is ready: the sim, and in lockstep its members.
+    """
+
+    name: str
+    node: str
+    kind: str
+    argv: tuple[str, ...]
+    required: bool = False
+    begins: bool = False
+    policy: Policy = Policy()
+    depends_on: tuple[str, ...] = ()
+
+
+class _Stated(msgspec.Struct, frozen=True):
+    member: Member
+    robot: Robot | None
+
+    @property
+    def node(self) -> str:
+        return identity(self.member, self.robot).node
+
+
+def processes(fleet: Fleet, terms: Terms) -> tuple[Process, ...]:
+    """Every process of the fleet, those first that others depend on: router, simulation, then the rest at once."""
+    stated = _stated(fleet)
+    members = tuple(each.node for each in stated if _steps(each.member.kind)) if fleet.run.mode == "lockstep" else ()
+    return tuple(_process(each, fleet, terms, members) for each in stated)
+
+
+def _stated(fleet: Fleet) -> list[_Stated]:
+    own = {each.kind: each for each in fleet.service if each.kind in IMPLIED}
+    stated = [_Stated(own.get(kind, Member(kind=kind)), None) for kind in IMPLIED]
+    stated += [_Stated(each, None) for each in fleet.service if each.kind not in IMPLIED]
+    for robot in fleet.robot:
+        stated += [_Stated(each, robot) for each in (*robot.services, *fleet.every_robot)]
+    return stated
+
+
+def _steps(kind: str) -> bool:
+    """Whether the simulation waits for services of this kind in lockstep."""
+    service = declaration(kind)
+    return service.holds_lockstep and service.rate is not None
+
+
+def _process(stated: _Stated, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> Process:
+    member, kind = stated.member, stated.member.kind
+    parameters = {**wired(kind, fleet, terms, members), **_shifted(stated)}
+    match member.restart:
+        case None:
+            policy = Policy(when=_RESTART.get(kind, "on-failure"))
+        case Policy() as policy:
+            pass
+        case when:
+            policy = Policy(when=when)
+    return Process(
+        name=stated.node.removeprefix("/"),
+        node=stated.node,
+        kind=kind,
+        argv=(sys.executable, "-P", "-m", f"services.{kind}", *_arguments(stated, fleet, terms, members, parameters)),
+        required=member.required if member.required is not None else kind in IMPLIED,
+        begins=kind == "sim" or stated.node in members,
+        policy=policy,
+        depends_on={"router": (), "sim": ("router",)}.get(kind, ("router", "sim")),
+    )
+
+
+def _arguments(
+    stated: _Stated, fleet: Fleet, terms: Terms, members: tuple[str, ...], parameters: dict[str, Any]
+) -> list[str]:
+    member = stated.member
+    namespace, node = identity(member, stated.robot)
+    arguments = ["--namespace", namespace, "--name", node.rpartition("/")[2]]
+    if member.kind != "router":
+        arguments += ["--connect", endpoint(fleet), "--topology", fleet.run.topology]
+    if terms.domain:
+        arguments += ["--domain", terms.domain]
+    if node in members or (member.kind == "sim" and fleet.run.mode == "lockstep"):
+        arguments.append("--lockstep")
+    for origin, target in member.remap.items():
+        arguments += ["--remap", f"{origin}:={target}"]
+    for name, value in parameters.items():
+        arguments += ["--param", f"{name}={json.dumps(value)}"]
+    return arguments
+
+
+def _shifted(stated: _Stated) -> dict[str, Any]:
+    """The service's own parameters, with the points counted from the robot's start put there."""
+    parameters = dict(stated.member.parameters)
+    if stated.robot is not None:
+        start = stated.robot.pose
+        for name in stated.member.from_start:
+            parameters[name] = [[x + start.x, y + start.y] for x, y in parameters[name]]
+    return parameters

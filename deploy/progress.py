@@ -1,0 +1,101 @@
+"""What a person sees on stderr while a fleet starts and runs: a live line on a terminal, plain lines elsewhere."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Protocol
+
+from deploy.run_folder import write_state
+from deploy.supervisor.life import Life
+from messages.elea import FleetState
+
+PLAIN_PERIOD_S = 10.0
+"""Wall time between two lines about a fleet that runs well, where no live line can be shown."""
+
+_TROUBLE = ("backing off", "failed")
+
+
+class Screen(Protocol):
+    """Where progress is shown."""
+
+    def say(self, line: str) -> None:
+        """Print a line that stays."""
+        ...
+
+    def show(self, line: str) -> None:
+        """Show what goes on just now."""
+        ...
+
+
+class PlainScreen:
+    """Lines on stderr; what goes on is repeated when it has changed, at most every PLAIN_PERIOD_S."""
+
+    def __init__(self) -> None:
+        self._shown, self._next = "", time.monotonic() + PLAIN_PERIOD_S
+
+    def say(self, line: str) -> None:
+        sys.stderr.write(f"{line}\n")
+        sys.stderr.flush()
+
+    def show(self, line: str) -> None:
+        if line != self._shown and time.monotonic() > self._next:
+            self._shown, self._next = line, time.monotonic() + PLAIN_PERIOD_S
+            self.say(line)
+
+
+@contextmanager
+def screen() -> Iterator[Screen]:
+    """The screen that stderr allows."""
+    if not sys.stderr.isatty():
+        yield PlainScreen()
+        return
+    from rich.console import Console
+
+    console = Console(stderr=True, highlight=False)
+    with console.status("starting") as status:
+
+        class LiveScreen:
+            def say(self, line: str) -> None:
+                console.print(line, markup=False)
+
+            def show(self, line: str) -> None:
+                status.update(line)
+
+        yield LiveScreen()
+
+
+class Progress:
+    """Tells a screen, and the run's folder, how the fleet fares."""
+
+    def __init__(self, screen: Screen, folder: Path) -> None:
+        self._screen, self._folder = screen, folder
+        self._started = time.monotonic()
+        self._complete = False
+
+    def saw(self, life: Life, fleet: FleetState) -> None:
+        """A process has changed its state."""
+        write_state(self._folder, fleet)
+        shown = life.show()
+        if life.state in _TROUBLE:
+            self._screen.say(f"{shown.name} {shown.state}: {shown.reason}; see ./elea logs {shown.name}")
+        ready = sum(each.state == "ready" for each in fleet.processes)
+        if ready == len(fleet.processes) and not self._complete:
+            self._complete = True
+            self._screen.say(f"all {ready} processes ready after {time.monotonic() - self._started:.1f} s")
+        elif not self._complete and life.state == "ready":
+            self._screen.say(f"{shown.name} ready ({ready} of {len(fleet.processes)})")
+
+    def turned(self, lives: Sequence[Life]) -> None:
+        """Another look at heartbeats is done."""
+        waiting = [life.process.name for life in lives if life.state in ("waiting", "starting", *_TROUBLE)]
+        notes = [life.note for life in lives if life.process.kind in ("grader", "sim") and life.note]
+        if any(life.state == "stopping" for life in lives):
+            self._screen.show("stopping")
+        elif waiting:
+            self._screen.show(f"waiting for {', '.join(waiting)}")
+        else:
+            self._screen.show("; ".join(notes) or "running")

@@ -1,0 +1,75 @@
+"""Bounds on figures: as a fleet file states them, and the checks that come of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Literal
+
+import msgspec
+
+from deploy.report.record import Check, RunFigures
+from services.grader.records import RobotFigures
+from services.runtime.errors import BadInput, unknown
+
+Value = float | int | None
+
+
+class Bound(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The least and the largest good value of a figure; at least one of them."""
+
+    min: float | int | None = None
+    max: float | int | None = None
+
+
+Bounds = Mapping[str, float | int | Bound]
+"""By key of a robot (for every robot) or of the run; a bare number is the largest good value."""
+
+DEFAULTS: Bounds = {"collisions": 0, "messages_lost": 0}
+"""Hold in every run unless the fleet states others; beside them, every robot must be seen and reach all its points."""
+
+ROBOT_KEYS = tuple(each.name for each in msgspec.structs.fields(RobotFigures) if not each.name.startswith("points_"))
+RUN_KEYS = ("sim_seconds", "wall_seconds", "real_time_factor", "messages_lost", "restarts")
+KEYS = (*ROBOT_KEYS, "points_reached", *RUN_KEYS)
+
+
+def check_bounds(bounds: Bounds, where: str) -> None:
+    """Raise BadInput for a bound on a figure that does not exist, or that bounds nothing; ``where`` is its place."""
+    for name, bound in bounds.items():
+        if name not in KEYS:
+            raise unknown("figure", name, KEYS, where)
+        if bound == Bound():
+            raise BadInput(f"{where}.{name}: give min, max or both")
+
+
+def checks(run: RunFigures, robots: Mapping[str, RobotFigures], bounds: Bounds) -> tuple[Check, ...]:
+    """Every figure that has a bound, against it; ``points_reached`` must be ``points`` unless bounded."""
+    found: list[Check] = []
+    stated = {**DEFAULTS, **bounds}
+    for robot, figures in robots.items():
+        own = {"points_reached": Bound(min=figures.points), "samples": Bound(min=1), **stated}
+        for name, bound in own.items():
+            if hasattr(figures, name) and name not in RUN_KEYS:
+                found += _against(f"{robot}.{name}", getattr(figures, name), bound)
+    for name, bound in stated.items():
+        if name in RUN_KEYS:
+            found += _against(name, getattr(run, name), bound)
+    return tuple(found)
+
+
+def _against(name: str, value: Value, bound: float | int | Bound) -> Iterator[Check]:
+    limits = bound if isinstance(bound, Bound) else Bound(max=bound)
+    if limits.min is not None:
+        yield _check(name, value, "min", limits.min)
+    if limits.max is not None:
+        yield _check(name, value, "max", limits.max)
+
+
+def _check(name: str, value: Value, kind: Literal["min", "max"], bound: float | int) -> Check:
+    return Check(name=name, value=value, kind=kind, bound=bound, ok=_holds(name, value, kind, bound))
+
+
+def _holds(name: str, value: Value, kind: Literal["min", "max"], bound: float | int) -> bool:
+    """What was not measured does not hold, but for the distance to others of a robot that is alone."""
+    if value is None:
+        return name.endswith(".min_distance_m")
+    return value >= bound if kind == "min" else value <= bound

@@ -1,0 +1,111 @@
+"""The report on the terminal: a coloured table, or plain columns when the output is piped."""
+
+from __future__ import annotations
+
+import sys
+from typing import TextIO
+
+from deploy.report.record import Report
+from services.grader.records import RobotFigures
+
+_HEADINGS = (
+    ("", "robot"),
+    ("", "points"),
+    ("time", "s"),
+    ("path", "m"),
+    ("track", "rms mm"),
+    ("track", "max mm"),
+    ("odom", "max mm"),
+    ("near", "m"),
+    ("colli-", "sions"),
+    ("timed", "out"),
+    ("msgs", "lost"),
+)
+"""Of two lines each, so that the table fits 80 columns; track is the cross-track error."""
+
+
+def show(report: Report, out: TextIO | None = None) -> None:
+    """Print the report to ``out``, standard output if None."""
+    out = out or sys.stdout
+    rows = [_row(name, figures) for name, figures in report.robots.items()]
+    if out.isatty():
+        _coloured(report, rows, out)
+    else:
+        _plain(report, rows, out)
+
+
+def summary(report: Report) -> str:
+    """The run in one line."""
+    run = report.run
+    return (
+        f"{run.fleet}, {run.mode}: {run.sim_seconds:.1f} s simulated in {run.wall_seconds:.1f} s "
+        f"({run.real_time_factor:.2f} x real time), ended: {run.ended}, messages lost: {run.messages_lost}, "
+        f"restarts: {run.restarts}, seed {run.seed}, version {run.version}\n"
+        f"trajectory hash {run.trajectory_hash}"
+    )
+
+
+def missed(report: Report) -> list[str]:
+    """One line for each check that does not hold."""
+    sign = {"min": "at least", "max": "at most"}
+    return [
+        f"missed: {each.name} is {'not measured' if each.value is None else f'{each.value:.6g}'}, "
+        f"should be {sign[each.kind]} {each.bound:g}"
+        for each in report.checks
+        if not each.ok
+    ]
+
+
+def verdict(report: Report) -> str:
+    """How many checks hold."""
+    held = sum(each.ok for each in report.checks)
+    return f"{'passed' if report.ok else 'FAILED'}: {held} of {len(report.checks)} checks hold"
+
+
+def _row(name: str, figures: RobotFigures) -> tuple[str, ...]:
+    return (
+        name,
+        f"{figures.points_reached}/{figures.points}",
+        _number(figures.time_s, 1, 1),
+        _number(figures.path_length_m, 1, 1),
+        _number(figures.cross_track_rms_m, 1000, 2),
+        _number(figures.cross_track_max_m, 1000, 2),
+        _number(figures.odometry_error_max_m, 1000, 1),
+        _number(figures.min_distance_m, 1, 3),
+        str(figures.collisions),
+        str(figures.commands_timed_out),
+        str(figures.messages_lost),
+    )
+
+
+def _number(value: float | None, factor: float, digits: int) -> str:
+    return "-" if value is None else f"{value * factor:.{digits}f}"
+
+
+def _plain(report: Report, rows: list[tuple[str, ...]], out: TextIO) -> None:
+    lines = [*zip(*_HEADINGS, strict=True), *rows]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    for row in lines:
+        cells = [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
+        out.write("  ".join(cells).rstrip() + "\n")
+    out.write("\n".join((summary(report), *missed(report), verdict(report))) + "\n")
+
+
+def _coloured(report: Report, rows: list[tuple[str, ...]], out: TextIO) -> None:
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    console = Console(file=out)
+    table = Table(box=SIMPLE_HEAD, header_style="bold", border_style="dim", collapse_padding=True, pad_edge=False)
+    for heading in _HEADINGS:
+        table.add_column("\n".join(heading), justify="left" if heading[1] == "robot" else "right", no_wrap=True)
+    bad = {each.name.partition(".")[0] for each in report.checks if not each.ok}
+    for row in rows:
+        table.add_row(*row, style="red" if row[0] in bad else None)
+    console.print(table)
+    console.print(Text(summary(report), style="dim"))
+    for line in missed(report):
+        console.print(Text(line, style="red"))
+    console.print(Text(verdict(report), style="bold green" if report.ok else "bold red"))

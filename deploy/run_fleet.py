@@ -1,0 +1,105 @@
+"""A run from its fleet to its report: claim the port, supervise, grade."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+from datetime import datetime
+from pathlib import Path
+
+import msgspec
+
+from deploy.claim import Running, claim
+from deploy.fleet import Fleet
+from deploy.process import processes
+from deploy.progress import Progress, Screen
+from deploy.report.record import Report, RunFacts
+from deploy.report.write import write_report
+from deploy.supervisor.child import Nursery
+from deploy.supervisor.node_bus import node_bus
+from deploy.supervisor.supervisor import Outcome, Supervisor
+from deploy.supervisor.warden import Warden
+from deploy.version import VERSION
+from deploy.wiring import Terms, endpoint
+from services.runtime.errors import BadInput
+from services.runtime.process import ROOT
+
+INTERRUPTED = 130
+"""Exit status of a run that was ended by Ctrl-C or ``down`` before its own end, as shells use it."""
+
+
+class Result(msgspec.Struct, frozen=True, kw_only=True):
+    """What came of a run; ``report`` is None when nothing was measured, ``trouble`` then says why."""
+
+    outcome: Outcome
+    report: Report | None
+    trouble: str = ""
+
+    def status(self, fleet: Fleet) -> int:
+        """The exit status of ``up``: 0 when the run ended as it should and every check holds, else 1 or INTERRUPTED.
+
+        A fleet that never ends by itself is meant to be interrupted.
+        """
+        if self.outcome.ended == "interrupted" and fleet.run.ends != "never":
+            return INTERRUPTED
+        return 0 if self.outcome.ended != "failed" and self.report is not None and self.report.ok else 1
+
+
+def run_fleet(fleet: Fleet, terms: Terms, screen: Screen) -> Result:
+    """Run a fleet to its end; raises BadInput when it cannot begin: a taken port, a bad name."""
+    started = datetime.now().astimezone().isoformat(timespec="seconds")
+    entry = Running(
+        fleet=fleet.name,
+        mode=fleet.run.mode,
+        port=fleet.run.port,
+        pid=os.getpid(),
+        folder=str(terms.folder),
+        started=started,
+        domain=terms.domain,
+        root=str(ROOT),
+    )
+    plan = processes(fleet, terms)
+    with claim(entry):
+        screen.say(f"{fleet.name}: {len(plan)} processes, {fleet.run.mode}; results go to {terms.folder}")
+        warden = Warden()
+        try:
+            with node_bus(endpoint(fleet), terms.domain) as bus:
+                nursery = Nursery(terms.folder, warden)
+                progress = Progress(screen, terms.folder)
+                supervisor = Supervisor(fleet.name, fleet.run.mode, plan, bus, nursery, progress, fleet.run.seed)
+                outcome = asyncio.run(_until_end(supervisor, screen))
+        finally:
+            warden.close()
+        if outcome.ended != "graded":
+            screen.say(f"the fleet ended: {outcome.reason}")
+        return _graded(fleet, terms.folder, outcome, started)
+
+
+async def _until_end(supervisor: Supervisor, screen: Screen) -> Outcome:
+    """Run; SIGINT, SIGTERM and SIGHUP end the fleet, a second one at once."""
+
+    def interrupt() -> None:
+        screen.say("stopping; once more to kill")
+        supervisor.interrupt()
+
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        loop.add_signal_handler(number, interrupt)
+    return await supervisor.run()
+
+
+def _graded(fleet: Fleet, folder: Path, outcome: Outcome, started: str) -> Result:
+    facts = RunFacts(
+        fleet=fleet.name,
+        mode=fleet.run.mode,
+        seed=fleet.run.seed,
+        version=VERSION,
+        wall_seconds=outcome.wall_seconds,
+        restarts=outcome.restarts,
+        started=started,
+    )
+    try:
+        return Result(outcome=outcome, report=write_report(folder, facts, fleet.bounds))
+    except BadInput as error:
+        return Result(outcome=outcome, report=None, trouble=str(error))

@@ -1,0 +1,158 @@
+"""The life of a process under supervision: wait, start, watch, restart by policy, stop."""
+
+from __future__ import annotations
+
+import asyncio
+import random
+import signal
+import time
+from collections.abc import Callable, Sequence
+from typing import Literal
+
+from deploy.policy import Failed, Finished, Restart, after_exit, describe_exit
+from deploy.process import Process
+from deploy.supervisor.child import Child, Nursery
+from deploy.supervisor.log_file import note
+from deploy.supervisor.pulse import GRACE_S, Pulse
+from messages.elea import Health, ProcessState
+
+State = Literal["waiting", "starting", "ready", "backing off", "stopping", "stopped", "finished", "failed"]
+
+PATIENCE_S = (5.0, 3.0)
+"""Wall time that a process has to end after SIGINT, then after SIGTERM; SIGKILL follows."""
+
+_NOT_STARTED = 127
+
+
+class Life:
+    """One process of a fleet. ``changed`` is called with it at each change of state."""
+
+    def __init__(
+        self,
+        process: Process,
+        nursery: Nursery,
+        changed: Callable[[Life], None],
+        dice: random.Random,
+        grace: float = GRACE_S,
+    ) -> None:
+        self.process = process
+        self.state: State = "waiting"
+        self.ready = asyncio.Event()
+        self.restarts: list[float] = []
+        self.note = ""
+        self._reason = ""
+        self._nursery, self._changed, self._dice, self._grace = nursery, changed, dice, grace
+        self._needs: Sequence[Life] = ()
+        self._child: Child | None = None
+        self._pulse = Pulse(0.0)
+        self._hung = ""
+        self._task: asyncio.Task[None] | None = None
+        self._ending = asyncio.Lock()
+
+    def begin(self, tasks: asyncio.TaskGroup, needs: Sequence[Life]) -> None:
+        """Live, from now on; ``needs`` are those that must be ready first."""
+        self._needs = needs
+        self._task = tasks.create_task(self._live(), name=self.process.name)
+
+    def heard(self, beat: Health, now: float) -> None:
+        """A heartbeat of the node has come; one of an earlier life does not count."""
+        if self._child is None or beat.pid != self._child.pid or self.state not in ("starting", "ready"):
+            return
+        self._pulse.heard(now)
+        self.note = beat.note
+        if self.state == "starting":
+            self.ready.set()
+            self._enter("ready")
+
+    def judge(self, now: float, late: bool) -> None:
+        """Kill the process if it hangs. It is excused while the judge is ``late`` himself, or when what it depends on
+        is down: its heartbeats may not get through then.
+        """
+        if self._child is None or self.state not in ("starting", "ready"):
+            return
+        if late or not all(need.well(now) for need in self._needs):
+            self._pulse.excuse(now)
+        elif self._pulse.hangs(now):
+            self._hung = f"no heartbeat for {self._pulse.silence(now):.1f} s"
+            self._child.signal(signal.SIGKILL)
+
+    def well(self, now: float) -> bool:
+        """Whether it runs and beats."""
+        return self.state == "ready" and self._pulse.well(now)
+
+    def kill(self) -> None:
+        """End it at once."""
+        if self._child is not None:
+            self._child.signal(signal.SIGKILL)
+
+    async def stop(self, patience: Sequence[float] = PATIENCE_S) -> None:
+        """End it by SIGINT, SIGTERM and SIGKILL in turn, and keep it ended."""
+        async with self._ending:
+            if self._task is not None:
+                self._task.cancel()
+                await asyncio.wait([self._task])
+            self.ready.clear()
+            child = self._child
+            if child is not None and child.status is None:
+                self._enter("stopping")
+                for number, seconds in zip((signal.SIGINT, signal.SIGTERM), patience, strict=True):
+                    child.signal(number)
+                    if await child.ended_within(seconds):
+                        break
+                else:
+                    child.signal(signal.SIGKILL)
+                    await child.ended()
+            if self.state not in ("finished", "failed"):
+                self._enter("stopped")
+
+    def show(self) -> ProcessState:
+        """The state as it is published."""
+        child = self._child
+        alive = child is not None and child.status is None
+        return ProcessState(
+            name=self.process.name,
+            state=self.state,
+            pid=child.pid if alive and child else 0,
+            restarts=len(self.restarts),
+            exit_status=child.status if child else None,
+            reason=self._reason,
+        )
+
+    async def _live(self) -> None:
+        while True:
+            self._enter("waiting")
+            for need in self._needs:
+                await need.ready.wait()
+            status = await self._run_once()
+            how = self._hung or describe_exit(status)
+            match after_exit(self.process.policy, self.restarts, time.monotonic(), status, self._dice.random()):
+                case Finished():
+                    return self._enter("finished", how)
+                case Failed(reason):
+                    return self._enter("failed", f"{self._hung}: {reason}" if self._hung else reason)
+                case Restart(pause):
+                    self._enter("backing off", f"{how}; again in {pause:.2f} s")
+                    await asyncio.sleep(pause)
+                    self.restarts.append(time.monotonic())
+
+    async def _run_once(self) -> int:
+        """Start the process and wait for its end; its exit status."""
+        log = self._nursery.log(self.process.name)
+        self._hung, self._child = "", None
+        try:
+            self._child = self._nursery.start(self.process.name, self.process.argv)
+        except OSError as error:
+            note(log, f"cannot start {self.process.argv[0]}: {error}")
+            return _NOT_STARTED
+        self._pulse = Pulse(time.monotonic(), self._grace)
+        self._enter("starting")
+        try:
+            return await self._child.ended()
+        finally:
+            self.ready.clear()
+
+    def _enter(self, state: State, reason: str = "") -> None:
+        self.state, self._reason = state, reason
+        if reason:
+            note(self._nursery.log(self.process.name), f"{self.process.name} {state}: {reason}")
+        self._changed(self)

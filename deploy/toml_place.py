@@ -1,0 +1,100 @@
+"""Where a key stands in a TOML text: the line to name when its value is refused."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+Step = str | int
+"""A key, or the index of an element in an array."""
+
+
+class Source:
+    """A TOML text and the name of its file."""
+
+    def __init__(self, path: Path, text: str) -> None:
+        self.path, self._text = path, text
+
+    def at(self, *path: Step) -> str:
+        """``file:line`` of the key at ``path``, or of the nearest table around it."""
+        return f"{self.path}:{line_of(self._text, path)}"
+
+
+def line_of(text: str, path: Sequence[Step]) -> int:
+    """The line, from 1, of the key at ``path`` in a valid TOML text; of the nearest part that exists, if it does not.
+
+    A table of an array is written as its index: ``("robot", 2, "pose", "x")``.
+    """
+    best, line = 0, 1
+    here: tuple[Step, ...] = ()
+    counts: dict[tuple[Step, ...], int] = {}
+    for number, chunk, parsed in _statements(text):
+        if chunk.lstrip().startswith("["):
+            keys = here = _header(parsed, counts)
+        else:
+            keys = here + tuple(_keys(parsed))
+        shared = _shared(keys, path)
+        if shared == len(keys) and shared > best:
+            best, line = shared, number + _within(chunk, path[shared:])
+        elif shared == len(path) and shared > best:
+            best, line = shared, number
+    return line
+
+
+def _statements(text: str) -> Iterator[tuple[int, str, dict[str, Any]]]:
+    """Line, text and content of each statement: the shortest run of lines that is valid TOML by itself."""
+    lines = text.splitlines()
+    start = 0
+    while start < len(lines):
+        for end in range(start + 1, len(lines) + 1):
+            chunk = "\n".join(lines[start:end])
+            try:
+                parsed = tomllib.loads(chunk)
+            except tomllib.TOMLDecodeError:
+                continue
+            if parsed:
+                yield start + 1, chunk, parsed
+            break
+        start = end
+
+
+def _header(parsed: dict[str, Any], counts: dict[tuple[Step, ...], int]) -> tuple[Step, ...]:
+    """The path of ``[a.b]`` or ``[[a.b]]``, with the indices of the arrays that it lies in."""
+    path: tuple[Step, ...] = ()
+    value: Any = parsed
+    while value:
+        if isinstance(value, list):
+            counts[path] = counts.get(path, -1) + 1
+            path, value = (*path, counts[path]), value[0]
+            continue
+        if path in counts:
+            path = (*path, counts[path])
+        name = next(iter(value))
+        path, value = (*path, name), value[name]
+    return path
+
+
+def _keys(parsed: dict[str, Any]) -> Iterator[str]:
+    """The keys of an assignment; dotted ones are nested tables with one entry each."""
+    (name, value), *_ = parsed.items()
+    yield name
+    if isinstance(value, dict) and len(value) == 1:
+        yield from _keys(value)
+
+
+def _shared(left: Sequence[Step], right: Sequence[Step]) -> int:
+    """How many leading parts are equal."""
+    return next((i for i, (a, b) in enumerate(zip(left, right, strict=False)) if a != b), min(len(left), len(right)))
+
+
+def _within(chunk: str, rest: Sequence[Step]) -> int:
+    """Lines from the start of a statement to the innermost key of ``rest`` in its inline tables."""
+    lines = chunk.splitlines()
+    for name in reversed([step for step in rest if isinstance(step, str)]):
+        for offset, line in enumerate(lines):
+            if re.search(rf"(?<![\w-]){re.escape(name)}\b[\"']?\s*=", line):
+                return offset
+    return 0

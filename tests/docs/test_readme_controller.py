@@ -1,0 +1,108 @@
+"""The controller in README.md, taken from there as it stands, drives a real robot as README.md says."""
+
+from __future__ import annotations
+
+import json
+import re
+from math import hypot
+from pathlib import Path
+
+import pytest
+
+from messages.nav import Odometry
+from messages.topics import GROUND_TRUTH
+from services.runtime.inputs import Input
+from tests.docs.readme import blocks, section
+from tests.processes import Network, Process
+from tests.waiting import until
+
+SECTION = section("A controller of your own")
+FACTOR = 4
+"""Simulated per wall-clock second, to be quick."""
+WITHIN_S = 60.0
+"""Wall time for a drive of 1.4 m at 0.2 m/s, on a machine that is busy."""
+
+
+class Watched:
+    """A robot's ground truth, sample by sample."""
+
+    def __init__(self, source: Input[Odometry]) -> None:
+        self._source = source
+        self.samples: list[Odometry] = []
+
+    def look(self) -> list[Odometry]:
+        """All samples so far."""
+        self._source.admit()
+        self.samples += [message for message, _ in self._source.batch]
+        return self.samples
+
+    @property
+    def away(self) -> float:
+        """Distance from (1, 1) [m]."""
+        at = self.look()[-1].pose.pose.position
+        return hypot(1 - at.x, 1 - at.y)
+
+    @property
+    def speed(self) -> float:
+        """Speed over ground [m/s]."""
+        return abs(self.look()[-1].twist.twist.linear.x)
+
+    @property
+    def seconds(self) -> float:
+        """Simulation time [s]."""
+        return self.look()[-1].header.stamp.ns / 1e9
+
+
+def controller(folder: Path) -> Path:
+    """The program of the README in a file of its own, under the name that the README gives it."""
+    [program] = blocks("python", SECTION)
+    assert "`my_controller.py`" in SECTION
+    file = folder / "my_controller.py"
+    file.write_text(program)
+    return file
+
+
+def start(network: Network, folder: Path) -> Process:
+    """The controller, by the command that the README tells."""
+    [command] = re.findall(r"^\./elea run (.*)$", SECTION, re.MULTILINE)
+    name, *arguments = command.split()
+    file = controller(folder)
+    assert (name, arguments) == (file.name, ["--namespace", "tb3_0"])
+    return network.run(file, *arguments)
+
+
+@pytest.mark.timeout(180)
+def test_it_drives_to_the_point_and_the_robot_stops_without_it(tmp_path: Path) -> None:
+    robots = [{"name": "tb3_0", "model": "burger", "yaw": 1.57}, {"name": "tb3_1", "model": "burger", "y": 0.5}]
+    settings = ("--param", f"robots={json.dumps(robots)}", "--param", "mode=real", "--param", f"factor={FACTOR}")
+    with Network(tmp_path) as network, network.node() as node:
+        driven = Watched(node.read(GROUND_TRUTH, "/tb3_0/ground_truth"))
+        beside = Watched(node.read(GROUND_TRUTH, "/tb3_1/ground_truth"))
+        network.start("sim", *settings)
+        until(lambda: driven.look() and beside.look(), 30.0, "ground truth of both robots")
+        assert driven.away > 1.4
+
+        first = start(network, tmp_path)
+        until(lambda: driven.away < 0.7 and driven.speed > 0.1, WITHIN_S, "a robot on its way")
+        assert first.stop() == 0
+        left = driven.seconds
+        until(lambda: driven.speed < 0.001, WITHIN_S, "a robot that stands, left alone")
+        until(lambda: driven.seconds > left + 1, WITHIN_S, "a second more of simulation time")
+        assert (
+            max(each.twist.twist.linear.x for each in driven.look() if each.header.stamp.ns / 1e9 > left + 0.6) < 0.001
+        )
+        assert driven.away > 0.3
+
+        with start(network, tmp_path) as second:
+            until(lambda: driven.away < 0.05 and driven.speed < 0.001, WITHIN_S, "a robot that stands at its goal")
+            there = driven.seconds
+            until(lambda: driven.seconds > there + 2, WITHIN_S, "two seconds more of simulation time")
+            assert driven.away < 0.05
+            assert second.status is None, second.text
+        assert second.status == 0
+        assert all(each.twist.twist.linear.x < 0.001 for each in beside.look())
+
+
+def test_it_is_as_short_as_promised(tmp_path: Path) -> None:
+    lines = [line for line in controller(tmp_path).read_text().splitlines() if line.strip()]
+    assert len(lines) <= 15

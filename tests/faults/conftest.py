@@ -1,0 +1,73 @@
+"""Fleets that several tests share, one at a time: the machine is small. Each test leaves its fleet sound."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+import pytest
+
+from tests.faults import fleets
+from tests.faults.fleet import START_S, Fleet
+
+
+class Ground:
+    """Where one fleet drives; it gives way when a test asks for another."""
+
+    def __init__(self, folders: pytest.TempPathFactory) -> None:
+        self._folders = folders
+        self._stack = ExitStack()
+        self._fleet: Fleet | None = None
+        self._name = ""
+
+    def fleet(self, name: str, description: str, robots: int) -> Fleet:
+        """The fleet of this name, as it is or newly started."""
+        if self._fleet is None or self._name != name:
+            self.clear()
+            folder = self._folders.mktemp(name)
+            self._fleet, self._name = self._stack.enter_context(Fleet(description, robots, folder)), name
+        return self._fleet
+
+    def clear(self) -> None:
+        """End the fleet."""
+        self._fleet = None
+        self._stack.close()
+
+
+@pytest.fixture(scope="package")
+def ground(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ground]:
+    ground = Ground(tmp_path_factory)
+    yield ground
+    ground.clear()
+
+
+@pytest.fixture
+def driving(ground: Ground) -> Fleet:
+    """Four robots at full speed, three of them by controllers that hang when told."""
+    fleet = ground.fleet("driving", fleets.DRIVING, 4)
+    fleet.wait_ready(within=START_S)
+    fleet.wait_full_speed(*fleet.observer.robots)
+    return fleet
+
+
+@pytest.fixture
+def star(ground: Ground) -> Fleet:
+    """Everything through the router; a robot at full speed, and one that waits for commands of the test."""
+    fleet = ground.fleet("star", fleets.STAR, 2)
+    fleet.wait_ready(within=START_S)
+    fleet.wait_full_speed("tb3_0")
+    return fleet
+
+
+@pytest.fixture
+def broken(ground: Ground) -> Fleet:
+    """A robot, services that raise when told, and one that ends at once."""
+    fleet = ground.fleet("broken", fleets.BROKEN, 1)
+    fleet.wait_ready("tb3_0/waypoint", within=START_S)
+    return fleet
+
+
+@pytest.fixture
+def alone(ground: Ground) -> None:
+    """No other fleet runs beside the test's own."""
+    ground.clear()

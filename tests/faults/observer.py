@@ -1,0 +1,54 @@
+"""A node that only looks: robots, heartbeats, liveliness and the supervisor's word, taken whenever the test asks."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+
+from messages.elea import Health, ProcessState
+from messages.topics import FLEET_STATE, HEALTH
+from services.runtime.graph import Entity, pattern
+from services.runtime.node import Node
+from tests.faults.track import Track
+
+
+class Observer:
+    """Everything seen so far; ``look`` adds what is new."""
+
+    def __init__(self, node: Node, robots: Iterable[str]) -> None:
+        self.node = node
+        self.robots = {name: Track(node, name) for name in robots}
+        self.health: dict[str, tuple[int, Health]] = {}
+        self.processes: dict[str, ProcessState] = {}
+        self.sessions: dict[str, set[str]] = {}
+        self.gone: list[tuple[str, float]] = []
+        self._health, self._fleet = node.read(HEALTH), node.read(FLEET_STATE)
+        self._tokens = node.transport.watch(pattern("node"))
+
+    def look(self) -> None:
+        """Take what has come: the newest heartbeat of each node with the time [ns] of its sending, the processes, the
+        sessions that hold each node's token, and the nodes whose token went, with the time [s] of it.
+        """
+        for track in self.robots.values():
+            track.look()
+        self._health.admit()
+        self.health |= {beat.node: (origin.source_ns, beat) for beat, origin in self._health.batch if origin}
+        self._fleet.admit()
+        for state, _ in self._fleet.batch:
+            self.processes = {each.name: each for each in state.processes}
+        while (event := self._tokens.take()) is not None:
+            entity = Entity.parse(event.key)
+            if entity is None:
+                continue
+            sessions = self.sessions.setdefault(entity.node, set())
+            (sessions.add if event.alive else sessions.discard)(entity.session)
+            if not event.alive:
+                self.gone.append((entity.node, time.monotonic()))
+
+    def alive(self, node: str) -> bool:
+        """Whether a token says that the node is there."""
+        return bool(self.sessions.get(node))
+
+    def state(self, node: str) -> str:
+        """What the node's newest heartbeat says it does."""
+        return self.health[node][1].state if node in self.health else ""

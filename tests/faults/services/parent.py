@@ -1,0 +1,18 @@
+"""It starts a process of its own, which does not know that it should end with anybody."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from services.runtime import Service, main
+from services.runtime.context import Context
+
+
+def run(ctx: Context) -> None:
+    subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1000)"], start_new_session=False)
+    for _ in ctx.ticks():
+        pass
+
+
+main(Service(name="parent", about="has a child", run=run, rate=5))

@@ -1,0 +1,25 @@
+"""Fault 1: a controller is killed at full speed."""
+
+from __future__ import annotations
+
+from tests.faults.fleet import Fleet
+from tests.faults.track import FULL_SPEED, LATEST_STOP_S
+
+
+def test_the_robot_stops_and_its_controller_comes_back(driving: Fleet) -> None:
+    robot, before = driving.robot("tb3_0"), driving.process("tb3_0/waypoint")
+    driving.wait_full_speed("tb3_0")
+    killed = driving.kill("tb3_0/waypoint")
+    driving.wait(lambda: not driving.observer.alive("/tb3_0/waypoint"), "its token to go")
+    driving.wait(lambda: robot.stood(killed), "a robot that stands")
+    print(f"stood after {robot.seconds_to_stop(killed):.3f} s of simulation time")
+    assert robot.seconds_to_stop(killed) <= LATEST_STOP_S
+
+    driving.wait_new_life(before)
+    driving.wait_full_speed("tb3_0")
+    print(f"drove again after {(robot.sights[-1].sent - killed) / 1e9:.2f} s")
+    assert robot.unbidden(killed) == []
+    assert "killed by signal 9" in driving.log("tb3_0/waypoint")
+    for bystander in ("tb3_1", "tb3_2", "tb3_3"):
+        sights = driving.robot(bystander).sights
+        assert all(each.speed > FULL_SPEED for each in sights if each.sent > killed)

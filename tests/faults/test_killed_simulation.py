@@ -1,0 +1,44 @@
+"""Fault 6: the simulation is killed; simulation time stops, and begins anew."""
+
+from __future__ import annotations
+
+import psutil
+
+from tests.faults.fleet import Fleet
+from tests.faults.services.timekeeper import TICKS
+from tests.faults.track import FULL_SPEED
+
+
+def test_controllers_wait_without_time_and_follow_the_new_one(driving: Fleet) -> None:
+    robot, ticks = driving.robot("tb3_0"), driving.observer.node.read(TICKS, "/ticks")
+    driving.wait_full_speed("tb3_0")
+    others = {name: each for name, each in driving.observer.processes.items() if name != "sim"}
+    before, old = driving.process("sim"), driving.robot("tb3_0").sights[-1].time
+    killed = driving.kill("sim")
+    controllers = [f"/{name}" for name in others if name.startswith("tb3_") or name == "timekeeper"]
+    driving.wait(lambda: all(driving.observer.state(each) == "waiting" for each in controllers), "idle controllers")
+    idle = max(driving.observer.health[each][0] for each in controllers)
+
+    driving.wait_new_life(before)
+    driving.wait_full_speed("tb3_0")
+    began = next(each for each in robot.sights if each.sent > killed and each.time < old)
+    assert [each for each in robot.commands if idle < each < began.sent] == []
+    assert began.x < 0.1, "the world is as it was at the start"
+    assert robot.base.stale_dropped == 0
+    fresh = robot.fresh_command(began.sent)
+    assert fresh is not None
+    assert [each for each in robot.sights if began.time <= each.time and each.sent < fresh and each.speed > 0.01] == []
+    assert all(driving.observer.state(each) == "running" for each in controllers)
+
+    ticks.admit()
+    told = [message.data.split() for message, _ in ticks.batch]
+    times = [int(time) for time, *_ in told]
+    assert all(float(dt) >= 0.0 for _, dt, *_ in told)
+    back = [number for number in range(1, len(times)) if times[number] < times[number - 1]]
+    assert [number for number, each in enumerate(told) if each[3] == "1"] == back
+    assert len(back) == 1
+    assert float(told[back[0]][1]) == 0.0
+    for name, each in others.items():
+        assert driving.process(name).pid == each.pid, f"{name} did not survive"
+        assert psutil.pid_exists(each.pid)
+    assert driving.robot("tb3_1").speed > FULL_SPEED

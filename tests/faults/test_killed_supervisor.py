@@ -1,0 +1,35 @@
+"""Fault 7: the supervisor is killed; nothing of its fleet survives, and the next one starts at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.faults.fleet import SOON_S, START_S, Fleet
+from tests.faults.fleets import FAMILY
+from tests.waiting import until
+
+NODES = ("router", "sim", "grader", "parent", "tb3_0/waypoint")
+FAMILY_SIZE = len(NODES) + 3
+"""The processes of the nodes, the child of one of them, the supervisor and its warden."""
+
+
+@pytest.mark.usefixtures("alone")
+def test_all_are_gone_and_up_works_again_on_the_same_port(tmp_path: Path) -> None:
+    with Fleet(FAMILY, 1, tmp_path / "first") as fleet:
+        fleet.wait_ready(*NODES, within=START_S)
+        fleet.wait_full_speed("tb3_0")
+        fleet.wait(lambda: len(fleet.count()) == FAMILY_SIZE, "the whole family")
+        assert any("time.sleep(1000)" in " ".join(each.cmdline()) for each in fleet.family)
+        assert fleet.supervisor.kill() == -9
+        until(lambda: fleet.left() == [], SOON_S, "everybody to be gone")
+
+        with Fleet(FAMILY, 1, tmp_path / "second", fleet.port) as again:
+            again.wait_ready(*NODES, within=START_S)
+            again.wait_full_speed("tb3_0")
+            sessions = {node: len(each) for node, each in again.observer.sessions.items()}
+            assert all(count <= 1 for count in sessions.values()), sessions
+            assert all(sessions[f"/{name}"] == 1 for name in NODES)
+            assert all(each.restarts == 0 for each in again.observer.processes.values())
+            assert fleet.left() == []

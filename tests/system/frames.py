@@ -1,0 +1,66 @@
+"""Frames on tf and tf_static, put one behind the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from messages.geometry import Pose
+from messages.tf import TFMessage
+from services.sim.rotation import into_world
+from services.sim.world import Rotation, Vector
+
+
+class Frame(NamedTuple):
+    """Where a frame is in its parent: place [m], rotation (x, y, z, w), simulation time [ns]."""
+
+    parent: str
+    place: Vector
+    turn: Rotation
+    stamp: int = 0
+
+
+def frames_of(message: TFMessage) -> dict[str, Frame]:
+    """The frames of a message by their names."""
+    return {
+        each.child_frame_id: Frame(
+            each.header.frame_id,
+            (each.transform.translation.x, each.transform.translation.y, each.transform.translation.z),
+            (
+                each.transform.rotation.x,
+                each.transform.rotation.y,
+                each.transform.rotation.z,
+                each.transform.rotation.w,
+            ),
+            each.header.stamp.ns,
+        )
+        for each in message.transforms
+    }
+
+
+def of_pose(pose: Pose) -> Frame:
+    """A pose in the world as a frame."""
+    p, q = pose.position, pose.orientation
+    return Frame("world", (p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+
+
+def chain(frames: Mapping[str, Frame], name: str) -> Frame:
+    """The frame ``name`` in the world, through all that lie between."""
+    here = frames[name]
+    while here.parent != "world":
+        above = frames[here.parent]
+        shift = into_world(above.turn, here.place)
+        place = (above.place[0] + shift[0], above.place[1] + shift[1], above.place[2] + shift[2])
+        here = Frame(above.parent, place, product(above.turn, here.turn))
+    return here
+
+
+def product(p: Rotation, q: Rotation) -> Rotation:
+    """The rotation q, then p (Hamilton)."""
+    (a, b, c, w), (x, y, z, v) = p, q
+    return (
+        w * x + a * v + b * z - c * y,
+        w * y - a * z + b * v + c * x,
+        w * z + a * y - b * x + c * v,
+        w * v - a * x - b * y - c * z,
+    )

@@ -1,0 +1,45 @@
+"""The lab fleet with a way short enough for a test, its tables in any order."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+from deploy.fleet_file import find_fleet
+
+GOALS = [[0.5, 0.0], [0.0, 0.0]]
+"""Out and back, counted from each robot's start; 10 s of simulation time."""
+
+_DRIVERS = """
+[[robot.services]]
+kind = "waypoint"
+from_start = ["goals"]
+parameters = {{ goals = {goals} }}
+"""
+_LOGGER = """
+[[service]]
+kind = "logger"
+"""
+
+
+def short(path: Path) -> Path:
+    """The lab with GOALS, as its file lays it out."""
+    text = find_fleet("lab").read_text()
+    before, _, rest = text.partition("goals = [\n")
+    path.write_text(f"{before}goals = {GOALS}{rest.partition(chr(10) + ']')[2]}")
+    return path
+
+
+def reordered(path: Path) -> Path:
+    """The same fleet told the other way round: the logger first, the last robot first, each driver under its robot."""
+    lab = tomllib.loads(find_fleet("lab").read_text())
+    robots = [_robot(each) for each in reversed(lab["robot"])]
+    run = "".join(f"{key} = {value!r}\n" for key, value in lab["run"].items())
+    path.write_text(f'name = "lab"\n{_LOGGER}{"".join(robots)}\n[run]\n{run}')
+    return path
+
+
+def _robot(robot: dict[str, object]) -> str:
+    pose = ", ".join(f"{key} = {value}" for key, value in dict(robot["pose"]).items())  # type: ignore[call-overload]
+    head = f'\n[[robot]]\nname = "{robot["name"]}"\nmodel = "{robot["model"]}"\npose = {{ {pose} }}\n'
+    return head + _DRIVERS.format(goals=GOALS)

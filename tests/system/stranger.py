@@ -1,0 +1,31 @@
+"""A Zenoh session that keeps to none of the project's rules."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import msgpack
+import zenoh
+
+from messages.requests import Refusal
+
+
+@contextmanager
+def stranger(endpoint: str) -> Iterator[zenoh.Session]:
+    """A plain client of the router at ``endpoint``."""
+    config = {"mode": "client", "connect": {"endpoints": [endpoint]}}
+    with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
+        yield session
+
+
+def refusal(session: zenoh.Session, key: str, payload: bytes | None) -> str:
+    """The reason in the error reply to a request; fails when it was carried out or left without an answer."""
+    replies = list(session.get(key, payload=payload, timeout=10.0))
+    assert len(replies) == 1, f"{len(replies)} replies of {key} to {payload!r}"
+    assert replies[0].ok is None, f"{key} did what {payload!r} asks"
+    assert replies[0].err is not None
+    said = msgpack.unpackb(replies[0].err.payload.to_bytes())
+    assert said.keys() == {field for field in Refusal.__struct_fields__}
+    return str(said["reason"])

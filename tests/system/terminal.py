@@ -1,0 +1,56 @@
+"""The command line as a person uses it, with a state folder and a port of its own."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+from services.runtime.process import ROOT
+from tests.ports import free_port
+
+WITHIN_S = 100.0
+"""Wall time that a command has; on a busy machine a run of some seconds takes half of it."""
+
+
+class Ended(NamedTuple):
+    """What a command left: exit status, standard output, standard error."""
+
+    status: int
+    out: str
+    err: str
+
+
+class Terminal:
+    """Runs ``python -m deploy``; whatever it starts lies in ``folder``."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.port = free_port()
+        self._environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_STATE_HOME": str(folder / "state")}
+
+    def do(self, *arguments: str, within: float = WITHIN_S) -> Ended:
+        """Run a verb to its end; one that does not end is killed, and with it all that it started."""
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "deploy", *arguments],
+            env=self._environment,
+            cwd=self.folder,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        try:
+            out, err = process.communicate(timeout=within)
+        except subprocess.TimeoutExpired:
+            process.send_signal(signal.SIGKILL)
+            _, err = process.communicate()
+            raise AssertionError(f"{' '.join(arguments)} did not end within {within} s:\n{err}") from None
+        return Ended(process.returncode, out, err)
+
+    def up(self, fleet: str | Path, results: Path, *options: str) -> Ended:
+        """Run a fleet to its end."""
+        return self.do("up", str(fleet), "--port", str(self.port), "--report", str(results), "--no-view", *options)

@@ -1,0 +1,184 @@
+"""What is sent to a robot and is no command: counted and shown, never obeyed, and the next good command works."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import msgpack
+import pytest
+import zenoh
+
+from messages.elea import InputHealth
+from messages.geometry import Twist
+from messages.topics import BASE_STATUS, CMD_VEL
+from services.runtime.wire import attach
+from tests.processes import Process
+from tests.system.stranger import stranger
+from tests.system.watched import WITHIN_S, Watched, apart, time_of
+from tests.system.world import World, world
+from tests.waiting import until
+
+GOOD = msgpack.packb({"linear": {"x": 0.2}})
+KIND = "application/msgpack;geometry_msgs/Twist"
+GROWTH_MIB = 20.0
+"""Memory that the simulation may take for what it refuses; a hundred MiB are sent."""
+
+
+def twist(value: Any) -> bytes:
+    return bytes(msgpack.packb({"linear": {"x": value}}))
+
+
+MALFORMED = {
+    "nothing": b"",
+    "no MessagePack": b"\xc1\xff\x00",
+    "truncated": GOOD[:-3],
+    "more than one": GOOD + GOOD,
+    "a list": msgpack.packb([[0.2, 0, 0], [0, 0, 0]]),
+    "a number": msgpack.packb(0.2),
+    "text": b'{"linear": {"x": 0.2}}',
+    "a speed in text": twist("0.2"),
+    "a speed that is none": twist(None),
+    "a speed that is true": twist(True),
+    "speeds in a list": msgpack.packb({"linear": [0.2, 0, 0]}),
+    "NaN": twist(math.nan),
+    "infinity": twist(math.inf),
+    "minus infinity": twist(-math.inf),
+    "1e308": twist(1e308),
+    "beyond any robot": twist(1e6),
+    "NaN sideways": msgpack.packb({"linear": {"x": 0.2, "y": math.nan}}),
+    "1e308 about z": msgpack.packb({"linear": {"x": 0.2}, "angular": {"z": 1e308}}),
+    "an extension": twist(msgpack.ExtType(1, b"\x00")),
+    "nested without end": b"\x81\xa6linear" + b"\x91" * 10_000,
+    "a map of no keys' kind": msgpack.packb({1: 2, "linear": {"x": 0.2}}),
+    "1 MB": msgpack.packb({"linear": {"x": 0.2}, "more": bytes(1_000_000)}),
+    "1 MB of noise": b"\xdb" * 1_000_000,
+}
+ENCODINGS = ("application/msgpack;nav_msgs/Odometry", "application/json", "text/plain", "x" * 200)
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
+    with world(tmp_path_factory.mktemp("payloads")) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def session(running: World) -> Iterator[zenoh.Session]:
+    with stranger(running.network.endpoint) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def bases(running: World) -> dict[str, Watched[Any]]:
+    return {name: Watched(running.node.read(BASE_STATUS, f"/{name}/base_status")) for name in ("tb3_0", "tb3_1")}
+
+
+@pytest.fixture
+def unmoved(running: World, bases: dict[str, Watched[Any]]) -> Iterator[None]:
+    """No robot obeys or moves in the test, and the simulation goes on; the next good command works then."""
+    before = {name: (bases[name].next().commands, truth.next()) for name, truth in running.truth.items()}
+    yield
+    for name, (commands, place) in before.items():
+        later = running.truth[name].after(0.5)
+        assert apart(place, later) < 1e-4
+        assert bases[name].next().commands == commands
+    works(running)
+
+
+@pytest.mark.usefixtures("unmoved")
+def test_malformed_payloads(running: World, session: zenoh.Session, bases: dict[str, Watched[Any]]) -> None:
+    for what, payload in MALFORMED.items():
+        for encoding in (None, KIND):
+            counted(running, bases, what, lambda p=payload, e=encoding: put(session, p, e))  # type: ignore[misc]
+
+
+@pytest.mark.usefixtures("unmoved")
+def test_wrong_encodings(running: World, session: zenoh.Session, bases: dict[str, Watched[Any]]) -> None:
+    for encoding in ENCODINGS:
+        counted(running, bases, encoding[:40], lambda e=encoding: put(session, GOOD, e))  # type: ignore[misc]
+    attachment = attach(1, bytes(16))
+    counted(
+        running, bases, "attached", lambda: session.put("tb3_0/cmd_vel", GOOD, encoding="a/b", attachment=attachment)
+    )
+    assert "expected application/msgpack;geometry_msgs/Twist, got a/b" in health(running).reason
+
+
+@pytest.mark.usefixtures("unmoved")
+@pytest.mark.parametrize("key", ["**", "*/cmd_vel", "tb3_*/cmd_vel", "tb3_$*/cmd_vel", "tb3_0/*", "tb3_0/cmd_vel/**"])
+def test_wildcard_puts(running: World, session: zenoh.Session, key: str) -> None:
+    if key == "tb3_*/cmd_vel":
+        with pytest.raises(zenoh.ZError):
+            session.put(key, GOOD)
+        return
+    refused = health(running).refused
+    session.put(key, GOOD)
+    until(lambda: health(running).refused > refused, WITHIN_S, f"a refusal of what was put on {key}")
+    assert "not to this topic alone" in health(running).reason
+
+
+@pytest.mark.usefixtures("unmoved")
+@pytest.mark.parametrize("key", ["tb3_0/cmd_vel", "**"])
+def test_deletes(running: World, session: zenoh.Session, bases: dict[str, Watched[Any]], key: str) -> None:
+    counted(running, bases, "delete", lambda: session.delete(key))
+
+
+@pytest.mark.usefixtures("unmoved")
+def test_odd_attachments_do_not_make_a_command(running: World, session: zenoh.Session) -> None:
+    refused = health(running).refused
+    for attachment in (b"", b"\xff" * 33, b"\x00" * 33, bytes(1000), attach(2**62, b"\xff" * 16)):
+        session.put("tb3_0/cmd_vel", twist(math.nan), encoding=KIND, attachment=attachment)
+    until(lambda: health(running).refused >= refused + 5, WITHIN_S, "five refusals")
+
+
+@pytest.mark.usefixtures("unmoved")
+def test_a_flood_takes_no_memory(running: World, session: zenoh.Session) -> None:
+    before, refused = running.memory, health(running).refused
+    large, huge = bytes(1_000_000), bytes(20_000_000)
+    for count in range(1, 41):
+        session.put("tb3_0/cmd_vel", large, congestion_control=zenoh.CongestionControl.BLOCK)
+        if count % 10 == 0:
+            until(lambda most=refused + count: health(running).refused >= most, WITHIN_S, "refusals")  # type: ignore[misc]
+            assert running.memory - before < GROWTH_MIB
+    with stranger(running.network.endpoint) as other:
+        for _ in range(3):
+            other.put("tb3_0/cmd_vel", huge, congestion_control=zenoh.CongestionControl.BLOCK)
+    running.truth["tb3_0"].after(2.0)
+    assert running.memory - before < GROWTH_MIB
+
+
+def put(session: zenoh.Session, payload: bytes, encoding: str | None) -> None:
+    session.put("tb3_0/cmd_vel", payload, encoding=encoding)
+
+
+def counted(running: World, bases: dict[str, Watched[Any]], what: str, send: Any) -> None:
+    """What ``send`` sends is one more refusal in the state of the base; its heartbeat has the reason."""
+    base = bases["tb3_0"]
+    refused = base.next().refused
+    send()
+    until(lambda: base.next().refused == refused + 1, WITHIN_S, f"a refusal of {what}")
+
+
+def health(running: World) -> InputHealth:
+    """What the simulation's heartbeat tells of the commands of tb3_0."""
+    return next(each for each in running.beat("/sim").inputs if each.topic == "/tb3_0/cmd_vel")
+
+
+def works(running: World) -> None:
+    """A good command turns the robot on the spot."""
+    truth, commands = running.truth["tb3_0"], running.node.write(CMD_VEL, "/tb3_0/cmd_vel")
+
+    def turns() -> bool:
+        commands.publish(Twist.planar(0.0, 1.0))
+        return truth.next().twist.twist.angular.z > 0.5
+
+    until(turns, WITHIN_S, "a robot that obeys a good command")
+    begun = time_of(truth.all()[-1])
+    assert abs(truth.until_time(begun + 1.0).twist.twist.angular.z) < 1e-3
+
+
+def alive(*processes: Process) -> None:
+    """All of them run."""
+    for each in processes:
+        assert each.status is None, each.text

@@ -1,0 +1,121 @@
+"""A program with Zenoh and MessagePack alone drives a robot of the bare fleet; its silence stops the robot in time."""
+
+from __future__ import annotations
+
+import ast
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from messages.nav import Odometry
+from messages.topics import BASE_STATUS
+from models.figures import read_model
+from services.runtime.identity import Identity
+from services.runtime.log import Log
+from services.runtime.node import Node
+from services.runtime.zenoh_config import configuration
+from services.runtime.zenoh_transport import ZenohTransport
+from tests.system.terminal import Terminal
+from tests.system.watched import WITHIN_S, Truth, Watched, apart, speed, time_of
+from tests.waiting import until
+
+PROGRAM = Path(__file__).with_name("foreign_driver.py")
+TIMEOUT_S, SAMPLE_S = 0.25, 0.02
+"""The base's command timeout; the period of ground truth and control; simulation time."""
+
+
+@pytest.fixture(scope="module")
+def bare(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Terminal]:
+    """The fleet ``bare`` in the background."""
+    terminal = Terminal(tmp_path_factory.mktemp("bare"))
+    started = terminal.up("bare", terminal.folder / "results", "--detach", "--json")
+    try:
+        assert started.status == 0, started.err
+        yield terminal
+    finally:
+        terminal.do("down")
+
+
+@pytest.fixture
+def node(bare: Terminal) -> Iterator[Node]:
+    identity = Identity.of("tester")
+    with (
+        ZenohTransport(configuration("direct", (f"tcp/127.0.0.1:{bare.port}",))) as transport,
+        Node(transport, identity, "tester", Log(identity.node)) as made,
+    ):
+        yield made
+
+
+def test_the_program_needs_zenoh_and_msgpack_alone() -> None:
+    tree = ast.parse(PROGRAM.read_text())
+    imports = [each for each in ast.walk(tree) if isinstance(each, ast.Import | ast.ImportFrom)]
+    assert [alias.name for each in imports for alias in each.names] == ["msgpack", "zenoh"]
+    assert not any(isinstance(each, ast.ImportFrom) for each in imports)
+
+
+def test_it_drives_and_its_silence_stops_the_robot(bare: Terminal, node: Node) -> None:
+    truth, others = Truth(node, "tb3_0"), [Truth(node, f"tb3_{number}") for number in (1, 2, 3)]
+    bases = Watched(node.read(BASE_STATUS, "/tb3_0/base_status"))
+    starts = [each.next() for each in (truth, *others)]
+    sent = int(run(bare).split()[0])
+    truth.after(1.0)
+
+    samples = truth.all()
+    assert 0.15 < apart(starts[0], samples[-1]) < 0.3
+    # The base takes commands at the instants of ground truth, so the last one was obeyed from the sample before the
+    # first that is faster.
+    faster = first(samples, 0, lambda v: v > 0.105)
+    full = first(samples, faster, lambda v: v > 0.195)
+    slower = first(samples, full, lambda v: v < 0.195)
+    still = first(samples, slower, lambda v: v < 1e-3)
+    obeyed = time_of(samples[faster - 1])
+    wheels = read_model("burger").wheels
+    assert wheels is not None
+    assert TIMEOUT_S < time_of(samples[slower]) - obeyed <= TIMEOUT_S + SAMPLE_S
+    assert time_of(samples[still]) - obeyed <= TIMEOUT_S + 0.2 / wheels.brake + 2 * SAMPLE_S
+    assert all(abs(speed(each)) < 1e-3 for each in samples[still:])
+    for other, start in zip(others, starts[1:], strict=True):
+        assert apart(start, other.next()) < 1e-3
+
+    driving = [each for each in bases.all() if each.source]
+    assert {each.source for each in driving} == {"(foreign)"}
+    last = bases.next()
+    assert (last.commands, last.refused, last.timed_out, last.source) == (sent, 0, True, "")
+    assert last.commands_timed_out >= 1
+
+
+def test_a_second_fleet_is_told_who_holds_the_port(bare: Terminal) -> None:
+    refused = bare.up("lab", bare.folder / "second", "--duration", "1")
+    assert refused.status == 2
+    assert f"port {bare.port} is held by the fleet bare (supervisor " in refused.err
+    assert "--port" in refused.err
+    assert refused.out == ""
+    assert until(lambda: json.loads(bare.do("ps", "--json").out), WITHIN_S)[0]["fleet"] == "bare"
+
+
+def run(bare: Terminal) -> str:
+    """What the foreign program prints; it sees nothing of the project."""
+    config = bare.folder / "zenoh.json5"
+    endpoint = f"tcp/127.0.0.1:{bare.port}"
+    config.write_text(json.dumps({"mode": "client", "connect": {"endpoints": [endpoint]}}))
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    done = subprocess.run(
+        [sys.executable, "-P", str(PROGRAM)],
+        env={**environment, "ZENOH_CONFIG": str(config)},
+        cwd=bare.folder,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def first(samples: list[Odometry], begin: int, meets: Callable[[float], bool]) -> int:
+    """Index of the first sample from ``begin`` whose speed ``meets`` a condition."""
+    return next(index for index in range(begin, len(samples)) if meets(speed(samples[index])))

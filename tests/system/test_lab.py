@@ -1,0 +1,150 @@
+"""The main job, whole: the lab fleet from the command line, its report, its repeatability and its recording."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import matplotlib.image
+import numpy as np
+import pytest
+
+from deploy.report.schema import SCHEMA_FILE
+from services.logger.palette import COLOURS
+from services.logger.picture import picture
+from services.runtime.errors import BadInput
+from tests.system.hogs import hogs
+from tests.system.laps import reordered, short
+from tests.system.terminal import Ended, Terminal
+
+ROBOTS = [f"tb3_{number}" for number in range(4)]
+RUN_KEYS = {
+    *("fleet", "mode", "sim_seconds", "wall_seconds", "real_time_factor", "seed", "version"),
+    *("trajectory_hash", "messages_lost", "restarts"),
+}
+ROBOT_KEYS = {
+    *("points", "points_reached", "cross_track_rms_m", "cross_track_max_m", "odometry_error_max_m"),
+    *("path_length_m", "min_distance_m", "collisions", "commands_timed_out"),
+}
+DRIVERS = any(Path("/usr/share/vulkan/icd.d").glob("*.json"))
+
+
+class Lap:
+    """One run of the lab on a short way."""
+
+    def __init__(self, ended: Ended, results: Path) -> None:
+        self.ended, self.results = ended, results
+        assert ended.out, ended.err
+        self.report: dict[str, Any] = json.loads(ended.out)
+        self.run: dict[str, Any] = self.report["run"]
+
+
+@pytest.fixture(scope="module")
+def terminal(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Terminal]:
+    return Terminal(tmp_path_factory.mktemp("lab"))
+
+
+@pytest.fixture(scope="module")
+def first(terminal: Terminal) -> Lap:
+    return drive(terminal, "first", short(terminal.folder / "short.toml"))
+
+
+def drive(
+    terminal: Terminal, name: str, fleet: Path, *options: str, beside: AbstractContextManager[None] | None = None
+) -> Lap:
+    results = terminal.folder / name
+    with beside or nullcontext():
+        return Lap(terminal.up(fleet, results, "--json", *options), results)
+
+
+def test_every_robot_reaches_every_point(first: Lap) -> None:
+    assert first.ended.status == 0, first.ended.err
+    assert first.report["ok"] is True
+    assert first.run["ended"] == "goals"
+    assert first.run["messages_lost"] == first.run["restarts"] == 0
+    for name in ROBOTS:
+        robot = first.report["robots"][name]
+        assert (robot["points"], robot["points_reached"], robot["collisions"]) == (2, 2, 0)
+        assert robot["commands_timed_out"] == 0
+        assert 0.97 < robot["path_length_m"] < 1.05
+        assert robot["cross_track_max_m"] < 0.01
+        assert 0.45 < robot["min_distance_m"] <= 0.5
+    assert 8 < first.run["sim_seconds"] < 15
+
+
+def test_the_report_is_as_promised(first: Lap) -> None:
+    jsonschema.validate(first.report, json.loads(SCHEMA_FILE.read_text()))
+    assert first.report == json.loads((first.results / "report.json").read_text())
+    assert first.report["schema"] == 1
+    assert first.run.keys() >= RUN_KEYS
+    assert list(first.report["robots"]) == ROBOTS
+    assert all(robot.keys() >= ROBOT_KEYS for robot in first.report["robots"].values())
+    assert first.report["checks"]
+    assert all(check.keys() >= {"name", "value", "bound", "ok"} for check in first.report["checks"])
+    assert (first.run["fleet"], first.run["mode"], first.run["seed"]) == ("lab", "lockstep", 3)
+    factor = first.run["sim_seconds"] / first.run["wall_seconds"]
+    assert first.run["real_time_factor"] == pytest.approx(factor, rel=0.02)
+    assert (first.results / "report.png").stat().st_size > 10_000
+
+
+def test_load_changes_nothing(terminal: Terminal, first: Lap) -> None:
+    again = drive(terminal, "hogged", terminal.folder / "short.toml", beside=hogs(2))
+    assert again.ended.status == 0, again.ended.err
+    same(first, again)
+
+
+def test_another_order_changes_nothing(terminal: Terminal, first: Lap) -> None:
+    again = drive(terminal, "reordered", reordered(terminal.folder / "reordered.toml"))
+    assert again.ended.status == 0, again.ended.err
+    same(first, again)
+
+
+def same(one: Lap, other: Lap) -> None:
+    """Both runs, bit for bit, and nothing lost in either."""
+    assert other.run["trajectory_hash"] == one.run["trajectory_hash"]
+    assert other.run["sim_seconds"] == one.run["sim_seconds"]
+    assert other.report["robots"] == one.report["robots"]
+    assert other.run["messages_lost"] == one.run["messages_lost"] == 0
+
+
+def test_on_the_wall_clock(terminal: Terminal, first: Lap) -> None:
+    lap = drive(terminal, "real", terminal.folder / "short.toml", "--mode", "real", "--factor", "5")
+    assert (lap.run["mode"], lap.run["ended"]) == ("real", "goals")
+    assert lap.ended.status == (0 if lap.report["ok"] else 1), lap.ended.err
+    assert [lap.report["robots"][name]["points_reached"] for name in ROBOTS] == [2] * 4
+    assert lap.run["real_time_factor"] <= 5.1
+    assert lap.run["trajectory_hash"] != first.run["trajectory_hash"]
+
+
+def test_without_waiting(terminal: Terminal) -> None:
+    lap = drive(terminal, "free", terminal.folder / "short.toml", "--mode", "free", "--duration", "20")
+    assert lap.run["mode"] == "free"
+    assert lap.run["ended"] in ("goals", "duration")
+    assert lap.ended.status == (0 if lap.report["ok"] else 1), lap.ended.err
+    assert lap.run["restarts"] == 0
+
+
+def test_its_duration_ends_it(terminal: Terminal, first: Lap) -> None:
+    lap = drive(terminal, "cut", Path("lab"), "--duration", "3")
+    assert (lap.run["ended"], lap.run["sim_seconds"]) == ("duration", 3.0)
+    assert lap.ended.status == 1
+    missed = [check["name"] for check in lap.report["checks"] if not check["ok"]]
+    assert missed == [f"{name}.points_reached" for name in ROBOTS]
+
+
+def test_the_recording_opens_in_the_viewer(first: Lap, tmp_path: Path) -> None:
+    png = tmp_path / "run.png"
+    if not DRIVERS:
+        with pytest.raises(BadInput, match="libvulkan1 mesa-vulkan-drivers"):
+            picture(first.results / "run.rrd", png)
+        return
+    picture(first.results / "run.rrd", png)
+    pixels = np.rint(matplotlib.image.imread(png)[:, :, :3] * 255).astype(int)
+    assert pixels.shape == (1080, 1920, 3)
+    assert pixels.std() > 5
+    for colour in COLOURS[:4]:
+        assert (np.abs(pixels - np.array(colour)).max(axis=2) < 25).sum() > 300, f"nothing drawn in {colour}"

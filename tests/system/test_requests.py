@@ -1,0 +1,164 @@
+"""Requests to a running simulation: time stops and steps exactly, models come and go, everything begins anew."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import pytest
+
+from messages.geometry import Pose, Twist
+from messages.requests import (
+    DELETE,
+    GET_STATE,
+    LIST,
+    PAUSE,
+    RESET,
+    RESET_WORLD,
+    RESUME,
+    SET_STATE,
+    STEP,
+    ModelList,
+    Name,
+    SetModelState,
+    SimTime,
+    Steps,
+)
+from messages.std import Empty
+from messages.topics import CLOCK, CMD_VEL
+from services.runtime.errors import CallFailed
+from services.runtime.service import STEP_NS
+from tests.system.watched import WITHIN_S, Watched, apart, speed
+from tests.system.world import STARTS, World, world
+from tests.waiting import until
+
+
+@pytest.fixture(scope="module", params=["real", "lockstep"])
+def running(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
+    """A world with a witness; in lockstep the witness is a member."""
+    mode = str(request.param)
+    with world(tmp_path_factory.mktemp(mode), mode) as made:
+        until(lambda: made.beat("/witness").ticks > 0, WITHIN_S, "ticks of the witness")
+        yield made
+        assert "twice" not in made.witness.text
+
+
+@pytest.fixture
+def paused(running: World) -> Iterator[SimTime]:
+    """Time stands still in the test."""
+    stopped = running.node.call(PAUSE, Empty())
+    yield stopped
+    running.node.call(RESUME, Empty())
+
+
+def test_pause_stops_the_clock(running: World, paused: SimTime) -> None:
+    clock = Watched(running.node.read(CLOCK))
+    tick = [clock.next() for _ in range(5)][-1]
+    assert tick.paused
+    assert (tick.clock.ns, tick.tick, tick.epoch) == (paused.time, paused.tick, paused.epoch)
+    until(lambda: running.beat("/sim").state == "paused", WITHIN_S, "a sim that says that it is paused")
+    until(lambda: running.beat("/witness").state == "paused", WITHIN_S, "a controller that says so")
+    assert running.node.call(PAUSE, Empty()) == paused
+
+
+@pytest.mark.parametrize("count", [1, 7, 400])
+def test_steps_are_exact(running: World, paused: SimTime, count: int) -> None:
+    stepped = running.node.call(STEP, Steps(count=count), WITHIN_S)
+    assert stepped.tick == paused.tick + count
+    assert stepped.time == paused.time + count * STEP_NS
+    assert running.node.call(PAUSE, Empty()) == stepped
+
+
+def test_steps_need_a_pause_and_a_number(running: World, paused: SimTime) -> None:
+    with pytest.raises(CallFailed, match="count"):
+        running.node.call(STEP, Steps(count=0))
+    running.node.call(RESUME, Empty())
+    with pytest.raises(CallFailed, match="time is running: pause it"):
+        running.node.call(STEP, Steps(count=1))
+
+
+def test_resume_goes_on_from_where_time_stood(running: World) -> None:
+    stopped = running.node.call(PAUSE, Empty())
+    clock = Watched(running.node.read(CLOCK))
+    clock.next()
+    assert running.node.call(RESUME, Empty()).time == stopped.time
+    until(lambda: not clock.next().paused, WITHIN_S, "a clock that goes")
+    first = next(each for each in clock.all() if not each.paused and each.clock.ns >= stopped.time)
+    assert first.clock.ns - stopped.time <= 8 * STEP_NS
+    until(lambda: clock.next().clock.ns > stopped.time + 10**9, WITHIN_S, "a second more")
+
+
+def test_a_state_is_set_and_told(running: World, paused: SimTime) -> None:
+    asked = SetModelState(name="tb3_0", pose=Pose.planar(2.0, -1.0, 0.5), twist=Twist.planar(0.1, 0.0))
+    told = running.node.call(SET_STATE, asked)
+    assert told == running.node.call(GET_STATE, Name(name="tb3_0"))
+    assert told.pose.position.x == pytest.approx(2.0, abs=1e-9)
+    assert told.pose.position.y == pytest.approx(-1.0, abs=1e-9)
+    assert told.pose.orientation.yaw == pytest.approx(0.5, abs=1e-9)
+    assert told.twist.linear.x == pytest.approx(0.1, abs=1e-9)
+    models = running.node.call(LIST, Empty()).models
+    assert models[0] == told
+    assert [(each.name, each.model) for each in models] == [(name, "burger") for name in STARTS]
+    running.node.call(RESET_WORLD, Empty())
+
+
+def test_reset_begins_a_new_epoch(running: World) -> None:
+    away(running)
+    before = running.node.call(PAUSE, Empty())
+    reset = running.node.call(RESET, Empty())
+    assert reset == SimTime(time=0, tick=0, epoch=before.epoch + 1)
+    home(running.node.call(LIST, Empty()))
+    running.node.call(RESUME, Empty())
+    truth = running.truth["tb3_0"]
+    until(lambda: truth.next().header.stamp.ns < before.time, WITHIN_S, "ground truth of the new epoch")
+    assert abs(speed(truth.after(0.5))) < 1e-3
+    clock = Watched(running.node.read(CLOCK))
+    assert clock.next().epoch == reset.epoch
+    said = until(lambda: words(running, f"epoch {reset.epoch},"), WITHIN_S, "word of the witness")
+    assert len(said) == 1
+    assert "odometry False" in said[0]
+
+
+def test_reset_world_keeps_time(running: World) -> None:
+    away(running)
+    before = running.node.call(PAUSE, Empty())
+    after = running.node.call(RESET_WORLD, Empty())
+    assert after == before
+    home(running.node.call(LIST, Empty()))
+    running.node.call(RESUME, Empty())
+    assert abs(speed(running.truth["tb3_0"].after(0.5))) < 1e-3
+
+
+def test_what_is_deleted_is_gone(running: World) -> None:
+    assert running.node.call(DELETE, Name(name="tb3_1")).text == "tb3_1 is gone"
+    assert [each.name for each in running.node.call(LIST, Empty()).models] == ["tb3_0"]
+    with pytest.raises(CallFailed, match=r"unknown model 'tb3_1'; did you mean 'tb3_0'"):
+        running.node.call(GET_STATE, Name(name="tb3_1"))
+    assert not [each for each in running.beat("/sim").outputs if each.topic.startswith("/tb3_1/")]
+    running.truth["tb3_0"].after(0.1)
+
+
+def away(running: World) -> None:
+    """Drive tb3_0 from where it stands."""
+    commands, truth = running.node.write(CMD_VEL, "/tb3_0/cmd_vel"), running.truth["tb3_0"]
+    start = truth.next()
+
+    def moved() -> bool:
+        commands.publish(Twist.planar(0.2, 0.0))
+        return apart(start, truth.next()) > 0.05
+
+    until(moved, WITHIN_S, "a robot that drives")
+
+
+def words(running: World, text: str) -> list[str]:
+    """What the witness wrote with ``text`` in it."""
+    return [line for line in running.witness.text.splitlines() if text in line]
+
+
+def home(listed: ModelList) -> None:
+    """Every robot stands where it was spawned."""
+    for model in listed.models:
+        at, twist = model.pose.position, model.twist.linear
+        assert math.hypot(at.x, at.y - STARTS[model.name]) < 1e-9
+        assert (twist.x, twist.y) == (0.0, 0.0)
+
