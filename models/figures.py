@@ -73,12 +73,16 @@ class Camera(Figures, frozen=True, kw_only=True):
 
 
 class Model(Figures, frozen=True, kw_only=True):
-    """A robot: ``radius`` [m] of the circle around ``base_frame`` that holds it, and what it carries."""
+    """A robot: ``radius`` [m] of the circle around ``base_frame`` that holds it, and what it carries.
+
+    ``odometry_rate`` [Hz] is that of odometry, ground truth and joint states.
+    """
 
     about: str
     base_frame: str
     radius: Positive
     odometry: Literal["world", "encoder"]
+    odometry_rate: Positive
     wheels: Wheels | None = None
     laser: Laser | None = None
     imu: Inertial | None = None

@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from messages.base import encode
+from messages.base import WrongPayload, encode
 from messages.names import key as key_of
 from messages.topics import Quality
 from services.runtime.graph import Entity, pattern
@@ -87,7 +87,7 @@ class Barrier:
                 (reads.add if event.alive else reads.discard)(key_of(entity.name))
         while (event := self._watch.take()) is not None:
             entity = Entity.parse(event.key)
-            if entity is None or not entity.detail.isdigit():
+            if entity is None:
                 continue
             if not event.alive:
                 if self._drop(entity.session):
@@ -168,7 +168,10 @@ class Barrier:
 
     def _receive(self) -> None:
         while (sample := self._inlet.take()) is not None:
-            done = read_done(sample.payload)
+            try:
+                done = read_done(sample.payload)
+            except WrongPayload:
+                continue
             member = self._members.get(done.session)
             if member is None:
                 continue

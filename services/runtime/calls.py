@@ -51,14 +51,20 @@ class Served(Generic[Q, R]):
     """One request that a node answers, in its own loop."""
 
     def __init__(self, request: Request[Q, R], key: str, handler: Callable[[Q], R], transport: Transport) -> None:
-        self.request, self.name = request, f"/{key}"
+        self.request, self.name, self._key = request, f"/{key}", key
         self._handler = handler
         self._read = decoder(request.asks)
         self._server = transport.serve(key)
 
     def answer(self) -> None:
-        """Answer what is waiting. A bad request gets its reason; an error of ours is answered, then raised."""
+        """Answer what is waiting. A bad request gets its reason; an error of ours is answered, then raised.
+
+        What is asked of a wildcard reaches every request that it covers, and is meant for none of them.
+        """
         while (query := self._server.take()) is not None:
+            if query.key != self._key:
+                query.refuse(encode(Refusal(reason=f"asked of {query.key[:80]!r}, not of {self.name} alone")))
+                continue
             try:
                 reply = self._handler(self._read(query.payload))
             except (EleaError, ValueError) as error:

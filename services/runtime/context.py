@@ -135,6 +135,7 @@ class Context(Generic[P]):
             key = f"{ROOT}/{self._node.transport.session}/rest"
             self._resting = self._node.transport.subscribe(key, 16)
         self._node.wait(self._resting)
+        self._resting.take()
 
     def _follow(self, pacer: Pacer) -> Iterator[Tick]:
         last: Instant | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from messages.base import encode
+from messages.base import WrongPayload, encode
 from messages.topics import Quality
 from services.runtime.graph import Entity, pattern
 from services.runtime.lockstep import CAPACITY, ENCODING, Done, Go, done_key, go_key, read_go
@@ -32,11 +32,14 @@ class Follower:
         self._token = self._transport.token(entity.key)
 
     def take(self) -> Go | None:
-        """The next Go, if one is there."""
+        """The next Go, if one is there; what a stranger sent in its place is dropped."""
         sample = self.inlet.take()
         if sample is None:
             return None
-        go = read_go(sample.payload)
+        try:
+            go = read_go(sample.payload)
+        except WrongPayload:
+            return None
         if go.members:
             self.marks.members = set(go.members)
         self.marks.advance(go.marks, go.known)

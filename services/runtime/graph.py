@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Literal
 
-from messages.names import BadName, mangle, unmangle, validate
+from messages.names import BadName, mangle, unmangle
+from messages.names import key as absolute
 from services.runtime.transport import Transport
 
 ROOT = "@elea"
 EVERYTHING = f"{ROOT}/*/*/*/*/*/*"
+
+_SESSION = re.compile(r"[0-9a-f]{1,32}")
+_PERIOD = re.compile(r"[1-9][0-9]{0,17}")
 
 Kind = Literal["node", "pub", "sub", "srv", "step"]
 """A node itself, a publication, a subscription, a request served, or readiness to step with the simulation."""
@@ -42,10 +47,12 @@ class Entity:
         if len(chunks) != 7 or chunks[0] != ROOT or chunks[2] not in ("node", "pub", "sub", "srv", "step"):
             return None
         _, session, kind, node, name, record, detail = chunks
+        if not _SESSION.fullmatch(session) or (kind == "step" and not _PERIOD.fullmatch(detail)):
+            return None
         try:
-            validate(unmangle(node))
+            absolute(unmangle(node))
             if kind in ("pub", "sub", "srv"):
-                validate(unmangle(name))
+                absolute(unmangle(name))
         except BadName:
             return None
         return cls(session, kind, unmangle(node), unmangle(name), unmangle(record), detail)  # type: ignore[arg-type]

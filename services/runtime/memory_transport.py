@@ -102,8 +102,8 @@ class MemoryOutlet:
 class MemoryQuery:
     """A request and the place for its answer."""
 
-    def __init__(self, bus: MemoryBus, payload: bytes) -> None:
-        self._bus, self.payload = bus, payload
+    def __init__(self, bus: MemoryBus, key: str, payload: bytes) -> None:
+        self._bus, self.key, self.payload = bus, key, payload
         self.answer: Reply | None = None
 
     def reply(self, payload: bytes) -> None:
@@ -197,7 +197,7 @@ class MemoryTransport:
             asked = []
             for server in self._bus.servers:
                 if matches(server.key, key):
-                    query = MemoryQuery(self._bus, payload)
+                    query = MemoryQuery(self._bus, key, payload)
                     server.queries.append(query)
                     asked.append(query)
                     server.owner.nudge()

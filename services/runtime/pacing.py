@@ -14,6 +14,7 @@ from services.runtime.log import Log
 from services.runtime.marks import Marks
 from services.runtime.node import Node
 from services.runtime.transport import Inlet
+from services.runtime.wire import detach, encoding
 
 SILENCE_S = 0.5
 """Wall time without a clock after which the loop calls itself waiting."""
@@ -85,30 +86,37 @@ class ClockPacer:
 
     def __init__(self, node: Node, period_ns: int) -> None:
         transport = node.transport
-        self.inlet = transport.subscribe(node.identity.key(CLOCK.name), 16)
+        self._key, self._encoding = node.identity.key(CLOCK.name), encoding(Clock.ROS_TYPE)
+        self.inlet = transport.subscribe(self._key, 16)
         self._read = decoder(Clock)
         self._period_ns = period_ns
         self._silence = Silence(node, node.log)
         self._next = self._jumps = 0
-        self._epoch = -1
+        self._epoch, self._simulation = -1, b""
 
     def start(self) -> None:
         pass
 
     def next(self) -> Instant | None:
-        clock = None
+        clock, simulation = None, b""
         while (sample := self.inlet.take()) is not None:
+            if self.inlet.key(sample) != self._key or self.inlet.encoding(sample) not in ("", self._encoding):
+                continue
             try:
                 clock = self._read(sample.payload)
             except WrongPayload:
                 continue
+            origin = detach(sample.attachment)
+            simulation = origin.publisher if origin is not None else b""
         if clock is None:
             self._silence.check()
             return None
         self._silence.heard(clock.paused)
         now = clock.clock.ns
-        if clock.epoch != self._epoch or now < self._next - self._period_ns:
-            self._epoch, self._next, self._jumps = clock.epoch, now, self._jumps + 1
+        restarted = clock.epoch != self._epoch or simulation != self._simulation
+        if restarted or now < self._next - self._period_ns:
+            self._epoch, self._simulation = clock.epoch, simulation
+            self._next, self._jumps = now, self._jumps + 1
         if now < self._next:
             return None
         self._next = now - now % self._period_ns + self._period_ns

@@ -70,8 +70,9 @@ class Outlet(Protocol):
 
 
 class Query(Protocol):
-    """A request that waits for its reply."""
+    """A request that waits for its reply; ``key`` is what was asked, wildcards and all."""
 
+    key: str
     payload: bytes
 
     def reply(self, payload: bytes) -> None:
@@ -155,7 +156,7 @@ class Transport(Protocol):
         ...
 
     def wait(self, inlet: Inlet) -> None:
-        """Block until ``inlet`` has a sample, a nudge comes, or BEAT_S has passed."""
+        """Block until ``inlet`` has a sample, a nudge comes, or BEAT_S has passed; ``take`` before waiting again."""
         ...
 
     def nudge(self) -> None:

@@ -90,6 +90,7 @@ class ZenohQuery:
 
     def __init__(self, query: Any) -> None:
         self._query = query
+        self.key = str(query.key_expr)
         self.payload: bytes = query.payload.to_bytes() if query.payload is not None else b""
 
     def reply(self, payload: bytes) -> None:

@@ -20,7 +20,9 @@ from services.sim.robot import Robot
 from services.sim.world import Placement, World
 
 CONTROL = 4
-"""Physics steps between two publications of odometry, ground truth and the clock: 50 Hz."""
+"""Physics steps between two looks at the commands, and two messages of the clock: 50 Hz."""
+FRAMES = 8
+"""Physics steps between two messages of ``/tf``: 25 Hz, as odometry comes."""
 STATUS = 40
 """Physics steps between two states of the bases: 5 Hz."""
 
@@ -101,11 +103,10 @@ class Stage:
             return
         self._touch()
         for robot in self.robots:
-            robot.telemetry.motion(now)
-            robot.telemetry.joints(now)
+            robot.telemetry.motion(now, tick)
             if tick % STATUS == 0:
                 robot.report(now)
-        if self._tf.wanted:
+        if tick % FRAMES == 0 and self._tf.wanted:
             self._tf.publish(moving(self.robots, self.world, now))
         self.tell_time()
 

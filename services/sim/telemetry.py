@@ -71,8 +71,11 @@ class Telemetry:
         """The frame of a link, prefixed by the robot's name."""
         return f"{self._name}/{link}"
 
-    def motion(self, now: int) -> None:
-        """Publish ground truth and odometry, and keep them for the frames."""
+    def motion(self, now: int, tick: int) -> None:
+        """Publish ground truth, odometry and joints if they are due at ``tick``; the frames follow the last."""
+        if not _due(tick, self._model.odometry_rate):
+            return
+        self._joint_states(now)
         state = self._world.state(self._name)
         stamp = Time.of(now)
         own = Header(stamp=stamp, frame_id=self.frame("odom"))
@@ -87,12 +90,6 @@ class Telemetry:
         self.truth, self.odometry = truth, odometry
         self._out[GROUND_TRUTH].publish(truth)
         self._out[ODOM].publish(odometry)
-
-    def joints(self, now: int) -> None:
-        """Publish the joints' angles."""
-        if self._joints and self._out[JOINT_STATES].wanted:
-            readings = self._world.joint_readings(self._name)
-            self._out[JOINT_STATES].publish(joint_state(self._joints, readings, Header(stamp=Time.of(now))))
 
     def sensors(self, now: int, tick: int) -> None:
         """Publish the sensors that are due at ``tick``."""
@@ -111,6 +108,11 @@ class Telemetry:
     def status(self, status: BaseStatus) -> None:
         """Publish the state of the base."""
         self._out[BASE_STATUS].publish(status)
+
+    def _joint_states(self, now: int) -> None:
+        if self._joints and self._out[JOINT_STATES].wanted:
+            readings = self._world.joint_readings(self._name)
+            self._out[JOINT_STATES].publish(joint_state(self._joints, readings, Header(stamp=Time.of(now))))
 
     def _imu(self, now: int, tick: int) -> None:
         unit = self._model.imu

@@ -1,4 +1,4 @@
-"""Fleets that several tests share, one at a time: the machine is small. Each test leaves its fleet sound."""
+"""Fleets that several tests share, one at a time; a test that passes leaves its fleet sound."""
 
 from __future__ import annotations
 
@@ -14,15 +14,17 @@ from tests.faults.fleet import START_S, Fleet
 class Ground:
     """Where one fleet drives; it gives way when a test asks for another."""
 
-    def __init__(self, folders: pytest.TempPathFactory) -> None:
-        self._folders = folders
+    def __init__(self, folders: pytest.TempPathFactory, session: pytest.Session) -> None:
+        self._folders, self._session = folders, session
+        self._failed = 0
         self._stack = ExitStack()
         self._fleet: Fleet | None = None
         self._name = ""
 
     def fleet(self, name: str, description: str, robots: int) -> Fleet:
-        """The fleet of this name, as it is or newly started."""
-        if self._fleet is None or self._name != name:
+        """The fleet of this name, as it is or newly started if a test has failed with it."""
+        failed, self._failed = self._failed, self._session.testsfailed
+        if self._fleet is None or self._name != name or failed != self._failed:
             self.clear()
             folder = self._folders.mktemp(name)
             self._fleet, self._name = self._stack.enter_context(Fleet(description, robots, folder)), name
@@ -35,8 +37,8 @@ class Ground:
 
 
 @pytest.fixture(scope="package")
-def ground(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ground]:
-    ground = Ground(tmp_path_factory)
+def ground(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Iterator[Ground]:
+    ground = Ground(tmp_path_factory, request.session)
     yield ground
     ground.clear()
 

@@ -136,9 +136,8 @@ class Fleet:
         self.wait(step, what)
 
     def send(self, name: str, number: signal.Signals) -> int:
-        """Signal a process; the instant [ns of the machine's clock] after which it acts."""
-        psutil.Process(self.process(name).pid).send_signal(number)
-        return time.time_ns()
+        """Signal a process; the instant, as ``send`` tells it."""
+        return send(self.process(name).pid, number)
 
     def kill(self, name: str) -> int:
         """SIGKILL for a process; the instant."""
@@ -168,6 +167,15 @@ class Fleet:
         for each in left:
             each.kill()
         assert left == [], self.supervisor.text
+
+
+def send(pid: int, number: signal.Signals) -> int:
+    """Signal a process; the instant [ns of the machine's clock] after which it acts, when a frozen one does no more."""
+    process = psutil.Process(pid)
+    process.send_signal(number)
+    if number is signal.SIGSTOP:
+        until(lambda: process.status() == psutil.STATUS_STOPPED)
+    return time.time_ns()
 
 
 def _runs(process: psutil.Process) -> bool:

@@ -33,8 +33,9 @@ DRIVING = (
     + _robot(0, _waypoint(0))
     + "".join(_robot(number, _faulty(name)) for number, name in enumerate(("deadlock", "spin", "gil"), 1))
     + _service("timekeeper")
+    + '\n[[service]]\nkind = "sim"\nrestart = { first = 2.0 }\n'
 )
-"""A robot with the project's controller, and three with controllers that hang when told."""
+"""A robot with the project's controller, and three with controllers that hang when told; a sim that comes back late."""
 
 STAR = (
     _HEAD.format(topology="star")

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import signal
-import time
 
 from messages.requests import SUPERVISOR_START, SUPERVISOR_STOP, Name
-from tests.faults.fleet import Fleet
+from tests.faults.fleet import Fleet, send
 from tests.faults.track import LATEST_STOP_S
 from tests.processes import start_service
 
@@ -52,13 +51,11 @@ def test_three_seconds_of_frost_without_a_supervisor(driving: Fleet) -> None:
     arguments = ("--namespace", "/tb3_0", "--connect", driving.endpoint, *goal)
     with start_service("waypoint", *arguments, logs=driving.folder) as controller:
         driving.wait_full_speed("tb3_0")
-        controller.signal(signal.SIGSTOP)
-        frozen = time.time_ns()
+        frozen = send(controller.pid, signal.SIGSTOP)
         driving.wait_simulated(3.0)
         assert not driving.observer.alive(f"/{NAME}"), "the lease of 2 s is over"
         stale = robot.base.stale_dropped
-        controller.signal(signal.SIGCONT)
-        continued = time.time_ns()
+        continued = send(controller.pid, signal.SIGCONT)
         print(f"stood after {robot.seconds_to_stop(frozen):.3f} s of simulation time")
         assert robot.seconds_to_stop(frozen) <= LATEST_STOP_S
 

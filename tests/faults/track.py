@@ -12,13 +12,14 @@ from typing import NamedTuple
 from messages.elea import BaseStatus
 from messages.nav import Odometry
 from messages.topics import BASE_STATUS, CMD_VEL, GROUND_TRUTH
-from models.figures import read_model
+from models.figures import Wheels, read_model
 from services.runtime.node import Node
 from services.sim import BaseParameters
 from services.sim.timing import SLACK_S
 
-WHEELS = read_model("burger").wheels
-assert WHEELS is not None
+_BURGER = read_model("burger").wheels
+assert _BURGER is not None
+WHEELS: Wheels = _BURGER
 FULL_SPEED = 0.95 * WHEELS.max_linear
 STANDING = 0.002
 """m/s; below this a robot stands."""
@@ -101,5 +102,4 @@ class Track:
 
 def _sight(truth: Odometry, sent: int) -> Sight:
     at, v, w = truth.pose.pose.position, truth.twist.twist.linear, truth.twist.twist.angular
-    assert WHEELS is not None
     return Sight(truth.header.stamp.ns, sent, hypot(v.x, v.y) + abs(w.z) * WHEELS.separation / 2, at.x, at.y)

@@ -14,7 +14,6 @@ from messages.elea import InputHealth
 from messages.geometry import Twist
 from messages.topics import BASE_STATUS, CMD_VEL
 from services.runtime.wire import attach
-from tests.processes import Process
 from tests.system.stranger import stranger
 from tests.system.watched import WITHIN_S, Watched, apart, time_of
 from tests.system.world import World, world
@@ -106,12 +105,8 @@ def test_wrong_encodings(running: World, session: zenoh.Session, bases: dict[str
 
 
 @pytest.mark.usefixtures("unmoved")
-@pytest.mark.parametrize("key", ["**", "*/cmd_vel", "tb3_*/cmd_vel", "tb3_$*/cmd_vel", "tb3_0/*", "tb3_0/cmd_vel/**"])
+@pytest.mark.parametrize("key", ["**", "*/cmd_vel", "tb3_$*/cmd_vel", "tb3_0/*", "tb3_0/cmd_vel/**"])
 def test_wildcard_puts(running: World, session: zenoh.Session, key: str) -> None:
-    if key == "tb3_*/cmd_vel":
-        with pytest.raises(zenoh.ZError):
-            session.put(key, GOOD)
-        return
     refused = health(running).refused
     session.put(key, GOOD)
     until(lambda: health(running).refused > refused, WITHIN_S, f"a refusal of what was put on {key}")
@@ -177,8 +172,3 @@ def works(running: World) -> None:
     begun = time_of(truth.all()[-1])
     assert abs(truth.until_time(begun + 1.0).twist.twist.angular.z) < 1e-3
 
-
-def alive(*processes: Process) -> None:
-    """All of them run."""
-    for each in processes:
-        assert each.status is None, each.text

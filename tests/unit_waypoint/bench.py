@@ -21,7 +21,6 @@ from services.runtime.memory_transport import MemoryBus, MemoryTransport
 from services.runtime.node import Node
 from services.runtime.outputs import Output
 from services.runtime.service import Parameters, Service
-from services.runtime.wire import encoding
 
 M = TypeVar("M", bound=Message)
 PATIENCE_S = 30.0
@@ -54,7 +53,7 @@ class Bench:
 
     def hear(self, topic: Topic[M], key: str) -> None:
         """Listen to a key from now on."""
-        self._inlets[key] = self._transport.subscribe(key, encoding(topic.record.ROS_TYPE), 4096)
+        self._inlets[key] = self._transport.subscribe(key, 4096)
 
     def next(self, topic: Topic[M], key: str) -> M:
         """The next message of a key; fails when none comes."""
@@ -76,7 +75,7 @@ def _await_clock_reader(bus: MemoryBus) -> None:
     deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         with bus.changed:
-            if any(inlet.key == "clock" for inlet in bus.inlets):
+            if any(inlet.pattern == "clock" for inlet in bus.inlets):
                 return
         time.sleep(0.001)
     raise AssertionError("the loop does not read the clock")

@@ -111,6 +111,7 @@ def test_a_reset_begins_the_plan_anew(rig: Rig) -> None:
     rig.bench.heard(PLAN, "tb3_0/plan")
     rig.epoch, rig.time, rig.base = 1, 0.0, IdealBase(Planar(0, 0))
     assert rig.until("finished") == [
+        ("waiting", 0),
         ("driving", 0),
         ("reached", 0),
         ("driving", 1),

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from messages.geometry import Twist
 from messages.std import String
 from messages.topics import CMD_VEL, Quality, Topic
-from services.runtime import Service
+from services.runtime import Parameters, Service
 from services.runtime.context import Context
 
 FAULT = Topic("~fault", String, 0, Quality.EVENT, "makes a faulty service fail")
@@ -18,7 +18,7 @@ FULL_SPEED = Twist.planar(0.22, 0.0)
 def failing(name: str, fail: Callable[[], None]) -> Service:
     """A controller that calls ``fail`` in its loop, right after a command, when it is told to."""
 
-    def run(ctx: Context) -> None:
+    def run(ctx: Context[Parameters]) -> None:
         told = ctx.stream(FAULT)
         for _ in ctx.ticks():
             ctx.publish(CMD_VEL, FULL_SPEED)

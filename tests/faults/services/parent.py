@@ -5,11 +5,11 @@ from __future__ import annotations
 import subprocess
 import sys
 
-from services.runtime import Service, main
+from services.runtime import Parameters, Service, main
 from services.runtime.context import Context
 
 
-def run(ctx: Context) -> None:
+def run(ctx: Context[Parameters]) -> None:
     subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1000)"], start_new_session=False)
     for _ in ctx.ticks():
         pass

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from messages.requests import Done, Name, Request
-from services.runtime import Service, main
+from services.runtime import Parameters, Service, main
 from services.runtime.context import Context
 
 ASK = Request("~ask", Name, Done, "raises")
@@ -13,7 +13,7 @@ def answer(_: Name) -> Done:
     raise ZeroDivisionError("planted in the answer")
 
 
-def run(ctx: Context) -> None:
+def run(ctx: Context[Parameters]) -> None:
     ctx.serve(ASK, answer)
     for _ in ctx.ticks():
         pass

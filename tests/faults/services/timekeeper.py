@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from messages.std import String
 from messages.topics import Quality, Topic
-from services.runtime import Service, main
+from services.runtime import Parameters, Service, main
 from services.runtime.context import Context
 
 TICKS = Topic("ticks", String, 25, Quality.EVENT, "time [ns], dt [s], epoch and reset of each tick")
 
 
-def run(ctx: Context) -> None:
+def run(ctx: Context[Parameters]) -> None:
     for tick in ctx.ticks():
         ctx.publish(TICKS, String(data=f"{tick.time} {tick.dt} {tick.epoch} {tick.reset:d}"))
 

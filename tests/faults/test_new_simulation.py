@@ -1,0 +1,36 @@
+"""Fault 6, its hidden case: the new simulation's time is not behind the old one's when a controller hears of it."""
+
+from __future__ import annotations
+
+from messages.base import encode
+from messages.rosgraph import Clock
+from messages.std import Time
+from messages.topics import CLOCK, Quality
+from services.runtime.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.pacing import ClockPacer, Instant
+from services.runtime.wire import attach, encoding
+from tests.runtime.bench import node
+
+PERIOD_NS = 40_000_000
+
+
+def test_another_clock_is_another_simulation() -> None:
+    bus = MemoryBus()
+    outlet = MemoryTransport(bus).publish(CLOCK.name[1:], encoding(Clock.ROS_TYPE), Quality.SENSOR)
+    with node(bus, "listener") as listener:
+        pacer = ClockPacer(listener, PERIOD_NS)
+
+        def told(ns: int, simulation: bytes) -> Instant | None:
+            outlet.put(encode(Clock(clock=Time.of(ns))), attach(1, simulation * 16))
+            return pacer.next()
+
+        first, second = told(0, b"a"), told(PERIOD_NS, b"a")
+        assert first is not None
+        assert second is not None
+        assert second.simulation == first.simulation
+        third = told(2 * PERIOD_NS, b"b")
+        assert third is not None
+        assert third.simulation != second.simulation
+        fourth = told(3 * PERIOD_NS, b"b")
+        assert fourth is not None
+        assert fourth.simulation == third.simulation

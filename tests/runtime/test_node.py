@@ -1,0 +1,167 @@
+"""A node on the network: its tokens, its requests, its name, its heartbeat and its log."""
+
+from __future__ import annotations
+
+import io
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+import pytest
+
+from messages.requests import GET_STATE, STEP, Name, SimTime, Steps
+from messages.topics import CMD_VEL, HEALTH, ODOM, ROSOUT
+from services.runtime.errors import BadInput, CallFailed, Stopped
+from services.runtime.graph import snapshot
+from services.runtime.log import Log
+from services.runtime.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.node import Node
+from tests.runtime.bench import node
+from tests.waiting import until
+
+
+@contextmanager
+def turning(made: Node) -> Iterator[None]:
+    """The node's loop in a thread, doing nothing but what every loop does."""
+    inlet = made.transport.subscribe("rest", 8)
+
+    def loop() -> None:
+        with suppress(Stopped):
+            while True:
+                made.wait(inlet)
+                inlet.take()
+
+    thread = threading.Thread(target=loop)
+    thread.start()
+    try:
+        yield
+    finally:
+        made.stopping = True
+        made.transport.nudge()
+        thread.join(10)
+        assert not thread.is_alive()
+
+
+def test_the_graph_shows_what_a_node_declares(bus: MemoryBus) -> None:
+    with node(bus, "waypoint", "/tb3_0") as made:
+        made.read(ODOM)
+        made.write(CMD_VEL)
+        made.serve(STEP, lambda steps: SimTime(tick=steps.count))
+        seen = {(e.kind, e.name, e.record, e.detail) for e in snapshot(made.transport) if e.node == "/tb3_0/waypoint"}
+    assert seen == {
+        ("node", "waypoint", "-", "-"),
+        ("pub", "/health", "elea_msgs/Health", "SENSOR"),
+        ("pub", "/rosout", "rosgraph_msgs/Log", "EVENT"),
+        ("pub", "/tb3_0/cmd_vel", "geometry_msgs/Twist", "COMMAND"),
+        ("sub", "/tb3_0/odom", "nav_msgs/Odometry", "SENSOR"),
+        ("srv", "/sim/step", "elea_msgs/Steps", "-"),
+    }
+
+
+def test_what_is_forgotten_leaves_the_graph(bus: MemoryBus) -> None:
+    with node(bus, "a") as made:
+        made.forget(made.read(ODOM), made.write(CMD_VEL))
+        assert {e.name for e in snapshot(made.transport) if e.kind in ("pub", "sub")} == {"/health", "/rosout"}
+        assert made.inputs == []
+
+
+def test_hostile_tokens_are_not_entities(bus: MemoryBus) -> None:
+    stranger = MemoryTransport(bus)
+    tokens = [
+        stranger.token(f"@elea/x/pub/{name}/{name}/t/d") for name in ("no slash", "%a%%b", "%a*b", "%\n", "%x__y", "%")
+    ]
+    tokens += [stranger.token("@elea/x/odd/%a/%b/t/d"), stranger.token("@elea/short")]
+    assert snapshot(stranger) == []
+    assert len(tokens) == 8
+
+
+def test_a_request_is_typed_and_a_refusal_has_its_reason(bus: MemoryBus) -> None:
+    def step(steps: Steps) -> SimTime:
+        if steps.count > 5:
+            raise BadInput("at most 5")
+        return SimTime(tick=steps.count)
+
+    with node(bus, "sim") as server, node(bus, "client") as client:
+        server.serve(STEP, step)
+        with turning(server):
+            assert client.call(STEP, Steps(count=3)) == SimTime(tick=3)
+            with pytest.raises(CallFailed, match="/sim/step: at most 5"):
+                client.call(STEP, Steps(count=6))
+            with pytest.raises(CallFailed, match="Expected `int` >= 1"):
+                client.call(STEP, Steps(count=0))
+
+
+def test_a_call_to_nobody_fails_and_says_so(bus: MemoryBus) -> None:
+    with node(bus, "client") as client, pytest.raises(CallFailed, match="nobody serves /sim/get_state"):
+        client.call(GET_STATE, Name(name="tb3_0"))
+
+
+def test_a_call_that_is_not_answered_fails_at_its_deadline(bus: MemoryBus) -> None:
+    with node(bus, "sim") as server, node(bus, "client") as client:
+        server.serve(STEP, lambda steps: SimTime())
+        with pytest.raises(CallFailed, match=r"did not answer within 0.1 s"):
+            client.call(STEP, Steps(), timeout=0.1)
+
+
+def test_the_second_node_of_a_name_is_refused(bus: MemoryBus, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.runtime.node.TAKEOVER_S", 0.2)
+    with node(bus, "a"), pytest.raises(BadInput, match="a node /a is already there"), node(bus, "a"):
+        pass
+
+
+def test_the_successor_of_a_dead_node_takes_its_name(bus: MemoryBus) -> None:
+    first = node(bus, "a")
+    with first:
+        threading.Timer(0.3, first.transport.close).start()
+        with node(bus, "a") as second:
+            assert [e.session for e in snapshot(second.transport) if e.kind == "node"] == [second.transport.session]
+
+
+def test_the_loop_beats_and_tells_its_counts(bus: MemoryBus) -> None:
+    with node(bus, "a") as made, node(bus, "observer") as observer:
+        made.read(ODOM)
+        health = observer.read(HEALTH)
+        with turning(made):
+
+            def heard() -> bool:
+                health.admit()
+                return bool(health.batch)
+
+            until(heard)
+    beat = health.batch[-1][0]
+    assert (beat.node, beat.inputs[0].topic, beat.outputs[0].topic) == ("/a", "/odom", "/rosout")
+
+
+def test_the_log_goes_to_its_stream_and_to_rosout(bus: MemoryBus) -> None:
+    out = io.StringIO()
+    log = Log("/a", "info", out)
+    log.now = lambda: 1_500_000_000
+    with node(bus, "observer") as observer, node(bus, "a") as made:
+        rosout = observer.read(ROSOUT)
+        log.publish = made.write(ROSOUT).publish
+        log.debug("not shown")
+        log.warn("odd")
+        rosout.admit()
+    assert out.getvalue() == "[1.500] WARN /a: odd\n"
+    line = rosout.batch[-1][0]
+    assert (line.msg, line.level, line.header.stamp.ns, line.function) == (
+        "odd",
+        4,
+        1_500_000_000,
+        "test_the_log_goes_to_its_stream_and_to_rosout",
+    )
+
+
+def test_a_call_site_is_limited_and_tells_what_it_kept_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    wall = [100.0]
+    monkeypatch.setattr("services.runtime.log.time.monotonic", lambda: wall[0])
+    out = io.StringIO()
+    log = Log("/a", out=out)
+    for number in range(5):
+        log.warn(f"late {number}", every=2.0)
+        wall[0] += 1.0
+    assert out.getvalue().splitlines() == [
+        "[0.000] WARN /a: late 0",
+        "[0.000] WARN /a: late 2 (1 more like this)",
+        "[0.000] WARN /a: late 4 (1 more like this)",
+    ]

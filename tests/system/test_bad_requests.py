@@ -1,0 +1,136 @@
+"""Requests that make no sense: each gets an error reply with its reason, and nothing is done."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import msgpack
+import pytest
+import zenoh
+
+from messages.geometry import Point, Pose, Quaternion
+from messages.requests import (
+    DELETE,
+    GET_STATE,
+    LIST,
+    PAUSE,
+    RESET,
+    RESET_WORLD,
+    RESUME,
+    SET_STATE,
+    SPAWN,
+    STEP,
+    ModelList,
+    Name,
+    SetModelState,
+    SpawnModel,
+)
+from messages.std import Empty
+from services.runtime.errors import CallFailed
+from tests.system.stranger import refusal, stranger
+from tests.system.world import World, world
+
+ALL = (SPAWN, DELETE, LIST, GET_STATE, SET_STATE, RESET, RESET_WORLD, PAUSE, RESUME, STEP)
+GARBAGE = {"no payload": None, "nothing": b"", "noise": b"\xc1\xff", "a list": b"\x90", "1 MB": b"\xdb" * 1_000_000}
+WRONG: dict[str, tuple[str, Any, str]] = {
+    "a name that is a number": ("sim/delete", {"name": 5}, "name"),
+    "a count in text": ("sim/step", {"count": "5"}, "count"),
+    "no steps": ("sim/step", {"count": 0}, "count"),
+    "steps without end": ("sim/step", {"count": 10**9}, "count"),
+    "a place that is NaN": ("sim/spawn", {"name": "a", "model": "burger", "pose": {"position": {"x": math.nan}}}, "x"),
+    "a place at 1e308": ("sim/set_state", {"name": "tb3_0", "pose": {"position": {"x": 1e308}}}, "x"),
+    "a place in text": ("sim/set_state", {"name": "tb3_0", "pose": "here"}, "pose"),
+}
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
+    with world(tmp_path_factory.mktemp("requests")) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def session(running: World) -> Iterator[zenoh.Session]:
+    with stranger(running.network.endpoint) as made:
+        yield made
+
+
+@pytest.fixture(autouse=True)
+def _nothing_is_done(running: World) -> Iterator[None]:
+    """The same robots stand at the same places before and after, time goes on, in the same epoch."""
+    before = models(running)
+    truth = running.truth["tb3_0"].next()
+    yield
+    for one, other in zip(before.models, models(running).models, strict=True):
+        assert (one.name, one.model) == (other.name, other.model)
+        assert one.pose.position.x == pytest.approx(other.pose.position.x, abs=1e-4)
+        assert one.pose.position.y == pytest.approx(other.pose.position.y, abs=1e-4)
+    assert running.truth["tb3_0"].after(0.1).header.stamp.ns > truth.header.stamp.ns
+    assert running.sim.status is None
+
+
+def models(running: World) -> ModelList:
+    return running.node.call(LIST, Empty())
+
+
+@pytest.mark.parametrize("request_", ALL, ids=lambda each: each.name)
+def test_garbage(session: zenoh.Session, request_: Any) -> None:
+    for what, payload in GARBAGE.items():
+        reason = refusal(session, request_.name[1:], payload)
+        assert len(reason) > 10, what
+        assert "internal" not in reason
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_wrong_fields_are_named(session: zenoh.Session, what: str) -> None:
+    key, asked, field = WRONG[what]
+    assert f"{field}`" in refusal(session, key, msgpack.packb(asked))
+
+
+@pytest.mark.parametrize("key", ["sim/*", "**", "*/pause", "sim/re$*"])
+def test_a_request_to_a_wildcard_is_meant_for_nobody(session: zenoh.Session, key: str) -> None:
+    for payload in (b"\x80", None):
+        replies = list(session.get(key, payload=payload, timeout=5.0))
+        assert [reply for reply in replies if reply.ok is not None] == []
+
+
+@pytest.mark.parametrize(
+    ("asked", "reason"),
+    [
+        ({"name": "x", "model": "burger"}, r"'x' at x 0\.000 m, .* would overlap with 'tb3_0' by 0\.\d+ m"),
+        ({"name": "x", "model": "waffle", "pose": Pose.planar(0.1, 0.7)}, "would overlap with 'tb3_1'"),
+        ({"name": "x", "model": "burger", "pose": Pose(position=Point(x=3.0, z=-0.05))}, "overlap with the ground"),
+        ({"name": "tb3_0", "model": "burger", "pose": Pose.planar(5, 5)}, "'tb3_0' is already there"),
+        ({"name": "x", "model": "burgr"}, r"unknown model 'burgr'; did you mean 'burger'\? \(known: burger, waffle"),
+        ({"name": "x", "model": "../../etc"}, "unknown model"),
+        ({"name": "", "model": "burger"}, "name"),
+        ({"name": "a*", "model": "burger"}, "wildcards are not allowed"),
+        ({"name": "3x", "model": "burger"}, "does not start with a digit"),
+        ({"name": "x", "model": "burger", "namespace": "**"}, "wildcards are not allowed"),
+        ({"name": "@elea", "model": "burger"}, "letters, digits"),
+        (
+            {"name": "x", "model": "burger", "pose": Pose(position=Point(x=9), orientation=Quaternion(w=0.0))},
+            "no rotation",
+        ),
+    ],
+)
+def test_spawns_that_cannot_be(running: World, asked: dict[str, Any], reason: str) -> None:
+    with pytest.raises(CallFailed, match=reason):
+        running.node.call(SPAWN, SpawnModel(**asked))
+
+
+def test_models_that_are_not_there(running: World) -> None:
+    for request, message in (
+        (DELETE, Name(name="tb3_9")),
+        (GET_STATE, Name(name="tb3_9")),
+        (SET_STATE, SetModelState(name="tb3_9")),
+    ):
+        with pytest.raises(CallFailed, match=r"unknown model 'tb3_9'; did you mean 'tb3_[01]'"):
+            running.node.call(request, message)  # type: ignore[arg-type,misc]
+
+
+def test_a_state_that_overlaps(running: World) -> None:
+    with pytest.raises(CallFailed, match="'tb3_0' at .* would overlap with 'tb3_1'"):
+        running.node.call(SET_STATE, SetModelState(name="tb3_0", pose=Pose.planar(0.0, 0.45)))
