@@ -78,18 +78,22 @@ class Barrier:
             self._idle(self._inlet)
 
     def update(self) -> None:
-        """Follow who joined, who left, and who answered."""
+        """Follow who joined, who left, and who answered.
+
+        Tokens are looked at before answers are taken: whoever took leave before its token went is then heard.
+        """
+        tokens = list(iter(self._watch.take, None))
         self._receive()
         while (event := self._reads_watch.take()) is not None:
             entity = Entity.parse(event.key)
             if entity is not None:
                 reads = self._reads.setdefault(entity.session, set())
                 (reads.add if event.alive else reads.discard)(key_of(entity.name))
-        while (event := self._watch.take()) is not None:
-            entity = Entity.parse(event.key)
+        for token in tokens:
+            entity = Entity.parse(token.key)
             if entity is None:
                 continue
-            if not event.alive:
+            if not token.alive:
                 if self._drop(entity.session):
                     self.dropped.append(entity.node)
                     self._log.warn(f"{entity.node} is gone: the others go on without it")

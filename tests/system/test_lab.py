@@ -128,7 +128,7 @@ def test_without_waiting(terminal: Terminal) -> None:
     assert lap.run["restarts"] == 0
 
 
-def test_its_duration_ends_it(terminal: Terminal, first: Lap) -> None:
+def test_its_duration_ends_it(terminal: Terminal) -> None:
     lap = drive(terminal, "cut", Path("lab"), "--duration", "3")
     assert (lap.run["ended"], lap.run["sim_seconds"]) == ("duration", 3.0)
     assert lap.ended.status == 1
@@ -147,4 +147,4 @@ def test_the_recording_opens_in_the_viewer(first: Lap, tmp_path: Path) -> None:
     assert pixels.shape == (1080, 1920, 3)
     assert pixels.std() > 5
     for colour in COLOURS[:4]:
-        assert (np.abs(pixels - np.array(colour)).max(axis=2) < 25).sum() > 300, f"nothing drawn in {colour}"
+        assert (np.abs(pixels - np.array(colour)).max(axis=2) < 25).sum() > 100, f"nothing drawn in {colour}"
