@@ -5,7 +5,6 @@ from enum import Enum
 from typing import Generic, TypeVar
 
 from messages.base import Message
-from messages.diagnostic import DiagnosticArray
 from messages.elea import BaseStatus, FleetState, GoalStatus, Health
 from messages.geometry import PoseStamped, Twist
 from messages.nav import Odometry, Path
@@ -61,7 +60,6 @@ TF_STATIC = Topic("/tf_static", TFMessage, 0, Quality.LATCHED, "fixed transforms
 ROBOT_DESCRIPTION = Topic("robot_description", String, 0, Quality.LATCHED, "the URDF of a robot", 1 << 20)
 ROSOUT = Topic("/rosout", Log, 0, Quality.EVENT, "the log of every node")
 HEALTH = Topic("/health", Health, 0, Quality.SENSOR, "heartbeat of every node, twice a second of wall time")
-DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, 1, Quality.SENSOR, "state of components, for ROS tools")
 FLEET_STATE = Topic("/supervisor/state", FleetState, 0, Quality.LATCHED, "the processes of the fleet")
 
 TOPICS: tuple[Topic[Message], ...] = (
@@ -84,7 +82,6 @@ TOPICS: tuple[Topic[Message], ...] = (
     ROBOT_DESCRIPTION,
     ROSOUT,
     HEALTH,
-    DIAGNOSTICS,
     FLEET_STATE,
 )
 """Every topic of this project."""

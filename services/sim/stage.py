@@ -115,15 +115,19 @@ class Stage:
         self._clock.publish(Clock(clock=Time.of(self.now), tick=self.tick, epoch=self.epoch, paused=self.paused))
 
     def listen(self, marks: Marks | None, factor: float) -> None:
-        """Take the commands that have come. ``marks`` are those of lockstep, ``factor`` is that of real time."""
+        """Take the commands that have come. ``marks`` are those of lockstep, ``factor`` is that of real time.
+
+        Who is gone counts last: a command that came just before its sender went must not outlive it.
+        """
         self._node.admit(marks)
         governed = marks.members if marks is not None else set()
-        for source in self._commanders.gone():
+        gone = list(self._commanders.gone())
+        for robot in self.robots:
+            robot.obey(self.now, governed, factor)
+        for source in gone:
             for robot in self.robots:
                 if robot.base is not None:
                     robot.base.arbiter.lost(source, self.now)
-        for robot in self.robots:
-            robot.obey(self.now, governed, factor)
 
     def advance(self) -> None:
         """One physics step."""

@@ -116,8 +116,8 @@ class Fleet:
         end = track.sights[-1].time + seconds * 1e9
         self.wait(lambda: track.sights[-1].time >= end, f"{seconds} s of simulation time")
 
-    def wait_new_life(self, before: ProcessState, within: float = SOON_S) -> None:
-        """Until a process is ready again as another one."""
+    def wait_new_life(self, before: ProcessState, within: float = SOON_S) -> int:
+        """Until a process is ready again as another one; when the supervisor told [ns] that it had started it."""
 
         def ready() -> bool:
             now = self.process(before.name)
@@ -125,6 +125,7 @@ class Fleet:
 
         self.wait(ready, f"{before.name} ready again", within)
         self.count()
+        return self.observer.births[self.process(before.name).pid]
 
     def drive(self, commands: Output[Twist], probe: Callable[[], object], what: str) -> None:
         """Send commands at full speed until something is so."""
@@ -170,9 +171,11 @@ class Fleet:
 
 
 def send(pid: int, number: signal.Signals) -> int:
-    """Signal a process; the instant [ns of the machine's clock] after which it acts, when a frozen one does no more."""
-    process = psutil.Process(pid)
+    """Signal a process; the instant [ns of the machine's clock] after which it does nothing more, or goes on."""
+    process, before = psutil.Process(pid), time.time_ns()
     process.send_signal(number)
+    if number is signal.SIGCONT:
+        return before
     if number is signal.SIGSTOP:
         until(lambda: process.status() == psutil.STATUS_STOPPED)
     return time.time_ns()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterable
 
 from messages.elea import Health, ProcessState
@@ -20,30 +19,30 @@ class Observer:
         self.robots = {name: Track(node, name) for name in robots}
         self.health: dict[str, tuple[int, Health]] = {}
         self.processes: dict[str, ProcessState] = {}
+        self.births: dict[int, int] = {}
         self.sessions: dict[str, set[str]] = {}
-        self.gone: list[tuple[str, float]] = []
         self._health, self._fleet = node.read(HEALTH), node.read(FLEET_STATE)
         self._tokens = node.transport.watch(pattern("node"))
 
     def look(self) -> None:
-        """Take what has come: the newest heartbeat of each node with the time [ns] of its sending, the processes, the
-        sessions that hold each node's token, and the nodes whose token went, with the time [s] of it.
+        """Take what has come: the newest heartbeat of each node with the time [ns] of its sending, the processes, when
+        the supervisor first told [ns] of each process id, the sessions that hold each node's token.
         """
         for track in self.robots.values():
             track.look()
         self._health.admit()
         self.health |= {beat.node: (origin.source_ns, beat) for beat, origin in self._health.batch if origin}
         self._fleet.admit()
-        for state, _ in self._fleet.batch:
+        for state, origin in self._fleet.batch:
             self.processes = {each.name: each for each in state.processes}
+            if origin is not None:
+                self.births = {each.pid: origin.source_ns for each in state.processes} | self.births
         while (event := self._tokens.take()) is not None:
             entity = Entity.parse(event.key)
             if entity is None:
                 continue
             sessions = self.sessions.setdefault(entity.node, set())
             (sessions.add if event.alive else sessions.discard)(entity.session)
-            if not event.alive:
-                self.gone.append((entity.node, time.monotonic()))
 
     def alive(self, node: str) -> bool:
         """Whether a token says that the node is there."""

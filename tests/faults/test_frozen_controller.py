@@ -27,7 +27,7 @@ def test_a_short_freeze_stops_the_robot_until_a_fresh_command(driving: Fleet) ->
     fresh = robot.fresh_command(frozen)
     assert fresh is not None
     assert fresh > continued
-    assert robot.unbidden(frozen) == []
+    assert robot.unbidden(frozen, continued) == []
     assert driving.process(NAME) == before
 
 
@@ -35,10 +35,10 @@ def test_a_frozen_controller_is_replaced_and_its_thaw_comes_too_late(driving: Fl
     robot, before = driving.robot("tb3_0"), driving.process(NAME)
     driving.wait_full_speed("tb3_0")
     frozen = driving.send(NAME, signal.SIGSTOP)
-    driving.wait_new_life(before)
+    born = driving.wait_new_life(before)
     driving.wait_full_speed("tb3_0")
     assert robot.seconds_to_stop(frozen) <= LATEST_STOP_S
-    assert robot.unbidden(frozen) == []
+    assert robot.unbidden(frozen, born) == []
     assert "no heartbeat for" in driving.log(NAME)
 
 
@@ -63,7 +63,7 @@ def test_three_seconds_of_frost_without_a_supervisor(driving: Fleet) -> None:
         fresh = robot.fresh_command(frozen)
         assert fresh is not None
         assert fresh > continued
-        assert robot.unbidden(frozen) == []
+        assert robot.unbidden(frozen, continued) == []
         print(
             f"drove again {(robot.sights[-1].sent - continued) / 1e9:.2f} s after the thaw, "
             f"{robot.base.stale_dropped - stale} stale commands"

@@ -26,10 +26,10 @@ def test_the_robot_stops_and_the_watchdog_replaces_the_controller(driving: Fleet
     print(f"stood after {track.seconds_to_stop(hung):.3f} s of simulation time")
     assert track.seconds_to_stop(hung) <= LATEST_STOP_S
 
-    driving.wait_new_life(before)
+    born = driving.wait_new_life(before)
     driving.wait_full_speed(robot)
     print(f"drove again after {(track.sights[-1].sent - hung) / 1e9:.2f} s")
-    assert track.unbidden(hung) == []
+    assert track.unbidden(hung, born) == []
     found = re.search(r"no heartbeat for ([\d.]+) s", driving.log(name))
     assert found, driving.log(name)
     assert float(found[1]) >= LIMIT_S

@@ -15,10 +15,10 @@ def test_the_robot_stops_and_its_controller_comes_back(driving: Fleet) -> None:
     print(f"stood after {robot.seconds_to_stop(killed):.3f} s of simulation time")
     assert robot.seconds_to_stop(killed) <= LATEST_STOP_S
 
-    driving.wait_new_life(before)
+    born = driving.wait_new_life(before)
     driving.wait_full_speed("tb3_0")
     print(f"drove again after {(robot.sights[-1].sent - killed) / 1e9:.2f} s")
-    assert robot.unbidden(killed) == []
+    assert robot.unbidden(killed, born) == []
     assert "killed by signal 9" in driving.log("tb3_0/waypoint")
     for bystander in ("tb3_1", "tb3_2", "tb3_3"):
         sights = driving.robot(bystander).sights

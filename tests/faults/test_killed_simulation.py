@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import psutil
 
+from messages.std import String
+from services.runtime.inputs import Input
 from tests.faults.fleet import Fleet
 from tests.faults.services.timekeeper import TICKS
 
@@ -13,7 +15,8 @@ LANDING = 0.01
 
 def test_controllers_wait_without_time_and_follow_the_new_one(driving: Fleet) -> None:
     robot, ticks = driving.robot("tb3_0"), driving.observer.node.read(TICKS, "/ticks")
-    driving.wait_full_speed("tb3_0")
+    driving.wait(lambda: _admitted(ticks), "a tick")
+    told = [message.data.split() for message, _ in ticks.batch]
     others = {name: each for name, each in driving.observer.processes.items() if name != "sim"}
     before, old = driving.process("sim"), driving.robot("tb3_0").sights[-1].time
     killed = driving.kill("sim")
@@ -31,10 +34,10 @@ def test_controllers_wait_without_time_and_follow_the_new_one(driving: Fleet) ->
     fresh = robot.fresh_command(began.sent)
     assert fresh is not None
     assert [each for each in robot.sights if began.sent <= each.sent < fresh and each.speed > LANDING] == []
-    assert all(driving.observer.state(each) == "running" for each in controllers)
+    driving.wait(lambda: all(driving.observer.state(each) == "running" for each in controllers), "controllers at work")
 
     ticks.admit()
-    told = [message.data.split() for message, _ in ticks.batch]
+    told += [message.data.split() for message, _ in ticks.batch]
     times = [int(time) for time, *_ in told]
     assert all(float(dt) >= 0.0 for _, dt, *_ in told)
     back = [number for number in range(1, len(times)) if times[number] < times[number - 1]]
@@ -44,3 +47,9 @@ def test_controllers_wait_without_time_and_follow_the_new_one(driving: Fleet) ->
     for name, each in others.items():
         assert driving.process(name).pid == each.pid, f"{name} did not survive"
         assert psutil.pid_exists(each.pid)
+
+
+def _admitted(ticks: Input[String]) -> bool:
+    """Whether anything has come."""
+    ticks.admit()
+    return bool(ticks.batch)

@@ -10,20 +10,22 @@ from math import hypot
 from typing import NamedTuple
 
 from messages.elea import BaseStatus
+from messages.geometry import Twist
 from messages.nav import Odometry
 from messages.topics import BASE_STATUS, CMD_VEL, GROUND_TRUTH
 from models.figures import Wheels, read_model
 from services.runtime.node import Node
+from services.runtime.wire import Origin
 from services.sim import BaseParameters
 from services.sim.timing import SLACK_S
 
-_BURGER = read_model("burger").wheels
-assert _BURGER is not None
-WHEELS: Wheels = _BURGER
+BURGER = read_model("burger")
+assert BURGER.wheels is not None
+WHEELS: Wheels = BURGER.wheels
 FULL_SPEED = 0.95 * WHEELS.max_linear
 STANDING = 0.002
 """m/s; below this a robot stands."""
-PERIOD_S = 0.02
+PERIOD_S = 1 / BURGER.odometry_rate
 """Simulation time between two samples of ground truth."""
 
 TIMEOUT_S = BaseParameters().cmd_vel_timeout
@@ -43,6 +45,14 @@ class Sight(NamedTuple):
     y: float
 
 
+class Order(NamedTuple):
+    """A command as the observer saw it: when it was sent [ns], whether it is to move, whether none before was missed."""
+
+    sent: int
+    moves: bool
+    next: bool
+
+
 class Track:
     """The samples of one robot, and what they say."""
 
@@ -52,16 +62,16 @@ class Track:
         self._commands = node.read(CMD_VEL, f"/{name}/cmd_vel")
         self._status = node.read(BASE_STATUS, f"/{name}/base_status")
         self.sights: list[Sight] = []
-        self.commands: list[int] = []
+        self.orders: list[Order] = []
+        self._numbers: dict[bytes, int] = {}
         self.statuses: list[tuple[int, BaseStatus]] = []
 
     def look(self) -> None:
-        """Take what has come; commands to stand still do not count."""
+        """Take what has come."""
         for input_ in (self.truth, self._commands, self._status):
             input_.admit()
         self.sights += [_sight(message, o.source_ns) for message, o in self.truth.batch if o]
-        moving = [o.source_ns for m, o in self._commands.batch if o and (m.linear.x or m.angular.z)]
-        self.commands += moving
+        self.orders += [self._order(message, o) for message, o in self._commands.batch if o]
         self.statuses += [(o.source_ns, message) for message, o in self._status.batch if o]
 
     @property
@@ -88,16 +98,31 @@ class Track:
         assert stood is not None, f"{self.name} did not stop"
         return (stood.time - self.time(instant)) / 1e9
 
+    @property
+    def commands(self) -> list[int]:
+        """When each command to move was sent."""
+        return [each.sent for each in self.orders if each.moves]
+
     def fresh_command(self, instant: int) -> int | None:
         """When the first command to move after an instant was sent."""
         return next((each for each in self.commands if each > instant), None)
 
-    def unbidden(self, instant: int) -> list[Sight]:
-        """Sights of a motion between the stop after an instant and the first fresh command after that stop."""
+    def unbidden(self, instant: int, able: int) -> list[Sight]:
+        """Sights of a motion between the stop after an instant and the first fresh command after that stop.
+
+        A commander that joins anew may reach the robot before it reaches the observer. Where a command was missed so,
+        ``able`` [ns] counts: before that there was none who could command.
+        """
         stood = self.stood(instant)
         assert stood is not None, f"{self.name} did not stop"
-        until = self.fresh_command(stood.sent) or self.sights[-1].sent + 1
-        return [each for each in self.sights if stood.sent < each.sent < until and each.speed >= STANDING]
+        first = next((each for each in self.orders if each.sent > stood.sent), None)
+        fresh = self.fresh_command(stood.sent) if first is not None and first.next else None
+        return [each for each in self.sights if stood.sent < each.sent < (fresh or able) and each.speed >= STANDING]
+
+    def _order(self, command: Twist, origin: Origin) -> Order:
+        before = self._numbers.get(origin.publisher, 0)
+        self._numbers[origin.publisher] = origin.sequence
+        return Order(origin.source_ns, bool(command.linear.x or command.angular.z), origin.sequence == before + 1)
 
 
 def _sight(truth: Odometry, sent: int) -> Sight:

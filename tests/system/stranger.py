@@ -27,5 +27,5 @@ def refusal(session: zenoh.Session, key: str, payload: bytes | None) -> str:
     assert replies[0].ok is None, f"{key} did what {payload!r} asks"
     assert replies[0].err is not None
     said = msgpack.unpackb(replies[0].err.payload.to_bytes())
-    assert said.keys() == {field for field in Refusal.__struct_fields__}
+    assert said.keys() == set(Refusal.__struct_fields__)
     return str(said["reason"])

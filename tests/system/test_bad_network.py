@@ -166,5 +166,5 @@ def test_odd_tokens(running: World, session: zenoh.Session) -> None:
     assert {"/sim", "/witness", "/tb3_0/waypoint", "/router"} <= nodes
     assert all(each.startswith("/") for each in nodes)
     for each in tokens:
-        each.undeclare()
+        each.undeclare()  # type: ignore[no-untyped-call]
     running.truth["tb3_0"].after(0.5)

@@ -90,13 +90,13 @@ def unmoved(running: World, bases: dict[str, Watched[Any]]) -> Iterator[None]:
 def test_malformed_payloads(running: World, session: zenoh.Session, bases: dict[str, Watched[Any]]) -> None:
     for what, payload in MALFORMED.items():
         for encoding in (None, KIND):
-            counted(running, bases, what, lambda p=payload, e=encoding: put(session, p, e))  # type: ignore[misc]
+            counted(running, bases, what, lambda p=payload, e=encoding: put(session, p, e))
 
 
 @pytest.mark.usefixtures("unmoved")
 def test_wrong_encodings(running: World, session: zenoh.Session, bases: dict[str, Watched[Any]]) -> None:
     for encoding in ENCODINGS:
-        counted(running, bases, encoding[:40], lambda e=encoding: put(session, GOOD, e))  # type: ignore[misc]
+        counted(running, bases, encoding[:40], lambda e=encoding: put(session, GOOD, e))
     attachment = attach(1, bytes(16))
     counted(
         running, bases, "attached", lambda: session.put("tb3_0/cmd_vel", GOOD, encoding="a/b", attachment=attachment)
@@ -171,4 +171,3 @@ def works(running: World) -> None:
     until(turns, WITHIN_S, "a robot that obeys a good command")
     begun = time_of(truth.all()[-1])
     assert abs(truth.until_time(begun + 1.0).twist.twist.angular.z) < 1e-3
-

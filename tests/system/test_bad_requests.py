@@ -128,9 +128,9 @@ def test_models_that_are_not_there(running: World) -> None:
         (SET_STATE, SetModelState(name="tb3_9")),
     ):
         with pytest.raises(CallFailed, match=r"unknown model 'tb3_9'; did you mean 'tb3_[01]'"):
-            running.node.call(request, message)  # type: ignore[arg-type,misc]
+            running.node.call(request, message)
 
 
 def test_a_state_that_overlaps(running: World) -> None:
-    with pytest.raises(CallFailed, match="'tb3_0' at .* would overlap with 'tb3_1'"):
+    with pytest.raises(CallFailed, match=r"'tb3_0' at .* would overlap with 'tb3_1'"):
         running.node.call(SET_STATE, SetModelState(name="tb3_0", pose=Pose.planar(0.0, 0.45)))

@@ -161,4 +161,3 @@ def home(listed: ModelList) -> None:
         at, twist = model.pose.position, model.twist.linear
         assert math.hypot(at.x, at.y - STARTS[model.name]) < 1e-9
         assert (twist.x, twist.y) == (0.0, 0.0)
-

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -80,7 +81,7 @@ def test_a_newcomer_drives(running: World, model: str) -> None:
 def test_sensors_work_while_somebody_looks(running: World, model: str) -> None:
     names = {f"/{model}/{topic.name}" for topic in ALL[model]}
     assert counts(running, names) == dict.fromkeys(names, 0)
-    inputs = [Watched(running.node.read(topic, f"/{model}/{topic.name}")) for topic in ALL[model]]
+    inputs: list[Watched[Any]] = [Watched(running.node.read(topic, f"/{model}/{topic.name}")) for topic in ALL[model]]
     for each in inputs:
         until(lambda each=each: len(each.all()) > 2, WITHIN_S, f"messages on {each.source.name}")  # type: ignore[misc]
         frame = each.all()[-1].header.frame_id
@@ -149,7 +150,9 @@ def test_who_comes_late_gets_what_is_latched(running: World) -> None:
 
 
 def test_frames_go_with_their_robot(running: World) -> None:
-    running.node.call(SPAWN, SpawnModel(name="guest", model="burger", pose=Pose.planar(-3.0, 0.0), namespace="visit/one"))
+    running.node.call(
+        SPAWN, SpawnModel(name="guest", model="burger", pose=Pose.planar(-3.0, 0.0), namespace="visit/one")
+    )
     fixed = running.fixed
     until(lambda: fixed.all() and "guest/odom" in frames_of(fixed.all()[-1]), WITHIN_S, "frames of the guest")
     truth = Watched(running.node.read(GROUND_TRUTH, "/visit/one/ground_truth"))

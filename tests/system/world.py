@@ -37,7 +37,11 @@ class World:
     def beat(self, node: str) -> Health:
         """The next heartbeat of a node."""
         count = len(self.health.all())
-        return until(lambda: next((each for each in self.health.all()[count:] if each.node == node), None), WITHIN_S)
+
+        def heard() -> list[Health]:
+            return [each for each in self.health.all()[count:] if each.node == node]
+
+        return until(heard, WITHIN_S, f"a heartbeat of {node}")[0]
 
     def sent(self, topic: str) -> int:
         """How many messages the simulation has sent on a topic."""
