@@ -3,7 +3,9 @@
 import math
 from typing import ClassVar, Self
 
-from messages.base import Covariance, Finite, Message, Metres, covariance
+from msgspec import field
+
+from messages.base import Finite, Message, Metres, Packed36, check36, covariance, unpack36
 from messages.std import Header
 
 FASTEST_LINEAR = 100.0
@@ -72,11 +74,19 @@ class PoseStamped(Message, frozen=True, kw_only=True):
 
 
 class PoseWithCovariance(Message, frozen=True, kw_only=True):
-    """A pose and its 6x6 covariance."""
+    """A pose and its 6x6 covariance; give it ``packed``, as ``messages.base.covariance`` makes it."""
 
     ROS_TYPE: ClassVar[str] = "geometry_msgs/PoseWithCovariance"
     pose: Pose = Pose()
-    covariance: Covariance = covariance(0, 0, 0, 0, 0, 0)
+    packed: Packed36 = field(default=covariance(0, 0, 0, 0, 0, 0), name="covariance")
+
+    def __post_init__(self) -> None:
+        check36(self.packed)
+
+    @property
+    def covariance(self) -> tuple[float, ...]:
+        """The 36 values; raises WrongPayload when the sender packed something else."""
+        return unpack36(self.packed)
 
 
 class Twist(Message, frozen=True, kw_only=True):
@@ -101,11 +111,19 @@ class TwistStamped(Message, frozen=True, kw_only=True):
 
 
 class TwistWithCovariance(Message, frozen=True, kw_only=True):
-    """A twist and its 6x6 covariance."""
+    """A twist and its 6x6 covariance, given as in PoseWithCovariance."""
 
     ROS_TYPE: ClassVar[str] = "geometry_msgs/TwistWithCovariance"
     twist: Twist = Twist()
-    covariance: Covariance = covariance(0, 0, 0, 0, 0, 0)
+    packed: Packed36 = field(default=covariance(0, 0, 0, 0, 0, 0), name="covariance")
+
+    def __post_init__(self) -> None:
+        check36(self.packed)
+
+    @property
+    def covariance(self) -> tuple[float, ...]:
+        """The 36 values; raises WrongPayload when the sender packed something else."""
+        return unpack36(self.packed)
 
 
 class Transform(Message, frozen=True, kw_only=True):

@@ -14,6 +14,7 @@ from typing import Any
 
 import zenoh
 
+from messages.base import covariance
 from messages.geometry import Pose, PoseWithCovariance, Twist, TwistWithCovariance
 from messages.nav import Odometry
 from messages.std import Header, Time
@@ -37,12 +38,12 @@ COUNT_IN_SEC = 1_000_000
 
 def odometry(number: int = 0) -> Odometry:
     """A message with every field in use, as a robot sends it."""
-    variances = tuple(1e-5 if i % 7 == 0 else 0.0 for i in range(36))
+    variances = covariance(1e-5, 1e-5, 1e-5, 1e-5, 1e-5, 1e-5)
     return Odometry(
         header=Header(stamp=Time(sec=number, nanosec=123_456_789), frame_id="tb3_0/odom"),
         child_frame_id="tb3_0/base_footprint",
-        pose=PoseWithCovariance(pose=Pose.planar(1.2345, -0.9876, 0.4321), covariance=variances),
-        twist=TwistWithCovariance(twist=Twist.planar(0.21987, 0.1234), covariance=variances),
+        pose=PoseWithCovariance(pose=Pose.planar(1.2345, -0.9876, 0.4321), packed=variances),
+        twist=TwistWithCovariance(twist=Twist.planar(0.21987, 0.1234), packed=variances),
     )
 
 

@@ -99,7 +99,6 @@ class Desk:
                 advance(stage, self._timing)
         finally:
             self._stepping = False
-            self._timing.halt()
         stage.tell()
         return self._time()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from messages.base import Covariance, covariance
+from messages.base import Packed36, covariance
 from messages.geometry import (
     Point,
     Pose,
@@ -41,7 +41,7 @@ def body_twist(state: BodyState) -> Twist:
     return Twist(linear=Vector3(x=vx, y=vy, z=vz), angular=Vector3(x=wx, y=wy, z=wz))
 
 
-def world_odometry(state: BodyState, header: Header, child: str, pose_covariance: Covariance = EXACT) -> Odometry:
+def world_odometry(state: BodyState, header: Header, child: str, pose_covariance: Packed36 = EXACT) -> Odometry:
     """The true motion of a base: pose in the world, twist in the frame ``child``.
 
     With ``PLANAR`` it is what the TurtleBot3's plugin calls odometry: not relative to where the base was spawned.
@@ -49,8 +49,8 @@ def world_odometry(state: BodyState, header: Header, child: str, pose_covariance
     return Odometry(
         header=header,
         child_frame_id=child,
-        pose=PoseWithCovariance(pose=pose_of(state), covariance=pose_covariance),
-        twist=TwistWithCovariance(twist=body_twist(state), covariance=EXACT),
+        pose=PoseWithCovariance(pose=pose_of(state), packed=pose_covariance),
+        twist=TwistWithCovariance(twist=body_twist(state), packed=EXACT),
     )
 
 
@@ -99,6 +99,6 @@ def encoder_odometry(track: Track, header: Header, child: str) -> Odometry:
     return Odometry(
         header=header,
         child_frame_id=child,
-        pose=PoseWithCovariance(pose=Pose.planar(track.x, track.y, track.heading), covariance=PLANAR),
-        twist=TwistWithCovariance(twist=Twist.planar(track.v, track.w), covariance=EXACT),
+        pose=PoseWithCovariance(pose=Pose.planar(track.x, track.y, track.heading), packed=PLANAR),
+        twist=TwistWithCovariance(twist=Twist.planar(track.v, track.w), packed=EXACT),
     )

@@ -81,7 +81,7 @@ class Telemetry:
         own = Header(stamp=stamp, frame_id=self.frame("odom"))
         truth = world_odometry(state, Header(stamp=stamp, frame_id="world"), self._child)
         if self.track is None:
-            pose = type(truth.pose)(pose=truth.pose.pose, covariance=PLANAR)
+            pose = type(truth.pose)(pose=truth.pose.pose, packed=PLANAR)
             odometry = Odometry(header=own, child_frame_id=self._child, pose=pose, twist=truth.twist)
         else:
             self.track = self._roll(self.track, (now - self._told) / 1e9 if self._told >= 0 else 0.0)

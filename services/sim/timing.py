@@ -94,6 +94,7 @@ class Lockstep:
         self._barrier = Barrier(node.transport, members, node.log, node.wait, self._greeting)
         self.marks: Marks | None = self._barrier.marks
         self._released = False
+        self._last = -1, -1
 
     def begin(self) -> None:
         self._node.heart.state = "waiting"
@@ -102,6 +103,8 @@ class Lockstep:
         self._node.heart.note = ""
 
     def hold(self) -> bool:
+        # While it waits, a request may take single steps, each with a wait of its own; no tick is released twice.
+        here = self._here
         due = self._barrier.due(self._stage.now)
         control = self._stage.tick % CONTROL == 0
         if control:
@@ -111,17 +114,27 @@ class Lockstep:
             return control
         if self._released:
             self._barrier.collect()
-        # Also while single steps are taken in a pause.
-        self._barrier.release(self._go(paused=False), self._node.outputs)
-        self._released = bool(self._latency)
+        if self._here != here:
+            return control
+        if self._last != here:
+            self._last = here
+            # Also while single steps are taken in a pause.
+            self._barrier.release(self._go(paused=False), self._node.outputs)
+            self._released = bool(self._latency)
         if not self._latency:
             self._barrier.collect()
+        # A pause may have been told before this tick's leave, which a member takes for time that goes on.
+        self.halt()
         return True
 
     def halt(self) -> None:
         # Of all else the next step tells; whatever is not paused, a member takes as one.
         if self._stage.paused:
             self._barrier.announce(self._go(paused=True))
+
+    @property
+    def _here(self) -> tuple[int, int]:
+        return self._stage.epoch, self._stage.tick
 
     def _greeting(self) -> Go:
         return self._go(self._stage.paused)

@@ -46,7 +46,7 @@ class Sight(NamedTuple):
 
 
 class Order(NamedTuple):
-    """A command as the observer saw it: when it was sent [ns], whether it is to move, whether none before was missed."""
+    """A command as observed: when it was sent [ns], whether it is to move, whether none before it was missed."""
 
     sent: int
     moves: bool

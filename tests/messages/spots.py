@@ -35,6 +35,8 @@ def filled(kind: kinds.Type) -> Any:
             return b"2x2."  # an image of 2 rows of 2 bytes
         case kinds.LiteralType(values=allowed):
             return allowed[0]
+        case kinds.ExtType():
+            return msgpack.ExtType(1, msgpack.packb(["<f8", [36], bytes(8 * 36)]))
         case kinds.UnionType(types=types):
             return filled(types[0])
         case kinds.VarTupleType(item_type=item, min_length=low):

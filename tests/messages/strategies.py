@@ -3,12 +3,13 @@
 from typing import Any
 
 import msgpack
+import msgspec
 import msgspec.inspect as kinds
 import numpy as np
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
-from messages.base import Array, Message
+from messages.base import Array, Message, pack36
 from messages.geometry import FASTEST_ANGULAR, FASTEST_LINEAR, Twist, Vector3
 from messages.sensor import Image, JointState, LaserScan
 
@@ -57,6 +58,8 @@ def of_kind(kind: kinds.Type) -> st.SearchStrategy[Any]:
             return st.none()
         case kinds.LiteralType(values=allowed):
             return st.sampled_from(allowed)
+        case kinds.ExtType():
+            return st.lists(st.floats(-1e12, 1e12), min_size=36, max_size=36).map(pack36)
         case kinds.UnionType(types=types):
             return st.one_of(*map(of_kind, types))
         case kinds.VarTupleType(item_type=item, min_length=low, max_length=high):
@@ -69,9 +72,12 @@ def of_kind(kind: kinds.Type) -> st.SearchStrategy[Any]:
 def plain(value: Any) -> Any:
     """What any MessagePack library must see of a value: maps, lists, and numpy arrays."""
     if isinstance(value, Message):
-        return {name: plain(getattr(value, name)) for name in value.__struct_fields__}
+        names = zip(value.__struct_fields__, value.__struct_encode_fields__, strict=True)
+        return {wire: plain(getattr(value, name)) for name, wire in names}
     if isinstance(value, tuple):
         return [plain(each) for each in value]
+    if isinstance(value, msgspec.msgpack.Ext):
+        return read_array(value.code, value.data)
     return value.numpy() if isinstance(value, Array) else value
 
 

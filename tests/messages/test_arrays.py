@@ -7,7 +7,7 @@ import msgpack
 import numpy as np
 import pytest
 
-from messages.base import Float32Array, Float64Array, WrongPayload, covariance, decoder, encode
+from messages.base import Float32Array, Float64Array, WrongPayload, covariance, decoder, encode, unpack36
 from messages.geometry import Twist, Vector3
 from messages.sensor import JointState, LaserScan
 from tests.messages.strategies import unpack
@@ -92,6 +92,6 @@ def test_a_wrong_extension_is_refused(payload: bytes, says: str) -> None:
 
 
 def test_a_covariance_has_its_variances_on_the_diagonal() -> None:
-    assert np.array_equal(np.reshape(covariance(1, 2, 3, 4, 5, 6), (6, 6)), np.diag([1, 2, 3, 4, 5, 6]))
+    assert np.array_equal(np.reshape(unpack36(covariance(1, 2, 3, 4, 5, 6)), (6, 6)), np.diag([1, 2, 3, 4, 5, 6]))
     with pytest.raises(ValueError, match="6 values, got 2"):
         covariance(1, 2)

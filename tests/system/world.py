@@ -32,7 +32,8 @@ class World:
         self.health = Watched(node.read(HEALTH))
         self.fixed = Watched(node.read(TF_STATIC))
         for each in self.truth.values():
-            until(each.all, 30.0, "ground truth")
+            until(lambda e=each: e.all() or sim.status is not None, 30.0, "ground truth")  # type: ignore[misc]
+        assert sim.status is None, sim.text
 
     def beat(self, node: str) -> Health:
         """The next heartbeat of a node."""

@@ -61,12 +61,12 @@ def test_the_twist_of_the_world_is_turned_into_the_body() -> None:
     assert twist.angular.z == pytest.approx(0.3)
     assert odometry.pose.pose.orientation.yaw == pytest.approx(math.pi / 2)
     assert (odometry.header, odometry.child_frame_id) == (header, "tb3_0/base_footprint")
-    assert odometry.pose.covariance == odometry.twist.covariance == EXACT
+    assert odometry.pose.packed == odometry.twist.packed == EXACT
 
 
 def test_the_covariance_is_the_plugin_s() -> None:
     odometry = encoder_odometry(start(0.0, 0.0, 1.0, 2.0, 4.0), Header(), "base")
     assert odometry.pose.covariance[::7] == (1e-5, 1e-5, 1e12, 1e12, 1e12, 1e-3)
-    assert odometry.pose.covariance == PLANAR
+    assert odometry.pose.packed == PLANAR
     assert odometry.pose.pose.position.x == 1.0
     assert odometry.pose.pose.orientation.yaw == pytest.approx(4.0 - math.tau)
