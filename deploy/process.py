@@ -46,7 +46,7 @@ class _Stated(msgspec.Struct, frozen=True):
 def processes(fleet: Fleet, terms: Terms) -> tuple[Process, ...]:
     """Every process of the fleet, those first that others depend on: router, simulation, then the rest at once."""
     stated = _stated(fleet)
-    members = tuple(each.node for each in stated if _steps(each.member.kind)) if fleet.run.mode == "lockstep" else ()
+    members = tuple(each.node for each in stated if _steps(each.member.kind)) if fleet.run.mode != "real" else ()
     return tuple(_process(each, fleet, terms, members) for each in stated)
 
 
@@ -97,7 +97,7 @@ def _arguments(
         arguments += ["--connect", endpoint(fleet), "--topology", fleet.run.topology]
     if terms.domain:
         arguments += ["--domain", terms.domain]
-    if node in members or (member.kind == "sim" and fleet.run.mode == "lockstep"):
+    if fleet.run.mode == "lockstep" and (node in members or member.kind == "sim"):
         arguments.append("--lockstep")
     for origin, target in member.remap.items():
         arguments += ["--remap", f"{origin}:={target}"]

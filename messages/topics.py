@@ -59,7 +59,7 @@ TF = Topic("/tf", TFMessage, 25, Quality.SENSOR, "moving transforms of all robot
 TF_STATIC = Topic("/tf_static", TFMessage, 0, Quality.LATCHED, "fixed transforms, all of a publisher's in one message")
 ROBOT_DESCRIPTION = Topic("robot_description", String, 0, Quality.LATCHED, "the URDF of a robot", 1 << 20)
 ROSOUT = Topic("/rosout", Log, 0, Quality.EVENT, "the log of every node")
-HEALTH = Topic("/health", Health, 0, Quality.SENSOR, "heartbeat of every node, twice a second of wall time")
+HEALTH = Topic("/health", Health, 0, Quality.SENSOR, "heartbeat of every node, once a second of wall time")
 FLEET_STATE = Topic("/supervisor/state", FleetState, 0, Quality.LATCHED, "the processes of the fleet")
 
 TOPICS: tuple[Topic[Message], ...] = (

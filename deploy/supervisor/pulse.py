@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-PERIOD_S = 0.5
-"""Wall time between two heartbeats of a healthy loop, see services.runtime.health."""
+from services.runtime.health import PERIOD_S
 
 MISSED = 3
 LIMIT_S = MISSED * PERIOD_S
@@ -13,7 +12,7 @@ GRACE_S = 20.0
 """Wall time that a process has for its first heartbeat: imports, models and links, on a busy machine."""
 
 RECOVERY_S = 3.0
-"""Wall time in which heartbeats must come again after what carries them was down (faults.md: links heal in 3 s)."""
+"""Wall time in which heartbeats must come again after what carries them was down."""
 
 
 class Pulse:

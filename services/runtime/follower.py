@@ -6,9 +6,10 @@ from collections.abc import Iterable
 
 from messages.base import WrongPayload, encode
 from messages.topics import Quality
-from services.runtime.graph import Entity, pattern
+from services.runtime.graph import Entity
 from services.runtime.lockstep import CAPACITY, ENCODING, Done, Go, done_key, go_key, read_go
 from services.runtime.marks import Marks, Numbers
+from services.runtime.roster import missing
 from services.runtime.transport import Inlet, Outlet, Token, Transport
 
 LINK_S = 10.0
@@ -50,8 +51,7 @@ class Follower:
 
     def linked(self, roster: Iterable[str]) -> bool:
         """Whether all fellows are in sight; a put reaches whoever's token is seen."""
-        seen = {entity.node for key in self._transport.tokens(pattern("step")) if (entity := Entity.parse(key))}
-        return set(roster) <= seen
+        return not missing(self._transport, roster)
 
     def finish(self, tick: int, marks: Numbers, known: Numbers) -> None:
         """Report the step as taken."""

@@ -11,8 +11,9 @@ from messages.elea import Health
 from services.runtime.inputs import Input
 from services.runtime.outputs import Output
 
-PERIOD_S = 0.5
-"""Wall time between two heartbeats."""
+PERIOD_S = 1.0
+"""Wall time between two heartbeats. With half of it, a machine with eight busy processes on two cores made healthy
+loops look hung."""
 
 State = Literal["starting", "waiting", "running", "paused", "stopping"]
 

@@ -100,6 +100,11 @@ class Node:
         """Ask another node; raises CallFailed. The caller's loop stands still until the reply or the deadline."""
         return call(self.transport, request, self.identity.key(name or request.name), message, timeout)
 
+    def show_step(self, period_ns: int) -> None:
+        """Show that the node's ticks may begin: its inputs are declared."""
+        entity = Entity(self.transport.session, "step", self.identity.node, detail=str(period_ns))
+        self._tokens["step", self.identity.node] = self.transport.token(entity.key)
+
     def turn(self) -> None:
         """What every loop does again and again: end when asked, answer requests, beat."""
         if self.stopping:

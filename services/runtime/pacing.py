@@ -90,12 +90,13 @@ class ClockPacer:
         self.inlet = transport.subscribe(self._key, 16)
         self._read = decoder(Clock)
         self._period_ns = period_ns
+        self._node = node
         self._silence = Silence(node, node.log)
         self._next = self._jumps = 0
         self._epoch, self._simulation = -1, b""
 
     def start(self) -> None:
-        pass
+        self._node.show_step(self._period_ns)
 
     def next(self) -> Instant | None:
         clock, simulation = None, b""

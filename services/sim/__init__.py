@@ -52,7 +52,9 @@ class SimParameters(Parameters, frozen=True, kw_only=True):
         int, Meta(ge=0, le=1, description="ticks that a command takes in lockstep; 1 overlaps control and physics")
     ] = 0
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="seed of the sensors' noise")] = 0
-    members: Annotated[tuple[str, ...], Meta(description="nodes that lockstep waits for")] = ()
+    members: Annotated[
+        tuple[str, ...], Meta(description="nodes that lockstep waits for at each tick, the free mode at the start")
+    ] = ()
 
 
 SERVICE = Service(

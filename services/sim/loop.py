@@ -8,6 +8,7 @@ from models import UnknownModel
 from models.scene import read_scene
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
+from services.runtime.roster import gather
 from services.runtime.service import STEP_NS
 from services.sim import SimParameters
 from services.sim.bullet import BulletWorld
@@ -15,6 +16,9 @@ from services.sim.desk import Desk, advance
 from services.sim.stage import Stage
 from services.sim.timing import Free, Lockstep, Real, Timing
 from services.sim.world import Placement
+
+SECOND_STEPS = 1_000_000_000 // STEP_NS
+"""Physics steps in a second."""
 
 
 def run(ctx: Context[SimParameters]) -> None:
@@ -31,6 +35,8 @@ def run(ctx: Context[SimParameters]) -> None:
                 stage.spawn(entry, Placement((entry.x, entry.y, 0.0), turn))
             timing = _timing(ctx, stage)
             Desk(stage, timing, node)
+            if params.mode == "free":
+                gather(node.transport, params.members, ctx.idle, node.log)
             timing.begin()
             node.heart.state = "running"
             node.heart.hurry()
@@ -44,6 +50,8 @@ def run(ctx: Context[SimParameters]) -> None:
                     node.heart.state = "running"
                     advance(stage, timing)
                     node.heart.ticks = stage.tick
+                    if stage.tick % SECOND_STEPS == 0:
+                        node.heart.note = f"t = {stage.now / 1e9:.0f} s"
     except UnknownModel as error:
         raise BadInput(str(error)) from None
 

@@ -57,6 +57,9 @@ def test_lab_starts_in_order_and_steps_together() -> None:
 
 def test_nobody_steps_together_on_the_wall_clock() -> None:
     fleet = read_fleet(find_fleet("lab"))
+    free = expand(msgspec.structs.replace(fleet, run=Run(mode="free")))
+    assert not any("--lockstep" in each.argv for each in free.values())
+    assert "/grader" in read_assignments(options(free["sim"], "--param"))["members"]
     plan = expand(msgspec.structs.replace(fleet, run=Run(mode="real")))
     assert not any("--lockstep" in each.argv for each in plan.values())
     assert read_assignments(options(plan["sim"], "--param"))["members"] == []
