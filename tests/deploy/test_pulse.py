@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from deploy.supervisor.pulse import GRACE_S, LIMIT_S, Pulse
+from services.runtime.health import PERIOD_S
 
 
 def test_grace_before_the_first_beat() -> None:
@@ -15,8 +16,8 @@ def test_grace_before_the_first_beat() -> None:
 def test_three_missed_beats() -> None:
     pulse = Pulse(0.0)
     pulse.heard(5.0)
-    assert pulse.well(5.9)
-    assert not pulse.well(6.1)
+    assert pulse.well(4.9 + 2 * PERIOD_S)
+    assert not pulse.well(5.1 + 2 * PERIOD_S)
     assert not pulse.hangs(5.0 + LIMIT_S)
     assert pulse.hangs(5.01 + LIMIT_S)
     pulse.heard(7.0)
