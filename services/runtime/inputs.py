@@ -37,7 +37,7 @@ class Input(Generic[M]):
         self.batch: list[tuple[M, Origin | None]] = []
         self.received = self.lost = self.refused = self.foreign = 0
         self.reason = ""
-        self._strict = topic.quality is not Quality.SENSOR
+        self._strict = topic.quality in (Quality.COMMAND, Quality.LATCHED)
         self._decode: Callable[[bytes], M] = decoder(topic.record)
         self._last: dict[bytes, int] = {}
         self._held: deque[tuple[M, Origin]] = deque()
@@ -105,8 +105,8 @@ class Input(Generic[M]):
     def _expected(self, sample: Sample, origin: Origin | None) -> bool:
         """Whether the sample is new, meant for this topic and of its type; gaps before it are counted as lost.
 
-        Asking for key and type takes 2 us, so measurements are asked at the first sample of their publisher only, all
-        else, and what has no publisher, each time.
+        Asking for key and type takes 2 us: it is done for each command, for what has no publisher, and else for the
+        first sample of a publisher.
         """
         last = None if origin is None else self._last.get(origin.publisher)
         if (last is None or self._strict) and not self._meant(sample):
