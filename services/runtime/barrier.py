@@ -97,7 +97,7 @@ class Barrier:
                 if self._drop(entity.session):
                     self.dropped.append(entity.node)
                     self._log.warn(f"{entity.node} is gone: the others go on without it")
-            elif entity.node in self._roster:
+            elif entity.node in self._roster and entity.session not in self._members:
                 self._add(entity)
         for member in list(self._members.values()):
             if not member.greeted and self._all_here():

@@ -57,11 +57,7 @@ class ZenohInlet:
 
 
 class ZenohOutlet:
-    """A publication with the encoding of its record.
-
-    Whether it is wanted is followed by a listener, since asking Zenoh takes 8 us; what is latched always is, by those
-    who come later.
-    """
+    """A publication. A listener follows whether it is wanted (asking takes 8 us); what is latched always is."""
 
     def __init__(self, publisher: Any, latched: bool = False) -> None:
         self._publisher = publisher
@@ -118,13 +114,20 @@ class ZenohServer(_Mailbox):
 
 
 class ZenohWatch(_Mailbox):
-    """Liveliness events, in order."""
+    """Liveliness events, in order, each change once: while links come up, Zenoh may tell of a token twice."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._alive: set[str] = set()
 
     def take(self) -> TokenEvent | None:
-        if not self.items:
-            return None
-        sample = self.items.popleft()
-        return TokenEvent(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+        while self.items:
+            sample = self.items.popleft()
+            key, alive = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
+            if alive != (key in self._alive):
+                (self._alive.add if alive else self._alive.discard)(key)
+                return TokenEvent(key, alive)
+        return None
 
 
 class ZenohToken:
@@ -166,9 +169,8 @@ class ZenohTransport:
     def subscribe(self, key: str, capacity: int, latched: bool = False) -> ZenohInlet:
         handler: Any = RingChannel(capacity)
         if latched:
-            subscriber: Any = zenoh.ext.declare_advanced_subscriber(
-                self._zenoh, key, handler, history=zenoh.ext.HistoryConfig(detect_late_publishers=True)
-            )
+            past = zenoh.ext.HistoryConfig(detect_late_publishers=True)
+            subscriber: Any = zenoh.ext.declare_advanced_subscriber(self._zenoh, key, handler, history=past)
         else:
             subscriber = self._zenoh.declare_subscriber(key, handler)
         return ZenohInlet(key, subscriber, self.session)

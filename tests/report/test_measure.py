@@ -187,10 +187,10 @@ def test_the_hash_sees_a_single_bit(posts: list[Post]) -> None:
     before = judged(posts, NAMES).measurements("goals").trajectory_hash
     index = next(i for i, post in enumerate(posts) if post[0] is Kind.TRUTH and post[2].header.stamp.sec == 5)
     kind, name, message = posts[index]
-    tree = msgspec.to_builtins(message)
-    place = tree["pose"]["pose"]["position"]
-    place["x"] = math.nextafter(place["x"], 9)
-    changed = [*posts[:index], (kind, name, msgspec.convert(tree, type(message))), *posts[index + 1 :]]
+    replace, pose = msgspec.structs.replace, message.pose.pose
+    place = replace(pose.position, x=math.nextafter(pose.position.x, 9))
+    moved = replace(message, pose=replace(message.pose, pose=replace(pose, position=place)))
+    changed = [*posts[:index], (kind, name, moved), *posts[index + 1 :]]
     assert judged(changed, NAMES).measurements("goals").trajectory_hash != before
 
 

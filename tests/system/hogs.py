@@ -10,9 +10,10 @@ from contextlib import ExitStack, contextmanager
 
 @contextmanager
 def hogs(count: int) -> Iterator[None]:
-    """So many busy processes beside the block."""
+    """So many busy processes beside the block, each in a session of its own: Linux shares time out by sessions."""
     with ExitStack() as stack:
         for _ in range(count):
-            hog = stack.enter_context(subprocess.Popen([sys.executable, "-c", "while True: pass"]))
+            command = [sys.executable, "-c", "while True: pass"]
+            hog = stack.enter_context(subprocess.Popen(command, start_new_session=True))
             stack.callback(hog.kill)
         yield

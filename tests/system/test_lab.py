@@ -41,6 +41,11 @@ class Lap:
         self.report: dict[str, Any] = json.loads(ended.out)
         self.run: dict[str, Any] = self.report["run"]
 
+    @property
+    def log(self) -> str:
+        """What its processes wrote."""
+        return "".join(each.read_text() for each in sorted((self.results / "logs").iterdir()))
+
 
 @pytest.fixture(scope="module")
 def terminal(tmp_path_factory: pytest.TempPathFactory) -> Terminal:
@@ -104,10 +109,11 @@ def test_another_order_changes_nothing(terminal: Terminal, first: Lap) -> None:
 
 def same(one: Lap, other: Lap) -> None:
     """Both runs, bit for bit, and nothing lost in either."""
-    assert other.run["trajectory_hash"] == one.run["trajectory_hash"]
+    assert other.run["messages_lost"] == one.run["messages_lost"] == 0, other.ended.err
+    assert other.run["restarts"] == one.run["restarts"] == 0, other.ended.err
+    assert other.run["trajectory_hash"] == one.run["trajectory_hash"], other.ended.err + other.log
     assert other.run["sim_seconds"] == one.run["sim_seconds"]
     assert other.report["robots"] == one.report["robots"]
-    assert other.run["messages_lost"] == one.run["messages_lost"] == 0
 
 
 def test_on_the_wall_clock(terminal: Terminal, first: Lap) -> None:

@@ -108,8 +108,10 @@ def test_a_latched_publisher_that_comes_late_is_heard(connect: Connect) -> None:
     reader = connect()
     inlet = reader.subscribe("tf_static", 8, latched=True)
     writer = connect()
-    writer.publish("tf_static", TEXT, Quality.LATCHED).put(b"hello", b"")
+    outlet = writer.publish("tf_static", TEXT, Quality.LATCHED)
+    outlet.put(b"hello", b"")
     assert _take(inlet, 1)[0].payload == b"hello"
+    outlet.close()
 
 
 def test_wanted_follows_the_readers(connect: Connect) -> None:
