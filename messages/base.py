@@ -179,21 +179,29 @@ def _to_array(wanted: type, value: Any) -> object:
     raise WrongPayload(f"expected an array, got {type(value).__name__}")
 
 
+FAULTS = (msgspec.MsgspecError, ValueError, RecursionError, OverflowError)
+"""What a decoding function raises for a payload that is not the record, WrongPayload among them."""
+
 encode: Callable[[object], bytes] = msgspec.msgpack.Encoder(enc_hook=_to_plain).encode
 """Encode one record as MessagePack bytes."""
 
 
 def decoder(record: type[M]) -> Callable[[bytes], M]:
     """A function from MessagePack bytes to ``record``; it raises WrongPayload with the path of the field."""
-    decode = msgspec.msgpack.Decoder(record, dec_hook=_to_array).decode
+    decode = bare_decoder(record)
 
     def checked(payload: bytes) -> M:
         try:
             return decode(payload)
-        except (msgspec.MsgspecError, ValueError, RecursionError, OverflowError) as error:
+        except FAULTS as error:
             raise WrongPayload(str(error)) from None
 
     return checked
+
+
+def bare_decoder(record: type[M]) -> Callable[[bytes], M]:
+    """As ``decoder``, but raising any of FAULTS; for who counts what is wrong and goes on."""
+    return msgspec.msgpack.Decoder(record, dec_hook=_to_array).decode
 
 
 def covariance(*variances: float) -> msgspec.msgpack.Ext:

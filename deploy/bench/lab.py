@@ -16,7 +16,7 @@ import psutil
 
 from deploy.bench.partner import watcher
 from messages.geometry import Twist
-from messages.topics import CLOCK, CMD_VEL, GROUND_TRUTH
+from messages.topics import BASE_STATUS, CMD_VEL, GROUND_TRUTH
 from services.runtime.node import Node
 
 ROBOTS = ("tb3_0", "tb3_1", "tb3_2", "tb3_3")
@@ -57,24 +57,19 @@ class Fleet:
 
 
 class Watch:
-    """What the bench sees of a running fleet: the clock, the commands, the first motion."""
+    """What the bench sees of a running fleet. It listens to a message of 5 Hz only, so as not to weigh on the fleet."""
 
-    def __init__(self, node: Node, commands: bool) -> None:
+    def __init__(self, node: Node) -> None:
         self._node = node
-        self._clock = node.read(CLOCK)
-        self._truth = node.read(GROUND_TRUTH, f"/{ROBOTS[0]}/ground_truth")
-        self._commands = {name: node.read(CMD_VEL, f"/{name}/cmd_vel") for name in ROBOTS} if commands else {}
-        self.heard: dict[str, list[Twist]] = {name: [] for name in ROBOTS}
+        self._status = node.read(BASE_STATUS, f"/{ROBOTS[0]}/base_status")
         self.now = 0.0
 
     def turn(self) -> None:
-        """Wait for the clock and take what has come."""
-        self._node.wait(self._clock.inlet)
+        """Wait for the next state of the first robot's base."""
+        self._node.wait(self._status.inlet)
         self._node.admit()
-        for name, source in self._commands.items():
-            self.heard[name] += [command for command, _ in source.batch]
-        if self._clock.batch:
-            self.now = self._clock.batch[-1][0].clock.ns / 1e9
+        if self._status.batch:
+            self.now = self._status.batch[-1][0].header.stamp.ns / 1e9
 
     def until(self, seconds: float) -> float:
         """Watch until simulation time ``seconds``; the wall-clock time then."""
@@ -84,18 +79,33 @@ class Watch:
 
     def until_motion(self, within: float = BEGIN_S) -> float:
         """Watch until the first robot moves; the wall-clock time then."""
+        truth = self._node.read(GROUND_TRUTH, f"/{ROBOTS[0]}/ground_truth")
         deadline = time.perf_counter() + within
-        while time.perf_counter() < deadline:
-            self.turn()
-            for truth, _ in self._truth.batch:
-                twist = truth.twist.twist
-                if abs(twist.linear.x) > 0.01 or abs(twist.angular.z) > 0.01:
-                    return time.perf_counter()
+        try:
+            while time.perf_counter() < deadline:
+                self._node.wait(truth.inlet)
+                self._node.admit()
+                for seen, _ in truth.batch:
+                    twist = seen.twist.twist
+                    if abs(twist.linear.x) > 0.01 or abs(twist.angular.z) > 0.01:
+                        return time.perf_counter()
+        finally:
+            self._node.forget(truth)
         raise TimeoutError(f"no robot moved within {within} s")
+
+    def commands(self, seconds: float) -> dict[str, list[Twist]]:
+        """What each robot is told until simulation time ``seconds``."""
+        sources = {name: self._node.read(CMD_VEL, f"/{name}/cmd_vel") for name in ROBOTS}
+        heard: dict[str, list[Twist]] = {name: [] for name in ROBOTS}
+        while self.now < seconds:
+            self.turn()
+            for name, source in sources.items():
+                heard[name] += [command for command, _ in source.batch]
+        return heard
 
 
 @contextmanager
-def watched(fleet: Fleet, commands: bool = False) -> Iterator[Watch]:
+def watched(fleet: Fleet) -> Iterator[Watch]:
     """A node in the fleet's network."""
     with watcher(fleet.endpoint) as node:
-        yield Watch(node, commands)
+        yield Watch(node)

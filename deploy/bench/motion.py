@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from deploy.bench.figures import Figure, ratios
@@ -63,16 +64,30 @@ def raw_factor(steps: Schedule) -> float:
         return (TO_S - FROM_S) / (time.perf_counter() - started)
 
 
-def lockstep_factor(port: int) -> tuple[float, float, dict[str, list[Twist]]]:
-    """Simulated per wall-clock second of ``lab`` with its logger, seconds to the first motion, and the commands."""
-    with tempfile.TemporaryDirectory() as folder:
-        with Fleet("lab", Path(folder) / "run", port, "--duration", str(TO_S + 2)) as fleet:
-            with watched(fleet, commands=True) as watch:
-                moved = watch.until_motion()
-                begun = watch.until(FROM_S)
-                ended = watch.until(TO_S)
-            fleet.finish()
-        return (TO_S - FROM_S) / (ended - begun), moved - fleet.started, watch.heard
+def lab_commands(port: int) -> dict[str, list[Twist]]:
+    """The commands of ``lab``, which are the same in every run, from one that is not timed."""
+    with _lab(port) as fleet, watched(fleet) as watch:
+        return watch.commands(TO_S)
+
+
+def lockstep_factor(port: int) -> tuple[float, float]:
+    """Simulated per wall-clock second of ``lab`` with its logger, and the seconds to the first motion."""
+    with _lab(port) as fleet, watched(fleet) as watch:
+        moved = watch.until_motion()
+        begun, first = watch.until(FROM_S), watch.now
+        ended, last = watch.until(TO_S), watch.now
+        return (last - first) / (ended - begun), moved - fleet.started
+
+
+@contextmanager
+def _lab(port: int) -> Iterator[Fleet]:
+    duration = str(TO_S + 2)
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Fleet("lab", Path(folder) / "run", port, "--duration", duration) as fleet,
+    ):
+        yield fleet
+        fleet.finish()
 
 
 def measure(rounds: int, port: int, say: Callable[[str], None]) -> list[Figure]:
@@ -80,12 +95,14 @@ def measure(rounds: int, port: int, say: Callable[[str], None]) -> list[Figure]:
     raw: list[float] = []
     lockstep: list[float] = []
     starts: list[float] = []
+    say("lockstep, the commands")
+    steps = schedule(lab_commands(port))
     for number in range(rounds):
         say(f"lockstep, round {number + 1} of {rounds}")
-        factor, start, commands = lockstep_factor(port)
+        factor, start = lockstep_factor(port)
         lockstep.append(factor)
         starts.append(start)
-        raw.append(raw_factor(schedule(commands)))
+        raw.append(raw_factor(steps))
     return [
         Figure(
             "lockstep_ratio",

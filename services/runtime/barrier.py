@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
@@ -61,6 +62,7 @@ class Barrier:
         self._members: dict[str, _Member] = {}
         self._pending: dict[str, int] = {}
         self._generation = 0
+        self._stride = 1
 
     def gather(self) -> None:
         """Block until the whole roster has joined and every member sees every other."""
@@ -106,7 +108,9 @@ class Barrier:
 
     def due(self, time_ns: int) -> bool:
         """Whether any member steps at this time."""
-        return any(member.active and time_ns % member.period_ns == 0 for member in self._members.values())
+        return time_ns % self._stride == 0 and any(
+            member.active and time_ns % member.period_ns == 0 for member in self._members.values()
+        )
 
     def release(self, go: Go, outputs: Iterable[Output[Any]]) -> None:
         """Let the members that are due at ``go.time`` take their step."""
@@ -143,7 +147,7 @@ class Barrier:
         self._members[entity.session] = _Member(
             entity.node, member_id(entity.node, entity.session), int(entity.detail), outlet
         )
-        self.marks.members = {member.id for member in self._members.values()}
+        self._count()
 
     def _drop(self, session: str) -> bool:
         """Wait for this member no more; whether it was one."""
@@ -153,9 +157,14 @@ class Barrier:
         self._generation += 1
         self._pending.pop(session, None)
         self._reads.pop(session, None)
-        self.marks.members = {each.id for each in self._members.values()}
+        self._count()
         member.outlet.close()
         return True
+
+    def _count(self) -> None:
+        """Members came or went. All their steps fall on multiples of the stride."""
+        self.marks.members = {member.id for member in self._members.values()}
+        self._stride = math.gcd(*(member.period_ns for member in self._members.values())) or 1
 
     def _tell(self, member: _Member, go: Go) -> None:
         members: tuple[bytes, ...] = ()
@@ -164,7 +173,9 @@ class Barrier:
             own = next(s for s, m in self._members.items() if m is member)
             members = (*(m.id for s, m in self._members.items() if s != own), self._own_id)
         marks, known, member.marks, member.known = member.marks, member.known, {}, {}
-        member.outlet.put(encode(msgspec.structs.replace(go, members=members, marks=marks, known=known)), b"")
+        member.outlet.put(
+            encode(msgspec.structs.replace(go, members=members, marks=marks, known=known)), attachment=b""
+        )
 
     @property
     def _own_id(self) -> bytes:
@@ -173,7 +184,7 @@ class Barrier:
     def _receive(self) -> None:
         while (sample := self._inlet.take()) is not None:
             try:
-                done = read_done(sample.payload)
+                done = read_done(sample[0])
             except WrongPayload:
                 continue
             member = self._members.get(done.session)

@@ -38,7 +38,7 @@ class Follower:
         if sample is None:
             return None
         try:
-            go = read_go(sample.payload)
+            go = read_go(sample[0])
         except WrongPayload:
             return None
         if go.members:
@@ -64,4 +64,4 @@ class Follower:
 
     def _tell(self, done: Done) -> None:
         assert self._done is not None
-        self._done.put(encode(done), b"")
+        self._done.put(encode(done), attachment=b"")

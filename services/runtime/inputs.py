@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
-from messages.base import Message, WrongPayload, decoder
+from messages.base import FAULTS, Message, bare_decoder
 from messages.elea import InputHealth
 from messages.topics import Quality, Topic
 from services.runtime.marks import Marks
@@ -18,6 +18,8 @@ M = TypeVar("M", bound=Message)
 
 CAPACITY = 1024
 """Samples kept between two looks; more than any topic brings in a tick of the slowest reader."""
+EVENTS = 8192
+"""The same for events, of which every one is to arrive: a reader of bursts may lag behind by as many."""
 
 PATIENCE_S = 2.0
 """Wall time that lockstep waits for a sample that was sent before it gives it up as lost."""
@@ -33,12 +35,14 @@ class Input(Generic[M]):
     def __init__(self, topic: Topic[M], name: str, key: str, transport: Transport) -> None:
         self.topic, self.name, self.key = topic, name, key
         self.encoding = encoding(topic.record.ROS_TYPE)
-        self.inlet: Inlet = transport.subscribe(key, CAPACITY, topic.quality is Quality.LATCHED)
+        capacity = EVENTS if topic.quality is Quality.EVENT else CAPACITY
+        self.inlet: Inlet = transport.subscribe(key, capacity, topic.quality is Quality.LATCHED)
         self.batch: list[tuple[M, Origin | None]] = []
         self.received = self.lost = self.refused = self.foreign = 0
         self.reason = ""
+        self._largest = topic.largest
         self._strict = topic.quality in (Quality.COMMAND, Quality.LATCHED)
-        self._decode: Callable[[bytes], M] = decoder(topic.record)
+        self._decode: Callable[[bytes], M] = bare_decoder(topic.record)
         self._last: dict[bytes, int] = {}
         self._held: deque[tuple[M, Origin]] = deque()
 
@@ -67,11 +71,8 @@ class Input(Generic[M]):
     def next(self) -> M | None:
         """The next message, for who answers to each as it comes, without time; None when nothing is there."""
         while (sample := self.inlet.take()) is not None:
-            if self._expected(sample, detach(sample.attachment)):
-                message = self._read(sample.payload)
-                if message is not None:
-                    self.received += 1
-                    return message
+            if (entry := self._open(sample)) is not None:
+                return entry[0]
         return None
 
     def close(self) -> None:
@@ -91,41 +92,49 @@ class Input(Generic[M]):
 
     def _drain(self) -> list[tuple[M, Origin | None]]:
         taken: list[tuple[M, Origin | None]] = []
-        take = self.inlet.take
+        take, open_ = self.inlet.take, self._open
         while (sample := take()) is not None:
-            origin = detach(sample.attachment)
-            if not self._expected(sample, origin):
-                continue
-            message = self._read(sample.payload)
-            if message is not None:
-                self.received += 1
-                taken.append((message, origin))
+            if (entry := open_(sample)) is not None:
+                taken.append(entry)
         return taken
 
-    def _expected(self, sample: Sample, origin: Origin | None) -> bool:
-        """Whether the sample is new, meant for this topic and of its type; gaps before it are counted as lost.
+    def _open(self, sample: Sample) -> tuple[M, Origin | None] | None:
+        """The message in a sample that is new, meant for this topic and of its type; gaps before it count as lost.
 
         Asking for key and type takes 2 us: it is done for each command, for what has no publisher, and else for the
-        first sample of a publisher.
+        first sample of a publisher. The rest takes about 2 us for an Odometry.
         """
+        payload, attachment, source = sample
+        origin = detach(attachment)
         last = None if origin is None else self._last.get(origin.publisher)
-        if (last is None or self._strict) and not self._meant(sample):
-            return False
+        if (last is None or self._strict) and not self._meant(source):
+            return None
         if origin is None:
             self.foreign += 1
-            return True
-        if last is not None:
-            if origin.sequence <= last:
-                return False
-            self.lost += origin.sequence - last - 1
-        elif len(self._last) >= CAPACITY:
-            self._last.pop(next(iter(self._last)))
-        self._last[origin.publisher] = origin.sequence
-        return True
+        else:
+            sequence = origin.sequence
+            if last is None:
+                if len(self._last) >= CAPACITY:
+                    self._last.pop(next(iter(self._last)))
+            elif sequence != last + 1:
+                if sequence <= last:
+                    return None
+                self.lost += sequence - last - 1
+            self._last[origin.publisher] = sequence
+        if len(payload) > self._largest:
+            self._refuse(f"{len(payload)} bytes, the limit is {self._largest}")
+            return None
+        try:
+            message = self._decode(payload)
+        except FAULTS as error:
+            self._refuse(str(error))
+            return None
+        self.received += 1
+        return message, origin
 
-    def _meant(self, sample: Sample) -> bool:
+    def _meant(self, source: Any) -> bool:
         """A put to a wildcard reaches every topic that it covers, and is meant for none of them."""
-        key, kind = self.inlet.key(sample), self.inlet.encoding(sample)
+        key, kind = self.inlet.key(source), self.inlet.encoding(source)
         if key != self.key:
             self._refuse(f"sent to {key[:80]!r}, not to this topic alone")
         elif kind and kind != self.encoding:
@@ -133,16 +142,6 @@ class Input(Generic[M]):
         else:
             return True
         return False
-
-    def _read(self, payload: bytes) -> M | None:
-        if len(payload) > self.topic.largest:
-            self._refuse(f"{len(payload)} bytes, the limit is {self.topic.largest}")
-            return None
-        try:
-            return self._decode(payload)
-        except WrongPayload as error:
-            self._refuse(str(error))
-            return None
 
     def _refuse(self, reason: str) -> None:
         self.refused += 1

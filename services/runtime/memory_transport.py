@@ -6,7 +6,7 @@ import itertools
 import threading
 from collections import deque
 from collections.abc import Sequence
-from typing import Self
+from typing import Any, Self
 
 from messages.topics import Quality
 from services.runtime.errors import BadInput
@@ -59,11 +59,11 @@ class MemoryInlet:
         with self._bus.changed:
             return self.samples.popleft() if self.samples else None
 
-    def encoding(self, sample: Sample) -> str:
-        return str(sample.source[0])
+    def encoding(self, source: Any) -> str:
+        return str(source[0])
 
-    def key(self, sample: Sample) -> str:
-        return str(sample.source[1])
+    def key(self, source: Any) -> str:
+        return str(source[1])
 
     def close(self) -> None:
         with self._bus.changed:
@@ -78,8 +78,8 @@ class MemoryOutlet:
         self._bus, self._key, self._encoding = bus, key, encoding
         self._number = next(bus.numbers) if latched else None
 
-    def put(self, payload: bytes, attachment: bytes) -> None:
-        sample = Sample(payload, attachment, (self._encoding, self._key))
+    def put(self, payload: bytes, *, attachment: bytes) -> None:
+        sample: Sample = payload, attachment, (self._encoding, self._key)
         with self._bus.changed:
             for inlet in self._bus.inlets:
                 if matches(inlet.pattern, self._key):
@@ -155,6 +155,8 @@ class MemoryToken:
 class MemoryTransport:
     """One connection to a MemoryBus."""
 
+    settle_s = 0.0
+
     def __init__(self, bus: MemoryBus) -> None:
         self._bus = bus
         self.session = f"{next(bus.numbers):032x}"
@@ -173,7 +175,7 @@ class MemoryTransport:
         inlet = MemoryInlet(self._bus, key, capacity)
         with self._bus.changed:
             if latched:
-                inlet.samples.extend(each for each in self._bus.latched.values() if matches(key, each.source[1]))
+                inlet.samples.extend(each for each in self._bus.latched.values() if matches(key, each[2][1]))
             self._bus.inlets.append(inlet)
         self._owned.append(inlet)
         return inlet

@@ -26,8 +26,6 @@ M = TypeVar("M", bound=Message)
 Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)
 
-SETTLE_S = 0.7
-"""Wall time in which links to the others come up (10 ms, at times 500); a name is not claimed before."""
 TAKEOVER_S = 1.5
 """Wall time in which the token of a predecessor that was killed must have gone."""
 
@@ -135,7 +133,7 @@ class Node:
             now = time.monotonic()
             # While links come up, a token that is there may be out of sight for a moment.
             seen = now if rivals else seen
-            if now - seen > SETTLE_S:
+            if not rivals and now - seen >= self.transport.settle_s:
                 return
             if rivals and now - started > TAKEOVER_S:
                 raise BadInput(

@@ -30,8 +30,8 @@ class Output(Generic[M]):
         """Send ``message``; raises TypeError when it is not the topic's record."""
         if type(message) is not self._record:
             raise TypeError(f"{self.name} carries {self._record.__name__}, not {type(message).__name__}")
-        self.sent += 1
-        self._put(encode(message), attach(self.sent, self.publisher))
+        self.sent = sent = self.sent + 1
+        self._put(encode(message), attachment=attach(sent, self.publisher))
 
     @property
     def wanted(self) -> bool:

@@ -101,13 +101,14 @@ class ClockPacer:
     def next(self) -> Instant | None:
         clock, simulation = None, b""
         while (sample := self.inlet.take()) is not None:
-            if self.inlet.key(sample) != self._key or self.inlet.encoding(sample) not in ("", self._encoding):
+            payload, attachment, source = sample
+            if self.inlet.key(source) != self._key or self.inlet.encoding(source) not in ("", self._encoding):
                 continue
             try:
-                clock = self._read(sample.payload)
+                clock = self._read(payload)
             except WrongPayload:
                 continue
-            origin = detach(sample.attachment)
+            origin = detach(attachment)
             simulation = origin.publisher if origin is not None else b""
         if clock is None:
             self._silence.check()

@@ -17,12 +17,8 @@ BEAT_S = 0.1
 """``wait`` returns at least this often [s of wall time]."""
 
 
-class Sample(NamedTuple):
-    """One arrival; what else there is to know of it, its inlet tells: most readers never ask."""
-
-    payload: bytes
-    attachment: bytes
-    source: Any
+Sample = tuple[bytes, bytes, Any]
+"""One arrival: payload, attachment, and what its inlet tells the rest by, for which most readers never ask."""
 
 
 class TokenEvent(NamedTuple):
@@ -39,12 +35,12 @@ class Inlet(Protocol):
         """The oldest sample waiting, or None."""
         ...
 
-    def encoding(self, sample: Sample) -> str:
-        """The encoding that the sender gave, or an empty text."""
+    def encoding(self, source: Any) -> str:
+        """The encoding that the sender of a sample gave, or an empty text."""
         ...
 
-    def key(self, sample: Sample) -> str:
-        """The key on which the sample came."""
+    def key(self, source: Any) -> str:
+        """The key on which a sample came."""
         ...
 
     def close(self) -> None:
@@ -55,7 +51,7 @@ class Inlet(Protocol):
 class Outlet(Protocol):
     """A publication."""
 
-    def put(self, payload: bytes, attachment: bytes) -> None:
+    def put(self, payload: bytes, *, attachment: bytes) -> None:
         """Send one sample."""
         ...
 
@@ -122,6 +118,8 @@ class Transport(Protocol):
     """The unique id of this connection, as hexadecimal digits."""
     open: bool
     """Whether it was not closed yet."""
+    settle_s: float
+    """Wall time in which links to the others come up; what is out of sight for longer is not there."""
 
     def __enter__(self) -> Self: ...
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
-import time
+from time import time_ns
 from typing import NamedTuple
 
 FORMAT = "application/msgpack"
@@ -24,6 +24,9 @@ class Origin(NamedTuple):
     source_ns: int
     size: int
     publisher: bytes
+
+
+_pack, _unpack, _as_origin = _LAYOUT.pack, _LAYOUT.unpack, Origin._make
 
 
 def encoding(ros_type: str) -> str:
@@ -47,12 +50,12 @@ def attach(sequence: int, publisher: bytes) -> bytes:
 
     It is the layout of ROS 2's rmw_zenoh (its design notes, "attachment").
     """
-    return _LAYOUT.pack(sequence, time.time_ns(), 16, publisher)
+    return _pack(sequence, time_ns(), 16, publisher)
 
 
 def detach(attachment: bytes) -> Origin | None:
     """The origin that an attachment tells, or None when it is not one of ours."""
     if len(attachment) != ATTACHMENT_SIZE:
         return None
-    origin = Origin._make(_LAYOUT.unpack(attachment))
+    origin = _as_origin(_unpack(attachment))
     return origin if origin.size == 16 and origin.sequence > 0 else None

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
 import threading
-from collections import deque
 from collections.abc import Sequence
 from typing import Any, Self
 
@@ -13,9 +13,19 @@ from zenoh.handlers import Callback, RingChannel
 
 from messages.topics import Quality
 from services.runtime.errors import BadInput
-from services.runtime.transport import BEAT_S, Inlet, Reply, Sample, TokenEvent
+from services.runtime.transport import BEAT_S, Inlet, Reply
+from services.runtime.zenoh_ends import (
+    NUDGE,
+    Mailbox,
+    ZenohInlet,
+    ZenohOutlet,
+    ZenohServer,
+    ZenohToken,
+    ZenohWatch,
+)
 
-_NUDGE = zenoh.Encoding("elea/nudge")
+# One thread receives (by default one wakes another for each message), another sends while that one waits for room.
+_THREADS = "(rx: (worker_threads: 1), acc: (handover: rx), net: (handover: rx))"
 
 _DROP, _BLOCK = zenoh.CongestionControl.DROP, zenoh.CongestionControl.BLOCK
 _QUALITIES: dict[Quality, dict[str, Any]] = {
@@ -26,122 +36,10 @@ _QUALITIES: dict[Quality, dict[str, Any]] = {
 }
 
 
-class ZenohInlet:
-    """A subscription on a ring: the publisher is never blocked by a reader that is slow."""
-
-    def __init__(self, key: str, subscriber: Any, session: str) -> None:
-        self.nudge_key = key.replace("**", session).replace("*", session)
-        self.held: Any = None
-        self.subscriber = subscriber
-
-    def take(self) -> Sample | None:
-        sample, self.held = self.held, None
-        while sample is not None or (sample := self.subscriber.try_recv()) is not None:
-            attachment = sample.attachment
-            if attachment is not None:
-                return Sample(sample.payload.to_bytes(), attachment.to_bytes(), sample)
-            if sample.encoding != _NUDGE:
-                return Sample(sample.payload.to_bytes(), b"", sample)
-            sample = None
-        return None
-
-    def encoding(self, sample: Sample) -> str:
-        name = str(sample.source.encoding)
-        return "" if name == "zenoh/bytes" else name
-
-    def key(self, sample: Sample) -> str:
-        return str(sample.source.key_expr)
-
-    def close(self) -> None:
-        self.subscriber.undeclare()
-
-
-class ZenohOutlet:
-    """A publication. A listener follows whether it is wanted (asking takes 8 us); what is latched always is."""
-
-    def __init__(self, publisher: Any, latched: bool = False) -> None:
-        self._publisher = publisher
-        self._put = publisher.put
-        self._wanted = latched
-        if not latched:
-            self._listener = publisher.declare_matching_listener(Callback(self._match, indirect=False))
-            self._wanted = bool(publisher.matching_status.matching)
-
-    def put(self, payload: bytes, attachment: bytes) -> None:
-        self._put(payload, attachment=attachment)
-
-    @property
-    def wanted(self) -> bool:
-        return self._wanted
-
-    def close(self) -> None:
-        self._publisher.undeclare()
-
-    def _match(self, status: Any) -> None:
-        self._wanted = bool(status.matching)
-
-
-class ZenohQuery:
-    """A request; it counts as finished once it is answered."""
-
-    def __init__(self, query: Any) -> None:
-        self._query = query
-        self.key = str(query.key_expr)
-        self.payload: bytes = query.payload.to_bytes() if query.payload is not None else b""
-
-    def reply(self, payload: bytes) -> None:
-        with self._query:
-            self._query.reply(self._query.key_expr, payload)
-
-    def refuse(self, payload: bytes) -> None:
-        with self._query:
-            self._query.reply_err(payload)
-
-
-class _Mailbox:
-    """What callbacks hand over to the loop: they append and nudge, nothing more."""
-
-    def __init__(self) -> None:
-        self.items: deque[Any] = deque()
-        self.handle: Any = None
-
-
-class ZenohServer(_Mailbox):
-    """The requests on one key."""
-
-    def take(self) -> ZenohQuery | None:
-        return ZenohQuery(self.items.popleft()) if self.items else None
-
-
-class ZenohWatch(_Mailbox):
-    """Liveliness events, in order, each change once: while links come up, Zenoh may tell of a token twice."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._alive: set[str] = set()
-
-    def take(self) -> TokenEvent | None:
-        while self.items:
-            sample = self.items.popleft()
-            key, alive = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
-            if alive != (key in self._alive):
-                (self._alive.add if alive else self._alive.discard)(key)
-                return TokenEvent(key, alive)
-        return None
-
-
-class ZenohToken:
-    """A liveliness token."""
-
-    def __init__(self, token: Any) -> None:
-        self._token = token
-
-    def close(self) -> None:
-        self._token.undeclare()
-
-
 class ZenohTransport:
     """One Zenoh session. A single small thread nudges the loop; no other Python thread exists."""
+
+    settle_s = 0.7  # mostly 0.01, at times 0.5
 
     def __init__(self, configuration: dict[str, Any]) -> None:
         self._configuration = configuration
@@ -151,6 +49,7 @@ class ZenohTransport:
         self.open = True
 
     def __enter__(self) -> Self:
+        os.environ.setdefault("ZENOH_RUNTIME", _THREADS)
         zenoh.init_log_from_env_or("off")
         wanted = self._configuration["connect"]["endpoints"]
         try:
@@ -230,7 +129,7 @@ class ZenohTransport:
             self._awake.set()
             self._zenoh.close()  # type: ignore[no-untyped-call]
 
-    def _handing_over(self, mailbox: _Mailbox) -> Callback[Any]:
+    def _handing_over(self, mailbox: Mailbox) -> Callback[Any]:
         def hand_over(item: Any) -> None:
             mailbox.items.append(item)
             self._awake.set()
@@ -242,9 +141,8 @@ class ZenohTransport:
         while self.open:
             asked = self._awake.wait(BEAT_S)
             self._awake.clear()
-            inlet = self._waiting
-            if inlet is None:
+            if (inlet := self._waiting) is None:
                 self._poked = self._poked or asked
             elif self.open:
                 here = zenoh.Locality.SESSION_LOCAL
-                self._zenoh.put(inlet.nudge_key, b"", encoding=_NUDGE, allowed_destination=here)
+                self._zenoh.put(inlet.nudge_key, b"", encoding=NUDGE, allowed_destination=here)

@@ -21,7 +21,7 @@ def test_another_clock_is_another_simulation() -> None:
         pacer = ClockPacer(listener, PERIOD_NS)
 
         def told(ns: int, simulation: bytes) -> Instant | None:
-            outlet.put(encode(Clock(clock=Time.of(ns))), attach(1, simulation * 16))
+            outlet.put(encode(Clock(clock=Time.of(ns))), attachment=attach(1, simulation * 16))
             return pacer.next()
 
         first, second = told(0, b"a"), told(PERIOD_NS, b"a")

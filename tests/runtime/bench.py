@@ -34,4 +34,4 @@ class HandClock:
         """Simulation time is ``ns``."""
         self._sent += 1
         clock = Clock(clock=Time.of(ns), epoch=epoch, paused=paused)
-        self._outlet.put(encode(clock), attach(self._sent, b"c" * 16))
+        self._outlet.put(encode(clock), attachment=attach(self._sent, b"c" * 16))

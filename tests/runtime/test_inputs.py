@@ -28,7 +28,7 @@ class Sender:
         self._outlet = transport.publish(KEY, kind, Quality.COMMAND)
 
     def put(self, payload: bytes, number: int | None) -> None:
-        self._outlet.put(payload, b"" if number is None else attach(number, self.id))
+        self._outlet.put(payload, attachment=b"" if number is None else attach(number, self.id))
 
     def twist(self, v: float, number: int | None) -> None:
         self.put(encode(Twist.planar(v, 0.0)), number)

@@ -34,7 +34,7 @@ class Odom:
 
     def put(self, ns: int) -> None:
         self._sent += 1
-        self._outlet.put(encode(Odometry(header=Header(stamp=Time.of(ns)))), attach(self._sent, b"o" * 16))
+        self._outlet.put(encode(Odometry(header=Header(stamp=Time.of(ns)))), attachment=attach(self._sent, b"o" * 16))
 
 
 @contextmanager

@@ -42,22 +42,22 @@ def test_a_sample_arrives_whole_and_in_order(connect: Connect) -> None:
     _linked(writer, reader)
     outlet = writer.publish("tb3_0/text", TEXT, Quality.EVENT)
     for number in range(20):
-        outlet.put(bytes([number]), b"x" * 33)
+        outlet.put(bytes([number]), attachment=b"x" * 33)
     got = _take(inlet, 20)
-    assert [each.payload for each in got] == [bytes([number]) for number in range(20)]
-    assert {inlet.encoding(each) for each in got} == {TEXT}
-    assert {each.attachment for each in got} == {b"x" * 33}
-    assert {inlet.key(each) for each in got} == {"tb3_0/text"}
+    assert [each[0] for each in got] == [bytes([number]) for number in range(20)]
+    assert {inlet.encoding(each[2]) for each in got} == {TEXT}
+    assert {each[1] for each in got} == {b"x" * 33}
+    assert {inlet.key(each[2]) for each in got} == {"tb3_0/text"}
 
 
 def test_the_type_of_the_sender_is_told(connect: Connect) -> None:
     reader, writer = connect(), connect()
     inlet = reader.subscribe("tb3_0/text", 64)
     _linked(writer, reader)
-    writer.publish("tb3_0/text", "application/msgpack;std_msgs/Bool", Quality.EVENT).put(b"\xc3", b"")
+    writer.publish("tb3_0/text", "application/msgpack;std_msgs/Bool", Quality.EVENT).put(b"\xc3", attachment=b"")
     (sample,) = _take(inlet, 1)
-    assert inlet.encoding(sample) == "application/msgpack;std_msgs/Bool"
-    assert sample.attachment == b""
+    assert inlet.encoding(sample[2]) == "application/msgpack;std_msgs/Bool"
+    assert sample[1] == b""
 
 
 def test_wildcards_name_the_key(connect: Connect) -> None:
@@ -65,8 +65,8 @@ def test_wildcards_name_the_key(connect: Connect) -> None:
     inlet = reader.subscribe("*/text", 64)
     _linked(writer, reader)
     for robot in ("tb3_0", "tb3_1"):
-        writer.publish(f"{robot}/text", TEXT, Quality.EVENT).put(b"", b"")
-    assert {inlet.key(each) for each in _take(inlet, 2)} == {"tb3_0/text", "tb3_1/text"}
+        writer.publish(f"{robot}/text", TEXT, Quality.EVENT).put(b"", attachment=b"")
+    assert {inlet.key(each[2]) for each in _take(inlet, 2)} == {"tb3_0/text", "tb3_1/text"}
 
 
 @pytest.mark.parametrize("quality", list(Quality))
@@ -74,8 +74,8 @@ def test_every_quality_carries(connect: Connect, quality: Quality) -> None:
     reader, writer = connect(), connect()
     inlet = reader.subscribe("a", 8, latched=quality is Quality.LATCHED)
     _linked(writer, reader)
-    writer.publish("a", TEXT, quality).put(b"payload", b"")
-    assert _take(inlet, 1)[0].payload == b"payload"
+    writer.publish("a", TEXT, quality).put(b"payload", attachment=b"")
+    assert _take(inlet, 1)[0][0] == b"payload"
 
 
 def test_the_newest_survive_a_reader_that_sleeps(connect: Connect) -> None:
@@ -85,23 +85,23 @@ def test_the_newest_survive_a_reader_that_sleeps(connect: Connect) -> None:
     _linked(writer, reader)
     outlet = writer.publish("a", TEXT, Quality.EVENT)
     for number in range(50):
-        outlet.put(bytes([number]), b"")
-    writer.publish("end", TEXT, Quality.EVENT).put(b"", b"")
+        outlet.put(bytes([number]), attachment=b"")
+    writer.publish("end", TEXT, Quality.EVENT).put(b"", attachment=b"")
     _take(end, 1)
     kept = _take(inlet, 4)
-    assert [each.payload[0] for each in kept] == [46, 47, 48, 49]
+    assert [each[0][0] for each in kept] == [46, 47, 48, 49]
 
 
 def test_the_last_of_each_latched_publisher_reaches_who_comes_late(connect: Connect) -> None:
     first, second = connect(), connect()
     one = first.publish("tf_static", TEXT, Quality.LATCHED)
-    one.put(b"old", b"")
-    one.put(b"from the first", b"")
+    one.put(b"old", attachment=b"")
+    one.put(b"from the first", attachment=b"")
     other = second.publish("tf_static", TEXT, Quality.LATCHED)
-    other.put(b"from the second", b"")
+    other.put(b"from the second", attachment=b"")
     late = connect()
     inlet = late.subscribe("tf_static", 8, latched=True)
-    assert {each.payload for each in _take(inlet, 2)} == {b"from the first", b"from the second"}
+    assert {each[0] for each in _take(inlet, 2)} == {b"from the first", b"from the second"}
 
 
 def test_a_latched_publisher_that_comes_late_is_heard(connect: Connect) -> None:
@@ -109,8 +109,8 @@ def test_a_latched_publisher_that_comes_late_is_heard(connect: Connect) -> None:
     inlet = reader.subscribe("tf_static", 8, latched=True)
     writer = connect()
     outlet = writer.publish("tf_static", TEXT, Quality.LATCHED)
-    outlet.put(b"hello", b"")
-    assert _take(inlet, 1)[0].payload == b"hello"
+    outlet.put(b"hello", attachment=b"")
+    assert _take(inlet, 1)[0][0] == b"hello"
     outlet.close()
 
 
@@ -139,13 +139,13 @@ def test_wait_wakes_for_a_sample_a_nudge_and_in_any_case(connect: Connect) -> No
     transport.wait(inlet)
     assert inlet.take() is None
 
-    outlet.put(b"x", b"")
+    outlet.put(b"x", attachment=b"")
 
     def arrived() -> Sample | None:
         transport.wait(inlet)
         return inlet.take()
 
-    assert until(arrived).payload == b"x"
+    assert until(arrived)[0] == b"x"
 
 
 def _answer(transport: Transport, key: str, done: threading.Event, refuse: bool = False) -> threading.Thread:

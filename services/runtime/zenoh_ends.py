@@ -1,0 +1,124 @@
+"""What a Zenoh session hands out: subscriptions, publications, requests and liveliness."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import zenoh
+from zenoh.handlers import Callback
+
+from services.runtime.transport import Sample, TokenEvent
+
+NUDGE = zenoh.Encoding("elea/nudge")
+"""Marks a sample that only wakes the loop."""
+
+
+class ZenohInlet:
+    """A subscription on a ring: the publisher is never blocked by a reader that is slow."""
+
+    def __init__(self, key: str, subscriber: Any, session: str) -> None:
+        self.nudge_key = key.replace("**", session).replace("*", session)
+        self.held: Any = None
+        self.subscriber = subscriber
+
+    def take(self) -> Sample | None:
+        sample, self.held = self.held, None
+        while sample is not None or (sample := self.subscriber.try_recv()) is not None:
+            if (attachment := sample.attachment) is not None:
+                return sample.payload.to_bytes(), attachment.to_bytes(), sample
+            if sample.encoding != NUDGE:
+                return sample.payload.to_bytes(), b"", sample
+            sample = None
+        return None
+
+    def encoding(self, source: Any) -> str:
+        name = str(source.encoding)
+        return "" if name == "zenoh/bytes" else name
+
+    def key(self, source: Any) -> str:
+        return str(source.key_expr)
+
+    def close(self) -> None:
+        self.subscriber.undeclare()
+
+
+class ZenohOutlet:
+    """A publication. A listener follows whether it is wanted (asking takes 8 us); what is latched always is."""
+
+    def __init__(self, publisher: Any, latched: bool = False) -> None:
+        self._publisher = publisher
+        self.put: Any = publisher.put  # no wrapper: this is called for every message
+        self._wanted = latched
+        if not latched:
+            self._listener = publisher.declare_matching_listener(Callback(self._match, indirect=False))
+            self._wanted = bool(publisher.matching_status.matching)
+
+    @property
+    def wanted(self) -> bool:
+        return self._wanted
+
+    def close(self) -> None:
+        self._publisher.undeclare()
+
+    def _match(self, status: Any) -> None:
+        self._wanted = bool(status.matching)
+
+
+class ZenohQuery:
+    """A request; it counts as finished once it is answered."""
+
+    def __init__(self, query: Any) -> None:
+        self._query = query
+        self.key = str(query.key_expr)
+        self.payload: bytes = query.payload.to_bytes() if query.payload is not None else b""
+
+    def reply(self, payload: bytes) -> None:
+        with self._query:
+            self._query.reply(self._query.key_expr, payload)
+
+    def refuse(self, payload: bytes) -> None:
+        with self._query:
+            self._query.reply_err(payload)
+
+
+class Mailbox:
+    """What callbacks hand over to the loop: they append and nudge, nothing more."""
+
+    def __init__(self) -> None:
+        self.items: deque[Any] = deque()
+        self.handle: Any = None
+
+
+class ZenohServer(Mailbox):
+    """The requests on one key."""
+
+    def take(self) -> ZenohQuery | None:
+        return ZenohQuery(self.items.popleft()) if self.items else None
+
+
+class ZenohWatch(Mailbox):
+    """Liveliness events, in order, each change once: while links come up, Zenoh may tell of a token twice."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._alive: set[str] = set()
+
+    def take(self) -> TokenEvent | None:
+        while self.items:
+            sample = self.items.popleft()
+            key, alive = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT
+            if alive != (key in self._alive):
+                (self._alive.add if alive else self._alive.discard)(key)
+                return TokenEvent(key, alive)
+        return None
+
+
+class ZenohToken:
+    """A liveliness token."""
+
+    def __init__(self, token: Any) -> None:
+        self._token = token
+
+    def close(self) -> None:
+        self._token.undeclare()
