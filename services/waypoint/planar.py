@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 
-@dataclass(frozen=True, slots=True)
-class Planar:
+class Planar(NamedTuple):
     """A pose: x, y [m], yaw [rad]."""
 
     x: float
@@ -15,8 +14,7 @@ class Planar:
     yaw: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
+class Motion(NamedTuple):
     """A velocity in the body frame: forward ``v`` [m/s], turn ``w`` [rad/s]."""
 
     v: float = 0.0
@@ -31,8 +29,7 @@ def wrap(angle: float) -> float:
     return math.remainder(angle, math.tau)
 
 
-@dataclass(frozen=True, slots=True)
-class Leg:
+class Leg(NamedTuple):
     """The straight line from (x0, y0) to (x1, y1), m."""
 
     x0: float

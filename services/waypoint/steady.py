@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
 from enum import Enum, auto
+from typing import NamedTuple
 
 from services.waypoint import WaypointParameters
 from services.waypoint.law import brake, course, limited, turn
@@ -35,8 +35,7 @@ class Stage(Enum):
     DONE = auto()
 
 
-@dataclass(frozen=True, slots=True)
-class Approach:
+class Approach(NamedTuple):
     """The way to one goal: its leg, the stage, and the last command, from which the next may differ only so much."""
 
     goal: Goal
@@ -59,7 +58,7 @@ def step(now: Approach, here: Planar, moving: Motion, p: WaypointParameters, dt:
     now = _staged(now, here, moving, p)
     wanted = _wanted(now, here, p)
     command = limited(now.command, wanted, p.acceleration * dt, p.deceleration * dt, p.angular_acceleration * dt)
-    return replace(now, command=command)
+    return now._replace(command=command)
 
 
 def _staged(now: Approach, here: Planar, moving: Motion, p: WaypointParameters) -> Approach:
@@ -67,23 +66,23 @@ def _staged(now: Approach, here: Planar, moving: Motion, p: WaypointParameters) 
     standing = abs(moving.v) < REST.v and abs(moving.w) < REST.w
     match now.stage:
         case Stage.TURN if away <= p.tolerance:
-            return replace(now, stage=Stage.SETTLE)
+            return now._replace(stage=Stage.SETTLE)
         case Stage.TURN if abs(_error(now, here, p)) < ALIGNED and abs(moving.w) < TURNED:
-            return replace(now, stage=Stage.DRIVE)
+            return now._replace(stage=Stage.DRIVE)
         case Stage.DRIVE:
             left, offset = now.leg.left_and_offset(here)
             if left <= SHORT:
-                return replace(now, stage=Stage.SETTLE)
+                return now._replace(stage=Stage.SETTLE)
             if abs(offset) > REJOIN:
                 return begin(now.goal, here, None, now.command)
             if abs(_error(now, here, p)) > ASTRAY:
-                return replace(now, stage=Stage.TURN)
+                return now._replace(stage=Stage.TURN)
         case Stage.SETTLE if standing and away > p.tolerance:
             return begin(now.goal, here, None, now.command)
         case Stage.SETTLE if standing:
-            return replace(now, stage=Stage.DONE if now.goal.yaw is None else Stage.ALIGN)
+            return now._replace(stage=Stage.DONE if now.goal.yaw is None else Stage.ALIGN)
         case Stage.ALIGN if standing and abs(_error(now, here, p)) < p.heading_tolerance:
-            return replace(now, stage=Stage.DONE)
+            return now._replace(stage=Stage.DONE)
     return now
 
 

@@ -61,13 +61,13 @@ class Bench:
         while time.monotonic() < deadline:
             sample = self._inlets[key].take()
             if sample is not None:
-                return decoder(topic.record)(sample.payload)
+                return decoder(topic.record)(sample[0])
             self._transport.wait(self._inlets[key])
         raise AssertionError(f"nothing on {key} for {PATIENCE_S} s\n{self.log}")
 
     def heard(self, topic: Topic[M], key: str) -> list[M]:
         """All messages of a key that came since the last look."""
-        return [decoder(topic.record)(sample.payload) for sample in iter(self._inlets[key].take, None)]
+        return [decoder(topic.record)(sample[0]) for sample in iter(self._inlets[key].take, None)]
 
 
 def _await_clock_reader(bus: MemoryBus) -> None:
