@@ -8,11 +8,11 @@ import pytest
 
 from models.figures import read_model
 from models.scene import Scene
+from services.motion.planar import STILL, Leg, Motion, Planar
 from services.sim.bullet import BulletWorld
 from services.sim.drive import Limits
 from services.waypoint import WaypointParameters
 from services.waypoint.pilot import Pilot
-from services.waypoint.planar import STILL, Leg, Motion, Planar
 from tests.physics.rig import STEP_NS, Driver, body, place, wheels_of, yaw_of
 from tests.unit_waypoint.ideal_base import CONTROL
 
