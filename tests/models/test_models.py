@@ -18,8 +18,11 @@ from models.scene import Scene, read_scene
 from services.sim.bullet import BulletWorld
 from services.sim.world import Body, Motor
 
-MASSES = {"burger": 1.0, "waffle": 1.55, "waffle_pi": 1.55}
-"""kg, the sums of the published URDFs."""
+MASSES = {"burger": 1.0, "waffle": 1.55, "waffle_pi": 1.55, "p3dx": 9.0}
+"""kg, the sums of the TurtleBots' published URDFs, the Pioneer's published weight."""
+
+SOURCES = {"burger": "ROBOTIS", "waffle": "ROBOTIS", "waffle_pi": "ROBOTIS", "p3dx": "Pioneer3dx.proto"}
+"""What must be among those that a README names."""
 
 
 def test_the_lists_are_what_lies_in_the_folders() -> None:
@@ -89,7 +92,7 @@ def test_figures_and_urdf_agree(name: str) -> None:
 def test_the_readme_gives_sources(name: str) -> None:
     text = model_path(name).with_name("README.md").read_text()
     assert "## Sources" in text
-    assert "ROBOTIS" in text
+    assert SOURCES[name] in text
 
 
 @pytest.mark.parametrize("name", MODELS)
