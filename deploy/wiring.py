@@ -8,6 +8,8 @@ from typing import Any
 import msgspec
 
 from deploy.fleet import Fleet, Robot
+from models.figures import read_model
+from services.sim import BaseParameters
 
 IMPLIED = ("router", "sim", "grader")
 """Services that every fleet has; a fleet file states one only to set its parameters."""
@@ -45,6 +47,7 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
         case "grader":
             return {
                 "robots": [each.name for each in robots],
+                "halting": [_halting(each) for each in robots if read_model(each.model).wheels],
                 "ends": run.ends,
                 "duration": run.duration,
                 "output": str(terms.folder),
@@ -64,3 +67,11 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
 def _entry(robot: Robot) -> dict[str, Any]:
     pose = {"x": robot.pose.x, "y": robot.pose.y, "yaw": robot.pose.yaw}
     return {"name": robot.name, "model": robot.model, **pose, "parameters": robot.parameters}
+
+
+def _halting(robot: Robot) -> dict[str, Any]:
+    """How the base of a robot stops when its commander falls silent: by its parameters, else by its model."""
+    wheels = read_model(robot.model).wheels
+    assert wheels is not None
+    timeout = robot.parameters.get("cmd_vel_timeout", BaseParameters().cmd_vel_timeout)
+    return {"name": robot.name, "timeout": timeout, "brake": robot.parameters.get("brake", wheels.brake)}

@@ -41,7 +41,8 @@ class Arbiter:
     priorities, the last one that arrived. A command's age counts from its stamp where it has one, and from its arrival
     otherwise. With ``timeout`` 0 a command holds until its publisher is gone. When nothing is left, the base brakes.
     ``commands``, ``refused`` and ``stale_dropped`` count what was offered; ``commands_timed_out`` counts how often a
-    base that had been told to move was left without a live command.
+    base that had been told to move was left without a live command. ``last_command`` [ns] is when the newest of the
+    accepted was made.
     """
 
     def __init__(self, timeout: float = 0.25) -> None:
@@ -51,6 +52,7 @@ class Arbiter:
         self.e_stopped = False
         self.timed_out = False
         self.commands = self.refused = self.stale_dropped = self.commands_timed_out = 0
+        self.last_command = 0
 
     def offer(self, source: bytes, priority: int, v: float, w: float, stamp_ns: int | None, now_ns: int) -> bool:
         """Take a command made at ``stamp_ns`` (None if unknown) that arrived at ``now_ns``; True if it is accepted.
@@ -67,6 +69,7 @@ class Arbiter:
             self.stale_dropped += 1
             return False
         self.commands += 1
+        self.last_command = made
         if not self.e_stopped:
             self._heard[source] = _Command(priority, v, w, made + self._timeout, self.commands)
             self._choose(now_ns)

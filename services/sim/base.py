@@ -82,6 +82,7 @@ class Base:
             commands_timed_out=arbiter.commands_timed_out,
             stale_dropped=arbiter.stale_dropped,
             refused=arbiter.refused + refused,
+            last_command=Time.of(arbiter.last_command),
             colliding=colliding,
             collisions=collisions,
         )

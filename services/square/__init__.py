@@ -44,12 +44,9 @@ class SquareParameters(Parameters, frozen=True, kw_only=True):
         float, _number(0.0, 0.1, "s", "seed: how long after a sample of its 10 Hz odometry the loop acts")
     ] = 0.06
     odometry_timeout: Annotated[float, _number(0.1, 5.0, "s", "odometry older than this stops the robot")] = 0.5
-    log: Annotated[str, Meta(description="the CSV log; a relative path counts from folder; empty writes none")] = (
-        LOG_FILE
-    )
-    folder: Annotated[
-        str, Meta(description="where a relative log lies: the working directory if empty; a fleet gives its results'")
-    ] = ""
+    log: Annotated[
+        str, Meta(description="the CSV log, by default in the working directory (a fleet's results); empty: none")
+    ] = LOG_FILE
 
 
 SERVICE = Service(

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from messages.elea import GoalStatus
 from messages.geometry import STOP, Pose, PoseStamped, Twist
-from messages.nav import Odometry, Path
+from messages.nav import Odometry
+from messages.nav import Path as Plan
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, GROUND_TRUTH, ODOM, PLAN, STATUS
 from services.motion.planar import Motion, Planar, wrap
@@ -17,7 +19,7 @@ from services.square import SquareParameters
 from services.square.corners import SIDES, Square
 from services.square.move import Move
 from services.square.pilot import Pilot
-from services.square.record import Record, place
+from services.square.record import Record
 from services.square.truths import Truths
 
 
@@ -89,7 +91,7 @@ def _record(p: SquareParameters) -> Iterator[Record | None]:
     if not p.log:
         yield None
         return
-    with Record(place(p.log, p.folder)) as record:
+    with Record(Path(p.log).absolute()) as record:
         yield record
 
 
@@ -99,9 +101,9 @@ def seen(odometry: Odometry) -> tuple[Planar, Motion]:
     return Planar(pose.position.x, pose.position.y, pose.orientation.yaw), Motion(twist.linear.x, twist.angular.z)
 
 
-def path(square: Square, header: Header) -> Path:
+def path(square: Square, header: Header) -> Plan:
     """The corners in order, each with the heading of the side that follows."""
-    return Path(header=header, poses=tuple(PoseStamped(header=header, pose=_pose(each)) for each in square.corners()))
+    return Plan(header=header, poses=tuple(PoseStamped(header=header, pose=_pose(each)) for each in square.corners()))
 
 
 def status(move: Move, square: Square, here: Planar | None, header: Header) -> GoalStatus:

@@ -22,11 +22,6 @@ PERIOD_NS = 100_000_000
 """Between two rows, ns: the tutorial's rate."""
 
 
-def place(log: str, folder: str) -> Path:
-    """Where the log lies: a relative path counts from ``folder``, from the working directory if that is empty."""
-    return Path(folder or ".").absolute() / log
-
-
 class Record:
     """Opened by ``with``: whoever holds the file has it alone. Raises BadInput when it cannot be written."""
 
