@@ -9,7 +9,9 @@ import msgspec
 
 from deploy.fleet import Fleet, Robot
 from models.figures import read_model
+from services.runtime.parameters import build
 from services.sim import BaseParameters
+from services.sim.settings import effective
 
 IMPLIED = ("router", "sim", "grader")
 """Services that every fleet has; a fleet file states one only to set its parameters."""
@@ -71,7 +73,7 @@ def _entry(robot: Robot) -> dict[str, Any]:
 
 def _halting(robot: Robot) -> dict[str, Any]:
     """How the base of a robot stops when its commander falls silent: by its parameters, else by its model."""
-    wheels = read_model(robot.model).wheels
-    assert wheels is not None
-    timeout = robot.parameters.get("cmd_vel_timeout", BaseParameters().cmd_vel_timeout)
-    return {"name": robot.name, "timeout": timeout, "brake": robot.parameters.get("brake", wheels.brake)}
+    model = read_model(robot.model)
+    assert model.wheels is not None
+    base = effective(robot.model, model, build(BaseParameters, robot.parameters))
+    return {"name": robot.name, "timeout": base.cmd_vel_timeout, "brake": base.brake or model.wheels.brake}

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from messages.elea import BaseStatus
+from models.stopping import stopping
 from services.grader import Halting
-from services.grader.stopping import stopping
 
 KEPT = 4096
 """Samples that are looked back on: 80 s at 50 Hz, longer than any time-out of a base."""

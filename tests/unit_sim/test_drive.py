@@ -7,9 +7,9 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from services.sim.drive import AT_REST, Limits, Rims, advance, target, wheel_speeds
 
 from models.figures import read_model
-from services.sim.drive import AT_REST, Limits, Rims, advance, target, wheel_speeds
 
 DT = 0.005
 WHEELS = read_model("burger").wheels
