@@ -41,7 +41,7 @@ class SquareParameters(Parameters, frozen=True, kw_only=True):
         float, _number(0.5, 60.0, "s", "longest wait for the tolerances at a corner; then the robot goes on")
     ] = 3.0
     phase: Annotated[
-        float, _number(0.0, 0.1, "s", "seed: how long after a sample of its 10 Hz odometry the loop acts")
+        float, _number(0.0, 0.08, "s", "seed: how long after a sample of its 10 Hz odometry the loop acts")
     ] = 0.06
     odometry_timeout: Annotated[float, _number(0.1, 5.0, "s", "odometry older than this stops the robot")] = 0.5
     log: Annotated[
