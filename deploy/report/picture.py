@@ -77,8 +77,9 @@ def _squares(axes: Any, report: Report) -> None:
     lines += [line for note in report.notes for line in wrap(note, 78)]
     if lines:
         axes.text(0.01, 0.985, "\n".join(lines), transform=axes.transAxes, va="top", fontsize=7.5, color=INK, zorder=7)
-        low, high = axes.get_ylim()
-        axes.set_ylim(low, high + (high - low) * (0.05 + 0.035 * len(lines)))
+        # A point that is not drawn makes room; limits set by hand would cut the paths, the scales being equal.
+        reach = axes.dataLim
+        axes.plot([reach.x0], [reach.y1 + reach.height * (0.05 + 0.03 * len(lines))], ls="")
 
 
 def _cross_track(axes: Any, report: Report, arrays: Trails) -> None:
