@@ -64,18 +64,16 @@ def _drive(ctx: Context[SquareParameters], record: Record | None) -> None:
                 commands.publish(Twist.planar(move.command.v, move.command.w))
             if now is not None and record is not None:
                 actual, stamp = seen(now)[0], now.header.stamp.ns
-                try:
-                    record.add(tick.time, move.desired, actual, truths.at(stamp), move.index, move.doing)
-                except OSError as error:
-                    ctx.log.error(f"the log {record.path} ends here, it cannot be written: {error.strerror}")
+                record.add(tick.time, move.desired, actual, truths.at(stamp), move.index, move.doing)
+                if record.trouble is not None:
+                    ctx.log.error(f"the log {record.path} ends here, it cannot be written: {record.trouble}")
                     record = None
             if move.doing == "astray":
                 ctx.log.warn("the robot is far from its square, standing still: who has moved it?", every=5)
-            elif pilot.late:
+            elif move.late:
                 ctx.log.warn(
                     f"corner {move.index} not met within the tolerances for {ctx.params.patience:g} s, going on: "
-                    "is the robot held up, or does its base not turn so slowly?",
-                    every=5,
+                    "is the robot held up, or does its base not move so slowly?"
                 )
             if shown != (move.state, move.index) and pilot.square is not None:
                 shown = move.state, move.index

@@ -14,7 +14,8 @@ State = Literal["waiting", "driving", "reached", "finished"]
 class Move:
     """The command, None where the law has none to send; the corner pursued; and the pose that it should have now.
 
-    ``doing`` is the law's own word for it, as the log shows it.
+    ``doing`` is the law's own word for it, as the log shows it. ``late`` tells that the robot leaves the corner without
+    having met it within the tolerances.
     """
 
     state: State
@@ -22,3 +23,4 @@ class Move:
     index: int
     desired: Planar
     doing: str
+    late: bool = False

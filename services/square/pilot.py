@@ -19,11 +19,6 @@ class Pilot:
         self._held = False
         self._last = Move("waiting", STILL, 0, Planar(0.0, 0.0), "waiting")
 
-    @property
-    def late(self) -> bool:
-        """Whether the robot goes on from a corner that it could not meet within the tolerances."""
-        return self._course is not None and profile.late(self._course, self._p)
-
     def step(self, time: int, here: Planar, moving: Motion, dt: float) -> Move:
         """One tick at ``time`` [ns]: the robot is ``here``, moves at ``moving``; the last tick was ``dt`` [s] ago."""
         if self.square is None:

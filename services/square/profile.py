@@ -86,20 +86,16 @@ def step(now: Course, here: Planar, moving: Motion, p: SquareParameters, dt: flo
     now = _advanced(now, behind, p, dt)
     command = _command(now, behind, here, p, dt)
     now = replace(now, command=command, settling=now.settling + dt if now.at >= now.length else 0.0)
-    if not _settled(now, here, moving, p):
+    late = now.settling > p.patience
+    if not (late or _settled(now, here, moving, p)):
         return now, Move("driving", now.command, now.index, now.desired, now.stage.value)
     if now.stage is Stage.DRIVE:
         now = replace(now, stage=Stage.TURN, at=0.0, speed=0.0, settling=0.0)
-        return now, Move("driving", now.command, now.index, now.desired, "turn")
-    reached = Move("reached", STILL, now.index, now.desired, "turn")
+        return now, Move("driving", now.command, now.index, now.desired, "turn", late)
+    reached = Move("reached", STILL, now.index, now.desired, "turn", late)
     if now.index + 1 == now.square.turns:
         return replace(now, stage=Stage.DONE, command=STILL), reached
     return Course(now.square, now.index + 1), reached
-
-
-def late(now: Course, p: SquareParameters) -> bool:
-    """Whether the corner has not been met within the tolerances for ``patience``."""
-    return now.settling > p.patience
 
 
 def _advanced(now: Course, behind: float, p: SquareParameters, dt: float) -> Course:
@@ -112,7 +108,9 @@ def _advanced(now: Course, behind: float, p: SquareParameters, dt: float) -> Cou
     drive = now.stage is Stage.DRIVE
     top, gap = (p.linear_speed, GAP.x) if drive else (p.angular_speed, GAP.yaw)
     rise, fall = (p.acceleration, p.deceleration) if drive else (p.angular_acceleration, p.angular_acceleration)
-    wanted = 0.0 if behind > gap else brake(now.length - now.at, top, fall, dt)
+    if behind > gap:
+        return replace(now, speed=max(0.0, now.speed - fall * dt))
+    wanted = brake(now.length - now.at, top, fall, dt)
     speed = max(now.speed - fall * dt, min(now.speed + rise * dt, wanted))
     at = now.at + speed * dt
     # The last step of the brake is an exponential; below a micrometre or microradian it is over.
@@ -152,11 +150,10 @@ def _aside(now: Course, here: Planar, p: SquareParameters) -> float:
 
 
 def _settled(now: Course, here: Planar, moving: Motion, p: SquareParameters) -> bool:
-    """Whether this stage is over: at rest within the tolerance, or out of patience."""
+    """Whether this stage is over: at rest within the tolerance."""
     tolerance = p.tolerance if now.stage is Stage.DRIVE else p.heading_tolerance
     standing = abs(moving.v) <= REST.v and abs(moving.w) <= REST.w
-    met = now.at >= now.length and standing and abs(now.at - _along(now, here)) <= tolerance
-    return met or late(now, p)
+    return now.at >= now.length and standing and abs(now.at - _along(now, here)) <= tolerance
 
 
 def _bounded(value: float, most: float) -> float:

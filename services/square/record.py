@@ -23,22 +23,25 @@ PERIOD_NS = 100_000_000
 
 
 class Record:
-    """Opened by ``with``: whoever holds the file has it alone. Raises BadInput when it cannot be written."""
+    """Opened by ``with``: whoever holds the file has it alone. Raises BadInput when it cannot be written.
+
+    ``trouble`` is None until a row cannot be written, as on a full disk; then it says why, and no more are tried.
+    """
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self.trouble: str | None = None
         self._file: TextIO | None = None
         self._row = -1
         self._placed: Placement | None = None
 
     def __enter__(self) -> Record:
         try:
+            if self.path.exists() and not self.path.is_file():
+                raise BadInput(f"the log {self.path} is no file: choose another path with the parameter log")
             self._file = self.path.open("a", encoding="utf-8", newline="")
         except OSError as error:
-            raise BadInput(
-                f"the log {self.path} cannot be written ({error.strerror}): "
-                "choose another path with the parameter log, or none with log="
-            ) from None
+            raise self._unwritable(error.strerror) from None
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -48,6 +51,9 @@ class Record:
                 "give this one another path with the parameter log"
             ) from None
         self.restart()
+        if self.trouble is not None:
+            self.__exit__()
+            raise self._unwritable(self.trouble)
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -60,12 +66,15 @@ class Record:
         """Begin the file anew, as simulation time does."""
         assert self._file is not None
         self._row, self._placed = -1, None
-        self._file.seek(0)
-        self._file.truncate()
+        try:
+            self._file.seek(0)
+            self._file.truncate()
+        except OSError as error:
+            self.trouble = str(error.strerror)
         self._write(COLUMNS)
 
     def add(self, time: int, desired: Planar, actual: Planar, truth: Planar | None, corner: int, doing: str) -> None:
-        """Write the row of ``time`` [ns] unless there is one of this tenth of a second; raises OSError.
+        """Write the row of ``time`` [ns] unless there is one of this tenth of a second.
 
         ``truth`` is told in the world; its frame is laid over that of odometry where both are first known.
         """
@@ -81,8 +90,19 @@ class Record:
 
     def _write(self, cells: tuple[str, ...]) -> None:
         assert self._file is not None
-        self._file.write(",".join(cells) + "\n")
-        self._file.flush()
+        if self.trouble is not None:
+            return
+        try:
+            self._file.write(",".join(cells) + "\n")
+            self._file.flush()
+        except OSError as error:
+            self.trouble = str(error.strerror)
+
+    def _unwritable(self, reason: str | None) -> BadInput:
+        return BadInput(
+            f"the log {self.path} cannot be written ({reason}): "
+            "choose another path with the parameter log, or none with log="
+        )
 
 
 def _compared(desired: Planar, actual: Planar, placed: Placement, truth: Planar) -> list[str]:
