@@ -62,7 +62,8 @@ def _drive(ctx: Context[SquareParameters], record: Record | None) -> None:
                 ctx.log.info(f"start latched at ({start.x:.3f}, {start.y:.3f}) m, {math.degrees(start.yaw):.2f} deg")
             if move.command is not None:
                 commands.publish(Twist.planar(move.command.v, move.command.w))
-            if now is not None and record is not None:
+            # As the tutorial's, the log ends with the square.
+            if now is not None and record is not None and move.state != "finished":
                 actual, stamp = seen(now)[0], now.header.stamp.ns
                 record.add(tick.time, move.desired, actual, truths.at(stamp), move.index, move.doing)
                 if record.trouble is not None:
