@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from itertools import pairwise
 
 from messages.elea import BaseStatus
 from models.stopping import stopping
 from services.grader import Halting
 
 KEPT = 4096
-"""Samples that are looked back on: 80 s at 50 Hz, longer than any time-out of a base."""
+"""Samples since the last command, at most: 80 s at 50 Hz, longer than any time-out of a base."""
 RESTING = 1e-3
 """True speed [m/s] below which a base rests; a jolt of the physics stays below it."""
 
@@ -55,32 +54,35 @@ class Stops:
         elif last != self._since:
             self._since = None
         self._timed_out = status.commands_timed_out
+        while len(self._samples) > 1 and self._samples[1].stamp <= last:
+            self._samples.popleft()
         self._look()
 
     def at(self, stamp: int, length: float, speed: float) -> None:
         """The robot has truly covered ``length`` [m] by ``stamp`` [ns] and moves at ``speed`` [m/s]."""
         self._samples.append(Sample(stamp, length, speed))
-        if self._since is not None and speed < RESTING:
+        if speed < RESTING:
             self._look()
 
     def _look(self) -> None:
         """Note the stop once the samples hold it whole, from the last command to rest."""
-        if self._since is None:
+        if self._since is None or not self._samples:
             return
-        begin = next((a for a, b in pairwise(self._samples) if a.stamp <= self._since < b.stamp), None)
-        after = [each for each in self._samples if begin is not None and each.stamp >= begin.stamp]
-        index = next((i for i, each in enumerate(after) if each.speed < RESTING), None)
-        if begin is None or not index:
+        begin = self._samples[0]
+        end = next((i for i, each in enumerate(self._samples) if each.speed < RESTING), None)
+        if end is None:
             return
         since, self._since = self._since, None
+        if end == 0 or begin.stamp > since:
+            return  # it stood already, or the command is older than all samples
+        samples = list(self._samples)[: end + 1]
         run_up = begin.speed * (since - begin.stamp) / 1e9
-        distance = after[index].length - begin.length - run_up
+        distance = samples[-1].length - begin.length - run_up
         self.count += 1
         if self.hardest.distance is None or distance > self.hardest.distance:
-            theory = (
-                stopping(begin.speed, self._halting.timeout, self._halting.brake) if self._halting else (None, None)
-            )
-            self.hardest = Stop(begin.speed, _end(after[: index + 1]) - since / 1e9, distance, *theory)
+            base = self._halting
+            theory = stopping(begin.speed, base.timeout, base.brake) if base else (None, None)
+            self.hardest = Stop(begin.speed, _end(samples) - since / 1e9, distance, *theory)
 
 
 def _end(samples: list[Sample]) -> float:

@@ -162,6 +162,15 @@ def test_a_commander_that_returns_before_rest_is_no_stop() -> None:
     assert (stops.count, stops.hardest.distance) == (0, None)
 
 
+def test_a_base_that_stood_makes_no_stop_and_costs_nothing_more() -> None:
+    stops = Stops()
+    for tick in range(100):
+        stops.at(tick * 20_000_000, 1.0, 0.0)
+    stops.status(BaseStatus(last_command=Time.of(1_000_000_000), timed_out=True, commands_timed_out=1))
+    stops.at(2_000_000_000, 1.0, 0.0)
+    assert (stops.count, stops.hardest.distance) == (0, None)
+
+
 def test_the_longest_of_two_stops_is_told() -> None:
     stops, other = Stops(Halting(name="a", timeout=0.25, brake=1.5)), Brake(0.5, 1.0, 0.25, 1.5)
     other.feed(stops)
