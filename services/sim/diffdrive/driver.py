@@ -63,7 +63,7 @@ def advance(drive: Drive, state: State, v: float, w: float, braking: bool, dt: f
 
     It is ``state`` itself when nothing changes.
 
-    Each axis is limited by itself. ``braking`` replaces the command by a standstill. 3 us; 5 with all limits.
+    Each axis is limited by itself. ``braking`` replaces the command by a standstill. 2 us; 6 with all limits.
     """
     linear, angular = drive.linear, drive.angular
     if braking:
