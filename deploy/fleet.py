@@ -46,6 +46,7 @@ class Member(Table, frozen=True, kw_only=True):
     """One service; its name is its kind and its namespace that of its robot unless stated.
 
     ``from_start`` names parameters that hold points [x, y] counted from the robot's start: they are shifted to it.
+    ``models`` limits one of every robot to robots of these models.
     """
 
     kind: str
@@ -54,6 +55,7 @@ class Member(Table, frozen=True, kw_only=True):
     parameters: dict[str, Any] = {}
     remap: dict[str, str] = {}
     from_start: tuple[str, ...] = ()
+    models: tuple[str, ...] = ()
     required: bool | None = None
     restart: When | Policy | None = None
 
@@ -78,3 +80,11 @@ class Fleet(Table, frozen=True, kw_only=True):
     every_robot: tuple[Member, ...] = ()
     service: tuple[Member, ...] = ()
     bounds: dict[str, float | int | Bound] = {}
+
+    def shared(self, robot: Robot) -> tuple[tuple[int, Member], ...]:
+        """Those of ``every_robot`` that a robot gets, each with its index in the file."""
+        return tuple(
+            (index, each)
+            for index, each in enumerate(self.every_robot)
+            if not each.models or robot.model in each.models
+        )

@@ -21,6 +21,7 @@ def check(fleet: Fleet, source: Source) -> None:
     robots: set[str] = set()
     for index, robot in enumerate(fleet.robot):
         _check_robot(robot, ("robot", index), robots, source)
+    _check_models(fleet, source)
     nodes: dict[str, str] = {}
     for path, member, owner in _members(fleet):
         _check_member(member, path, owner, source)
@@ -50,7 +51,7 @@ def _members(fleet: Fleet) -> Iterator[tuple[tuple[Step, ...], Member, Robot | N
     for number, robot in enumerate(fleet.robot):
         for index, member in enumerate(robot.services):
             yield ("robot", number, "services", index), member, robot
-        for index, member in enumerate(fleet.every_robot):
+        for index, member in fleet.shared(robot):
             yield ("every_robot", index), member, robot
 
 
@@ -66,6 +67,18 @@ def _check_robot(robot: Robot, path: tuple[Step, ...], names: set[str], source: 
         raise unknown("model", robot.model, MODELS, source.at(*path, "model"))
     for name, value in robot.parameters.items():
         build(BaseParameters, {name: value}, source.at(*path, "parameters", name))
+
+
+def _check_models(fleet: Fleet, source: Source) -> None:
+    """Models are stated for those of every robot alone, and each of them has a robot of them."""
+    own = {robot.model for robot in fleet.robot}
+    for index, member in enumerate(fleet.every_robot):
+        for name in member.models:
+            if name not in own:
+                raise unknown("model", name, own, source.at("every_robot", index, "models"))
+    for path, member, _ in _members(fleet):
+        if member.models and path[0] != "every_robot":
+            raise BadInput(f"{source.at(*path, 'models')}: models is for [[every_robot]] alone")
 
 
 def _check_member(member: Member, path: tuple[Step, ...], owner: Robot | None, source: Source) -> None:

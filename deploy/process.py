@@ -55,7 +55,8 @@ def _stated(fleet: Fleet) -> list[_Stated]:
     stated = [_Stated(own.get(kind, Member(kind=kind)), None) for kind in IMPLIED]
     stated += [_Stated(each, None) for each in fleet.service if each.kind not in IMPLIED]
     for robot in fleet.robot:
-        stated += [_Stated(each, robot) for each in (*robot.services, *fleet.every_robot)]
+        stated += [_Stated(each, robot) for each in robot.services]
+        stated += [_Stated(each, robot) for _, each in fleet.shared(robot)]
     return stated
 
 

@@ -14,6 +14,7 @@ from deploy.claim import Running, claim
 from deploy.fleet import Fleet
 from deploy.process import processes
 from deploy.progress import Progress, Screen
+from deploy.report.notes import notes
 from deploy.report.record import Report, RunFacts
 from deploy.report.write import write_report
 from deploy.supervisor.child import Nursery
@@ -90,16 +91,17 @@ async def _until_end(supervisor: Supervisor, screen: Screen) -> Outcome:
 
 
 def _graded(fleet: Fleet, folder: Path, outcome: Outcome, started: str) -> Result:
-    facts = RunFacts(
-        fleet=fleet.name,
-        mode=fleet.run.mode,
-        seed=fleet.run.seed,
-        version=VERSION,
-        wall_seconds=outcome.wall_seconds,
-        restarts=outcome.restarts,
-        started=started,
-    )
     try:
+        facts = RunFacts(
+            fleet=fleet.name,
+            mode=fleet.run.mode,
+            seed=fleet.run.seed,
+            version=VERSION,
+            wall_seconds=outcome.wall_seconds,
+            restarts=outcome.restarts,
+            started=started,
+            notes=notes(fleet),
+        )
         return Result(outcome=outcome, report=write_report(folder, facts, fleet.bounds))
     except BadInput as error:
         return Result(outcome=outcome, report=None, trouble=str(error))

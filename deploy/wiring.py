@@ -8,6 +8,10 @@ from typing import Any
 import msgspec
 
 from deploy.fleet import Fleet, Robot
+from models.figures import read_model
+from services.runtime.parameters import build
+from services.sim import BaseParameters
+from services.sim.settings import effective
 
 IMPLIED = ("router", "sim", "grader")
 """Services that every fleet has; a fleet file states one only to set its parameters."""
@@ -45,6 +49,7 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
         case "grader":
             return {
                 "robots": [each.name for each in robots],
+                "halting": [_halting(each) for each in robots if read_model(each.model).wheels],
                 "ends": run.ends,
                 "duration": run.duration,
                 "output": str(terms.folder),
@@ -64,3 +69,11 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
 def _entry(robot: Robot) -> dict[str, Any]:
     pose = {"x": robot.pose.x, "y": robot.pose.y, "yaw": robot.pose.yaw}
     return {"name": robot.name, "model": robot.model, **pose, "parameters": robot.parameters}
+
+
+def _halting(robot: Robot) -> dict[str, Any]:
+    """How the base of a robot stops when its commander falls silent: by its parameters, else by its model."""
+    model = read_model(robot.model)
+    assert model.wheels is not None
+    base = effective(robot.model, model, build(BaseParameters, robot.parameters))
+    return {"name": robot.name, "timeout": base.cmd_vel_timeout, "brake": base.brake or model.wheels.brake}

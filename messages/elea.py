@@ -6,7 +6,7 @@ from msgspec import Meta
 
 from messages.base import Count, Message, Metres
 from messages.geometry import Pose, Twist
-from messages.std import Header
+from messages.std import Header, Time
 
 Seconds = Annotated[float, Meta(ge=0, le=1e9, extra={"unit": "s"})]
 
@@ -58,7 +58,10 @@ class GoalStatus(Message, frozen=True, kw_only=True):
 
 
 class BaseStatus(Message, frozen=True, kw_only=True):
-    """What a base obeys and refuses; the counts grow from spawn to delete."""
+    """What a base obeys and refuses; the counts grow from spawn to delete.
+
+    ``last_command`` is the simulation time of the newest command that it took.
+    """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/BaseStatus"
     header: Header = Header()
@@ -70,6 +73,7 @@ class BaseStatus(Message, frozen=True, kw_only=True):
     commands_timed_out: Count = 0
     stale_dropped: Count = 0
     refused: Count = 0
+    last_command: Time = Time()
     colliding: bool = False
     collisions: Count = 0
 

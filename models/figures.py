@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import math
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
 
-from models import figures_path
+from models import figures_path, model_path
+from models.wheels import NoWheels, read_wheels
 
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
@@ -20,8 +22,9 @@ class Figures(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 class Wheels(Figures, frozen=True, kw_only=True):
     """A base with two driven wheels.
 
-    Lengths in m. ``max_linear`` [m/s] and ``max_angular`` [rad/s] are the hardware's; ``acceleration`` and ``brake``
-    [m/s2] are those of a wheel's rim, the second after a time-out or an emergency stop; ``torque`` [N m] per wheel.
+    Lengths in m; ``separation`` and ``radius`` are the URDF's unless stated. ``max_linear`` [m/s] and ``max_angular``
+    [rad/s] are the hardware's; ``acceleration`` and ``brake`` [m/s2] are those of a wheel's rim, or of the base where
+    ``drive`` says ``ramp = "base"``, the second after a time-out or an emergency stop; ``torque`` [N m] per wheel.
     """
 
     left_joint: str
@@ -36,7 +39,8 @@ class Wheels(Figures, frozen=True, kw_only=True):
 
 
 class Laser(Figures, frozen=True, kw_only=True):
-    """A turning laser: ``samples`` rays over a whole turn, counter-clockwise from the link's x axis.
+    """A turning laser: ``samples`` rays, counter-clockwise in the link's plane, from ``angle_min`` [rad, from its x
+    axis] to ``angle_max``, both included; without ``angle_max`` over a whole turn.
 
     ``rate`` [Hz], ranges and ``noise`` (standard deviation) in m. Rays start ``clearance`` [m] from the link's origin,
     outside the laser's own housing.
@@ -49,6 +53,42 @@ class Laser(Figures, frozen=True, kw_only=True):
     range_max: Positive
     noise: NotNegative
     clearance: Positive
+    angle_min: float = 0.0
+    angle_max: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.angle_max is None:
+            return
+        span = self.angle_max - self.angle_min
+        if not 0 < span < 2 * math.pi:
+            raise ValueError(
+                f"angle_max - angle_min is {span:.4f} rad, it lies between 0 and 2 pi; leave out a whole turn"
+            )
+        if self.samples < 2:
+            raise ValueError("from angle_min to angle_max there are at least 2 samples")
+
+    @property
+    def increment(self) -> float:
+        """The angle from one ray to the next, rad."""
+        if self.angle_max is None:
+            return 2 * math.pi / self.samples
+        return (self.angle_max - self.angle_min) / (self.samples - 1)
+
+
+class Sonar(Figures, frozen=True, kw_only=True):
+    """A ring of sonars, each at the origin of one of ``links`` and looking along its x axis.
+
+    All hear ``rate`` times a second [Hz] the nearest echo within a cone of the whole angle ``cone`` [rad]; ranges and
+    ``noise`` (standard deviation) in m. All are mounted on ``link``: their echoes are told as points in its frame.
+    """
+
+    link: str
+    links: Annotated[tuple[str, ...], Meta(min_length=1, max_length=64)]
+    rate: Positive
+    cone: Annotated[float, Meta(gt=0, lt=3.14)]
+    range_min: Positive
+    range_max: Positive
+    noise: NotNegative
 
 
 class Inertial(Figures, frozen=True, kw_only=True):
@@ -75,7 +115,8 @@ class Camera(Figures, frozen=True, kw_only=True):
 class Model(Figures, frozen=True, kw_only=True):
     """A robot: ``radius`` [m] of the circle around ``base_frame`` that holds it, and what it carries.
 
-    ``odometry_rate`` [Hz] is that of odometry, ground truth and joint states.
+    ``odometry_rate`` [Hz] is that of odometry, ground truth and joint states. ``drive`` holds what this model's base
+    driver takes for parameters that a fleet leaves open, by the names of ``services.sim.BaseParameters``.
     """
 
     about: str
@@ -84,11 +125,27 @@ class Model(Figures, frozen=True, kw_only=True):
     odometry: Literal["world", "encoder"]
     odometry_rate: Positive
     wheels: Wheels | None = None
+    drive: dict[str, Any] = {}
     laser: Laser | None = None
+    sonar: Sonar | None = None
     imu: Inertial | None = None
     camera: Camera | None = None
 
 
 def read_model(name: str) -> Model:
     """The figures of the robot ``name``; raises ``models.UnknownModel``."""
-    return msgspec.toml.decode(figures_path(name).read_bytes(), type=Model)
+    table = msgspec.toml.decode(figures_path(name).read_bytes())
+    if "wheels" in table:
+        _complete(table["wheels"], name)
+    return msgspec.convert(table, Model)
+
+
+def _complete(wheels: dict[str, Any], name: str) -> None:
+    """Fill in from the URDF what the model file leaves out of its wheels."""
+    if {"separation", "radius"} <= wheels.keys() or not {"left_joint", "right_joint"} <= wheels.keys():
+        return
+    pair = read_wheels(model_path(name), wheels["left_joint"], wheels["right_joint"])
+    if pair.left_radius is None and "radius" not in wheels:
+        raise NoWheels(f"{name}: neither [wheels] nor a collision sphere or cylinder of the left wheel tells a radius")
+    wheels.setdefault("separation", pair.separation)
+    wheels.setdefault("radius", pair.left_radius)

@@ -27,7 +27,8 @@ Bounds = Mapping[str, float | int | Bound]
 DEFAULTS: Bounds = {"collisions": 0, "messages_lost": 0}
 """Hold in every run unless the fleet states others; beside them, every robot must be seen and reach all its points."""
 
-ROBOT_KEYS = tuple(each.name for each in msgspec.structs.fields(RobotFigures) if not each.name.startswith("points_"))
+_LISTS = ("points_reached", "points_reached_at", "points_closest_m", "corners")
+ROBOT_KEYS = tuple(each.name for each in msgspec.structs.fields(RobotFigures) if each.name not in _LISTS)
 RUN_KEYS = ("sim_seconds", "wall_seconds", "real_time_factor", "messages_lost", "restarts")
 KEYS = (*ROBOT_KEYS, "points_reached", *RUN_KEYS)
 

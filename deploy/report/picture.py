@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from io import BytesIO
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from deploy.report.record import Report
+from deploy.report.table import squares
 from services.grader.records import TRAIL_COLUMNS
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
@@ -42,6 +44,7 @@ def picture(report: Report, trajectories: Path) -> bytes:
     along.sharex(across)
     _dress(along, "True speed", "simulation time [s]", "m/s")
     along.set_ylim(bottom=0)
+    _squares(above, report)
     _legend(figure, above)
     _head(figure, report)
     out = BytesIO()
@@ -61,11 +64,22 @@ def _column(trail: np.ndarray, name: str) -> np.ndarray:
 def _paths(axes: Any, path: np.ndarray, trail: np.ndarray, colour: str, name: str) -> None:
     axes.plot(path[:, 0], path[:, 1], color=colour, lw=5, alpha=0.16, solid_joinstyle="round", zorder=1)
     axes.plot(_column(trail, "x"), _column(trail, "y"), color=colour, lw=1.3, label=name, zorder=3)
-    axes.plot(
-        _column(trail, "odom_x"), _column(trail, "odom_y"), color=INK, lw=0.8, ls=(0, (1, 4)), alpha=0.8, zorder=4
-    )
+    # Odometry may come less often than ground truth; between its samples the trail has none.
+    seen = trail[~np.isnan(_column(trail, "odom_x"))]
+    axes.plot(_column(seen, "odom_x"), _column(seen, "odom_y"), color=INK, lw=0.8, ls=(0, (1, 4)), alpha=0.8, zorder=4)
     axes.plot(path[1:, 0], path[1:, 1], ls="", marker="o", ms=5, mfc="white", mec=colour, mew=1.3, zorder=5)
     axes.plot(path[:1, 0], path[:1, 1], ls="", marker="s", ms=6, color=colour, zorder=6)
+
+
+def _squares(axes: Any, report: Report) -> None:
+    """How each square closed, and why it did not, below the title of the paths."""
+    lines = [line for line in squares(report) if "closed" in line]
+    lines += [line for note in report.notes for line in wrap(note, 78)]
+    if lines:
+        axes.text(0.01, 0.985, "\n".join(lines), transform=axes.transAxes, va="top", fontsize=7.5, color=INK, zorder=7)
+        # A point that is not drawn makes room; limits set by hand would cut the paths, the scales being equal.
+        reach = axes.dataLim
+        axes.plot([reach.x0], [reach.y1 + reach.height * (0.05 + 0.03 * len(lines))], ls="")
 
 
 def _cross_track(axes: Any, report: Report, arrays: Trails) -> None:

@@ -32,6 +32,7 @@ class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
     wall_seconds: float
     restarts: int = 0
     started: str = ""
+    notes: tuple[str, ...] = ()
 
 
 class RunFigures(msgspec.Struct, frozen=True, kw_only=True):
@@ -69,6 +70,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     run: RunFigures
     robots: dict[str, RobotFigures]
     checks: tuple[Check, ...]
+    notes: Annotated[tuple[str, ...], _text("what is off by design, and why, in words")]
 
 
 def run_figures(facts: RunFacts, measured: Measurements) -> RunFigures:

@@ -6,7 +6,7 @@ import sys
 from typing import TextIO
 
 from deploy.report.record import Report
-from services.grader.records import RobotFigures
+from services.grader.records import CornerFigures, RobotFigures
 
 _HEADINGS = (
     ("", "robot"),
@@ -56,6 +56,41 @@ def missed(report: Report) -> list[str]:
     ]
 
 
+def told(report: Report) -> list[str]:
+    """What the table has no columns for."""
+    return [*squares(report), *stops(report), *report.notes]
+
+
+def squares(report: Report) -> list[str]:
+    """For each robot that drove a closed way: how it met the corners, and how the way closed."""
+    lines = []
+    for name, each in report.robots.items():
+        met = [corner for corner in each.corners if corner is not None]
+        if met and len(met) <= 8:
+            off, turned = _each(met, "true_m", 1000, ".1f"), _each(met, "true_deg", 1, "+.2f")
+            lines.append(f"{name}: off its corners by {off} mm, in heading {turned} deg")
+        elif met:
+            most, turn = max(corner.true_m for corner in met), max(abs(corner.true_deg) for corner in met)
+            lines.append(f"{name}: off its {len(met)} corners by at most {1000 * most:.1f} mm, {turn:.2f} deg")
+        if each.closure_m is not None:
+            true = f"{_number(each.closure_m, 1000, 1)} mm and {_number(each.closure_heading_deg, 1, 2)} deg"
+            odometry = f"{_number(each.closure_odometry_m, 1000, 1)} mm and "
+            odometry += f"{_number(each.closure_odometry_heading_deg, 1, 2)} deg"
+            lines.append(f"{name}: closed to {true}; by odometry {odometry}")
+    return lines
+
+
+def stops(report: Report) -> list[str]:
+    """For each robot whose commander fell silent: how it came to rest, against the theory."""
+    return [
+        f"{name}: left without a command {each.stops} times; from {_number(each.stop_speed, 1, 2)} m/s to rest in "
+        f"{_number(each.stop_time_s, 1, 2)} s and {_number(each.stop_distance_m, 1000, 0)} mm (theory "
+        f"{_number(each.stop_time_theory_s, 1, 2)} s, {_number(each.stop_distance_theory_m, 1000, 0)} mm)"
+        for name, each in report.robots.items()
+        if each.stops
+    ]
+
+
 def verdict(report: Report) -> str:
     """How many checks hold."""
     held = sum(each.ok for each in report.checks)
@@ -78,6 +113,10 @@ def _row(name: str, figures: RobotFigures) -> tuple[str, ...]:
     )
 
 
+def _each(corners: list[CornerFigures], name: str, factor: float, form: str) -> str:
+    return " ".join(f"{factor * getattr(corner, name):{form}}" for corner in corners)
+
+
 def _number(value: float | None, factor: float, digits: int) -> str:
     return "-" if value is None else f"{value * factor:.{digits}f}"
 
@@ -88,7 +127,7 @@ def _plain(report: Report, rows: list[tuple[str, ...]], out: TextIO) -> None:
     for row in lines:
         cells = [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
         out.write("  ".join(cells).rstrip() + "\n")
-    out.write("\n".join((summary(report), *missed(report), verdict(report))) + "\n")
+    out.write("\n".join((*told(report), summary(report), *missed(report), verdict(report))) + "\n")
 
 
 def _coloured(report: Report, rows: list[tuple[str, ...]], out: TextIO) -> None:
@@ -105,6 +144,8 @@ def _coloured(report: Report, rows: list[tuple[str, ...]], out: TextIO) -> None:
     for row in rows:
         table.add_row(*row, style="red" if row[0] in bad else None)
     console.print(table)
+    for line in told(report):
+        console.print(Text(line))
     console.print(Text(summary(report), style="dim"))
     for line in missed(report):
         console.print(Text(line, style="red"))

@@ -28,7 +28,14 @@ def compose(measured: Measurements, facts: RunFacts, bounds: Bounds) -> Report:
     """The report of a run."""
     run = run_figures(facts, measured)
     found = checks(run, measured.robots, bounds)
-    return Report(schema=SCHEMA, ok=all(each.ok for each in found), run=run, robots=measured.robots, checks=found)
+    return Report(
+        schema=SCHEMA,
+        ok=all(each.ok for each in found),
+        run=run,
+        robots=measured.robots,
+        checks=found,
+        notes=facts.notes,
+    )
 
 
 def write_report(folder: Path, facts: RunFacts, bounds: Bounds) -> Report:

@@ -4,16 +4,26 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import msgspec
 from msgspec import Meta
 
 from messages.topics import BASE_STATUS, GROUND_TRUTH, HEALTH, ODOM, PLAN, STATUS
 from services.runtime.service import Parameters, Service
 
 
+class Halting(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How the base of robot ``name`` stops: ``timeout`` [s] after the last command it brakes, at ``brake`` [m/s2]."""
+
+    name: str
+    timeout: Annotated[float, Meta(ge=0, extra={"unit": "s"})]
+    brake: Annotated[float, Meta(gt=0, extra={"unit": "m/s2"})]
+
+
 class GraderParameters(Parameters, frozen=True, kw_only=True):
     """Whom to watch, until when, and where the measurements go."""
 
     robots: Annotated[tuple[str, ...], Meta(description="namespaces of the robots to measure")] = ()
+    halting: Annotated[tuple[Halting, ...], Meta(description="how their bases stop, for the theory of stops")] = ()
     ends: Annotated[
         Literal["goals", "duration", "never"],
         Meta(description="end the run when all robots have finished, after the duration, or only when stopped"),

@@ -24,12 +24,13 @@ def run(ctx: Context[GraderParameters]) -> None:
     robots = [name.strip("/") for name in p.robots]
     watched = [Watched(ctx, name) for name in robots]
     health = ctx.stream(HEALTH)
-    graded = Run(robots, p.reach_tolerance)
+    halting = {each.name.strip("/"): each for each in p.halting}
+    graded = Run(robots, p.reach_tolerance, halting)
     ended: Ended = "stopped"
     try:
         for tick in ctx.ticks():
             if tick.reset:
-                graded = Run(robots, p.reach_tolerance)
+                graded = Run(robots, p.reach_tolerance, halting)
             for robot in watched:
                 robot.pass_on(graded)
             graded.health(health.take())

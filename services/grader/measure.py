@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from enum import IntEnum
 
 from messages.elea import BaseStatus, GoalStatus, Health
 from messages.nav import Odometry, Path
 from messages.std import SECOND
+from services.grader import Halting
 from services.grader.losses import Losses
 from services.grader.records import Ended, Measurements
 from services.grader.reference import Point
@@ -34,8 +35,11 @@ class Run:
     Nothing depends on the order of arrival: messages wait until ``advance`` passes their stamps.
     """
 
-    def __init__(self, robots: Iterable[str], reach_tolerance: float) -> None:
-        self.robots = {name: RobotMeter(reach_tolerance) for name in sorted(robots)}
+    def __init__(
+        self, robots: Iterable[str], reach_tolerance: float, halting: Mapping[str, Halting] | None = None
+    ) -> None:
+        bases = halting or {}
+        self.robots = {name: RobotMeter(reach_tolerance, bases.get(name)) for name in sorted(robots)}
         self.losses = Losses()
         self._waiting: list[tuple[int, Kind, str, Judged]] = []
         self._end = 0
@@ -83,11 +87,11 @@ class Run:
             case Kind.ODOMETRY, Odometry():
                 meter.drift.take(message)
             case Kind.PLAN, Path():
-                meter.plan(message)
+                meter.tell(message)
             case Kind.STATUS, GoalStatus():
-                meter.progress.status(message)
+                meter.tell(message)
             case Kind.BASE, BaseStatus():
-                meter.base = message
+                meter.base(message)
 
     def _space(self, stamp: int, name: str, here: Point) -> None:
         """Distances between the robots that have a sample of one and the same instant."""

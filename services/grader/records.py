@@ -16,6 +16,23 @@ def _count(text: str) -> Meta:
     return Meta(ge=0, description=text)
 
 
+class CornerFigures(msgspec.Struct, frozen=True, kw_only=True):
+    """A corner of a closed way, where the robot said that it had reached it; headings are off to the left if positive.
+
+    true: on ground truth; odometry: by the robot's own odometry, placed in the world where the two first agreed.
+    """
+
+    at_s: Annotated[float, _figure("simulation time at which the robot said so", "s")]
+    true_m: Annotated[float, _figure("true distance from the corner", "m")]
+    true_deg: Annotated[
+        float, Meta(description="true heading less the one asked for", extra_json_schema={"unit": "deg"})
+    ]
+    odometry_m: Annotated[float, _figure("distance from the corner by odometry", "m")]
+    odometry_deg: Annotated[
+        float, Meta(description="heading by odometry less the one asked for", extra_json_schema={"unit": "deg"})
+    ]
+
+
 class RobotFigures(msgspec.Struct, frozen=True, kw_only=True):
     """One robot, measured on ground truth in simulation time. null: there was nothing to measure."""
 
@@ -38,6 +55,26 @@ class RobotFigures(msgspec.Struct, frozen=True, kw_only=True):
         Annotated[float, _figure("largest distance of odometry to ground truth, from a common start", "m")] | None
     )
     odometry_error_final_m: Annotated[float, _figure("that distance at the end", "m")] | None
+    odometry_heading_error_max_deg: (
+        Annotated[float, _figure("largest difference of the headings of odometry and ground truth", "deg")] | None
+    )
+    odometry_heading_error_final_deg: Annotated[float, _figure("that difference at the end", "deg")] | None
+    corners: Annotated[
+        tuple[CornerFigures | None, ...],
+        Meta(description="corners of a closed way, as a square is, in order; null where not reached"),
+    ]
+    closure_m: Annotated[float, _figure("true distance of the end of the closed way from its beginning", "m")] | None
+    closure_heading_deg: Annotated[float, _figure("true difference of the headings there", "deg")] | None
+    closure_odometry_m: Annotated[float, _figure("the same distance by odometry", "m")] | None
+    closure_odometry_heading_deg: Annotated[float, _figure("the same difference by odometry", "deg")] | None
+    stops: Annotated[int, _count("times that the base came to rest because no live command was left")]
+    stop_speed: (
+        Annotated[float, _figure("true speed at the last command before the longest of these stops", "m/s")] | None
+    )
+    stop_time_s: Annotated[float, _figure("time from that command to rest", "s")] | None
+    stop_distance_m: Annotated[float, _figure("true way from that command to rest", "m")] | None
+    stop_time_theory_s: Annotated[float, _figure("what the time should be: timeout + v / a", "s")] | None
+    stop_distance_theory_m: Annotated[float, _figure("what the way should be: v timeout + v^2 / 2a", "m")] | None
     path_length_m: Annotated[float, _figure("length of the true path over ground", "m")]
     time_s: Annotated[float, _figure("simulation time at which the robot had finished its plan", "s")] | None
     min_distance_m: (

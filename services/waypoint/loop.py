@@ -7,11 +7,11 @@ from messages.geometry import STOP, Pose, PoseStamped, Twist
 from messages.nav import Odometry, Path
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, GOAL_POSE, ODOM, PLAN, STATUS
+from services.motion.planar import Motion, Planar
 from services.runtime.context import Context
 from services.waypoint import WaypointParameters
 from services.waypoint.pilot import Pilot, Progress
 from services.waypoint.plan import Goal, Plan
-from services.waypoint.planar import Motion, Planar
 
 
 def run(ctx: Context[WaypointParameters]) -> None:

@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from services.motion.planar import STILL, Motion, Planar
 from services.waypoint import WaypointParameters
 from services.waypoint.law import SEED_SWITCH, seed
 from services.waypoint.plan import ORIGIN, Goal, Plan
-from services.waypoint.planar import STILL, Motion, Planar
 from services.waypoint.steady import Approach, Stage, begin, step
 
 State = Literal["idle", "driving", "reached", "finished", "waiting"]

@@ -6,10 +6,10 @@ import math
 from enum import Enum, auto
 from typing import NamedTuple
 
+from services.motion.planar import STILL, Leg, Motion, Planar, wrap
+from services.motion.profile import brake, course, limited, turn
 from services.waypoint import WaypointParameters
-from services.waypoint.law import brake, course, limited, turn
 from services.waypoint.plan import Goal
-from services.waypoint.planar import STILL, Leg, Motion, Planar, wrap
 
 ALIGNED = 0.02
 """Heading error [rad] below which the robot sets off; 0.22 m/s over 0.2 s of lag make it 1 mm of offset."""

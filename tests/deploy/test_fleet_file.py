@@ -111,6 +111,8 @@ def test_wrong_value(old: str, new: str, place: int, what: str) -> None:
         ('name = "driver"', "", 13, "/b/waypoint is already stated"),
         ('kind = "logger"', 'kind = "logger"\nremap = { "*" = "x" }', 27, "wildcards are not allowed"),
         ('kind = "logger"', 'kind = "logger"\nfrom_start = ["x"]', 27, "needs a robot"),
+        ('kind = "logger"', 'kind = "logger"\nmodels = ["burger"]', 27, "for [[every_robot]] alone"),
+        ('from_start = ["goals"]', 'models = ["waffle_pi"]', 23, "unknown model 'waffle_pi'"),
         ('kind = "logger"\n', 'kind = "sim"\nname = "world"\n', 25, "keeps its name"),
         ('mode = "real"', 'ends = "duration"', 3, "needs a duration"),
         ("factor = 2", "factor = ", 4, "not TOML"),
@@ -136,6 +138,6 @@ def test_file_that_is_no_text(tmp_path: Path) -> None:
 
 
 def test_every_fleet_of_the_project_is_good() -> None:
-    assert {"lab", "bare"} <= set(fleet_names())
+    assert {"lab", "bare", "square", "square_seed"} <= set(fleet_names())
     for name in fleet_names():
         assert read_fleet(find_fleet(name)).name == name

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from deploy.catalogue import declaration
-from deploy.fleet import Fleet, Member, Run
+from deploy.fleet import Fleet, Member, Robot, Run
 from deploy.fleet_file import find_fleet, fleet_names, read_fleet
 from deploy.policy import Policy
 from deploy.process import Process, processes
@@ -47,7 +47,7 @@ def test_lab_starts_in_order_and_steps_together() -> None:
     plan = expand(read_fleet(find_fleet("lab")))
     assert plan["router"].depends_on == ()
     assert plan["sim"].depends_on == ("router",)
-    drivers = [f"tb3_{robot}/waypoint" for robot in range(4)]
+    drivers = [*(f"tb3_{robot}/waypoint" for robot in range(4)), "p3dx/square"]
     assert all(plan[each].depends_on == ("router", "sim") for each in (*drivers, "logger", "grader"))
     members = read_assignments(options(plan["sim"], "--param"))["members"]
     assert {"/grader", *(f"/{each}" for each in drivers)} <= set(members)
@@ -74,8 +74,24 @@ def test_what_the_end_of_each_means() -> None:
         "sim": "on-failure",
         "grader": "never",
         "logger": "on-failure",
+        "p3dx/square": "on-failure",
         **{f"tb3_{robot}/waypoint": "on-failure" for robot in range(4)},
     }
+
+
+def test_the_services_of_every_robot_may_be_for_some_models_alone() -> None:
+    shared = Member(kind="waypoint", models=("burger",))
+    robots = (Robot(name="a", model="burger"), Robot(name="b", model="p3dx"))
+    plan = expand(Fleet(name="own", robot=robots, every_robot=(shared,)))
+    assert "a/waypoint" in plan
+    assert "b/waypoint" not in plan
+
+
+def test_the_grader_knows_how_each_base_stops() -> None:
+    own = {"cmd_vel_timeout": 0.5, "brake": 0.3}
+    robots = (Robot(name="a", model="p3dx", parameters=own), Robot(name="b", model="p3dx"))
+    told = read_assignments(options(expand(Fleet(name="own", robot=robots))["grader"], "--param"))["halting"]
+    assert told == [{"name": "a", "timeout": 0.5, "brake": 0.3}, {"name": "b", "timeout": 0.25, "brake": 1.5}]
 
 
 def test_stated_beats_implied() -> None:

@@ -9,10 +9,10 @@ from messages.geometry import Pose, PoseWithCovariance, Twist, TwistWithCovarian
 from messages.nav import Odometry
 from messages.std import Header, Time
 from services.grader.measure import Judged, Kind, Run
+from services.motion.planar import Planar
 from services.waypoint import WaypointParameters
 from services.waypoint.loop import path, status
 from services.waypoint.pilot import Pilot
-from services.waypoint.planar import Planar
 from tests.unit_waypoint.ideal_base import drive
 
 Points = tuple[tuple[float, float], ...]

@@ -21,6 +21,7 @@ from tests.system.laps import reordered, short
 from tests.system.terminal import Ended, Terminal
 
 ROBOTS = [f"tb3_{number}" for number in range(4)]
+ALL = ["p3dx", *ROBOTS]
 RUN_KEYS = {
     *("fleet", "mode", "sim_seconds", "wall_seconds", "real_time_factor", "seed", "version"),
     *("trajectory_hash", "messages_lost", "restarts"),
@@ -77,7 +78,16 @@ def test_every_robot_reaches_every_point(first: Lap) -> None:
         assert 0.97 < robot["path_length_m"] < 1.05
         assert robot["cross_track_max_m"] < 0.01
         assert 0.45 < robot["min_distance_m"] <= 0.5
-    assert 8 < first.run["sim_seconds"] < 15
+    assert 8 < first.run["sim_seconds"] < 25
+
+
+def test_the_pioneer_drives_its_square_beside_them_and_meets_nobody(first: Lap) -> None:
+    pioneer = first.report["robots"]["p3dx"]
+    assert (pioneer["points"], pioneer["points_reached"], pioneer["collisions"]) == (4, 4, 0)
+    assert pioneer["closure_m"] < 0.005
+    assert pioneer["closure_heading_deg"] < 0.5
+    assert pioneer["odometry_error_max_m"] < 0.001
+    assert pioneer["min_distance_m"] > 1.5
 
 
 def test_the_report_is_as_promised(first: Lap) -> None:
@@ -85,7 +95,7 @@ def test_the_report_is_as_promised(first: Lap) -> None:
     assert first.report == json.loads((first.results / "report.json").read_text())
     assert first.report["schema"] == 1
     assert first.run.keys() >= RUN_KEYS
-    assert list(first.report["robots"]) == ROBOTS
+    assert list(first.report["robots"]) == ALL
     assert all(robot.keys() >= ROBOT_KEYS for robot in first.report["robots"].values())
     assert first.report["checks"]
     assert all(check.keys() >= {"name", "value", "bound", "ok"} for check in first.report["checks"])
@@ -138,7 +148,7 @@ def test_its_duration_ends_it(terminal: Terminal) -> None:
     assert (lap.run["ended"], lap.run["sim_seconds"]) == ("duration", 2.0)
     assert lap.ended.status == 1
     missed = [check["name"] for check in lap.report["checks"] if not check["ok"]]
-    assert missed == [f"{name}.points_reached" for name in ROBOTS]
+    assert missed == [f"{name}.points_reached" for name in ALL]
 
 
 def test_the_recording_opens_in_the_viewer(first: Lap, tmp_path: Path) -> None:

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from services.motion.planar import STILL, Motion, Planar
 from services.waypoint.pilot import Pilot, Progress
-from services.waypoint.planar import STILL, Motion, Planar
 
 PHYSICS = 0.005
 CONTROL = 0.04

@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.waypoint.law import brake, course, limited, seed, turn
-from services.waypoint.planar import Leg, Motion, Planar, wrap
+from services.motion.planar import Leg, Motion, Planar, wrap
+from services.motion.profile import brake, course, limited, turn
+from services.waypoint.law import seed
 
 
 def quadrants(x: float, y: float, yaw: float, goal_x: float, goal_y: float) -> float:

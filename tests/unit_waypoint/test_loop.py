@@ -10,8 +10,8 @@ from messages.geometry import STOP, Pose, PoseStamped, PoseWithCovariance, Twist
 from messages.nav import Odometry
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, GOAL_POSE, ODOM, PLAN, STATUS
+from services.motion.planar import Motion, Planar, wrap
 from services.waypoint import SERVICE, WaypointParameters
-from services.waypoint.planar import Motion, Planar, wrap
 from tests.unit_waypoint.bench import Bench, running
 from tests.unit_waypoint.ideal_base import CONTROL, IdealBase
 

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from services.motion.planar import STILL, Leg, Planar, wrap
 from services.waypoint import WaypointParameters
 from services.waypoint.pilot import Pilot
 from services.waypoint.plan import Goal, Plan
-from services.waypoint.planar import STILL, Leg, Planar, wrap
 from tests.unit_waypoint.ideal_base import CONTROL, IdealBase, Instant, drive
 
 TEN = ((5, 0), (1, -4), (2.5, 2.5), (4, -4), (0, 0), (0, 2.5), (5, 2.5), (5, -4), (0, -4), (0, 0))

@@ -56,3 +56,33 @@ class Leg(NamedTuple):
     def distance(self, here: Planar) -> float:
         """Straight distance to the end, m."""
         return math.hypot(self.x1 - here.x, self.y1 - here.y)
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """Where a frame lies in another one: the planar transform p' = R(yaw) p + (x, y); ``c`` and ``s`` are R's."""
+
+    c: float = 1.0
+    s: float = 0.0
+    x: float = 0.0
+    y: float = 0.0
+    yaw: float = 0.0
+
+    @classmethod
+    def of(cls, there: Planar, here: Planar) -> Placement:
+        """The transform that lays the pose ``here`` of one frame over the same pose ``there``, told in the other."""
+        yaw = there.yaw - here.yaw
+        c, s = math.cos(yaw), math.sin(yaw)
+        return cls(c, s, there.x - (c * here.x - s * here.y), there.y - (s * here.x + c * here.y), yaw)
+
+    def apply(self, pose: Planar) -> Planar:
+        """A pose told in the other frame; the yaw is not wrapped."""
+        return Planar(
+            self.c * pose.x - self.s * pose.y + self.x,
+            self.s * pose.x + self.c * pose.y + self.y,
+            pose.yaw + self.yaw,
+        )
+
+
+HERE = Placement()
+"""A frame that lies in itself."""

@@ -1,0 +1,63 @@
+"""What the figures of a run mean where they are off by design, in words."""
+
+from __future__ import annotations
+
+import math
+
+from deploy.fleet import Fleet, Robot
+from models.figures import read_model
+from services.motion.planar import Motion
+from services.runtime.parameters import build
+from services.sim import BaseParameters
+from services.sim.diffdrive.driver import AT_REST, Drive, advance, commanded
+from services.sim.settings import base_settings, effective
+from services.square import SquareParameters
+from services.square.expected import STEP_S, Base, expected, runs_on
+from services.square.seed import ANGLE_THRESHOLD
+
+
+def notes(fleet: Fleet) -> tuple[str, ...]:
+    """One text for each robot whose square is driven by the seed's law."""
+    found = []
+    for robot in fleet.robot:
+        for member in (*robot.services, *(each for _, each in fleet.shared(robot))):
+            if member.kind == "square" and member.parameters.get("law") == "seed":
+                found.append(_seed(robot, build(SquareParameters, member.parameters)))
+    return tuple(found)
+
+
+def _seed(robot: Robot, p: SquareParameters) -> str:
+    drive = _drive(robot)
+    if drive is None:
+        return f"{robot.name} has no wheels: it drives no square."
+    ends = expected(p, _base(drive))
+    told = "it would not end"
+    if ends is not None:
+        told = f"it would end {ends.closure:.3f} m and {abs(math.degrees(ends.turned)):.1f} deg from its start"
+    return (
+        f"{robot.name} drives the seed's law, which is off by design. Ten times a second it acts on a pose that is up "
+        f"to 0.1 s old; it takes a turn for done {math.degrees(ANGLE_THRESHOLD):.1f} deg before its end, but its base "
+        f"turns on by {math.degrees(runs_on(_base(drive), p.angular_speed)):.1f} deg and what the delay adds; the next "
+        "side counts from the place, and the next turn from the heading, at which it happens to be: the errors add up. "
+        f"On a base without any slip {told}."
+    )
+
+
+def _drive(robot: Robot) -> Drive | None:
+    model = read_model(robot.model)
+    if model.wheels is None:
+        return None
+    given = effective(robot.model, model, build(BaseParameters, robot.parameters))
+    return base_settings(robot.model, model, model.wheels, given).drive
+
+
+def _base(drive: Drive) -> Base:
+    """The base driver of the simulation on wheels that follow exactly."""
+    state = AT_REST
+
+    def move(command: Motion) -> Motion:
+        nonlocal state
+        state = advance(drive, state, command.v, command.w, False, STEP_S)
+        return Motion(*commanded(drive, state))
+
+    return move

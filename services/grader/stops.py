@@ -1,0 +1,97 @@
+"""Stops of a base that was left without a live command: how long and how far it ran on, against the theory."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+from messages.elea import BaseStatus
+from models.stopping import stopping
+from services.grader import Halting
+
+KEPT = 4096
+"""Samples since the last command, at most: 80 s at 50 Hz, longer than any time-out of a base."""
+RESTING = 1e-3
+"""True speed [m/s] below which a base rests; a jolt of the physics stays below it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """True at ``stamp`` [ns]: the way covered so far, m, and the speed, m/s."""
+
+    stamp: int
+    length: float
+    speed: float
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """From the last command, at a true ``speed`` [m/s], to rest: s and m; and what they should be, if that is known."""
+
+    speed: float | None = None
+    time: float | None = None
+    distance: float | None = None
+    theory_time: float | None = None
+    theory_distance: float | None = None
+
+
+class Stops:
+    """Measures each stop on ground truth. The status of the base tells of it up to 0.2 s late, so samples are kept."""
+
+    def __init__(self, halting: Halting | None = None) -> None:
+        self.count = 0
+        self.hardest = Stop()
+        self._halting = halting
+        self._samples: deque[Sample] = deque(maxlen=KEPT)
+        self._timed_out = 0
+        self._since: int | None = None
+
+    def status(self, status: BaseStatus) -> None:
+        """The base tells how often it was left without a command, and when it got its last one."""
+        last = status.last_command.ns
+        if status.commands_timed_out > self._timed_out and status.timed_out:
+            self._since = last
+        elif last != self._since:
+            self._since = None
+        self._timed_out = status.commands_timed_out
+        while len(self._samples) > 1 and self._samples[1].stamp <= last:
+            self._samples.popleft()
+        self._look()
+
+    def at(self, stamp: int, length: float, speed: float) -> None:
+        """The robot has truly covered ``length`` [m] by ``stamp`` [ns] and moves at ``speed`` [m/s]."""
+        self._samples.append(Sample(stamp, length, speed))
+        if speed < RESTING:
+            self._look()
+
+    def _look(self) -> None:
+        """Note the stop once the samples hold it whole, from the last command to rest."""
+        if self._since is None or not self._samples:
+            return
+        begin = self._samples[0]
+        end = next((i for i, each in enumerate(self._samples) if each.speed < RESTING), None)
+        if end is None:
+            return
+        since, self._since = self._since, None
+        if end == 0 or begin.stamp > since:
+            return  # it stood already, or the command is older than all samples
+        samples = list(self._samples)[: end + 1]
+        run_up = begin.speed * (since - begin.stamp) / 1e9
+        distance = samples[-1].length - begin.length - run_up
+        self.count += 1
+        if self.hardest.distance is None or distance > self.hardest.distance:
+            base = self._halting
+            theory = stopping(begin.speed, base.timeout, base.brake) if base else (None, None)
+            self.hardest = Stop(begin.speed, _end(samples) - since / 1e9, distance, *theory)
+
+
+def _end(samples: list[Sample]) -> float:
+    """When the last of the samples came to rest, s: between the last two, where the brake of the two before ends."""
+    rest = samples[-1].stamp / 1e9
+    if len(samples) < 3:
+        return rest
+    before, last = samples[-3], samples[-2]
+    if before.speed <= last.speed:
+        return rest
+    brake = (before.speed - last.speed) / (last.stamp - before.stamp)
+    return min(rest, (last.stamp + last.speed / brake) / 1e9)

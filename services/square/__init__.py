@@ -1,0 +1,60 @@
+"""The square service: one per robot, it drives the robot once or more around a square that begins where it stands."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from messages.topics import CMD_VEL, GROUND_TRUTH, ODOM, PLAN, STATUS
+from services.runtime.service import Parameters, Service
+
+LOG_FILE = "p3dx_square_log.txt"
+"""The log's name in the tutorial that the square comes from."""
+
+
+def _number(low: float, high: float, unit: str, text: str) -> Meta:
+    return Meta(ge=low, le=high, description=text, extra={"unit": unit})
+
+
+class SquareParameters(Parameters, frozen=True, kw_only=True):
+    """The square and how to drive it. The defaults suit a Pioneer 3-DX; the bounds keep the laws stable at 50 Hz."""
+
+    law: Annotated[
+        Literal["profile", "seed"],
+        Meta(description="profile: ramps to absolute corners, settles at each; seed: the original, for teaching"),
+    ] = "profile"
+    side: Annotated[float, _number(0.2, 50.0, "m", "side of the square")] = 1.0
+    count: Annotated[int, Meta(ge=0, le=50, description="squares to drive; 0 drives on for ever")] = 1
+    linear_speed: Annotated[float, _number(0.02, 2.0, "m/s", "speed along a side")] = 0.2
+    angular_speed: Annotated[float, _number(0.05, 3.0, "rad/s", "turn rate at a corner")] = 0.5
+    acceleration: Annotated[float, _number(0.05, 2.0, "m/s^2", "rise of the speed; at most what the base does")] = 0.25
+    deceleration: Annotated[float, _number(0.05, 2.0, "m/s^2", "fall of the speed; at most what the base does")] = 0.25
+    angular_acceleration: Annotated[
+        float, _number(0.2, 6.0, "rad/s^2", "change of the turn rate; at most what the base does")
+    ] = 1.5
+    tolerance: Annotated[float, _number(0.001, 0.1, "m", "distance along the side at which a corner is reached")] = (
+        0.003
+    )
+    heading_tolerance: Annotated[float, _number(0.001, 0.1, "rad", "error at which a turn is done")] = 0.003
+    patience: Annotated[
+        float, _number(0.5, 60.0, "s", "longest wait for the tolerances at a corner; then the robot goes on")
+    ] = 3.0
+    phase: Annotated[
+        float, _number(0.0, 0.08, "s", "seed: how long after a sample of its 10 Hz odometry the loop acts")
+    ] = 0.06
+    odometry_timeout: Annotated[float, _number(0.1, 5.0, "s", "odometry older than this stops the robot")] = 0.5
+    log: Annotated[
+        str, Meta(description="the CSV log, by default in the working directory (a fleet's results); empty: none")
+    ] = LOG_FILE
+
+
+SERVICE = Service(
+    name="square",
+    about="drives a robot around a square and logs what it should do, does, and truly did",
+    run="services.square.loop:run",
+    reads=(ODOM, GROUND_TRUTH),
+    writes=(CMD_VEL, PLAN, STATUS),
+    rate=50,
+    parameters=SquareParameters,
+)

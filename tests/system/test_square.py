@@ -1,0 +1,239 @@
+"""The square in real processes: graded in lockstep, twice the same; stopped by a signal, by silence, by a bad log."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import matplotlib.image
+import pytest
+
+from deploy.report.schema import SCHEMA_FILE
+from messages.geometry import STOP
+from messages.nav import Odometry
+from messages.topics import CMD_VEL, ODOM, STATUS
+from services.runtime.node import Node
+from services.square import LOG_FILE
+from services.square.record import COLUMNS
+from tests.processes import Network, Process
+from tests.system.terminal import Ended, Terminal
+from tests.system.watched import WITHIN_S, Truth, Watched, apart, speed, time_of
+from tests.waiting import until
+
+DRIVE = {"ramp": "base", "linear": {"max_acceleration": 0.3}, "angular": {"max_acceleration": 1.745329}}
+"""The tutorial's limits."""
+
+
+class Run:
+    """A fleet's run to its report."""
+
+    def __init__(self, terminal: Terminal, fleet: str, name: str, *options: str) -> None:
+        self.results = terminal.folder / name
+        self.ended: Ended = terminal.up(fleet, self.results, "--json", *options)
+        assert self.ended.out, self.ended.err
+        self.report: dict[str, Any] = json.loads(self.ended.out)
+        self.robot: dict[str, Any] = self.report["robots"]["RosAria"]
+
+    @property
+    def log(self) -> bytes:
+        """The square's CSV."""
+        return (self.results / LOG_FILE).read_bytes()
+
+
+@pytest.fixture(scope="module")
+def terminal(tmp_path_factory: pytest.TempPathFactory) -> Terminal:
+    return Terminal(tmp_path_factory.mktemp("square"))
+
+
+@pytest.fixture(scope="module")
+def square(terminal: Terminal) -> Run:
+    return Run(terminal, "square", "first")
+
+
+@pytest.fixture(scope="module")
+def seed(terminal: Terminal) -> Run:
+    return Run(terminal, "square_seed", "seed")
+
+
+def test_it_closes_on_ground_truth(square: Run) -> None:
+    assert square.ended.status == 0, square.ended.err
+    robot = square.robot
+    assert robot["closure_m"] < 0.002
+    assert robot["closure_heading_deg"] < 0.3
+    assert robot["odometry_error_max_m"] < 0.001
+    assert robot["odometry_heading_error_max_deg"] < 0.1
+    assert len(robot["corners"]) == 4
+    for corner in robot["corners"]:
+        assert corner["true_m"] < 0.003
+        assert abs(corner["true_deg"]) < 0.3
+        assert abs(corner["true_m"] - corner["odometry_m"]) < 0.001
+    assert (robot["points_reached"], robot["collisions"], robot["commands_timed_out"]) == (4, 0, 0)
+    assert 3.9 < robot["path_length_m"] < 4.1
+
+
+def test_its_report_fits_the_schema_and_has_a_picture(square: Run) -> None:
+    jsonschema.validate(square.report, json.loads(SCHEMA_FILE.read_text()))
+    assert square.report["notes"] == []
+    assert matplotlib.image.imread(square.results / "report.png").std() > 0.05
+
+
+def test_twice_it_is_the_same_bit_for_bit(terminal: Terminal, square: Run) -> None:
+    again = Run(terminal, "square", "again")
+    assert again.report["run"]["trajectory_hash"] == square.report["run"]["trajectory_hash"]
+    assert again.report["robots"] == square.report["robots"]
+    assert again.log == square.log
+
+
+def test_its_log_has_the_columns_of_the_tutorial_and_the_truth_beside_them(square: Run) -> None:
+    rows = list(csv.DictReader(square.log.decode().splitlines()))
+    assert tuple(rows[0]) == COLUMNS
+    times = [float(row["time"]) for row in rows]
+    assert times == pytest.approx([0.1 * number for number in range(len(rows))])
+    assert 330 < len(rows) < 420
+    for row in rows:
+        desired, actual, truth = (
+            [float(row[f"{kind}_{axis}"]) for axis in "xy"] for kind in ("desired", "actual", "truth")
+        )
+        assert math.dist(desired, actual) < 0.02
+        assert math.dist(actual, truth) < 0.001
+        assert float(row["error"]) == pytest.approx(math.dist(desired, truth), abs=1e-12)
+        assert float(row["drift"]) == pytest.approx(math.dist(actual, truth), abs=1e-12)
+    assert {row["doing"] for row in rows} == {"drive", "turn"}
+    assert rows[-1]["corner"] == "3"
+
+
+def test_the_law_of_the_tutorial_misses_as_computed_and_the_report_says_why(seed: Run) -> None:
+    assert seed.ended.status == 0, seed.ended.err
+    robot = seed.robot
+    assert 0.2 < robot["closure_m"] < 0.24
+    assert 17 < robot["closure_heading_deg"] < 19
+    turned = [corner["true_deg"] for corner in robot["corners"]]
+    assert turned == pytest.approx([0.3, 4.8, 9.4, 13.9], abs=2.0)
+    assert robot["odometry_error_max_m"] < 0.001, "its odometry is not to blame"
+    assert robot["closure_odometry_heading_deg"] == pytest.approx(robot["closure_heading_deg"], abs=0.05)
+    (note,) = seed.report["notes"]
+    assert "off by design" in note
+    assert "would end 0.223 m and 18.2 deg" in note
+    assert robot["closure_m"] == pytest.approx(0.223, abs=0.003)
+    assert robot["closure_heading_deg"] == pytest.approx(18.2, abs=0.2)
+
+
+def test_the_log_of_the_tutorials_law_shows_its_states(seed: Run) -> None:
+    rows = list(csv.DictReader(seed.log.decode().splitlines()))
+    assert {row["doing"] for row in rows} == {"MOVE_FORWARD", "ROTATE", "done"}
+    assert math.degrees(float(rows[-1]["actual_yaw"])) == pytest.approx(18.1, abs=0.3)
+
+
+class Pioneer:
+    """A Pioneer on the wall clock, its truth and its commands; the square is started by the test."""
+
+    def __init__(self, network: Network, node: Node) -> None:
+        self.network, self.node = network, node
+        self.truth = Truth(node, "RosAria")
+        self.commands = Watched(node.read(CMD_VEL, "/RosAria/cmd_vel"))
+        self.status = Watched(node.read(STATUS, "/RosAria/status"))
+        until(self.truth.all, 30.0, "ground truth")
+
+    def square(self, *arguments: str, log: str = "") -> Process:
+        return self.network.start("square", "--namespace", "RosAria", "--param", f"log={log}", *arguments)
+
+    def until_cruising(self) -> Odometry:
+        """The sample at which it moves at the square's speed."""
+        until(lambda: speed(self.truth.next()) > 0.199, WITHIN_S, "0.2 m/s")
+        return self.truth.all()[-1]
+
+    def until_rest(self, since: Odometry) -> Odometry:
+        """The first sample at rest after ``since``."""
+
+        def rested() -> Odometry | None:
+            after = (each for each in self.truth.all() if time_of(each) > time_of(since))
+            return next((each for each in after if abs(speed(each)) < 1e-3), None)
+
+        found = until(rested, WITHIN_S, "rest")
+        assert found is not None
+        return found
+
+
+@pytest.fixture
+def pioneer(tmp_path: Path) -> Iterator[Pioneer]:
+    robots = [{"name": "RosAria", "model": "p3dx", "parameters": DRIVE}]
+    with Network(tmp_path) as network:
+        network.start("sim", "--param", f"robots={json.dumps(robots)}", "--param", "mode=real")
+        with network.node() as node:
+            yield Pioneer(network, node)
+
+
+def test_sigint_stops_the_robot_and_leaves_a_whole_log(pioneer: Pioneer, tmp_path: Path) -> None:
+    log = tmp_path / "mine.csv"
+    square = pioneer.square(log=str(log))
+    pioneer.until_cruising()
+    square.signal(signal.SIGINT)
+    assert square.wait() == 0, square.text
+    before = pioneer.truth.all()[-1]
+    moving = [each for each in pioneer.truth.all() if speed(each) > 0.199][-1]
+    rest = pioneer.until_rest(moving)
+    assert pioneer.commands.all()[-1] == STOP
+    assert time_of(rest) - time_of(moving) < 0.2 / 0.3 + 0.1
+    assert apart(rest, moving) < 0.2**2 / 0.6 + 0.02
+    later = pioneer.truth.after(0.5)
+    assert apart(rest, later) < 1e-3
+    assert time_of(before) <= time_of(later)
+    lines = log.read_text().splitlines()
+    assert lines[0] == ",".join(COLUMNS)
+    assert len(lines) > 5
+    assert all(line.count(",") == len(COLUMNS) - 1 for line in lines)
+
+
+def test_loss_of_odometry_stops_the_robot_until_it_is_back(pioneer: Pioneer) -> None:
+    """The test stands between the base and the square, and falls silent."""
+    source = Watched(pioneer.node.read(ODOM, "/RosAria/odom"))
+    relay = pioneer.node.write(ODOM, "/RosAria/relayed")
+    passed = 0
+
+    def pass_on() -> None:
+        nonlocal passed
+        samples = source.all()
+        for each in samples[passed:]:
+            relay.publish(each)
+        passed = len(samples)
+
+    def cruising() -> bool:
+        pass_on()
+        return speed(pioneer.truth.all()[-1]) > 0.199
+
+    square = pioneer.square("--remap", "odom:=relayed")
+    until(cruising, WITHIN_S, "0.2 m/s")
+    last = source.all()[passed - 1]
+    rest = pioneer.until_rest(last)
+    assert 0.5 < time_of(rest) - time_of(last) < 0.5 + 0.2 / 0.3 + 0.3
+    until(lambda: pioneer.status.all()[-1].state == "waiting", WITHIN_S, "the square's word")
+    until(lambda: "no odometry on /RosAria/odom" in square.text, WITHIN_S, "its complaint")
+    assert apart(rest, pioneer.truth.after(0.5)) < 1e-3
+    passed = len(source.all())
+    until(cruising, WITHIN_S, "0.2 m/s again")
+    assert pioneer.status.all()[-1].state == "driving"
+    assert square.status is None
+
+
+def test_without_odometry_from_the_start_it_waits(tmp_path: Path) -> None:
+    with Network(tmp_path) as network:
+        network.start("sim", "--param", "robots=[]")
+        square = network.start("square", "--namespace", "RosAria", "--param", "log=")
+        until(lambda: "no odometry on /RosAria/odom" in square.text, 30.0, "its complaint")
+        assert square.status is None
+
+
+@pytest.mark.parametrize("log", ["missing/square.csv", "."])
+def test_a_log_that_cannot_be_written_is_told_before_anything_moves(tmp_path: Path, log: str) -> None:
+    with Network(tmp_path) as network:
+        square = network.start("square", "--param", f"log={tmp_path / log}")
+        assert square.wait(20.0) == 2
+        assert f"the log {tmp_path / log}".removesuffix("/.") in square.text
+        assert "choose another path with the parameter log" in square.text
+        assert "Traceback" not in square.text

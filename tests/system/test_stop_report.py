@@ -1,0 +1,52 @@
+"""A commander that falls silent, on the wall clock: the grader measures the stop and finds the theory."""
+
+from __future__ import annotations
+
+import json
+import signal
+from pathlib import Path
+
+import pytest
+
+from deploy.report.write import read_measurements
+from messages.geometry import Twist
+from messages.topics import BASE_STATUS, CMD_VEL
+from models.stopping import stopping
+from tests.processes import Network
+from tests.system.watched import WITHIN_S, Truth, Watched, speed, time_of
+from tests.waiting import until
+
+TIMEOUT, BRAKE, SPEED = 0.25, 1.5, 0.5
+
+
+def test_a_stop_is_measured_within_five_per_cent_of_the_theory(tmp_path: Path) -> None:
+    robots = [{"name": "p3dx", "model": "p3dx", "parameters": {"cmd_vel_timeout": TIMEOUT}}]
+    halting = [{"name": "p3dx", "timeout": TIMEOUT, "brake": BRAKE}]
+    settings = {"robots": ["p3dx"], "halting": halting, "ends": "never", "output": str(tmp_path)}
+    with Network(tmp_path) as network:
+        network.start("sim", "--param", f"robots={json.dumps(robots)}", "--param", "mode=real")
+        words = [word for key, value in settings.items() for word in ("--param", f"{key}={json.dumps(value)}")]
+        grader = network.start("grader", *words)
+        with network.node() as node:
+            truth, base = Truth(node, "p3dx"), Watched(node.read(BASE_STATUS, "/p3dx/base_status"))
+            commands = node.write(CMD_VEL, "/p3dx/cmd_vel")
+
+            def cruising() -> bool:
+                commands.publish(Twist.planar(SPEED, 0.0))
+                return speed(truth.next()) > 0.999 * SPEED
+
+            until(truth.all, 30.0, "ground truth")
+            until(cruising, WITHIN_S, "its speed")
+            begun = time_of(truth.all()[-1])
+            until(lambda: cruising() and time_of(truth.all()[-1]) > begun + 0.5, WITHIN_S, "a while at its speed")
+            until(lambda: base.next().timed_out and abs(speed(truth.all()[-1])) < 1e-3, WITHIN_S, "rest")
+            truth.after(1.0)
+            grader.signal(signal.SIGINT)
+            assert grader.wait() == 0, grader.text
+    figures = read_measurements(tmp_path).robots["p3dx"]
+    theory = stopping(SPEED, TIMEOUT, BRAKE)
+    assert (figures.stops, figures.commands_timed_out) == (1, 1)
+    assert figures.stop_speed == pytest.approx(SPEED, rel=0.01)
+    assert figures.stop_distance_theory_m == pytest.approx(theory.distance, rel=0.02)
+    assert figures.stop_distance_m == pytest.approx(theory.distance, rel=0.05)
+    assert figures.stop_time_s == pytest.approx(theory.time, rel=0.05)
