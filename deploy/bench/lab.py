@@ -19,7 +19,8 @@ from messages.geometry import Twist
 from messages.topics import BASE_STATUS, CMD_VEL, GROUND_TRUTH
 from services.runtime.node import Node
 
-ROBOTS = ("tb3_0", "tb3_1", "tb3_2", "tb3_3")
+WATCHED = "tb3_0"
+"""The robot by which the bench follows a run."""
 BEGIN_S = 20.0
 """Wall time in which a fleet must have begun to move."""
 
@@ -61,11 +62,11 @@ class Watch:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._status = node.read(BASE_STATUS, f"/{ROBOTS[0]}/base_status")
+        self._status = node.read(BASE_STATUS, f"/{WATCHED}/base_status")
         self.now = 0.0
 
     def turn(self) -> None:
-        """Wait for the next state of the first robot's base."""
+        """Wait for the next state of the robot's base."""
         self._node.wait(self._status.inlet)
         self._node.admit()
         if self._status.batch:
@@ -78,8 +79,8 @@ class Watch:
         return time.perf_counter()
 
     def until_motion(self, within: float = BEGIN_S) -> float:
-        """Watch until the first robot moves; the wall-clock time then."""
-        truth = self._node.read(GROUND_TRUTH, f"/{ROBOTS[0]}/ground_truth")
+        """Watch until the robot moves; the wall-clock time then."""
+        truth = self._node.read(GROUND_TRUTH, f"/{WATCHED}/ground_truth")
         deadline = time.perf_counter() + within
         try:
             while time.perf_counter() < deadline:
@@ -93,10 +94,10 @@ class Watch:
             self._node.forget(truth)
         raise TimeoutError(f"no robot moved within {within} s")
 
-    def commands(self, seconds: float) -> dict[str, list[Twist]]:
+    def commands(self, robots: tuple[str, ...], seconds: float) -> dict[str, list[Twist]]:
         """What each robot is told until simulation time ``seconds``."""
-        sources = {name: self._node.read(CMD_VEL, f"/{name}/cmd_vel") for name in ROBOTS}
-        heard: dict[str, list[Twist]] = {name: [] for name in ROBOTS}
+        sources = {name: self._node.read(CMD_VEL, f"/{name}/cmd_vel") for name in robots}
+        heard: dict[str, list[Twist]] = {name: [] for name in robots}
         while self.now < seconds:
             self.turn()
             for name, source in sources.items():

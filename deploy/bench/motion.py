@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -9,54 +10,68 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from deploy.bench.figures import Figure, ratios
-from deploy.bench.lab import ROBOTS, Fleet, watched
+from deploy.bench.lab import Fleet, watched
+from deploy.fleet import Robot
+from deploy.fleet_file import find_fleet, read_fleet
 from messages.geometry import Twist
 from models import model_path
 from models.figures import read_model
 from models.scene import read_scene
 from services.runtime.service import STEP_NS
+from services.sim.base_parameters import BaseParameters
 from services.sim.bullet import BulletWorld
-from services.sim.diffdrive.driver import AT_REST, Drive, advance, wheel_speeds
+from services.sim.diffdrive.driver import AT_REST, advance, wheel_speeds
+from services.sim.settings import Settings, base_settings, effective
 from services.sim.world import Body, Motor, Placement
 
 FROM_S, TO_S = 2.0, 42.0
 """The span of simulation time that is timed."""
-PERIOD = 8
-"""Physics steps between two commands of a controller: 25 Hz."""
+FIRST, LAST = (round(seconds * 1e9 / STEP_NS) for seconds in (FROM_S, TO_S))
+"""The same in physics steps."""
 
 Schedule = dict[int, list[tuple[str, tuple[float, float]]]]
 """Wheel speeds [rad/s] to set, by physics step."""
 
 
+def robots() -> tuple[Robot, ...]:
+    """The robots of ``lab``."""
+    return read_fleet(find_fleet("lab")).robot
+
+
+def settings_of(robot: Robot) -> Settings:
+    """How a robot of ``lab`` is driven."""
+    model = read_model(robot.model)
+    assert model.wheels is not None
+    return base_settings(robot.model, model, model.wheels, effective(robot.model, model, BaseParameters()))
+
+
 def schedule(commands: dict[str, list[Twist]]) -> Schedule:
-    """What the base drivers made of the commands, worked out beforehand: the raw loop is to do nothing but physics."""
-    wheels = read_model("burger").wheels
-    assert wheels is not None
-    drive = Drive.of(wheels)
+    """What the base drivers made of the commands, worked out beforehand: the raw loop is to do nothing but physics.
+
+    A controller commands evenly, so its commands up to TO_S are spread over the steps up to LAST.
+    """
     steps: Schedule = {}
-    for name, series in commands.items():
-        state = AT_REST
-        for number, command in enumerate(series):
-            for step in range(number * PERIOD, (number + 1) * PERIOD):
-                before = state
-                state = advance(drive, state, command.linear.x, command.angular.z, False, STEP_NS / 1e9)
-                if state is not before:
-                    steps.setdefault(step, []).append((name, wheel_speeds(drive, state)))
+    for robot in robots():
+        drive, series, state = settings_of(robot).drive, commands[robot.name], AT_REST
+        for step in range(LAST):
+            command, before = series[step * len(series) // LAST], state
+            state = advance(drive, state, command.linear.x, command.angular.z, False, STEP_NS / 1e9)
+            if state is not before:
+                steps.setdefault(step, []).append((robot.name, wheel_speeds(drive, state)))
     return steps
 
 
 def raw_factor(steps: Schedule) -> float:
     """Simulated seconds per wall-clock second of the raw loop."""
-    wheels = read_model("burger").wheels
-    assert wheels is not None
-    motors = (Motor(wheels.left_joint, wheels.torque), Motor(wheels.right_joint, wheels.torque))
-    first, last = round(FROM_S * 1e9 / STEP_NS), round(TO_S * 1e9 / STEP_NS)
     with BulletWorld(read_scene("empty"), STEP_NS) as world:
-        for number, name in enumerate(ROBOTS):
-            world.spawn(Body(name, model_path("burger"), Placement((0.0, 0.5 * number, 0.0)), motors))
+        for robot in robots():
+            settings, half = settings_of(robot), robot.pose.yaw / 2
+            motors = tuple(Motor(each, settings.torque) for each in (settings.left_joint, settings.right_joint))
+            place = Placement((robot.pose.x, robot.pose.y, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)))
+            world.spawn(Body(robot.name, model_path(robot.model), place, motors))
         started = 0.0
-        for step in range(last):
-            if step == first:
+        for step in range(LAST):
+            if step == FIRST:
                 started = time.perf_counter()
             for name, speeds in steps.get(step, ()):
                 world.set_speeds(name, speeds)
@@ -67,7 +82,7 @@ def raw_factor(steps: Schedule) -> float:
 def lab_commands(port: int) -> dict[str, list[Twist]]:
     """The commands of ``lab``, which are the same in every run, from one that is not timed."""
     with _lab(port) as fleet, watched(fleet) as watch:
-        return watch.commands(TO_S)
+        return watch.commands(tuple(robot.name for robot in robots()), TO_S)
 
 
 def lockstep_factor(port: int) -> tuple[float, float]:

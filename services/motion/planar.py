@@ -58,8 +58,7 @@ class Leg(NamedTuple):
         return math.hypot(self.x1 - here.x, self.y1 - here.y)
 
 
-@dataclass(frozen=True, slots=True)
-class Placement:
+class Placement(NamedTuple):
     """Where a frame lies in another one: the planar transform p' = R(yaw) p + (x, y); ``c`` and ``s`` are R's."""
 
     c: float = 1.0
