@@ -61,7 +61,10 @@ def _command(sent: Motion | None) -> str:
 
 
 def _motion(moving: Twist | None) -> str:
-    return "no odometry" if moving is None else f"{moving.linear.x:+.2f} m/s   {moving.angular.z:+.2f} rad/s"
+    if moving is None:
+        return "no odometry"
+    # Adding 0 takes the sign off a zero.
+    return f"{round(moving.linear.x, 2) + 0:+.2f} m/s   {round(moving.angular.z, 2) + 0:+.2f} rad/s"
 
 
 def _base(base: BaseStatus | None, node: str) -> str:

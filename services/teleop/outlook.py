@@ -58,8 +58,10 @@ class Outlook:
     @property
     def trouble(self) -> str:
         """What is wrong with time, in a few words; empty when nothing is."""
-        if self._clock.value is None or self._silent(0):
+        if self._silent(0):
             return f"no clock for {self._wall - self._heard[0]:.0f} s: is the simulation running?"
+        if self._clock.value is None:
+            return "waiting for the clock"
         return "the simulation is paused" if self._clock.value.paused else ""
 
     @property
