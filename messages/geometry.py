@@ -32,6 +32,15 @@ class Point(Message, frozen=True, kw_only=True):
     z: Metres = 0.0
 
 
+class Point32(Message, frozen=True, kw_only=True):
+    """A position in a cloud of many, m."""
+
+    ROS_TYPE: ClassVar[str] = "geometry_msgs/Point32"
+    x: Metres = 0.0
+    y: Metres = 0.0
+    z: Metres = 0.0
+
+
 class Quaternion(Message, frozen=True, kw_only=True):
     """An orientation; unit length, identity by default."""
 

@@ -1,11 +1,12 @@
-"""sensor_msgs: joints, laser scans, inertial data and cameras."""
+"""sensor_msgs: joints, lasers, sonars, inertial data and cameras."""
 
+import math
 from typing import Annotated, ClassVar
 
 from msgspec import Meta
 
 from messages.base import Finite, Float32Array, Matrix3, Message, Metres, Radians
-from messages.geometry import Quaternion, Vector3
+from messages.geometry import Point32, Quaternion, Vector3
 from messages.std import Header
 
 Seconds = Annotated[float, Meta(ge=0, le=1e6, extra={"unit": "s"})]
@@ -48,6 +49,53 @@ class LaserScan(Message, frozen=True, kw_only=True):
             raise ValueError(
                 f"ranges and intensities are flat and of one length, got shapes {ranges} and {intensities}"
             )
+
+
+class Range(Message, frozen=True, kw_only=True):
+    """One reading of a sonar or infrared ranger along the x axis of the header's frame.
+
+    ``field_of_view`` [rad] is the whole angle of the cone, ``range`` [m] the nearest echo: inf without one, -inf when
+    it is nearer than ``min_range`` (REP 117).
+    """
+
+    ROS_TYPE: ClassVar[str] = "sensor_msgs/Range"
+    ULTRASOUND: ClassVar[int] = 0
+    INFRARED: ClassVar[int] = 1
+    header: Header = Header()
+    radiation_type: Annotated[int, Meta(ge=0, le=1)] = ULTRASOUND
+    field_of_view: Radians = 0.0
+    min_range: Metres = 0.0
+    max_range: Metres = 0.0
+    range: float = 0.0
+
+    def __post_init__(self) -> None:
+        if math.isnan(self.range):
+            raise ValueError("range is not a number; without an echo it is inf")
+
+
+class ChannelFloat32(Message, frozen=True, kw_only=True):
+    """A value for every point of a cloud; ``name`` says what it is."""
+
+    ROS_TYPE: ClassVar[str] = "sensor_msgs/ChannelFloat32"
+    name: str = ""
+    values: Float32Array = Float32Array()
+
+
+class PointCloud(Message, frozen=True, kw_only=True):
+    """Points [m] in the header's frame, and what is known of each."""
+
+    ROS_TYPE: ClassVar[str] = "sensor_msgs/PointCloud"
+    header: Header = Header()
+    points: tuple[Point32, ...] = ()
+    channels: tuple[ChannelFloat32, ...] = ()
+
+    def __post_init__(self) -> None:
+        for channel in self.channels:
+            if channel.values.shape != (len(self.points),):
+                raise ValueError(
+                    f"channel {channel.name[:80]!r} has the shape {channel.values.shape}, {len(self.points)} points"
+                    " need one value each"
+                )
 
 
 class Imu(Message, frozen=True, kw_only=True):

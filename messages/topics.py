@@ -9,7 +9,7 @@ from messages.elea import BaseStatus, FleetState, GoalStatus, Health
 from messages.geometry import PoseStamped, Twist
 from messages.nav import Odometry, Path
 from messages.rosgraph import Clock, Log
-from messages.sensor import CameraInfo, Image, Imu, JointState, LaserScan
+from messages.sensor import CameraInfo, Image, Imu, JointState, LaserScan, PointCloud, Range
 from messages.std import Bool, String
 from messages.tf import TFMessage
 
@@ -48,7 +48,11 @@ ODOM = Topic("odom", Odometry, 25, Quality.SENSOR, "odometry of a base")
 GROUND_TRUTH = Topic("ground_truth", Odometry, 25, Quality.SENSOR, "true pose in the world, true twist in the body")
 JOINT_STATES = Topic("joint_states", JointState, 25, Quality.SENSOR, "angles and speeds of all moving joints")
 IMU = Topic("imu", Imu, 100, Quality.SENSOR, "orientation, turn rate and specific force")
-SCAN = Topic("scan", LaserScan, 5, Quality.SENSOR, "360 ranges of the laser")
+SCAN = Topic("scan", LaserScan, 5, Quality.SENSOR, "ranges of the laser")
+SONAR = Topic("sonar", PointCloud, 10, Quality.SENSOR, "where the sonars hear an echo, one point each, in their order")
+RANGE = Topic(
+    "sonar/range", Range, 160, Quality.SENSOR, "what each sonar hears, one after the other, each in its frame"
+)
 IMAGE = Topic("camera/image", Image, 10, Quality.SENSOR, "picture of the camera, while somebody looks", 1 << 23)
 CAMERA_INFO = Topic("camera/camera_info", CameraInfo, 10, Quality.SENSOR, "calibration of the camera")
 BASE_STATUS = Topic("base_status", BaseStatus, 5, Quality.EVENT, "what the base obeys, refuses and hits")
@@ -71,6 +75,8 @@ TOPICS: tuple[Topic[Message], ...] = (
     JOINT_STATES,
     IMU,
     SCAN,
+    SONAR,
+    RANGE,
     IMAGE,
     CAMERA_INFO,
     BASE_STATUS,

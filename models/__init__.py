@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from pathlib import Path
 
-MODELS = ("burger", "waffle", "waffle_pi")
+MODELS = ("burger", "waffle", "waffle_pi", "p3dx")
 """Every robot of this folder; each has a ``robot.urdf``, a ``model.toml`` and a ``README.md``."""
 
 SCENES = ("arena", "empty")

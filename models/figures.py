@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 import msgspec
@@ -36,7 +37,8 @@ class Wheels(Figures, frozen=True, kw_only=True):
 
 
 class Laser(Figures, frozen=True, kw_only=True):
-    """A turning laser: ``samples`` rays over a whole turn, counter-clockwise from the link's x axis.
+    """A turning laser: ``samples`` rays, counter-clockwise in the link's plane, from ``angle_min`` [rad, from its x
+    axis] to ``angle_max``, both included; without ``angle_max`` over a whole turn.
 
     ``rate`` [Hz], ranges and ``noise`` (standard deviation) in m. Rays start ``clearance`` [m] from the link's origin,
     outside the laser's own housing.
@@ -49,6 +51,42 @@ class Laser(Figures, frozen=True, kw_only=True):
     range_max: Positive
     noise: NotNegative
     clearance: Positive
+    angle_min: float = 0.0
+    angle_max: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.angle_max is None:
+            return
+        span = self.angle_max - self.angle_min
+        if not 0 < span < 2 * math.pi:
+            raise ValueError(
+                f"angle_max - angle_min is {span:.4f} rad, it lies between 0 and 2 pi; leave out a whole turn"
+            )
+        if self.samples < 2:
+            raise ValueError("from angle_min to angle_max there are at least 2 samples")
+
+    @property
+    def increment(self) -> float:
+        """The angle from one ray to the next, rad."""
+        if self.angle_max is None:
+            return 2 * math.pi / self.samples
+        return (self.angle_max - self.angle_min) / (self.samples - 1)
+
+
+class Sonar(Figures, frozen=True, kw_only=True):
+    """A ring of sonars, each at the origin of one of ``links`` and looking along its x axis.
+
+    All hear ``rate`` times a second [Hz] the nearest echo within a cone of the whole angle ``cone`` [rad]; ranges and
+    ``noise`` (standard deviation) in m. All are mounted on ``link``: their echoes are told as points in its frame.
+    """
+
+    link: str
+    links: Annotated[tuple[str, ...], Meta(min_length=1, max_length=64)]
+    rate: Positive
+    cone: Annotated[float, Meta(gt=0, lt=3.14)]
+    range_min: Positive
+    range_max: Positive
+    noise: NotNegative
 
 
 class Inertial(Figures, frozen=True, kw_only=True):
@@ -85,6 +123,7 @@ class Model(Figures, frozen=True, kw_only=True):
     odometry_rate: Positive
     wheels: Wheels | None = None
     laser: Laser | None = None
+    sonar: Sonar | None = None
     imu: Inertial | None = None
     camera: Camera | None = None
 

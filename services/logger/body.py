@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from rerun.urdf import UrdfTree
 
 import models
+from models.figures import read_model
 from models.frames import read_joints
 from services.logger import paths
 from services.logger.batch import Batch
@@ -16,6 +17,9 @@ from services.runtime.errors import BadInput
 
 TRAIL_WIDTH = -1.8
 """Radius of a trail; rerun reads a negative one as points on the screen instead of metres."""
+
+MARGIN = 0.055
+"""How far a robot's coloured disc on the ground reaches beyond it, m."""
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -35,6 +39,7 @@ class Body:
             raise BadInput(f"logger, robot {name}: {error}") from None
         except (RuntimeError, ValueError, OSError) as error:
             raise BadInput(f"logger, robot {name}: the URDF of {model} cannot be read: {error}") from None
+        self._radius = read_model(model).radius + MARGIN
         self._joints = {joint.name: joint for joint in read_joints(model) if joint.kind != "fixed"}
         self.tree_name = self._tree.name
         self._frame = f"{name}/{self._tree.root_link().name}"
@@ -46,7 +51,11 @@ class Body:
             paths.marker(self.name),
             rr.CoordinateFrame(self._frame),
             rr.Cylinders3D(
-                lengths=[0.002], radii=[0.16], centers=[(0, 0, 0.002)], colors=[(*self.colour, 150)], fill_mode="solid"
+                lengths=[0.002],
+                radii=[self._radius],
+                centers=[(0, 0, 0.002)],
+                colors=[(*self.colour, 150)],
+                fill_mode="solid",
             ),
             static=True,
         )

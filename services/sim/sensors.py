@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import zlib
 from collections.abc import Sequence
 
@@ -24,14 +23,13 @@ def noise_source(seed: int, robot: str, sensor: str, tick: int) -> np.random.Gen
 
 
 def scan(world: World, robot: str, laser: Laser, header: Header, noise: np.random.Generator | None = None) -> LaserScan:
-    """One turn of a laser, all rays at the same instant, the first along the link's x axis, counter-clockwise.
+    """One turn of a laser, all rays at the same instant, counter-clockwise in the link's plane.
 
     A ray without an echo up to ``range_max`` gives inf, one that meets something nearer than ``range_min`` gives -inf
     (REP 117). The rays start outside the laser's housing, so that they cannot see it. 360 rays take about 1 ms.
     """
-    step = 2 * math.pi / laser.samples
     eye = world.link_placement(robot, laser.link)
-    rays = _directions(laser.samples) @ matrix(eye.orientation).T
+    rays = _directions(laser) @ matrix(eye.orientation).T
     origin = np.array(eye.position)
     reach = laser.range_max - laser.clearance
     fractions = world.rays(origin + laser.clearance * rays, origin + laser.range_max * rays)
@@ -42,9 +40,9 @@ def scan(world: World, robot: str, laser: Laser, header: Header, noise: np.rando
     ranges[ranges < laser.range_min] = -np.inf
     return LaserScan(
         header=header,
-        angle_min=0.0,
-        angle_max=2 * math.pi - step,
-        angle_increment=step,
+        angle_min=laser.angle_min,
+        angle_max=laser.angle_min + (laser.samples - 1) * laser.increment,
+        angle_increment=laser.increment,
         scan_time=1 / laser.rate,
         range_min=laser.range_min,
         range_max=laser.range_max,
@@ -52,9 +50,9 @@ def scan(world: World, robot: str, laser: Laser, header: Header, noise: np.rando
     )
 
 
-def _directions(samples: int) -> NDArray[np.float64]:
-    angles = np.arange(samples) * (2 * math.pi / samples)
-    return np.stack((np.cos(angles), np.sin(angles), np.zeros(samples)), axis=1)
+def _directions(laser: Laser) -> NDArray[np.float64]:
+    angles = laser.angle_min + np.arange(laser.samples) * laser.increment
+    return np.stack((np.cos(angles), np.sin(angles), np.zeros(laser.samples)), axis=1)
 
 
 def velocity_at(state: BodyState, offset: Vector) -> Vector:

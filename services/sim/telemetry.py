@@ -15,8 +15,10 @@ from messages.topics import (
     IMU,
     JOINT_STATES,
     ODOM,
+    RANGE,
     ROBOT_DESCRIPTION,
     SCAN,
+    SONAR,
     Topic,
 )
 from models import model_path
@@ -29,6 +31,7 @@ from services.sim.odometry import PLANAR, Track, encoder_odometry, roll, start, 
 from services.sim.photo import calibration, photograph
 from services.sim.rotation import into_body
 from services.sim.sensors import imu, joint_state, noise_source, scan
+from services.sim.sonar import cloud, measure, ranges_of, ring_of
 from services.sim.world import BodyState, World
 
 
@@ -46,6 +49,8 @@ class Telemetry:
         )
         topics: list[Topic[Any]] = [ODOM, GROUND_TRUTH, JOINT_STATES, BASE_STATUS, ROBOT_DESCRIPTION]
         topics += [SCAN] if model.laser else []
+        topics += [SONAR, RANGE] if model.sonar else []
+        self._ring = ring_of(entry.model, model.sonar) if model.sonar else None
         topics += [IMU] if model.imu else []
         topics += [IMAGE, CAMERA_INFO] if model.camera else []
         self._out: dict[Topic[Any], Output[Any]] = {
@@ -100,6 +105,8 @@ class Telemetry:
             header = Header(stamp=Time.of(now), frame_id=self.frame(model.laser.link))
             noise = noise_source(self._seed, self._name, "scan", tick) if self._noise else None
             self._out[SCAN].publish(scan(self._world, self._name, model.laser, header, noise))
+        if model.sonar is not None and _due(tick, model.sonar.rate):
+            self._sonar(now, tick)
         if model.camera is not None and _due(tick, model.camera.rate) and self._out[IMAGE].wanted:
             header = Header(stamp=Time.of(now), frame_id=self.frame(model.camera.link))
             self._out[CAMERA_INFO].publish(calibration(model.camera, header))
@@ -130,6 +137,21 @@ class Telemetry:
         header = Header(stamp=Time.of(now), frame_id=self.frame(unit.link))
         offset, dt = into_body(state.orientation, apart), (now - before[0]) / 1e9
         self._out[IMU].publish(imu(unit, offset, before[1], state, dt, header, noise))
+
+    def _sonar(self, now: int, tick: int) -> None:
+        ring, every, single = self._ring, self._out[SONAR], self._out[RANGE]
+        assert ring is not None
+        if not (every.wanted or single.wanted):
+            return
+        noise = noise_source(self._seed, self._name, "sonar", tick) if self._noise else None
+        echoes = measure(self._world, self._name, ring, noise)
+        stamp = Time.of(now)
+        if every.wanted:
+            every.publish(cloud(ring, echoes, Header(stamp=stamp, frame_id=self.frame(ring.figures.link))))
+        if single.wanted:
+            headers = [Header(stamp=stamp, frame_id=self.frame(link)) for link in ring.figures.links]
+            for each in ranges_of(ring, echoes, headers):
+                single.publish(each)
 
     def _roll(self, track: Track, dt: float) -> Track:
         wheels = self._model.wheels

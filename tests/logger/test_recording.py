@@ -11,6 +11,7 @@ import pytest
 from messages.geometry import Pose, PoseWithCovariance
 from messages.nav import Odometry
 from messages.std import Header, Time
+from models import MODELS, model_path
 from services.logger.columns import RobotColumns
 from services.logger.course import to_segments
 from services.logger.recording import Recording
@@ -128,11 +129,12 @@ def test_an_unknown_model_names_the_known_ones(tmp_path: Path) -> None:
         pass
 
 
-@pytest.mark.parametrize("model", ["burger", "waffle", "waffle_pi"])
+@pytest.mark.parametrize("model", MODELS)
 def test_every_model_can_be_drawn(tmp_path: Path, model: str) -> None:
     with Recording(tmp_path / "run.rrd", [("r", model)], EXTENT, pytest.fail):
         pass
-    assert any(f"/r/{model}/visual_geometries" in each for each in entities(tmp_path / "run.rrd"))
+    drawn = [each for each in entities(tmp_path / "run.rrd") if each.startswith(f"/r/{model}/visual_geometries/")]
+    assert len(drawn) == model_path(model).read_text().count("<visual>")
 
 
 def pose(seconds: float, x: float) -> Odometry:

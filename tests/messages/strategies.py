@@ -9,9 +9,9 @@ import numpy as np
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
-from messages.base import Array, Message, pack36
+from messages.base import Array, Float32Array, Message, pack36
 from messages.geometry import FASTEST_ANGULAR, FASTEST_LINEAR, Twist, Vector3
-from messages.sensor import Image, JointState, LaserScan
+from messages.sensor import ChannelFloat32, Image, JointState, LaserScan, PointCloud
 
 STEADY = settings(
     max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow], database=None
@@ -144,5 +144,14 @@ def _images(fields: dict[str, Any]) -> st.SearchStrategy[Any]:
     return st.tuples(st.integers(0, 6), st.integers(0, 30)).flatmap(of_size)
 
 
-_RULED = {Twist: _twists, JointState: _joint_states, LaserScan: _scans, Image: _images}
+def _clouds(fields: dict[str, Any]) -> st.SearchStrategy[Any]:
+    def of_points(points: Any) -> st.SearchStrategy[Any]:
+        channel = st.builds(ChannelFloat32, name=st.text(max_size=9), values=_arrays(Float32Array, len(points)))
+        channels = st.lists(channel, max_size=3).map(tuple)
+        return st.builds(PointCloud, header=fields["header"], points=st.just(points), channels=channels)
+
+    return fields["points"].flatmap(of_points)  # type: ignore[no-any-return]
+
+
+_RULED = {Twist: _twists, JointState: _joint_states, LaserScan: _scans, Image: _images, PointCloud: _clouds}
 """Records whose fields bound each other."""

@@ -122,6 +122,12 @@ def test_fixed_lengths_are_kept(kind: type[Message]) -> None:
         ("sensor_msgs/JointState", {"name": ["a"], "effort": [1.0, 2.0]}, "effort has 2 values for 1 joint names"),
         ("sensor_msgs/Image", {"height": 2, "step": 3, "data": b"12345"}, "5 bytes, 2 rows of 3"),
         ("sensor_msgs/LaserScan", {"ranges": [1.0, 2.0], "intensities": [1.0]}, "one length"),
+        (
+            "sensor_msgs/PointCloud",
+            {"points": [{}, {}], "channels": [{"name": "range", "values": [1.0]}]},
+            r"channel 'range' has the shape \(1,\), 2 points need one value each",
+        ),
+        ("sensor_msgs/Range", {"range": math.nan}, "range is not a number; without an echo it is inf"),
     ],
 )
 def test_fields_that_contradict_each_other_are_refused(type_name: str, payload: Any, says: str) -> None:

@@ -68,10 +68,10 @@ def test_the_table_has_every_record() -> None:
 def test_the_records_that_ros_users_expect_are_there() -> None:
     expected = {
         "std_msgs": "String Bool Float32 Float64 Header Empty",
-        "geometry_msgs": "Vector3 Quaternion Point Pose PoseStamped PoseWithCovariance Twist TwistStamped"
+        "geometry_msgs": "Vector3 Quaternion Point Point32 Pose PoseStamped PoseWithCovariance Twist TwistStamped"
         " TwistWithCovariance Transform TransformStamped",
         "nav_msgs": "Odometry Path",
-        "sensor_msgs": "JointState LaserScan Imu Image CameraInfo",
+        "sensor_msgs": "JointState LaserScan Range PointCloud ChannelFloat32 Imu Image CameraInfo",
         "tf2_msgs": "TFMessage",
         "rosgraph_msgs": "Clock Log",
         "diagnostic_msgs": "DiagnosticArray",

@@ -7,19 +7,23 @@ import random
 from pathlib import Path
 from xml.etree import ElementTree
 
+import msgspec
 import pytest
 from rerun.urdf import UrdfTree
 
 import models
 from models import MODELS, SCENES, UnknownModel, figures_path, model_path, scene_path
-from models.figures import read_model
+from models.figures import Laser, read_model
 from models.frames import link_offset, read_joints
 from models.scene import Scene, read_scene
 from services.sim.bullet import BulletWorld
 from services.sim.world import Body, Motor
 
-MASSES = {"burger": 1.0, "waffle": 1.55, "waffle_pi": 1.55}
-"""kg, the sums of the published URDFs."""
+MASSES = {"burger": 1.0, "waffle": 1.55, "waffle_pi": 1.55, "p3dx": 9.0}
+"""kg, the sums of the TurtleBots' published URDFs, the Pioneer's published weight."""
+
+SOURCES = {"burger": "ROBOTIS", "waffle": "ROBOTIS", "waffle_pi": "ROBOTIS", "p3dx": "Pioneer3dx.proto"}
+"""What must be among those that a README names."""
 
 
 def test_the_lists_are_what_lies_in_the_folders() -> None:
@@ -81,15 +85,18 @@ def test_figures_and_urdf_agree(name: str) -> None:
     assert left.xyz[1] > 0 > right.xyz[1]
     assert left.axis == right.axis == (0.0, 1.0, 0.0)
     assert left.xyz[2] + joints["base_joint"].xyz[2] == pytest.approx(model.wheels.radius), "wheels touch the ground"
-    for part in (model.laser, model.imu, model.camera):
+    for part in (model.laser, model.sonar, model.imu, model.camera):
         assert part is None or part.link in links
+    if model.sonar is not None:
+        assert len(set(model.sonar.links)) == len(model.sonar.links)
+        assert {joint.child for joint in joints.values() if joint.parent == model.sonar.link} == set(model.sonar.links)
 
 
 @pytest.mark.parametrize("name", MODELS)
 def test_the_readme_gives_sources(name: str) -> None:
     text = model_path(name).with_name("README.md").read_text()
     assert "## Sources" in text
-    assert "ROBOTIS" in text
+    assert SOURCES[name] in text
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -139,6 +146,44 @@ def test_link_offsets_are_where_the_engine_has_the_links(name: str) -> None:
         world.spawn(Body("robot", model_path(name)))
         for link in {joint.child for joint in read_joints(name)}:
             assert link_offset(name, link) == pytest.approx(world.link_placement("robot", link).position, abs=1e-6)
+
+
+def test_a_ring_of_sonars_is_that_of_aria() -> None:
+    """``params/p3dx.p`` of ARIA: x and y in mm, heading in degrees, from 0 at the front left to 15 at the rear left."""
+    left = ((69, 136, 90), (114, 119, 50), (148, 78, 30), (166, 27, 10))
+    right = ((-157, -136, -90), (-203, -119, -130), (-237, -78, -150), (-255, -27, -170))
+    front, rear = ((*half, *((x, -y, -heading) for x, y, heading in reversed(half))) for half in (left, right))
+    joints = {joint.child: joint for joint in read_joints("p3dx")}
+    for number, (x, y, heading) in enumerate((*front, *rear)):
+        joint = joints[f"sonar_{number}"]
+        assert joint.xyz == pytest.approx((x / 1000, y / 1000, 0.0))
+        assert joint.rotation() == pytest.approx(_turn(math.radians(heading)), abs=1e-9)
+
+
+def _turn(yaw: float) -> tuple[float, ...]:
+    yaw = math.remainder(yaw, math.tau)
+    return 0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "samples", "says"),
+    [
+        (0.5, 0.5, 10, "is 0.0000 rad"),
+        (1.0, -1.0, 10, "is -2.0000 rad, it lies between 0 and 2 pi"),
+        (-math.pi, math.pi, 10, "leave out a whole turn"),
+        (-1.0, 1.0, 1, "at least 2 samples"),
+    ],
+)
+def test_a_field_of_view_is_less_than_a_turn(first: float, last: float, samples: int, says: str) -> None:
+    given = {"link": "l", "rate": 1, "range_min": 0.1, "range_max": 1, "noise": 0, "clearance": 0.1}
+    with pytest.raises(msgspec.ValidationError, match=says):
+        msgspec.convert(given | {"samples": samples, "angle_min": first, "angle_max": last}, Laser)
+
+
+def test_rays_are_as_far_apart_as_the_field_of_view_says() -> None:
+    found = {name: read_model(name).laser for name in ("burger", "p3dx")}
+    steps = {name: math.degrees(laser.increment) for name, laser in found.items() if laser is not None}
+    assert steps == {"burger": pytest.approx(1.0), "p3dx": pytest.approx(1.0)}
 
 
 def test_the_optical_frame_looks_ahead() -> None:

@@ -15,7 +15,8 @@ Trajectory = list[tuple[BodyState, ...]]
 
 
 def _crowd() -> list[Body]:
-    return [body(f"tb3_{i}", "burger", place(0.0, 0.5 * i, 1.57)) for i in range(3)]
+    burgers = [body(f"tb3_{i}", "burger", place(0.0, 0.5 * i, 1.57)) for i in range(3)]
+    return [*burgers, body("p3dx", "p3dx", place(0.0, 1.9, -1.57))]
 
 
 def _run(world: BulletWorld, steps: int = 500) -> Trajectory:
@@ -78,7 +79,7 @@ def test_delete_and_spawn_is_repeatable_and_a_reset_starts_with_those_that_stay(
             _run(world, 100)
             world.delete("tb3_0")
             world.spawn(Body("newcomer", model_path("waffle"), place(3.0, 0.0)))
-            assert world.names == ("tb3_1", "tb3_2", "newcomer")
+            assert world.names == ("tb3_1", "tb3_2", "p3dx", "newcomer")
             after_exchange.append([_step_states(world) for _ in range(100)])
             world.reset()
             after_reset.append([_step_states(world) for _ in range(100)])

@@ -16,8 +16,9 @@ from tests.physics.rig import DT, Spawner, drive, place, wheels_of, yaw_of
 @pytest.mark.parametrize("model", MODELS)
 def test_straight_at_full_speed(spawn: Spawner, model: str) -> None:
     robot = spawn(model=model)
-    top = wheels_of(read_model(model)).max_linear
-    before = drive([robot], top, 0.0, 1.0)[-1]
+    wheels = wheels_of(read_model(model))
+    top = wheels.max_linear
+    before = drive([robot], top, 0.0, 1.0 + top / wheels.acceleration)[-1]
     after = drive([robot], top, 0.0, 4.0)[-1]
     way = after.position[0] - before.position[0]
     assert way == pytest.approx(4.0 * top, rel=0.002)
@@ -29,8 +30,9 @@ def test_straight_at_full_speed(spawn: Spawner, model: str) -> None:
 @pytest.mark.parametrize("share", [1.0, 0.2])
 def test_spin_on_the_spot(spawn: Spawner, model: str, share: float) -> None:
     robot = spawn(model=model)
-    rate = share * wheels_of(read_model(model)).max_angular
-    drive([robot], 0.0, rate, 1.0)
+    wheels = wheels_of(read_model(model))
+    rate = share * wheels.max_angular
+    drive([robot], 0.0, rate, 1.0 + rate * wheels.separation / 2 / wheels.acceleration)
     angles = [yaw_of(state) for state in drive([robot], 0.0, rate, 4.0)]
     turned = sum(math.remainder(b - a, math.tau) for a, b in pairwise(angles))
     assert turned == pytest.approx((len(angles) - 1) * DT * rate, rel=0.004)

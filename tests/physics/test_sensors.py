@@ -30,8 +30,9 @@ def laser_of(model: str) -> Laser:
 def test_a_laser_does_not_see_its_own_robot_or_the_ground(spawn: Spawner, world: BulletWorld, model: str) -> None:
     robot = spawn(model=model)
     drive([robot], 0.2, 1.0, 1.0)
-    ranges = scan(world, "robot", laser_of(model), HEADER).ranges.numpy()
-    assert ranges.shape == (360,)
+    laser = laser_of(model)
+    ranges = scan(world, "robot", laser, HEADER).ranges.numpy()
+    assert ranges.shape == (laser.samples,)
     assert np.isinf(ranges).all()
     assert (ranges > 0).all()
 
@@ -52,6 +53,30 @@ def test_a_laser_measures_the_wall_in_every_direction(yaw: float) -> None:
     assert ranges[facing] == pytest.approx(expected[facing], abs=2e-3)
     assert np.isinf(ranges[np.cos(angles) < 0.5]).all()
     assert turn.angle_max == pytest.approx(turn.angle_min + 359 * turn.angle_increment)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7, -1.2])
+def test_a_laser_with_a_field_of_view_looks_ahead_from_right_to_left(yaw: float) -> None:
+    with BulletWorld(Scene(boxes=(WALL,)), STEP_NS) as world:
+        world.spawn(body("robot", "p3dx", place(0.0, 0.0, yaw)))
+        world.step()
+        turn = scan(world, "robot", laser_of("p3dx"), HEADER)
+    assert (turn.angle_min, turn.angle_max) == pytest.approx((-math.pi / 2, math.pi / 2))
+    assert turn.angle_increment == pytest.approx(math.radians(1.0))
+    angles = yaw + turn.angle_min + turn.angle_increment * np.arange(181)
+    across = np.tan(angles) * (2.0 - 0.018 * math.cos(yaw)) + 0.018 * math.sin(yaw)
+    facing, aside = (np.cos(angles) > 0.3) & (abs(across) < 3.99), (np.cos(angles) < 0.0) | (abs(across) > 4.3)
+    ranges = turn.ranges.numpy()
+    assert ranges[facing] == pytest.approx((2.0 - 0.018 * math.cos(yaw)) / np.cos(angles[facing]), abs=2e-3)
+    assert np.isinf(ranges[aside]).all()
+    assert facing.sum() > 40
+
+
+@pytest.mark.parametrize("height", [0.18, 0.10])
+def test_rays_see_the_body_of_a_pioneer_and_not_the_spheres_on_which_it_rolls(spawn: Spawner, height: float) -> None:
+    world = spawn("robot", "p3dx").world
+    fraction = world.rays(np.array([[0.0, 2.0, height]]), np.array([[0.0, 0.0, height]]))[0]
+    assert 2.0 - 2.0 * fraction == pytest.approx(0.13 if height > 0.14 else 0.19, abs=3e-3)
 
 
 def test_a_laser_sees_the_other_robot_and_marks_what_is_too_near(spawn: Spawner, world: BulletWorld) -> None:

@@ -18,8 +18,10 @@ from messages.topics import (
     IMAGE,
     IMU,
     JOINT_STATES,
+    RANGE,
     ROBOT_DESCRIPTION,
     SCAN,
+    SONAR,
     TF,
     TF_STATIC,
 )
@@ -32,15 +34,16 @@ from tests.system.watched import WITHIN_S, Truth, Watched, apart, speed, time_of
 from tests.system.world import STARTS, World, world
 from tests.waiting import until
 
-PLACES = {"waffle": (2.0, 0.0), "waffle_pi": (2.0, 2.0)}
+PLACES = {"waffle": (2.0, 0.0), "waffle_pi": (2.0, 2.0), "p3dx": (2.0, -2.0)}
 """Where each newcomer enters, x and y in m."""
 ALL = {"burger": {SCAN, IMU, JOINT_STATES}}
 ALL["waffle"] = ALL["waffle_pi"] = ALL["burger"] | {IMAGE, CAMERA_INFO}
+ALL["p3dx"] = {SCAN, SONAR, RANGE, JOINT_STATES}
 
 
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
-    """A world with a waffle and a waffle_pi beside its burgers."""
+    """A world with a waffle, a waffle_pi and a Pioneer beside its burgers."""
     with world(tmp_path_factory.mktemp("spawned")) as made:
         for model, (x, y) in PLACES.items():
             state = made.node.call(SPAWN, SpawnModel(name=model, model=model, pose=Pose.planar(x, y, 1.0)))
