@@ -55,12 +55,15 @@ class DeadMan:
         return now <= self.until
 
 
-def struck(man: DeadMan, key: str, at: float) -> DeadMan:
-    """The switch after an event of ``key`` at ``at`` [s]; the first one of another key begins anew."""
+def struck(man: DeadMan, key: str, at: float, stall: float = 0.0) -> DeadMan:
+    """The switch after an event of ``key`` at ``at`` [s]; the first one of another key begins anew.
+
+    A reader that was held up cannot tell when in the last ``stall`` [s] the event came; the doubt favours a repeat.
+    """
     gap = at - man.last if key == man.key else inf
-    if man.adaptive and _repeats(man, gap, at):
+    if man.adaptive and _repeats(man, gap, at - stall):
         first = man.first if man.intervals else _learned(man, gap)
-        intervals = (*man.intervals, gap)[-MEMORY:]
+        intervals = (*man.intervals, max(0.0, gap - stall))[-MEMORY:]
         until = at + min(first, _allowance(intervals))
         return replace(man, first=first, last=at, intervals=intervals, until=until)
     if gap < BURST_S:
@@ -73,10 +76,10 @@ def released(man: DeadMan) -> DeadMan:
     return DeadMan(man.first, man.adaptive)
 
 
-def _repeats(man: DeadMan, gap: float, at: float) -> bool:
-    """Whether an event so long after the last one of the same key is the keyboard's doing."""
-    if man.intervals:
-        return at <= man.until
+def _repeats(man: DeadMan, gap: float, earliest: float) -> bool:
+    """Whether an event ``gap`` after the last one, that came at ``earliest`` or later, is the keyboard's doing."""
+    if man.intervals and gap < inf:
+        return earliest <= man.until
     return BURST_S <= gap <= FASTEST_HAND_S or max(gap, man.gaps[1]) <= SLOWEST_REPEAT_S
 
 

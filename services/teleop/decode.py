@@ -21,12 +21,12 @@ class Decoder:
         self._state = ""
         self._heard = 0.0
 
-    def feed(self, data: bytes, at: float) -> list[Press]:
-        """The keys in ``data``, read at ``at`` [s]."""
+    def feed(self, data: bytes, at: float, stall: float = 0.0) -> list[Press]:
+        """The keys in ``data``, read at ``at`` [s] after a ``stall``."""
         if self._state and at - self._heard > ESCAPE_S:
             self._state = ""
         self._heard = at
-        return [Press(key, at) for byte in data if (key := self._key(byte))]
+        return [Press(key, at, stall=stall) for byte in data if (key := self._key(byte))]
 
     def _key(self, byte: int) -> str:
         """The key that a byte is or begins; empty inside of one."""

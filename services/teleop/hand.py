@@ -59,7 +59,7 @@ def strike(hand: Hand, press: Press, p: TeleopParameters) -> Hand:
     """
     if press.up:
         return replace(hand, direction=NOWHERE, man=released(hand.man)) if press.key == hand.man.key else hand
-    man = struck(hand.man, press.key, press.at)
+    man = struck(hand.man, press.key, press.at, press.stall)
     if press.key in MOVES:
         return replace(hand, man=man, direction=MOVES[press.key])
     if press.key not in SCALES:
@@ -69,7 +69,7 @@ def strike(hand: Hand, press: Press, p: TeleopParameters) -> Hand:
         speed=_scaled(hand.speed, scale.speed, p.speed_limit),
         turn=_scaled(hand.turn, scale.turn, p.turn_limit),
         man=man,
-        direction=hand.direction if hand.man.holds(press.at) else NOWHERE,
+        direction=hand.direction if hand.man.holds(press.at - press.stall) else NOWHERE,
     )
 
 

@@ -6,11 +6,15 @@ from typing import NamedTuple, Protocol, Self
 
 
 class Press(NamedTuple):
-    """A key was struck, or repeated, at ``at`` [s of the source's clock]; ``up``: it was let go, where that is told."""
+    """A key was struck, or repeated, at ``at`` [s of the source's clock]; ``up``: it was let go, where that is told.
+
+    It may have been up to ``stall`` [s] earlier, when the reader was held up.
+    """
 
     key: str
     at: float
     up: bool = False
+    stall: float = 0.0
 
 
 class Keyboard(Protocol):

@@ -25,6 +25,9 @@ from services.teleop.terminal import Terminal, require_terminal
 
 TURN_S = 0.02
 """Wall time of a turn without keys: how late a released key is noticed."""
+REST_S = 1.0
+"""Simulation time for which a script stays when it has fallen silent. So the base forgets its last command by time-out,
+and not when the process leaves, which no two runs do at the same simulation time."""
 
 
 def run(ctx: Context[TeleopParameters]) -> None:
@@ -47,10 +50,10 @@ def run(ctx: Context[TeleopParameters]) -> None:
 def by_script(ctx: Context[TeleopParameters], script: Script, mouth: Mouth) -> None:
     """Play the script from the first tick on, and again when time begins anew, until the robot has been let go."""
     p = ctx.params
-    hand, start = Hand.of(p), -1
+    hand, start, spoke = Hand.of(p), -1, 0.0
     for tick in ctx.ticks():
         if start < 0 or tick.reset:
-            hand, start = Hand.of(p), tick.time
+            hand, start, spoke = Hand.of(p), tick.time, 0.0
             script.rewind()
             mouth.voice.restart()
         now = (tick.time - start) / 1e9
@@ -58,7 +61,8 @@ def by_script(ctx: Context[TeleopParameters], script: Script, mouth: Mouth) -> N
         for press in struck:
             hand = strike(hand, press, p)
         mouth.say(hand.wants(now), now, now, bool(struck), any(map(stops, struck)))
-        if script.done and mouth.voice.state == "silent":
+        spoke = spoke if mouth.voice.state == "silent" else now
+        if script.done and now - spoke > REST_S:
             return
 
 

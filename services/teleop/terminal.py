@@ -15,6 +15,8 @@ from services.teleop.decode import Decoder
 from services.teleop.keys import Press
 
 STDIN = 0
+STALL_S = 0.05
+"""A reader that comes back later than this beyond its time was held up."""
 _MOST = 4096
 """Bytes that a terminal keeps for its reader."""
 _IFLAG, _LFLAG, _CC = 0, 3, 6
@@ -25,8 +27,10 @@ def require_terminal(descriptor: int = STDIN) -> None:
     """Raise BadInput unless a person can type at it."""
     if not os.isatty(descriptor):
         raise BadInput("standard input is no terminal: start teleop in one, or give it a script with --keys 'i@0.5-2'")
-    if os.tcgetpgrp(descriptor) != os.getpgrp():
-        raise BadInput("teleop runs in the background, where no key reaches it: bring it to the foreground with fg")
+    # A terminal that is not this session's has no foreground.
+    with contextlib.suppress(OSError):
+        if os.tcgetpgrp(descriptor) != os.getpgrp():
+            raise BadInput("teleop runs in the background, where no key reaches it: start it in the foreground")
 
 
 class Terminal:
@@ -40,6 +44,7 @@ class Terminal:
     def __init__(self, descriptor: int = STDIN) -> None:
         self._descriptor = descriptor
         self._decoder = Decoder()
+        self._looked = time.monotonic()
 
     def __enter__(self) -> Self:
         require_terminal(self._descriptor)
@@ -66,7 +71,10 @@ class Terminal:
                 data = os.read(self._descriptor, _MOST)
                 if not data:
                     raise Stopped("the terminal was closed")
-                found = self._decoder.feed(data, time.monotonic())
+                now = time.monotonic()
+                away = now - self._looked
+                found = self._decoder.feed(data, now, away if away > within + STALL_S else 0.0)
+            self._looked = time.monotonic()
         except OSError as error:
             raise Stopped(f"the terminal is gone: {error.strerror}") from None
         return found

@@ -94,13 +94,10 @@ class Seat:
             due += interval if times[1:] else delay
         return Strokes(tuple(times), late)
 
-    def interrupt(self) -> None:
-        """Press Ctrl-C."""
-        self.type("\x03")
-
-    def signal(self, number: signal.Signals) -> None:
-        """Send the program a signal."""
+    def kill(self, number: signal.Signals) -> float:
+        """Send the program a signal; when, s of ``time.monotonic``."""
         self._child.send_signal(number)
+        return time.monotonic()
 
     def close(self) -> None:
         """Close the window."""

@@ -112,6 +112,14 @@ def test_a_stall_does_not_spoil_what_was_learned() -> None:
     assert let_go == []
 
 
+def test_a_repeat_that_is_read_late_is_a_repeat_all_the_same() -> None:
+    """The reader was held up for 0.15 s; the key was let go meanwhile, after one more repeat."""
+    man, _ = lapses(FRESH, held(0.0, 1.0, 0.5, 0.03))
+    late = man.last + 0.16
+    assert struck(man, "i", late, stall=0.15).until == pytest.approx(late + 0.1)
+    assert struck(man, "i", late).until == pytest.approx(late + FIRST)
+
+
 def test_the_fixed_time_out_is_that_of_teleop_twist_keyboard() -> None:
     man, let_go = lapses(DeadMan(0.5, adaptive=False), held(0.0, 2.0, 0.4, 0.03))
     assert let_go == []
