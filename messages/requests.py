@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar, Generic, TypeVar
 
 from msgspec import Meta
 
-from messages.base import Count, Message
+from messages.base import Count, Message, Metres, Radians
 from messages.elea import ModelState
 from messages.geometry import Pose, Twist
 from messages.std import Empty
@@ -64,6 +64,34 @@ class SetModelState(Message, frozen=True, kw_only=True):
     twist: Twist = Twist()
 
 
+class SetOdometry(Message, frozen=True, kw_only=True):
+    """From now on, the wheel odometry of the robot ``name`` counts from here: ROS 2's ``set_odometry``."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/SetOdometry"
+    name: str = ""
+    x: Metres = 0.0
+    y: Metres = 0.0
+    yaw: Radians = 0.0
+
+
+Multiplier = Annotated[float, Meta(ge=0.5, le=1.5)]
+
+
+class DriveSettings(Message, frozen=True, kw_only=True):
+    """The live parameters of the base of the robot ``name``; asked, None leaves one as it is.
+
+    They are replaced together between two physics steps, or, when one is out of bounds, not at all.
+    """
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/DriveSettings"
+    name: str = ""
+    wheel_separation_multiplier: Multiplier | None = None
+    left_wheel_radius_multiplier: Multiplier | None = None
+    right_wheel_radius_multiplier: Multiplier | None = None
+    publish_rate: Annotated[float, Meta(ge=0, le=50, extra={"unit": "Hz"})] | None = None
+    enable_odom_tf: bool | None = None
+
+
 class ModelList(Message, frozen=True, kw_only=True):
     """All models in the world."""
 
@@ -92,6 +120,8 @@ DELETE = Request("/sim/delete", Name, Done, "take a model out of the world")
 LIST = Request("/sim/list", Empty, ModelList, "all models with their poses and twists")
 GET_STATE = Request("/sim/get_state", Name, ModelState, "pose and twist of one model")
 SET_STATE = Request("/sim/set_state", SetModelState, ModelState, "move a model")
+SET_ODOMETRY = Request("/sim/set_odometry", SetOdometry, Done, "say where a robot's wheel odometry is from now on")
+SET_DRIVE = Request("/sim/set_drive", DriveSettings, DriveSettings, "change a base's live parameters, all or none")
 RESET = Request("/sim/reset", Empty, SimTime, "time to zero and all models to where they were spawned")
 RESET_WORLD = Request("/sim/reset_world", Empty, SimTime, "all models to where they were spawned; time goes on")
 PAUSE = Request("/sim/pause", Empty, SimTime, "stop simulation time")
@@ -108,6 +138,8 @@ REQUESTS: tuple[Request[Message, Message], ...] = (
     LIST,
     GET_STATE,
     SET_STATE,
+    SET_ODOMETRY,
+    SET_DRIVE,
     RESET,
     RESET_WORLD,
     PAUSE,

@@ -6,7 +6,7 @@ from typing import Generic, TypeVar
 
 from messages.base import Message
 from messages.elea import BaseStatus, FleetState, GoalStatus, Health
-from messages.geometry import PoseStamped, Twist
+from messages.geometry import PoseStamped, Twist, TwistStamped
 from messages.nav import Odometry, Path
 from messages.rosgraph import Clock, Log
 from messages.sensor import CameraInfo, Image, Imu, JointState, LaserScan, PointCloud, Range
@@ -43,6 +43,7 @@ class Topic(Generic[M_co]):
 
 CLOCK = Topic("/clock", Clock, 50, Quality.SENSOR, "simulation time, step, epoch, pause")
 CMD_VEL = Topic("cmd_vel", Twist, 25, Quality.COMMAND, "velocity command of a base")
+CMD_VEL_OUT = Topic("cmd_vel_out", TwistStamped, 50, Quality.SENSOR, "what a base makes of its commands, if asked for")
 E_STOP = Topic("e_stop", Bool, 0, Quality.LATCHED, "true stops the base until false resets it")
 ODOM = Topic("odom", Odometry, 25, Quality.SENSOR, "odometry of a base")
 GROUND_TRUTH = Topic("ground_truth", Odometry, 25, Quality.SENSOR, "true pose in the world, true twist in the body")
@@ -69,6 +70,7 @@ FLEET_STATE = Topic("/supervisor/state", FleetState, 0, Quality.LATCHED, "the pr
 TOPICS: tuple[Topic[Message], ...] = (
     CLOCK,
     CMD_VEL,
+    CMD_VEL_OUT,
     E_STOP,
     ODOM,
     GROUND_TRUTH,

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
 
-from models import figures_path
+from models import figures_path, model_path
+from models.wheels import NoWheels, read_wheels
 
 Positive = Annotated[float, Meta(gt=0)]
 NotNegative = Annotated[float, Meta(ge=0)]
@@ -21,8 +22,9 @@ class Figures(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 class Wheels(Figures, frozen=True, kw_only=True):
     """A base with two driven wheels.
 
-    Lengths in m. ``max_linear`` [m/s] and ``max_angular`` [rad/s] are the hardware's; ``acceleration`` and ``brake``
-    [m/s2] are those of a wheel's rim, the second after a time-out or an emergency stop; ``torque`` [N m] per wheel.
+    Lengths in m; ``separation`` and ``radius`` are the URDF's unless stated. ``max_linear`` [m/s] and ``max_angular``
+    [rad/s] are the hardware's; ``acceleration`` and ``brake`` [m/s2] are those of a wheel's rim, or of the base where
+    ``drive`` says ``ramp = "base"``, the second after a time-out or an emergency stop; ``torque`` [N m] per wheel.
     """
 
     left_joint: str
@@ -113,7 +115,8 @@ class Camera(Figures, frozen=True, kw_only=True):
 class Model(Figures, frozen=True, kw_only=True):
     """A robot: ``radius`` [m] of the circle around ``base_frame`` that holds it, and what it carries.
 
-    ``odometry_rate`` [Hz] is that of odometry, ground truth and joint states.
+    ``odometry_rate`` [Hz] is that of odometry, ground truth and joint states. ``drive`` holds what this model's base
+    driver takes for parameters that a fleet leaves open, by the names of ``services.sim.BaseParameters``.
     """
 
     about: str
@@ -122,6 +125,7 @@ class Model(Figures, frozen=True, kw_only=True):
     odometry: Literal["world", "encoder"]
     odometry_rate: Positive
     wheels: Wheels | None = None
+    drive: dict[str, Any] = {}
     laser: Laser | None = None
     sonar: Sonar | None = None
     imu: Inertial | None = None
@@ -130,4 +134,18 @@ class Model(Figures, frozen=True, kw_only=True):
 
 def read_model(name: str) -> Model:
     """The figures of the robot ``name``; raises ``models.UnknownModel``."""
-    return msgspec.toml.decode(figures_path(name).read_bytes(), type=Model)
+    table = msgspec.toml.decode(figures_path(name).read_bytes())
+    if "wheels" in table:
+        _complete(table["wheels"], name)
+    return msgspec.convert(table, Model)
+
+
+def _complete(wheels: dict[str, Any], name: str) -> None:
+    """Fill in from the URDF what the model file leaves out of its wheels."""
+    if {"separation", "radius"} <= wheels.keys() or not {"left_joint", "right_joint"} <= wheels.keys():
+        return
+    pair = read_wheels(model_path(name), wheels["left_joint"], wheels["right_joint"])
+    if pair.left_radius is None and "radius" not in wheels:
+        raise NoWheels(f"{name}: neither [wheels] nor a collision sphere or cylinder of the left wheel tells a radius")
+    wheels.setdefault("separation", pair.separation)
+    wheels.setdefault("radius", pair.left_radius)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from xml.etree import ElementTree
 
 from models import model_path
@@ -50,13 +51,22 @@ class Joint:
 
 def read_joints(name: str) -> tuple[Joint, ...]:
     """All joints of the robot ``name`` in the URDF's order; raises ``models.UnknownModel``."""
-    root = ElementTree.parse(model_path(name)).getroot()
-    return tuple(_joint(each) for each in root.findall("joint"))
+    return joints_in(model_path(name))
+
+
+def joints_in(urdf: Path) -> tuple[Joint, ...]:
+    """All joints of a URDF, in its order."""
+    return tuple(_joint(each) for each in ElementTree.parse(urdf).getroot().findall("joint"))
 
 
 def link_offset(name: str, link: str) -> Vector:
     """Where the origin of ``link`` lies in the root frame of the robot ``name`` with all joints at zero, m."""
-    above = {joint.child: joint for joint in read_joints(name)}
+    return offset_in(read_joints(name), link)
+
+
+def offset_in(joints: tuple[Joint, ...], link: str) -> Vector:
+    """Where the origin of ``link`` lies in the root frame of the joints' tree with all of them at zero, m."""
+    above = {joint.child: joint for joint in joints}
     offset = (0.0, 0.0, 0.0)
     while (joint := above.get(link)) is not None:
         x, y, z = _turn(joint.rotation(), offset)

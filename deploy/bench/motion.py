@@ -15,7 +15,7 @@ from models.figures import read_model
 from models.scene import read_scene
 from services.runtime.service import STEP_NS
 from services.sim.bullet import BulletWorld
-from services.sim.drive import AT_REST, Limits, advance, wheel_speeds
+from services.sim.diffdrive.driver import AT_REST, Drive, advance, wheel_speeds
 from services.sim.world import Body, Motor, Placement
 
 FROM_S, TO_S = 2.0, 42.0
@@ -31,16 +31,16 @@ def schedule(commands: dict[str, list[Twist]]) -> Schedule:
     """What the base drivers made of the commands, worked out beforehand: the raw loop is to do nothing but physics."""
     wheels = read_model("burger").wheels
     assert wheels is not None
-    limits = Limits.of(wheels)
+    drive = Drive.of(wheels)
     steps: Schedule = {}
     for name, series in commands.items():
-        rims = AT_REST
+        state = AT_REST
         for number, command in enumerate(series):
             for step in range(number * PERIOD, (number + 1) * PERIOD):
-                before = rims
-                rims = advance(limits, rims, command.linear.x, command.angular.z, False, STEP_NS / 1e9)
-                if rims is not before:
-                    steps.setdefault(step, []).append((name, wheel_speeds(limits, rims)))
+                before = state
+                state = advance(drive, state, command.linear.x, command.angular.z, False, STEP_NS / 1e9)
+                if state is not before:
+                    steps.setdefault(step, []).append((name, wheel_speeds(drive, state)))
     return steps
 
 

@@ -5,28 +5,25 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from messages.requests import DELETE, GET_STATE, LIST, PAUSE, RESET, RESET_WORLD, RESUME, SET_STATE, SPAWN, STEP
+from messages.requests import (
+    DELETE,
+    GET_STATE,
+    LIST,
+    PAUSE,
+    RESET,
+    RESET_WORLD,
+    RESUME,
+    SET_DRIVE,
+    SET_ODOMETRY,
+    SET_STATE,
+    SPAWN,
+    STEP,
+)
 from messages.topics import CLOCK, TF, TF_STATIC
 from services.runtime.service import Parameters, Service
+from services.sim.base_parameters import BaseParameters as BaseParameters
 
 Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
-
-
-class BaseParameters(Parameters, frozen=True, kw_only=True):
-    """How one robot's base and sensors behave."""
-
-    cmd_vel_timeout: Annotated[
-        float,
-        Meta(ge=0, le=60, description="a command older than this is not obeyed; 0 disables it", extra={"unit": "s"}),
-    ] = 0.25
-    clamp: Annotated[bool, Meta(description="keep to the hardware's speeds; false obeys anything")] = True
-    jump: Annotated[
-        float, Meta(ge=0, le=1, description="Gazebo's rule: within this, wheels jump to speed", extra={"unit": "m/s"})
-    ] = 0.0
-    odometry: Annotated[
-        Literal["model", "world", "encoder"], Meta(description="true pose, or what the wheels tell; the model's choice")
-    ] = "model"
-    noise: Annotated[bool, Meta(description="sensors have the noise of the real ones")] = True
 
 
 class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -62,7 +59,20 @@ SERVICE = Service(
     about="Physics, sensors, base drivers and simulation time.",
     run="services.sim.loop:run",
     writes=(CLOCK, TF, TF_STATIC),
-    serves=(SPAWN, DELETE, LIST, GET_STATE, SET_STATE, RESET, RESET_WORLD, PAUSE, RESUME, STEP),
+    serves=(
+        SPAWN,
+        DELETE,
+        LIST,
+        GET_STATE,
+        SET_STATE,
+        SET_ODOMETRY,
+        SET_DRIVE,
+        RESET,
+        RESET_WORLD,
+        PAUSE,
+        RESUME,
+        STEP,
+    ),
     parameters=SimParameters,
     holds_lockstep=False,
 )

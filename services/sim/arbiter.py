@@ -10,6 +10,9 @@ from messages.geometry import FASTEST_ANGULAR, FASTEST_LINEAR
 
 SECOND = 1_000_000_000
 
+STANDSTILL = 1e-9
+"""m/s and rad/s; a command below it is 0: no denormal number comes near a wheel."""
+
 
 class Decision(NamedTuple):
     """What a base does now: the command of ``source``, or, with ``braking``, come to a stop."""
@@ -25,7 +28,7 @@ BRAKE = Decision(0.0, 0.0, True, None)
 
 @dataclass(frozen=True)
 class _Command:
-    """The last good command of a source; it is dead after ``until`` [ns]; ``turn`` counts all good commands."""
+    """The last good command of a source; it is dead after ``until`` [ns]; ``turn`` grows from command to command."""
 
     priority: int
     v: float
@@ -40,16 +43,19 @@ class Arbiter:
     The command of the highest priority among those that are not older than ``timeout`` [s] is obeyed; among equal
     priorities, the last one that arrived. A command's age counts from its stamp where it has one, and from its arrival
     otherwise. With ``timeout`` 0 a command holds until its publisher is gone. When nothing is left, the base brakes.
+    ``exclusive`` allows one commander at a time: while commands of several live, the base brakes, and each that comes
+    is refused; ``contested`` tells of it.
     ``commands``, ``refused`` and ``stale_dropped`` count what was offered; ``commands_timed_out`` counts how often a
     base that had been told to move was left without a live command.
     """
 
-    def __init__(self, timeout: float = 0.25) -> None:
+    def __init__(self, timeout: float = 0.25, exclusive: bool = False) -> None:
+        self._exclusive = exclusive
         self._timeout = round(timeout * SECOND) if timeout > 0 else inf
         self._heard: dict[bytes, _Command] = {}
         self._decision, self._until = BRAKE, inf
         self.e_stopped = False
-        self.timed_out = False
+        self.timed_out = self.contested = False
         self.commands = self.refused = self.stale_dropped = self.commands_timed_out = 0
 
     def offer(self, source: bytes, priority: int, v: float, w: float, stamp_ns: int | None, now_ns: int) -> bool:
@@ -59,6 +65,7 @@ class Arbiter:
         are commands older than the time-out, and those from the future: they were made before time was set back.
         During an emergency stop commands count but are not kept, so none moves the base when it is over.
         """
+        # Comparisons that a NaN fails.
         if not (-FASTEST_LINEAR <= v <= FASTEST_LINEAR and -FASTEST_ANGULAR <= w <= FASTEST_ANGULAR):
             self.refused += 1
             return False
@@ -66,10 +73,14 @@ class Arbiter:
         if not 0 <= now_ns - made <= self._timeout:
             self.stale_dropped += 1
             return False
-        self.commands += 1
+        v, w = v if abs(v) >= STANDSTILL else 0.0, w if abs(w) >= STANDSTILL else 0.0
         if not self.e_stopped:
-            self._heard[source] = _Command(priority, v, w, made + self._timeout, self.commands)
+            self._heard[source] = _Command(priority, v, w, made + self._timeout, self.commands + self.refused)
             self._choose(now_ns)
+            if self.contested:
+                self.refused += 1
+                return False
+        self.commands += 1
         return True
 
     def lost(self, source: bytes, now_ns: int) -> None:
@@ -87,7 +98,7 @@ class Arbiter:
         """Forget all commands, as when simulation time starts anew; an emergency stop and the counts stay."""
         self._heard.clear()
         self._decision, self._until = BRAKE, inf
-        self.timed_out = False
+        self.timed_out = self.contested = False
 
     def decide(self, now_ns: int) -> Decision:
         """What the base does at ``now_ns``; 0.2 us while the answer stays the same."""
@@ -98,6 +109,10 @@ class Arbiter:
     def _choose(self, now_ns: int) -> None:
         before = self._decision
         self._heard = {source: command for source, command in self._heard.items() if now_ns <= command.until}
+        self.contested = self._exclusive and len(self._heard) > 1
+        if self.contested:
+            self._decision, self._until = BRAKE, min(each.until for each in self._heard.values())
+            return
         if not self._heard:
             self.timed_out = self.timed_out or not before.braking
             if before.v or before.w:

@@ -136,6 +136,14 @@ class BulletWorld:
             physicsClientId=self._client,
         )
 
+    def set_torques(self, name: str, torques: Sequence[float]) -> None:
+        """Let a body's motors give these torques [N m] for one step."""
+        loaded, client = self._find(name), self._client
+        arms = loaded.number, loaded.motors
+        idle = [0.0] * len(loaded.motors)
+        pybullet.setJointMotorControlArray(*arms, pybullet.VELOCITY_CONTROL, forces=idle, physicsClientId=client)
+        pybullet.setJointMotorControlArray(*arms, pybullet.TORQUE_CONTROL, forces=torques, physicsClientId=client)
+
     def link_placement(self, name: str, link: str) -> Placement:
         """Where the frame of a link is."""
         loaded = self._find(name)

@@ -12,6 +12,8 @@ from messages.requests import (
     RESET,
     RESET_WORLD,
     RESUME,
+    SET_DRIVE,
+    SET_ODOMETRY,
     SET_STATE,
     SPAWN,
     STEP,
@@ -19,6 +21,7 @@ from messages.requests import (
     ModelList,
     Name,
     SetModelState,
+    SetOdometry,
     SimTime,
     SpawnModel,
     Steps,
@@ -45,6 +48,8 @@ class Desk:
         node.serve(LIST, self._list)
         node.serve(GET_STATE, lambda asked: stage.find(asked.name).state())
         node.serve(SET_STATE, self._set_state)
+        node.serve(SET_ODOMETRY, self._set_odometry)
+        node.serve(SET_DRIVE, lambda asked: stage.find(asked.name).change(asked))
         node.serve(RESET, lambda _: self._restart(True))
         node.serve(RESET_WORLD, lambda _: self._restart(False))
         node.serve(PAUSE, lambda _: self._pause(True))
@@ -73,6 +78,11 @@ class Desk:
         angular = into_world(place.orientation, (w.x, w.y, w.z))
         self._stage.world.set_state(asked.name, BodyState(place.position, place.orientation, linear, angular))
         return robot.state()
+
+    def _set_odometry(self, asked: SetOdometry) -> Done:
+        self._stage.find(asked.name).telemetry.odometer.set(asked.x, asked.y, asked.yaw)
+        self._stage.tell_frames()
+        return Done(text=f"odometry of {asked.name} is at ({asked.x:g} m, {asked.y:g} m, {asked.yaw:g} rad) now")
 
     def _restart(self, time_too: bool) -> SimTime:
         self._stage.restart(time_too)

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 from messages.geometry import Quaternion, Transform, TransformStamped, Vector3
 from messages.std import Header, Time
 from messages.tf import TFMessage
 from models.frames import Joint, read_joints
+from services.sim.diffdrive.odometry import Pose2
 from services.sim.robot import Robot
+from services.sim.rotation import into_world
 from services.sim.world import ORIGIN, Placement, World
 
 
 def fixed(robots: Iterable[tuple[Robot, Placement]], now: int) -> TFMessage:
     """All fixed transforms in one message, since a latched publisher keeps only its last.
 
-    ``world`` to ``odom`` is the identity for odometry in world coordinates, else where the robot was spawned.
+    ``world`` to ``odom`` is the identity for odometry in world coordinates, else where the robot was spawned, moved by
+    what odometry was set to since.
     """
     transforms = []
     for robot, spawned in robots:
-        origin = spawned if robot.telemetry.track is not None else ORIGIN
+        origin = _origin(robot, spawned)
         header = Header(stamp=Time.of(now), frame_id="world")
         transforms.append(_stamped(header, f"{robot.name}/odom", origin.position, origin.orientation))
         for joint in read_joints(robot.entry.model):
@@ -33,7 +37,7 @@ def moving(robots: Iterable[Robot], world: World, now: int) -> TFMessage:
     transforms = []
     for robot in robots:
         odometry = robot.telemetry.odometry
-        if odometry is not None:
+        if odometry is not None and (robot.base is None or robot.base.live.enable_odom_tf):
             pose = odometry.pose.pose
             place = pose.position
             transforms.append(
@@ -50,6 +54,22 @@ def moving(robots: Iterable[Robot], world: World, now: int) -> TFMessage:
             if joint.name in angles:
                 transforms.append(_of_joint(robot.name, joint, angles[joint.name], now))
     return TFMessage(transforms=tuple(transforms))
+
+
+def _origin(robot: Robot, spawned: Placement) -> Placement:
+    """Where the frame of a robot's odometry lies in the world."""
+    odometer = robot.telemetry.odometer
+    if odometer.track is None:
+        return ORIGIN
+    if odometer.moved == Pose2():
+        return spawned
+    x, y, heading = odometer.moved
+    dx, dy, dz = into_world(spawned.orientation, (x, y, 0.0))
+    px, py, pz = spawned.position
+    i, j, k, w = spawned.orientation
+    s, c = math.sin(heading / 2), math.cos(heading / 2)
+    turned = (i * c + j * s, j * c - i * s, k * c + w * s, w * c - k * s)
+    return Placement((px + dx, py + dy, pz + dz), turned)
 
 
 def _of_joint(robot: str, joint: Joint, angle: float, now: int) -> TransformStamped:

@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, replace
 from typing import Any
 
+import msgspec
+
 from messages.elea import ModelState
-from messages.topics import CMD_VEL, E_STOP
+from messages.geometry import TwistStamped
+from messages.requests import DriveSettings
+from messages.topics import CMD_VEL, E_STOP, Topic
 from models import model_path
 from models.figures import read_model
+from services.runtime.errors import BadInput
 from services.runtime.inputs import Input
 from services.runtime.node import Node
 from services.sim import RobotEntry
 from services.sim.base import Base
 from services.sim.commanders import Ages, Commanders
+from services.sim.odometer import Odometer
 from services.sim.odometry import body_twist, pose_of
+from services.sim.settings import Settings, base_settings, effective, odometry_settings
 from services.sim.telemetry import Telemetry
 from services.sim.world import Body, Motor, Placement, World
+
+CMD_VEL_STAMPED = Topic(CMD_VEL.name, TwistStamped, CMD_VEL.rate, CMD_VEL.quality, "velocity command with its time")
+"""What a base reads instead of ``CMD_VEL`` when ``use_stamped_vel`` is set."""
 
 
 class Robot:
@@ -33,17 +44,25 @@ class Robot:
     ) -> None:
         self.entry, self.name, self.model = entry, entry.name, read_model(entry.model)
         self.namespace = "/" + (entry.namespace or entry.name).strip("/")
-        wheels = self.model.wheels
-        motors = (Motor(wheels.left_joint, wheels.torque), Motor(wheels.right_joint, wheels.torque)) if wheels else ()
-        world.spawn(Body(entry.name, model_path(entry.model), place, motors))
-        self.base = Base(wheels, entry.parameters, commanders, ages) if wheels else None
+        parameters, wheels = effective(entry.model, self.model, entry.parameters), self.model.wheels
+        try:
+            settings = base_settings(entry.model, self.model, wheels, parameters) if wheels else None
+        except BadInput as error:
+            raise BadInput(f"{entry.name}: {error}") from None
+        world.spawn(Body(entry.name, model_path(entry.model), place, _motors(settings)))
+        for warning in settings.warnings if settings else ():
+            node.log.warn(f"{entry.name}: {warning}")
+        self.base = Base(settings, commanders, ages, node.log) if settings else None
         self._node, self._world = node, world
-        self._cmd_vel: Input[Any] = node.read(CMD_VEL, f"{self.namespace}/cmd_vel")
+        commands = CMD_VEL_STAMPED if settings and settings.stamped else CMD_VEL
+        self._cmd_vel: Input[Any] = node.read(commands, f"{self.namespace}/cmd_vel")
         self._e_stop: Input[Any] = node.read(E_STOP, f"{self.namespace}/e_stop")
         self._all_stop: Input[Any] = node.read(E_STOP, "/e_stop")
         self._touching: frozenset[str] = frozenset()
         self._collisions = 0
-        self.telemetry = Telemetry(node, world, entry, self.model, self.namespace, seed)
+        odometer = Odometer(odometry_settings(self.model, parameters), world, entry.name, self.base)
+        self.telemetry = Telemetry(node, world, entry, self.model, self.namespace, seed, self.base, odometer)
+        self._follows = self.base is not None and odometer.settings.source == "open loop"
 
     def close(self) -> None:
         """Leave the world and the network."""
@@ -69,8 +88,16 @@ class Robot:
 
     def drive(self, now: int) -> None:
         """Set the wheels for the step that begins at ``now``."""
-        if self.base is not None and (speeds := self.base.step(now)) is not None:
+        base = self.base
+        if base is None:
+            return
+        speeds = base.step(now)
+        if base.settings.gains is not None:
+            self._world.set_torques(self.name, base.torques(self._turns()))
+        elif speeds is not None:
             self._world.set_speeds(self.name, speeds)
+        if self._follows:
+            self.telemetry.odometer.step()
 
     def touch(self, others: frozenset[str]) -> None:
         """Note what the body touches; a collision counts once, when it begins."""
@@ -83,7 +110,29 @@ class Robot:
             touching, hits = bool(self._touching), self._collisions
             self.telemetry.status(self.base.status(now, self.entry.model, self._cmd_vel.refused, touching, hits))
 
+    def change(self, asked: DriveSettings) -> DriveSettings:
+        """Replace the base's live parameters; returns all of them. Raises BadInput for a robot without a base."""
+        if self.base is None:
+            raise BadInput(f"{self.name} is a {self.entry.model}, which has no driven wheels")
+        told = {each: value for each, value in msgspec.structs.asdict(asked).items() if value is not None}
+        del told["name"]
+        self.base.change(replace(self.base.live, **told))
+        self.telemetry.odometer.retime()
+        return DriveSettings(name=self.name, **asdict(self.base.live))
+
     def state(self) -> ModelState:
         """Pose and twist, as requests tell them."""
         body = self._world.state(self.name)
         return ModelState(name=self.name, model=self.entry.model, pose=pose_of(body), twist=body_twist(body))
+
+    def _turns(self) -> tuple[float, float]:
+        """How fast the wheels turn, rad/s."""
+        assert self.base is not None
+        turns = dict(zip(self._world.joints(self.name), self._world.joint_readings(self.name).velocity, strict=True))
+        return turns[self.base.settings.left_joint], turns[self.base.settings.right_joint]
+
+
+def _motors(settings: Settings | None) -> tuple[Motor, ...]:
+    if settings is None:
+        return ()
+    return Motor(settings.left_joint, settings.torque), Motor(settings.right_joint, settings.torque)

@@ -70,14 +70,14 @@ class Stage:
             raise BadInput(f"a robot {entry.name!r} is already there")
         robot = Robot(self._node, self.world, entry, place, self._seed, self._commanders, self._ages)
         self._robots[entry.name] = robot, place
-        self._tf_static.publish(fixed(self._robots.values(), self.now))
+        self.tell_frames()
         return robot
 
     def delete(self, name: str) -> None:
         """Take a robot out; raises BadInput when there is none of this name."""
         self.find(name).close()
         del self._robots[name]
-        self._tf_static.publish(fixed(self._robots.values(), self.now))
+        self.tell_frames()
 
     def restart(self, time_too: bool) -> None:
         """Put everything where it was spawned; with ``time_too`` time begins anew in a new epoch."""
@@ -88,7 +88,7 @@ class Stage:
             self.epoch += 1
         for robot in self.robots:
             robot.restart()
-        self._tf_static.publish(fixed(self._robots.values(), self.now))
+        self.tell_frames()
 
     def tell(self) -> None:
         """Publish what is due at this tick, unless that is done."""
@@ -109,6 +109,10 @@ class Stage:
         if tick % FRAMES == 0 and self._tf.wanted:
             self._tf.publish(moving(self.robots, self.world, now))
         self.tell_time()
+
+    def tell_frames(self) -> None:
+        """Publish the fixed transforms."""
+        self._tf_static.publish(fixed(self._robots.values(), self.now))
 
     def tell_time(self) -> None:
         """Publish the clock."""

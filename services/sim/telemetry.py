@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from messages.elea import BaseStatus
+from messages.geometry import Twist, TwistStamped
 from messages.nav import Odometry
 from messages.std import Header, String, Time
 from messages.topics import (
     BASE_STATUS,
     CAMERA_INFO,
+    CMD_VEL_OUT,
     GROUND_TRUTH,
     IMAGE,
     IMU,
@@ -27,7 +29,9 @@ from services.runtime.node import Node
 from services.runtime.outputs import Output
 from services.runtime.service import STEP_NS
 from services.sim import RobotEntry
-from services.sim.odometry import PLANAR, Track, encoder_odometry, roll, start, world_odometry
+from services.sim.base import Base
+from services.sim.odometer import Odometer
+from services.sim.odometry import world_odometry
 from services.sim.photo import calibration, photograph
 from services.sim.rotation import into_body
 from services.sim.sensors import imu, joint_state, noise_source, scan
@@ -38,16 +42,23 @@ from services.sim.world import BodyState, World
 class Telemetry:
     """The publications of one robot. What costs time to make is made only while somebody listens."""
 
-    def __init__(self, node: Node, world: World, entry: RobotEntry, model: Model, namespace: str, seed: int) -> None:
+    def __init__(
+        self,
+        node: Node,
+        world: World,
+        entry: RobotEntry,
+        model: Model,
+        namespace: str,
+        seed: int,
+        base: Base | None,
+        odometer: Odometer,
+    ) -> None:
         self._node, self._world, self._model, self._seed = node, world, model, seed
+        self._base, self.odometer = base, odometer
         self._name, self._noise = entry.name, entry.parameters.noise
         self._joints = world.joints(entry.name)
-        chosen = entry.parameters.odometry
-        self._counts_wheels = model.wheels is not None and "encoder" in (
-            chosen,
-            model.odometry if chosen == "model" else "",
-        )
         topics: list[Topic[Any]] = [ODOM, GROUND_TRUTH, JOINT_STATES, BASE_STATUS, ROBOT_DESCRIPTION]
+        topics += [CMD_VEL_OUT] if base is not None and base.settings.publish_cmd else []
         topics += [SCAN] if model.laser else []
         topics += [SONAR, RANGE] if model.sonar else []
         self._ring = ring_of(entry.model, model.sonar) if model.sonar else None
@@ -66,10 +77,8 @@ class Telemetry:
 
     def restart(self) -> None:
         """Begin anew from where the body is."""
-        self.track = start(*self._wheel_angles()) if self._counts_wheels else None
-        self.truth: Odometry | None = None
+        self.odometer.restart()
         self.odometry: Odometry | None = None
-        self._told = -1
         self._before: tuple[int, BodyState] | None = None
 
     def frame(self, link: str) -> str:
@@ -77,24 +86,25 @@ class Telemetry:
         return f"{self._name}/{link}"
 
     def motion(self, now: int, tick: int) -> None:
-        """Publish ground truth, odometry and joints if they are due at ``tick``; the frames follow the last."""
-        if not _due(tick, self._model.odometry_rate):
+        """At a control tick, publish what is due of ground truth, odometry, joints and the limited command."""
+        self.odometer.count(now)
+        if CMD_VEL_OUT in self._out and self._base is not None:
+            header = Header(stamp=Time.of(now), frame_id=self._child)
+            twist = Twist.planar(*self._base.motion)
+            self._out[CMD_VEL_OUT].publish(TwistStamped(header=header, twist=twist))
+        told = _due(tick, self._model.odometry_rate)
+        rate = self._model.odometry_rate if self._base is None else self._base.live.publish_rate
+        counted = self.odometer.due(now, rate)
+        if not told and not counted:
             return
-        self._joint_states(now)
-        state = self._world.state(self._name)
-        stamp = Time.of(now)
-        own = Header(stamp=stamp, frame_id=self.frame("odom"))
-        truth = world_odometry(state, Header(stamp=stamp, frame_id="world"), self._child)
-        if self.track is None:
-            pose = type(truth.pose)(pose=truth.pose.pose, packed=PLANAR)
-            odometry = Odometry(header=own, child_frame_id=self._child, pose=pose, twist=truth.twist)
-        else:
-            self.track = self._roll(self.track, (now - self._told) / 1e9 if self._told >= 0 else 0.0)
-            odometry = encoder_odometry(self.track, own, self._child)
-        self._told = now
-        self.truth, self.odometry = truth, odometry
-        self._out[GROUND_TRUTH].publish(truth)
-        self._out[ODOM].publish(odometry)
+        state, stamp = self._world.state(self._name), Time.of(now)
+        if told:
+            self._joint_states(now)
+            self._out[GROUND_TRUTH].publish(world_odometry(state, Header(stamp=stamp, frame_id="world"), self._child))
+        if counted:
+            header = Header(stamp=stamp, frame_id=self.frame("odom"))
+            self.odometry = self.odometer.message(header, self._child, state)
+            self._out[ODOM].publish(self.odometry)
 
     def sensors(self, now: int, tick: int) -> None:
         """Publish the sensors that are due at ``tick``."""
@@ -152,17 +162,6 @@ class Telemetry:
             headers = [Header(stamp=stamp, frame_id=self.frame(link)) for link in ring.figures.links]
             for each in ranges_of(ring, echoes, headers):
                 single.publish(each)
-
-    def _roll(self, track: Track, dt: float) -> Track:
-        wheels = self._model.wheels
-        assert wheels is not None
-        return roll(track, *self._wheel_angles(), dt, wheels.separation, wheels.radius) if dt > 0 else track
-
-    def _wheel_angles(self) -> tuple[float, float]:
-        wheels = self._model.wheels
-        assert wheels is not None
-        angles = dict(zip(self._joints, self._world.joint_readings(self._name).position, strict=True))
-        return angles[wheels.left_joint], angles[wheels.right_joint]
 
 
 def _due(tick: int, rate: float) -> bool:

@@ -125,6 +125,9 @@ class World(Protocol):
     def set_speeds(self, name: str, speeds: Sequence[float]) -> None:
         """Set the target speeds [rad/s] of a body's motors, in their order; they hold until set again."""
 
+    def set_torques(self, name: str, torques: Sequence[float]) -> None:
+        """Let a body's motors, in their order, give these torques [N m] for one step, instead of keeping a speed."""
+
     def link_placement(self, name: str, link: str) -> Placement:
         """Where the frame of a link is."""
 

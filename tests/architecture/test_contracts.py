@@ -26,7 +26,7 @@ PLANTED = [
     (LAYERS, "messages/names.py", "from services.runtime.errors import BadInput"),
     (LAYERS, "models/frames.py", "from messages.std import Time"),
     (LAYERS, "messages/std.py", "from models import model_path"),
-    (SERVICES, "services/waypoint/law.py", "from services.sim.drive import advance"),
+    (SERVICES, "services/waypoint/law.py", "from services.sim.diffdrive.driver import advance"),
     (SERVICES, "services/grader/measure.py", "from services.waypoint import planar"),
     (SERVICES, "services/runtime/context.py", "from services.sim import STEP_NS"),
     (SERVICES, "services/newcomer/__init__.py", "SERVICE = None"),

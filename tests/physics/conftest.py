@@ -9,7 +9,7 @@ import pytest
 from models.figures import read_model
 from models.scene import Scene
 from services.sim.bullet import BulletWorld
-from services.sim.drive import Limits
+from services.sim.diffdrive.driver import Drive
 from services.sim.world import Placement
 from tests.physics.rig import STEP_NS, Driver, Spawner, body, place, wheels_of
 
@@ -24,6 +24,6 @@ def world() -> Iterator[BulletWorld]:
 def spawn(world: BulletWorld) -> Spawner:
     def spawned(name: str = "robot", model: str = "burger", at: Placement | None = None, clamp: bool = True) -> Driver:
         world.spawn(body(name, model, at or place(0.0, 0.0)))
-        return Driver(world, name, Limits.of(wheels_of(read_model(model)), clamp=clamp))
+        return Driver(world, name, Drive.of(wheels_of(read_model(model)), clamp=clamp))
 
     return spawned

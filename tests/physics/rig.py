@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from models import model_path
 from models.figures import Model, Wheels, read_model
 from services.sim.bullet import BulletWorld
-from services.sim.drive import AT_REST, Limits, Rims, advance, wheel_speeds
+from services.sim.diffdrive.driver import AT_REST, Drive, State, advance, wheel_speeds
 from services.sim.world import Body, BodyState, Motor, Placement
 
 STEP_NS = 5_000_000
@@ -38,18 +38,18 @@ def yaw_of(state: BodyState) -> float:
 
 @dataclass
 class Driver:
-    """A base under constant commands; ``rims`` are its ramped wheel speeds."""
+    """A base under constant commands, driven as ``drive`` says."""
 
     world: BulletWorld
     name: str
-    limits: Limits
-    rims: Rims = field(default=AT_REST)
+    drive: Drive
+    at: State = field(default=AT_REST)
 
     def set(self, v: float, w: float, *, braking: bool = False) -> None:
-        after = advance(self.limits, self.rims, v, w, braking, DT)
-        if after is not self.rims:
-            self.rims = after
-            self.world.set_speeds(self.name, wheel_speeds(self.limits, after))
+        after = advance(self.drive, self.at, v, w, braking, DT)
+        if after is not self.at:
+            self.at = after
+            self.world.set_speeds(self.name, wheel_speeds(self.drive, after))
 
 
 def drive(drivers: Sequence[Driver], v: float, w: float, seconds: float, *, braking: bool = False) -> list[BodyState]:

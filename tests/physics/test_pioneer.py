@@ -11,7 +11,8 @@ import pytest
 from models.figures import read_model
 from models.scene import Box, Scene
 from services.sim.bullet import BulletWorld
-from services.sim.drive import Limits
+from services.sim.diffdrive.driver import Drive
+from services.sim.diffdrive.ramp import Ramp
 from services.sim.world import BodyState, Placement
 from tests.physics.rig import DT, STEP_NS, Driver, Spawner, body, drive, place, wheels_of, yaw_of
 
@@ -71,7 +72,7 @@ def test_a_dead_stop_does_not_tip_it(spawn: Spawner) -> None:
     """The motors' torque limits what a driver without a ramp can do."""
     robot = spawn(model="p3dx")
     drive([robot], 0.75, 0.0, 4.0)
-    robot.limits = replace(robot.limits, acceleration=1e9)
+    robot.drive = replace(robot.drive, ramp=Ramp())
     assert tilt(drive([robot], 0.0, 0.0, 2.0)) < 6.0
 
 
@@ -118,7 +119,7 @@ def _against_a_wall(at: Placement, speed: float, height: float) -> list[BodyStat
     wall = Box(name="wall", size=(0.2, 40.0, height), position=(1.1, 0.0, height / 2))
     with BulletWorld(Scene(boxes=(wall,)), STEP_NS) as world:
         world.spawn(body("robot", "p3dx", at))
-        limits = replace(Limits.of(WHEELS), acceleration=1.0)
-        states = drive([Driver(world, "robot", limits)], speed, 0.0, 6.0)
+        driver = replace(Drive.of(WHEELS), ramp=Ramp(acceleration=1.0))
+        states = drive([Driver(world, "robot", driver)], speed, 0.0, 6.0)
         assert world.contacts()
         return states

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from models.figures import read_model
 from services.sim.arbiter import BRAKE, Arbiter, Decision
-from services.sim.drive import AT_REST, Limits, advance, wheel_speeds
+from services.sim.diffdrive.driver import AT_REST, Drive, advance, wheel_speeds
 
 MS = 1_000_000
 TELEOP, CONTROLLER = 10, 1
@@ -153,11 +153,11 @@ def test_whatever_is_offered_only_finite_bounded_speeds_reach_the_wheels(
 ) -> None:
     wheels = read_model("burger").wheels
     assert wheels is not None
-    limits, arbiter, rims = Limits.of(wheels, clamp=clamp), Arbiter(), AT_REST
+    drive, arbiter, state = Drive.of(wheels, clamp=clamp), Arbiter(), AT_REST
     for step, (source, priority, v, w, age) in enumerate(series):
         now = step * 5 * MS
         arbiter.offer(source, priority, v, w, now - age * MS, now)
         decision = arbiter.decide(now)
-        rims = advance(limits, rims, decision.v, decision.w, decision.braking, 0.005)
-        assert all(math.isfinite(speed) and abs(speed) < 6000 for speed in wheel_speeds(limits, rims))
+        state = advance(drive, state, decision.v, decision.w, decision.braking, 0.005)
+        assert all(math.isfinite(speed) and abs(speed) < 6000 for speed in wheel_speeds(drive, state))
     assert arbiter.commands + arbiter.refused + arbiter.stale_dropped == len(series)

@@ -9,7 +9,7 @@ import pytest
 from models.figures import read_model
 from models.scene import Scene
 from services.sim.bullet import BulletWorld
-from services.sim.drive import Limits
+from services.sim.diffdrive.driver import Drive
 from services.waypoint import WaypointParameters
 from services.waypoint.pilot import Pilot
 from services.waypoint.planar import STILL, Leg, Motion, Planar
@@ -26,7 +26,7 @@ def test_a_burger_keeps_to_its_legs_stops_on_its_points_and_takes_the_final_head
     offsets: list[float] = []
     with BulletWorld(Scene(), STEP_NS) as world:
         world.spawn(body("burger", "burger", place(0, 0, 1.57)))
-        base = Driver(world, "burger", Limits.of(wheels_of(read_model("burger"))))
+        base = Driver(world, "burger", Drive.of(wheels_of(read_model("burger"))))
         late = STILL
         for _ in range(1500):
             state = world.state("burger")

@@ -1,0 +1,139 @@
+"""The parameters of one robot's base and sensors, by the names of ROS's ``diff_drive_controller`` where it has them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from services.runtime.service import Parameters
+
+FASTEST_RATE = 50.0
+"""Hz; odometry goes out with the control ticks, at most with each."""
+
+
+def _speed(text: str) -> Meta:
+    return Meta(ge=-1000, le=1000, description=text, extra={"unit": "m/s or rad/s"})
+
+
+def _rate(text: str) -> Meta:
+    return Meta(ge=-1e6, le=1e6, description=text, extra={"unit": "m/s2 or rad/s2"})
+
+
+def _share(text: str) -> Meta:
+    return Meta(ge=0.5, le=1.5, description=text)
+
+
+def _length(text: str) -> Meta:
+    return Meta(ge=0.001, le=10, description=text, extra={"unit": "m"})
+
+
+def _gain(text: str) -> Meta:
+    return Meta(ge=0, le=1e6, description=text)
+
+
+Diagonal = Annotated[
+    tuple[Annotated[float, Meta(ge=0, le=1e15)], ...],
+    Meta(min_length=6, max_length=6, description="variances of x, y, z, roll, pitch, yaw"),
+]
+
+
+class AxisParameters(Parameters, frozen=True, kw_only=True):
+    """The limits of one axis. What is left open is the model's, or no limit; a ``min`` left open is minus its ``max``.
+
+    ROS 1 has ``min_acceleration`` for every decrease and ``max_acceleration`` for every increase. ROS 2's four win over
+    them; their signs do not matter.
+    """
+
+    min_velocity: Annotated[float, _speed("fastest backwards, not above 0")] | None = None
+    max_velocity: Annotated[float, _speed("fastest forwards, not below 0")] | None = None
+    min_acceleration: Annotated[float, _rate("of any decrease, below 0")] | None = None
+    max_acceleration: Annotated[float, _rate("of any increase, above 0")] | None = None
+    max_deceleration: Annotated[float, _rate("slowing down forwards")] | None = None
+    max_acceleration_reverse: Annotated[float, _rate("speeding up backwards")] | None = None
+    max_deceleration_reverse: Annotated[float, _rate("slowing down backwards")] | None = None
+    min_jerk: Annotated[float, _rate("of any decrease of acceleration, below 0")] | None = None
+    max_jerk: Annotated[float, _rate("of any increase of acceleration, above 0")] | None = None
+
+
+class PidParameters(Parameters, frozen=True, kw_only=True):
+    """A wheel driven by torque instead of by speed, with the semantics of ``gazebo_ros_control``'s ``pid_gains``."""
+
+    p: Annotated[float, _gain("N m per rad/s")]
+    i: Annotated[float, _gain("N m per rad")] = 0.0
+    d: Annotated[float, _gain("N m per rad/s2")] = 0.0
+    i_clamp: Annotated[float, _gain("bound of the integral's share, N m; 0, as in ROS, switches it off")] = 0.0
+    i_clamp_min: Annotated[float, Meta(ge=-1e6, le=0, description="instead of minus i_clamp")] | None = None
+    i_clamp_max: Annotated[float, _gain("instead of i_clamp")] | None = None
+    antiwindup: Annotated[bool, Meta(description="clamp the integral itself, not only its share")] = False
+
+
+class BaseParameters(Parameters, frozen=True, kw_only=True):
+    """How one robot's base and sensors behave. None: as the model's ``[drive]`` says, else as written there."""
+
+    cmd_vel_timeout: Annotated[
+        float,
+        Meta(ge=0, le=60, description="a command older than this is not obeyed; 0 disables it", extra={"unit": "s"}),
+    ] = 0.25
+    clamp: Annotated[bool, Meta(description="keep to the hardware's speeds; false obeys anything")] = True
+    jump: Annotated[
+        float, Meta(ge=0, le=1, description="Gazebo's rule: within this, wheels jump to speed", extra={"unit": "m/s"})
+    ] = 0.0
+    odometry: Annotated[
+        Literal["model", "world", "encoder"], Meta(description="true pose, or what the wheels tell; the model's choice")
+    ] = "model"
+    noise: Annotated[bool, Meta(description="sensors have the noise of the real ones")] = True
+
+    left_wheel: Annotated[str, Meta(description="joint of the left wheel; the model's")] | None = None
+    right_wheel: Annotated[str, Meta(description="joint of the right wheel; the model's")] | None = None
+    allow_swapped_wheels: Annotated[bool, Meta(description="drive with left and right exchanged")] = False
+    wheel_separation: Annotated[float, _length("between the wheels; the model's")] | None = None
+    wheel_radius: Annotated[float, _length("of both wheels; the model's")] | None = None
+    wheel_separation_multiplier: Annotated[float, _share("live; 1")] | None = None
+    wheel_radius_multiplier: Annotated[float, _share("of both wheels, instead of the next two")] | None = None
+    left_wheel_radius_multiplier: Annotated[float, _share("live; 1")] | None = None
+    right_wheel_radius_multiplier: Annotated[float, _share("live; 1")] | None = None
+
+    ramp: (
+        Annotated[
+            Literal["wheels", "base"],
+            Meta(description="whose the model's acceleration and brake are: each wheel's rim's, or the base's axes'"),
+        ]
+        | None
+    ) = None
+    linear: Annotated[AxisParameters, Meta(description="limits of the speed")] | None = None
+    angular: Annotated[AxisParameters, Meta(description="limits of the turn rate")] | None = None
+    jerk_rule: Annotated[Literal["ros1", "ros2"], Meta(description="ros1 doubles jerk limits and swings")] | None = None
+    keep_curvature: Annotated[bool, Meta(description="limit both axes together; off")] | None = None
+    brake: (
+        Annotated[
+            float,
+            Meta(gt=0, le=1e6, description="after a time-out or e-stop; the model's", extra={"unit": "m/s2"}),
+        ]
+        | None
+    ) = None
+    brake_angular: (
+        Annotated[
+            float,
+            Meta(gt=0, le=1e6, description="as brake, turning; that of a rim on the spot", extra={"unit": "rad/s2"}),
+        ]
+        | None
+    ) = None
+
+    allow_multiple_cmd_vel_publishers: (
+        Annotated[bool, Meta(description="false: brakes while several publish; true")] | None
+    ) = None
+    use_stamped_vel: Annotated[bool, Meta(description="cmd_vel is a TwistStamped; off")] | None = None
+    publish_cmd: Annotated[bool, Meta(description="publish cmd_vel_out, the command after limiting; off")] | None = None
+
+    open_loop: Annotated[bool, Meta(description="odometry from commands instead of wheels; off")] | None = None
+    velocity_rolling_window_size: (
+        Annotated[int, Meta(ge=1, le=100, description="control ticks that odometry's speed is the mean of; 2")] | None
+    ) = None
+    pose_covariance_diagonal: Diagonal | None = None
+    twist_covariance_diagonal: Diagonal | None = None
+    publish_rate: (
+        Annotated[float, Meta(ge=0, le=FASTEST_RATE, description="live; the model's", extra={"unit": "Hz"})] | None
+    ) = None
+    enable_odom_tf: Annotated[bool, Meta(description="live; odometry on /tf; on")] | None = None
+    wheel_pid: Annotated[PidParameters, Meta(description="drive the wheels by torque; off")] | None = None
