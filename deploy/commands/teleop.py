@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import time
 
 import click
 
@@ -17,6 +18,8 @@ from services.teleop import TeleopParameters
 from services.teleop.bindings import KEYS
 from services.teleop.script import presses
 
+_PATIENCE_S = 3.0
+"""Wall time that a fleet which is starting has to show a robot."""
 _OWN = ("speed", "turn", "speed_limit", "turn_limit", "repeat_rate", "key_timeout", "frame_id", "keys")
 
 
@@ -64,7 +67,10 @@ def command(
         connect, domain = f"tcp/127.0.0.1:{fleet.port}", domain or fleet.domain
     connect = connect or f"tcp/127.0.0.1:{port or PORT}"
     with visit(connect, domain) as transport:
-        base = choose(namespace, bases(snapshot(transport)), connect)
+        deadline = time.monotonic() + _PATIENCE_S
+        while not (found := bases(snapshot(transport))) and time.monotonic() < deadline:
+            time.sleep(0.1)
+    base = choose(namespace, found, connect)
     arguments = ["--namespace", base.namespace, "--connect", connect]
     arguments += ["--domain", domain] if domain else []
     arguments += [word for name, value in parameters.items() for word in ("--param", f"{name}={json.dumps(value)}")]
