@@ -20,7 +20,7 @@ from services.teleop.script import presses
 
 _PATIENCE_S = 3.0
 """Wall time that a fleet which is starting has to show a robot."""
-_OWN = ("speed", "turn", "speed_limit", "turn_limit", "repeat_rate", "key_timeout", "frame_id", "keys")
+_OWN = ("speed", "turn", "speed_limit", "turn_limit", "repeat_rate", "key_timeout", "give_way", "frame_id", "keys")
 
 
 @click.command("teleop", epilog=f"\b\nKeys, held down:\n{KEYS}")
@@ -34,6 +34,7 @@ _OWN = ("speed", "turn", "speed_limit", "turn_limit", "repeat_rate", "key_timeou
     "--key-timeout", type=float, help="A key counts as held so long after its first event, s; 0.6 by default."
 )
 @click.option("--fixed", is_flag=True, help="Wait --key-timeout after every event, as teleop_twist_keyboard does.")
+@click.option("--give-way", type=float, help="Zero is held so long after the last key, s; 3 by default.")
 @click.option("--stamped", is_flag=True, help="Send TwistStamped instead of Twist.")
 @click.option("--frame-id", help="Frame in the header of a TwistStamped.")
 @click.option(
@@ -47,8 +48,8 @@ def command(
 ) -> None:
     """Drive the robot in NAMESPACE, as /p3dx; the only one there is when it is not given.
 
-    A key moves the robot for as long as it is held. A controller of the robot has it back three seconds after the last
-    key.
+    A key moves the robot for as long as it is held. Teleop wins over a controller, and gives the robot back to it some
+    seconds after the last key.
     """
     from deploy.commands.network import visit
     from services.runtime.graph import snapshot

@@ -12,8 +12,8 @@ from tests.processes import Network, Process
 from tests.teleop.seat import Seat, Strokes
 from tests.waiting import until
 
-ROBOT = "p3dx"
-"""A burger by this name: at 0.22 m/s it stops within 0.22 s."""
+ROBOT = "rover"
+"""A burger: at 0.22 m/s it stops within 0.22 s."""
 FULL = WHEELS.max_linear
 WITHIN_S = 20.0
 

@@ -26,11 +26,15 @@ SECONDS = 60.0
 
 @contextmanager
 def driven(
-    logs: Path, model: str, *drivers: tuple[str, dict[str, object]]
+    logs: Path, model: str, *drivers: tuple[str, dict[str, object]], base: dict[str, object] | None = None
 ) -> Iterator[tuple[Truth, Watched[BaseStatus]]]:
     """A robot ``r`` in lockstep with its drivers, each a service with parameters."""
     members = [f"/r/{kind}" for kind, _ in drivers]
-    settings = {"robots": [{"name": "r", "model": model}], "mode": "lockstep", "members": members}
+    settings = {
+        "robots": [{"name": "r", "model": model, "parameters": base or {}}],
+        "mode": "lockstep",
+        "members": members,
+    }
     with Network(logs) as network, network.node() as node:
         truth, status = Truth(node, "r"), Watched(node.read(BASE_STATUS, "/r/base_status"))
         for kind, parameters in (("sim", settings), *drivers):
@@ -88,6 +92,14 @@ def test_a_held_key_shows_no_stutter_in_the_robot(tmp_path: Path) -> None:
     with driven(tmp_path, "burger", ("teleop", {"keys": "i@0.5-3", "speed": 0.2})) as (truth, status):
         speeds = {time_of(each): speed(each) for each in seen(truth, status, 4.0)}
     assert all(abs(v - 0.2) < 0.01 for now, v in speeds.items() if 0.8 < now < 3.0)
+
+
+def test_a_base_of_newer_ros_is_driven_by_stamped_commands(tmp_path: Path) -> None:
+    script = {"keys": "i@0.5-2", "speed": 0.2, "stamped": True, "frame_id": "r/base_link"}
+    with driven(tmp_path, "burger", ("teleop", script), base={"use_stamped_vel": True}) as (truth, status):
+        speeds = {time_of(each): speed(each) for each in seen(truth, status, 3.0)}
+        assert status.all()[-1].stale_dropped == 0
+    assert all(abs(v - 0.2) < 0.01 for now, v in speeds.items() if 0.8 < now < 2.0)
 
 
 WAY: tuple[str, dict[str, object]] = ("waypoint", {"goals": [[5, 0]]})

@@ -109,7 +109,7 @@ def test_any_other_key_stops_at_once_even_those_that_suspend_or_hold_a_terminal(
 
 def test_it_obeys_the_emergency_stop_and_shows_it(drive: Drive) -> None:
     with drive.network.node("watch") as node, seated(drive, "--key-timeout", "5") as seat:
-        told = node.write(E_STOP, "/p3dx/e_stop")
+        told = node.write(E_STOP, "/rover/e_stop")
         until(lambda: drive.look() or told.wanted, WITHIN_S, "a base that listens")
         told.publish(Bool(data=True))
         until(lambda: drive.look() or drive.track.base.e_stopped, WITHIN_S, "an emergency stop")
@@ -163,14 +163,14 @@ def test_after_an_error_the_terminal_is_as_it_was(fault: str, status: int) -> No
 def test_a_second_teleop_of_a_robot_is_refused(drive: Drive) -> None:
     with seated(drive), Seat(["-m", "deploy", "teleop", "--connect", drive.network.endpoint]) as second:
         assert second.wait() == 2
-        until(lambda: "a node /p3dx/teleop is already there" in second.text, WITHIN_S, "the reason")
+        until(lambda: "a node /rover/teleop is already there" in second.text, WITHIN_S, "the reason")
         assert second.attributes == second.before
 
 
 def test_a_robot_that_is_not_there_is_told_with_those_that_are(drive: Drive) -> None:
-    with Seat(["-m", "deploy", "teleop", "/p3dy", "--connect", drive.network.endpoint]) as seat:
+    with Seat(["-m", "deploy", "teleop", "/rovr", "--connect", drive.network.endpoint]) as seat:
         assert seat.wait() == 2
-        until(lambda: "did you mean '/p3dx'? (known: /p3dx)" in seat.text, WITHIN_S, "the reason")
+        until(lambda: "did you mean '/rover'? (known: /rover)" in seat.text, WITHIN_S, "the reason")
 
 
 def test_no_router_is_told() -> None:
