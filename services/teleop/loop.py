@@ -72,13 +72,16 @@ def by_hand(ctx: Context[TeleopParameters], keyboard: Keyboard, screen: Screen, 
     hand, outlook = Hand.of(p), Outlook(ctx, time.monotonic())
     screen.open(mouth.topic)
     while True:
+        due = time.monotonic() + TURN_S
         struck = keyboard.take(TURN_S)
         wall = time.monotonic()
         if outlook.look(wall):
             voice.restart()
         for press in struck:
             hand = strike(hand, press, p)
-        mouth.say(hand.wants(wall), wall, outlook.seconds, bool(struck), any(map(stops, struck)))
+        # Up to ``due`` nothing else was struck; of the time since, when this loop was held up, nobody has looked.
+        wanted = hand.wants(min(wall, due))
+        mouth.say(wanted, wall, outlook.seconds, bool(struck), any(map(stops, struck)))
         node.heart.state, node.heart.ticks = outlook.state, node.heart.ticks + 1
         node.turn()
         view = View(

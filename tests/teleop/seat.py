@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import pty
+import select
 import signal
 import subprocess
 import sys
@@ -38,6 +38,7 @@ class Seat:
         self._master, self._slave = pty.openpty()
         self.before = termios.tcgetattr(self._slave)
         self._said = bytearray()
+        self.open = True
         environment = {**os.environ, "PYTHONPATH": str(ROOT), PARENT: str(os.getpid()), **(env or {})}
         # The shell becomes the program, so that it is the child that has to die with the test.
         command = ["sh", "-c", _SIT_DOWN, os.ttyname(self._slave), sys.executable, "-P", *arguments]
@@ -46,7 +47,6 @@ class Seat:
         )
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
-        self.open = True
 
     def __enter__(self) -> Self:
         return self
@@ -79,9 +79,10 @@ class Seat:
         assert self._child.poll() is None, self.text
 
     def type(self, keys: str) -> float:
-        """Write to it; when, s of ``time.monotonic``."""
+        """Write to it; the instant before, s of ``time.monotonic``."""
+        now = time.monotonic()
         os.write(self._master, keys.encode())
-        return time.monotonic()
+        return now
 
     def hold(self, key: str, seconds: float, delay: float = 0.5, interval: float = 0.03) -> Strokes:
         """Hold a key down for a time: its first event, the next after ``delay``, then one each ``interval``."""
@@ -95,13 +96,16 @@ class Seat:
         return Strokes(tuple(times), late)
 
     def kill(self, number: signal.Signals) -> float:
-        """Send the program a signal; when, s of ``time.monotonic``."""
+        """Send the program a signal; the instant before, s of ``time.monotonic``."""
+        now = time.monotonic()
         self._child.send_signal(number)
-        return time.monotonic()
+        return now
 
     def close(self) -> None:
         """Close the window."""
         self.open = False
+        # A terminal that somebody reads is not closed.
+        self._reader.join()
         os.close(self._slave)
         os.close(self._master)
 
@@ -110,9 +114,9 @@ class Seat:
         return self._child.wait(END_S)
 
     def _read(self) -> None:
-        with contextlib.suppress(OSError):
-            while data := os.read(self._master, 4096):
-                self._said += data
+        while self.open:
+            if select.select([self._master], [], [], 0.05)[0]:
+                self._said += os.read(self._master, 4096)
 
 
 def well_held(act: Callable[[], Strokes], tries: int = 10) -> Strokes:

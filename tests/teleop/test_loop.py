@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
@@ -13,6 +14,7 @@ from messages.geometry import STOP, Twist, TwistStamped
 from services.runtime.context import Context
 from services.runtime.errors import BadInput, Stopped
 from services.teleop import TeleopParameters
+from services.teleop.keys import Press
 from services.teleop.loop import by_hand, run
 from services.teleop.mouth import Mouth
 from tests.teleop.rig import Glass, Keys, Rig, running
@@ -146,6 +148,24 @@ def test_a_reset_of_time_silences_it_and_the_held_key_drives_on() -> None:
         rig.tell(0.1, epoch=2)
         until(lambda: rig.driver is not None and rig.driver.inputs[0].received >= 3, 20.0, "the second reset")
         rig.until_command(AHEAD)
+
+
+def test_a_loop_that_is_held_up_does_not_take_a_held_key_for_released() -> None:
+    """Each key is followed by a stall longer than the time-out, in which the next one is struck."""
+
+    class Slow(Keys):
+        def take(self, within: float) -> list[Press]:
+            found = [Press("i", time.monotonic())]
+            time.sleep(0.15)
+            return found
+
+    def loop(ctx: Context[TeleopParameters]) -> None:
+        by_hand(ctx, Slow(), Glass(), Mouth(ctx))  # type: ignore[arg-type]
+
+    with running(loop, TeleopParameters(key_timeout=0.1)) as rig:
+        heard: list[object] = []
+        until(lambda: heard.extend(rig.take()) or len(heard) >= 5, 20.0, "five commands")
+    assert heard == [AHEAD] * len(heard)
 
 
 def test_the_last_command_is_zero_when_it_drives() -> None:
