@@ -14,6 +14,7 @@ LATEST_S = 1e5
 MOST_PRESSES = 100_000
 """Of one script, repeats included."""
 
+_ROUNDING_S = 1e-6
 _ENTRY = re.compile(r"(?P<key>space|[!-~])@(?P<start>\d+(?:\.\d+)?)(?:-(?P<end>\d+(?:\.\d+)?))?")
 
 
@@ -28,7 +29,9 @@ def presses(p: TeleopParameters) -> tuple[Press, ...]:
     for index, (start, end, key) in enumerate(holds):
         following = holds[index + 1][0] if index + 1 < len(holds) else math.inf
         found.append(Press(key, start))
-        repeats = math.floor((min(end, following) - start - p.key_delay) / p.key_interval + 1e-9) + 1
+        # Rounding neither costs the repeat at the end nor brings one after the next key.
+        last = min(end + _ROUNDING_S, following - _ROUNDING_S)
+        repeats = math.floor((last - start - p.key_delay) / p.key_interval) + 1
         if len(found) + repeats > MOST_PRESSES:
             raise BadInput(f"keys: a script has at most {MOST_PRESSES} events, repeats included")
         found += [Press(key, start + p.key_delay + number * p.key_interval) for number in range(max(0, repeats))]

@@ -31,6 +31,10 @@ def test_a_key_repeats_no_more_once_another_is_struck() -> None:
     assert [(each.key, round(each.at, 2)) for each in found] == [("i", 0), ("i", 0.5), ("i", 0.53), ("l", 0.55)]
 
 
+def test_a_repeat_gives_way_to_a_key_struck_at_the_same_time() -> None:
+    assert times("i@7.089-9.089 i@8.309")[-2:] == pytest.approx([8.279, 8.309])
+
+
 def test_the_keys_that_look_like_marks_are_keys() -> None:
     assert [each.key for each in presses(TeleopParameters(keys=",@1 <@2 @@3 -@4-4.1"))] == [",", "<", "@", "-"]
 
