@@ -1,0 +1,83 @@
+"""``elea teleop``: drive a robot of a running simulation from the keyboard."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+
+import click
+
+from deploy.claim import running
+from deploy.commands.options import chosen, port_option
+from deploy.fleet import PORT
+from services.runtime.parameters import build
+from services.runtime.process import ROOT
+from services.teleop import TeleopParameters
+from services.teleop.bindings import KEYS
+from services.teleop.script import presses
+
+_PATIENCE_S = 3.0
+"""Wall time that a fleet which is starting has to show a robot."""
+_OWN = ("speed", "turn", "speed_limit", "turn_limit", "repeat_rate", "key_timeout", "give_way", "frame_id", "keys")
+
+
+@click.command("teleop", epilog=f"\b\nKeys, held down:\n{KEYS}")
+@click.argument("namespace", default="")
+@click.option("--speed", type=float, help="Linear speed at the start, m/s; 0.5 by default.")
+@click.option("--turn", type=float, help="Turn rate at the start, rad/s; 1.0 by default.")
+@click.option("--speed-limit", type=float, help="Scaling goes no higher, m/s.")
+@click.option("--turn-limit", type=float, help="Scaling goes no higher, rad/s.")
+@click.option("--repeat-rate", type=float, help="Commands per second while a key is held, 20 by default; 0: at events.")
+@click.option(
+    "--key-timeout", type=float, help="A key counts as held so long after its first event, s; 0.6 by default."
+)
+@click.option("--fixed", is_flag=True, help="Wait --key-timeout after every event, as teleop_twist_keyboard does.")
+@click.option("--give-way", type=float, help="Zero is held so long after the last key, s; 3 by default.")
+@click.option("--stamped", is_flag=True, help="Send TwistStamped instead of Twist.")
+@click.option("--frame-id", help="Frame in the header of a TwistStamped.")
+@click.option(
+    "--keys", metavar="SCRIPT", help="Play a script instead: 'i@0.5-2 k@2.5' is KEY@FROM[-TO], s of simulation."
+)
+@click.option("--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default.")
+@click.option("--domain", default="", help="Domain of the fleet.")
+@port_option
+def command(
+    namespace: str, fixed: bool, stamped: bool, connect: str, domain: str, port: int | None, **values: object
+) -> None:
+    """Drive the robot in NAMESPACE, as /p3dx; the only one there is when it is not given.
+
+    A key moves the robot for as long as it is held. Teleop wins over a controller, and gives the robot back to it some
+    seconds after the last key.
+    """
+    from deploy.commands.network import visit
+    from services.runtime.graph import snapshot
+    from services.teleop.bases import bases, choose
+
+    parameters = {name: values[name] for name in _OWN if values[name] is not None}
+    parameters |= {"adaptive": False} if fixed else {}
+    parameters |= {"stamped": True} if stamped else {}
+    params = build(TeleopParameters, parameters, "teleop")
+    if not presses(params):
+        from services.teleop.terminal import require_terminal
+
+        require_terminal()
+    if not connect and running():
+        fleet = chosen(port)
+        connect, domain = f"tcp/127.0.0.1:{fleet.port}", domain or fleet.domain
+    connect = connect or f"tcp/127.0.0.1:{port or PORT}"
+    with visit(connect, domain) as transport:
+        deadline = time.monotonic() + _PATIENCE_S
+        while not (found := bases(snapshot(transport))) and time.monotonic() < deadline:
+            time.sleep(0.1)
+    base = choose(namespace, found, connect)
+    arguments = ["--namespace", base.namespace, "--connect", connect]
+    arguments += ["--domain", domain] if domain else []
+    arguments += [word for name, value in parameters.items() for word in ("--param", f"{name}={json.dumps(value)}")]
+    sys.stdout.flush()
+    os.execve(
+        sys.executable,
+        [sys.executable, "-P", "-m", "services.teleop", *arguments],
+        {**os.environ, "PYTHONPATH": str(ROOT)},
+    )

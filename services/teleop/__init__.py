@@ -1,0 +1,59 @@
+"""The teleop service: a person drives a robot from the keyboard; keys, speeds and options of teleop_twist_keyboard."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from msgspec import Meta
+
+from messages.geometry import FASTEST_ANGULAR, FASTEST_LINEAR
+from messages.topics import BASE_STATUS, CLOCK, CMD_VEL, ODOM
+from services.runtime.service import Parameters, Service
+
+SLOWEST = 1e-3
+"""m/s and rad/s; scaling goes no lower, so that it can always go up again."""
+
+
+def _number(low: float, high: float, unit: str, text: str) -> Meta:
+    return Meta(ge=low, le=high, description=text, extra={"unit": unit})
+
+
+class TeleopParameters(Parameters, frozen=True, kw_only=True):
+    """Speeds, limits, and how a key counts as held. The first eight are teleop_twist_keyboard's."""
+
+    speed: Annotated[float, _number(SLOWEST, FASTEST_LINEAR, "m/s", "linear speed at the start")] = 0.5
+    turn: Annotated[float, _number(SLOWEST, FASTEST_ANGULAR, "rad/s", "turn rate at the start")] = 1.0
+    speed_limit: Annotated[float, _number(SLOWEST, FASTEST_LINEAR, "m/s", "scaling goes no higher")] = FASTEST_LINEAR
+    turn_limit: Annotated[float, _number(SLOWEST, FASTEST_ANGULAR, "rad/s", "scaling goes no higher")] = FASTEST_ANGULAR
+    repeat_rate: Annotated[
+        float, _number(0, 200, "Hz", "a command is sent so often while a key is held; 0 sends at key events only")
+    ] = 20.0
+    key_timeout: Annotated[
+        float,
+        _number(0.05, 5, "s", "a key counts as held so long after its first event; the keyboard's delay must be less"),
+    ] = 0.6
+    stamped: Annotated[bool, Meta(description="send TwistStamped instead of Twist")] = False
+    frame_id: Annotated[str, Meta(max_length=255, description="frame in the header of a TwistStamped")] = ""
+    adaptive: Annotated[
+        bool, Meta(description="learn the keyboard's delay and interval; false waits key_timeout after every event")
+    ] = True
+    give_way: Annotated[
+        float,
+        _number(0.3, 60, "s", "simulation time for which zero is held after the last key; then others may drive"),
+    ] = 3.0
+    keys: Annotated[
+        str, Meta(max_length=10_000, description="a script instead of a keyboard: 'i@0.5-2 k@2.5', KEY@FROM[-TO] in s")
+    ] = ""
+    key_delay: Annotated[float, _number(0.01, 5, "s", "delay of a scripted key's first repeat")] = 0.5
+    key_interval: Annotated[float, _number(0.005, 1, "s", "interval of a scripted key's repeats")] = 0.03
+
+
+SERVICE = Service(
+    name="teleop",
+    about="drives a robot from the keyboard, or by a script of keys",
+    run="services.teleop.loop:run",
+    reads=(CLOCK, BASE_STATUS, ODOM),
+    writes=(CMD_VEL,),
+    rate=50,
+    parameters=TeleopParameters,
+)

@@ -1,0 +1,58 @@
+"""Which bases there are to drive, as the graph tells it."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+from messages.names import BadName, absolute_namespace
+from messages.topics import CMD_VEL
+from services.runtime.errors import BadInput
+from services.runtime.graph import Entity
+
+_LAST = f"/{CMD_VEL.name}"
+
+
+class Base(NamedTuple):
+    """The namespace of a base, the topic of its commands and their ROS type."""
+
+    namespace: str
+    topic: str
+    record: str
+
+
+def bases(entities: Iterable[Entity]) -> dict[str, Base]:
+    """The bases by namespace: who takes ``cmd_vel`` there and publishes there too, which those who look on do not."""
+    known = tuple(entities)
+    found = {}
+    for each in known:
+        if each.kind != "sub" or not each.name.endswith(_LAST):
+            continue
+        above = each.name.removesuffix(_LAST)
+        if any(e.kind == "pub" and e.node == each.node and e.name.rpartition("/")[0] == above for e in known):
+            found[above or "/"] = Base(above or "/", each.name, each.record)
+    return dict(sorted(found.items()))
+
+
+def choose(asked: str, found: Mapping[str, Base], where: str) -> Base:
+    """The base in the namespace ``asked``, or the only one when nothing is asked; raises BadInput.
+
+    ``where`` is the network that was looked at.
+    """
+    if not found:
+        raise BadInput(f"no robot takes commands at {where}: is a fleet up that has one? (./elea ps lists them)")
+    listed = ", ".join(found)
+    if not asked:
+        if len(found) > 1:
+            raise BadInput(f"there are several robots, say which one: {listed}")
+        return next(iter(found.values()))
+    try:
+        namespace = absolute_namespace(asked.rstrip("/"))
+    except BadName as error:
+        raise BadInput(str(error)) from None
+    if namespace not in found:
+        near = difflib.get_close_matches(namespace, found, 1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise BadInput(f"no robot takes commands on {namespace.rstrip('/')}{_LAST}{hint} (known: {listed})")
+    return found[namespace]

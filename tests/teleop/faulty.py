@@ -1,0 +1,24 @@
+"""A program that takes the terminal over and then fails: `python -m tests.teleop.faulty raise`, or `thread`."""
+
+from __future__ import annotations
+
+import sys
+import threading
+
+from services.runtime.process import die_with_threads
+from services.teleop.terminal import Terminal
+
+
+def fail() -> None:
+    raise RuntimeError("on purpose")
+
+
+die_with_threads()
+with Terminal() as keyboard:
+    while not keyboard.take(0.1):
+        pass
+    if sys.argv[1] == "raise":
+        fail()
+    threading.Thread(target=fail).start()
+    while True:
+        keyboard.take(0.1)

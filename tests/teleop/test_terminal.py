@@ -1,0 +1,179 @@
+"""A person at a real terminal, a real robot: taps, holds, releases, two keys, and every way to leave."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+
+import pytest
+
+from messages.std import Bool
+from messages.topics import E_STOP
+from tests.faults.track import STANDING
+from tests.teleop.drive import FULL, WITHIN_S, Drive, driving, seated, smooth
+from tests.teleop.seat import Seat, Strokes, well_held
+from tests.waiting import until
+
+LET_GO_S = 0.4
+"""Wall time within which a released key is told on a busy machine; without learning the keyboard it would be 0.6."""
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Drive]:
+    with driving(tmp_path_factory.mktemp("teleop")) as drive:
+        yield drive
+
+
+def assert_stopped_soon(drive: Drive, strokes: Strokes) -> None:
+    """Zero was sent soon after the last event, and the robot came to stand."""
+    stop = drive.stop_after(strokes.times[-1])
+    late = len(drive.orders(strokes.times[-1], strokes.times[-1] + LET_GO_S))
+    assert stop in drive.orders(strokes.times[-1], strokes.times[-1] + LET_GO_S), f"{late} commands until then"
+    drive.wait_standing()
+
+
+def test_a_tap_drives_for_the_first_time_out_and_zero_is_held_and_then_nothing_is_sent(drive: Drive) -> None:
+    with seated(drive) as seat:
+        start = drive.track.sights[-1]
+        struck = seat.type("i")
+        stop = drive.stop_after(struck)
+        assert [each for each in drive.orders(struck - 1, struck + 60) if each.moves and each.sent < stop.sent]
+        drive.wait_standing()
+        gone = drive.track.sights[-1].x - start.x
+        assert 0.03 < gone < 0.22
+        drive.wait(3.5)
+        silent = len(drive.track.orders)
+        drive.wait(1.0)
+        assert len(drive.track.orders) == silent
+        assert drive.track.base.source == ""
+        assert "nothing: others may drive" in seat.text
+
+
+def test_a_held_key_drives_smoothly_from_its_first_event_and_a_released_one_stops(drive: Drive) -> None:
+    """The first repeat comes after 0.5 s: twice the base's time-out."""
+    with seated(drive) as seat:
+        strokes = well_held(lambda: held(drive, seat, "i", 1.5, 0.5))
+        assert smooth(drive, strokes)
+        assert_stopped_soon(drive, strokes)
+
+
+def test_a_keyboard_with_a_delay_of_a_second_is_learned_from_the_first_hold(drive: Drive) -> None:
+    with seated(drive) as seat:
+        well_held(lambda: held(drive, seat, "i", 1.5, 1.0))
+        strokes = well_held(lambda: held(drive, seat, ",", 1.5, 1.0))
+        assert all(each.moves for each in drive.orders(strokes.times[0], strokes.times[-1]))
+        assert_stopped_soon(drive, strokes)
+
+
+def test_two_keys_follow_each_other_without_a_stop_between(drive: Drive) -> None:
+    with seated(drive) as seat:
+        ahead = turning = Strokes((), 1.0)
+
+        def both() -> Strokes:
+            nonlocal ahead, turning
+            drive.wait_standing()
+            ahead = seat.hold("i", 0.8)
+            turning = seat.hold("u", 0.8)
+            return Strokes(ahead.times + turning.times, max(ahead.late, turning.late))
+
+        strokes = well_held(both)
+        assert all(each.moves for each in drive.orders(strokes.times[0], strokes.times[-1]))
+        driven = drive.sights(turning.times[0], turning.times[-1])
+        assert min(each.speed for each in driven) > 0.95 * FULL
+        assert_stopped_soon(drive, strokes)
+
+
+def test_a_speed_key_changes_what_is_sent(drive: Drive) -> None:
+    with seated(drive, "--speed", "0.1") as seat:
+        seat.type("i")
+        seat.type("w")
+        until(lambda: "+0.11 m/s ahead" in seat.text, WITHIN_S, "the new speed")
+        drive.wait_standing()
+
+
+def held(drive: Drive, seat: Seat, key: str, seconds: float, delay: float) -> Strokes:
+    drive.wait_standing()
+    return seat.hold(key, seconds, delay)
+
+
+@pytest.mark.parametrize("key", ["k", " ", "\x1a", "\x13", "\x1c", "\x1bOA"])
+def test_any_other_key_stops_at_once_even_those_that_suspend_or_hold_a_terminal(drive: Drive, key: str) -> None:
+    with seated(drive, "--key-timeout", "5") as seat:
+        seat.type("i")
+        until(lambda: drive.look() or drive.track.speed > 0.95 * FULL, WITHIN_S, "full speed")
+        drive.stop_after(seat.type(key))
+        drive.wait_standing()
+        seat.type("q")
+        until(lambda: "0.55 m/s" in seat.text, WITHIN_S, "a teleop that goes on")
+
+
+def test_it_obeys_the_emergency_stop_and_shows_it(drive: Drive) -> None:
+    with drive.network.node("watch") as node, seated(drive, "--key-timeout", "5") as seat:
+        told = node.write(E_STOP, "/rover/e_stop")
+        until(lambda: drive.look() or told.wanted, WITHIN_S, "a base that listens")
+        told.publish(Bool(data=True))
+        until(lambda: drive.look() or drive.track.base.e_stopped, WITHIN_S, "an emergency stop")
+        since = seat.type("i")
+        until(lambda: "EMERGENCY STOP" in seat.text, WITHIN_S, "the display to tell of it")
+        until(lambda: drive.look() or drive.orders(since, since + 60), WITHIN_S, "commands")
+        drive.wait(0.5)
+        assert all(abs(each.speed) < STANDING for each in drive.sights(since, since + 60))
+        told.publish(Bool(data=False))
+        until(lambda: drive.look() or not drive.track.base.e_stopped, WITHIN_S, "the end of it")
+        seat.type("k")
+
+
+@pytest.mark.parametrize("way", ["Ctrl-C", "SIGTERM", "SIGHUP"])
+def test_on_leaving_the_robot_stops_and_the_terminal_is_as_it_was(drive: Drive, way: str) -> None:
+    with seated(drive, "--key-timeout", "5") as seat:
+        assert seat.attributes != seat.before
+        seat.type("i")
+        until(lambda: drive.look() or drive.track.speed > 0.95 * FULL, WITHIN_S, "full speed")
+        left = seat.type("\x03") if way == "Ctrl-C" else seat.kill(signal.Signals[way])
+        assert seat.wait() == 0, seat.text
+        assert seat.attributes == seat.before
+        assert "Traceback" not in seat.text
+        drive.stop_after(left)
+        drive.wait_standing()
+    drive.wait(0.5)
+    assert not drive.track.orders[-1].moves
+
+
+def test_a_window_that_is_closed_stops_the_robot(drive: Drive) -> None:
+    with seated(drive, "--key-timeout", "5") as seat:
+        seat.type("i")
+        until(lambda: drive.look() or drive.track.speed > 0.95 * FULL, WITHIN_S, "full speed")
+        seat.close()
+        assert seat.wait() == 0
+        drive.wait_standing()
+    drive.wait(0.5)
+    assert not drive.track.orders[-1].moves
+
+
+@pytest.mark.parametrize(("fault", "status"), [("raise", 1), ("thread", 70)])
+def test_after_an_error_the_terminal_is_as_it_was(fault: str, status: int) -> None:
+    with Seat(["-m", "tests.teleop.faulty", fault]) as seat:
+        seat.ready()
+        seat.type("i")
+        assert seat.wait() == status
+        assert seat.attributes == seat.before
+        until(lambda: "on purpose" in seat.text, WITHIN_S, "the traceback")
+
+
+def test_a_second_teleop_of_a_robot_is_refused(drive: Drive) -> None:
+    with seated(drive), Seat(["-m", "deploy", "teleop", "--connect", drive.network.endpoint]) as second:
+        assert second.wait() == 2
+        until(lambda: "a node /rover/teleop is already there" in second.text, WITHIN_S, "the reason")
+        assert second.attributes == second.before
+
+
+def test_a_robot_that_is_not_there_is_told_with_those_that_are(drive: Drive) -> None:
+    with Seat(["-m", "deploy", "teleop", "/rovr", "--connect", drive.network.endpoint]) as seat:
+        assert seat.wait() == 2
+        until(lambda: "did you mean '/rover'? (known: /rover)" in seat.text, WITHIN_S, "the reason")
+
+
+def test_no_router_is_told() -> None:
+    with Seat(["-m", "deploy", "teleop", "--connect", "tcp/127.0.0.1:1"]) as seat:
+        assert seat.wait() == 2
+        until(lambda: "no router at tcp/127.0.0.1:1" in seat.text, WITHIN_S, "the reason")
