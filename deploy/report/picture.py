@@ -128,7 +128,7 @@ def _legend(figure: Any, axes: Any) -> None:
         handles=[*names, *kinds],
         loc="lower left",
         bbox_to_anchor=(0.045, 0.008),
-        ncols=9,
+        ncols=11,
         fontsize=8.5,
         frameon=False,
         labelcolor=INK,
