@@ -94,6 +94,15 @@ def test_the_average_rate_is_exact(rate: float) -> None:
         assert len(world.heard(GROUND_TRUTH)) == 500, "it does not depend on that"
 
 
+def test_odometry_has_the_stamps_of_ground_truth_whenever_the_robot_came() -> None:
+    with rehearsal("burger") as world:
+        world.run(0.02)
+        world.ask(RESET_WORLD, Empty())
+        world.run(1.0)
+        told, real = ({each.header.stamp.ns for each in world.heard(topic)} for topic in (ODOM, GROUND_TRUTH))
+        assert told == real == set(range(0, 1_020_000_000, 40_000_000))
+
+
 def test_covariances_are_copied_and_may_be_whole_numbers() -> None:
     diagonal = [1, 2, 3.5, 4, 5, 6]
     for model in ("p3dx", "burger"):
