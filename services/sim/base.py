@@ -57,7 +57,7 @@ class Base:
                     made = now - round(self._ages.of(origin) * factor * 1e9)
             stale = self.arbiter.stale_dropped
             if isinstance(command, TwistStamped):
-                made = self._stamp(command, made)
+                made = self._stamp(command, made, now)
                 command = command.twist
             assert isinstance(command, Twist)
             self.arbiter.offer(source, priority, command.linear.x, command.angular.z, made, now)
@@ -134,8 +134,11 @@ class Base:
             collisions=collisions,
         )
 
-    def _stamp(self, command: TwistStamped, made: int | None) -> int | None:
-        """When a command was made, ns, by its stamp and by its way; a stamp of 0 means that it has none."""
+    def _stamp(self, command: TwistStamped, made: int | None, now: int) -> int | None:
+        """When a command was made, ns, by its stamp and by its way; a stamp of 0 means that it has none.
+
+        A stamp from the future stays one, to be refused.
+        """
         stamp = command.header.stamp.ns
         if stamp == 0:
             if not self._told_of_zero:
@@ -144,4 +147,4 @@ class Base:
                     "a TwistStamped on cmd_vel has no stamp: this one, and all like it, counts from its arrival"
                 )
             return made
-        return stamp if made is None else min(stamp, made)
+        return stamp if made is None or stamp > now else min(stamp, made)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from messages.base import Packed36
 from messages.nav import Odometry
 from messages.std import Header
@@ -11,6 +13,9 @@ from services.sim.diffdrive.odometry import Pose2, Track, coast, roll, start
 from services.sim.odometry import EXACT, PLANAR, encoder_odometry, world_odometry
 from services.sim.settings import OdometrySettings
 from services.sim.world import BodyState, World
+
+ROUNDING = 1e-6
+"""Of a period; what is nearer to its end is its end."""
 
 
 class Odometer:
@@ -29,6 +34,7 @@ class Odometer:
             self._left, self._right = (
                 joints.index(joint) for joint in (base.settings.left_joint, base.settings.right_joint)
             )
+        self._slot: int | None = None
         self.restart()
 
     def restart(self) -> None:
@@ -36,7 +42,8 @@ class Odometer:
         counts = self._base is not None and self.settings.source != "world"
         self.track: Track | None = start(*self._angles()) if counts else None
         self.moved = Pose2()
-        self._told, self._next = -1, 0
+        self._told = -1
+        self.retime()
 
     def step(self) -> None:
         """Follow a physics step that comes, where commands are what counts."""
@@ -55,13 +62,16 @@ class Odometer:
     def due(self, now: int, rate: float) -> bool:
         """Whether a message goes out at ``now`` [ns] when ``rate`` [Hz] go out; asked at every control tick.
 
-        The average rate is exact, as in ROS: what comes late does not delay the next one.
+        The average rate is exact, as in ROS, and counts from time 0: at 25 Hz odometry has the stamps of ground truth,
+        whenever the robot was spawned.
         """
-        if rate <= 0 or now < self._next:
+        if rate <= 0:
             return False
-        period = round(1e9 / rate)
-        self._next = self._next + period if now - self._next < period else now + period
-        return True
+        periods = now * rate / 1e9
+        if self._slot is None:
+            self._slot = math.ceil(periods - ROUNDING) - 1
+        before, self._slot = self._slot, int(periods + ROUNDING)
+        return self._slot > before
 
     def message(self, header: Header, child: str, state: BodyState) -> Odometry:
         """Odometry as it is published; ``state`` is where the body is."""
@@ -82,8 +92,8 @@ class Odometer:
         self.track = self.track._replace(x=x, y=y, heading=heading)
 
     def retime(self) -> None:
-        """Publish next at the next control tick, as after a change of the rate."""
-        self._next = 0
+        """Find the rate's phase anew, as after a change of the rate."""
+        self._slot = None
 
     def _angles(self) -> tuple[float, float]:
         angles = self._world.joint_readings(self._name).position

@@ -161,3 +161,28 @@ def test_whatever_is_offered_only_finite_bounded_speeds_reach_the_wheels(
         state = advance(drive, state, decision.v, decision.w, decision.braking, 0.005)
         assert all(math.isfinite(speed) and abs(speed) < 6000 for speed in wheel_speeds(drive, state))
     assert arbiter.commands + arbiter.refused + arbiter.stale_dropped == len(series)
+
+
+def test_where_one_commander_is_allowed_several_mean_brake() -> None:
+    arbiter = Arbiter(0.25, exclusive=True)
+    assert arbiter.offer(A, CONTROLLER, 0.1, 0.0, None, 0)
+    assert not arbiter.offer(B, TELEOP, 0.2, 0.0, None, 100 * MS), "whatever its priority"
+    assert arbiter.decide(100 * MS) == BRAKE
+    assert arbiter.contested
+    assert not arbiter.offer(A, CONTROLLER, 0.1, 0.0, None, 200 * MS)
+    assert arbiter.refused == 2
+    assert arbiter.decide(351 * MS) == Decision(0.1, 0.0, False, A), "the other one is silent"
+    assert not arbiter.contested
+    arbiter.offer(B, TELEOP, 0.2, 0.0, None, 400 * MS)
+    arbiter.lost(A, 410 * MS)
+    assert arbiter.decide(410 * MS).source == B
+    arbiter.offer(A, CONTROLLER, 0.1, 0.0, None, 420 * MS)
+    arbiter.clear()
+    assert not arbiter.contested
+
+
+@pytest.mark.parametrize("tiny", [5e-324, -2.3e-308, 9e-10])
+def test_a_command_too_small_to_see_is_a_standstill(tiny: float) -> None:
+    arbiter = Arbiter()
+    assert arbiter.offer(A, CONTROLLER, tiny, -tiny, None, 0)
+    assert arbiter.decide(0) == Decision(0.0, 0.0, False, A)
