@@ -17,6 +17,7 @@ from services.runtime.graph import Entity, pattern
 from services.runtime.lockstep import CAPACITY, ENCODING, Go, done_key, go_key, numbers, read_done
 from services.runtime.log import Log
 from services.runtime.marks import Marks, Numbers, merge
+from services.runtime.outbox import Outbox
 from services.runtime.outputs import Output
 from services.runtime.transport import Inlet, Outlet, Transport
 from services.runtime.wire import member_id
@@ -47,6 +48,7 @@ class Barrier:
     def __init__(
         self,
         transport: Transport,
+        outbox: Outbox,
         roster: tuple[str, ...],
         log: Log,
         idle: Callable[[Inlet], None],
@@ -54,7 +56,8 @@ class Barrier:
     ) -> None:
         self.marks = Marks()
         self.dropped: list[str] = []
-        self._transport, self._roster, self._log, self._idle, self._now = transport, roster, log, idle, now
+        self._transport, self._outbox, self._roster = transport, outbox, roster
+        self._log, self._idle, self._now = log, idle, now
         self._inlet = transport.subscribe(done_key(transport.session), CAPACITY)
         self._reads_watch = transport.watch(pattern("sub"))
         self._watch = transport.watch(pattern("step"))
@@ -158,6 +161,7 @@ class Barrier:
         self._pending.pop(session, None)
         self._reads.pop(session, None)
         self._count()
+        self._outbox.release()
         member.outlet.close()
         return True
 
@@ -173,9 +177,8 @@ class Barrier:
             own = next(s for s, m in self._members.items() if m is member)
             members = (*(m.id for s, m in self._members.items() if s != own), self._own_id)
         marks, known, member.marks, member.known = member.marks, member.known, {}, {}
-        member.outlet.put(
-            encode(msgspec.structs.replace(go, members=members, marks=marks, known=known)), attachment=b""
-        )
+        leave = msgspec.structs.replace(go, members=members, marks=marks, known=known)
+        self._outbox.put(member.outlet.put, encode(leave), b"")
 
     @property
     def _own_id(self) -> bytes:

@@ -19,6 +19,7 @@ from services.runtime.identity import Identity
 from services.runtime.inputs import Input
 from services.runtime.log import Log
 from services.runtime.marks import Marks
+from services.runtime.outbox import Outbox
 from services.runtime.outputs import Output
 from services.runtime.transport import Inlet, Token, Transport
 
@@ -36,6 +37,7 @@ class Node:
     def __init__(self, transport: Transport, identity: Identity, kind: str, log: Log) -> None:
         self.transport, self.identity, self.kind, self.log = transport, identity, kind, log
         self.heart = Heart(identity.node)
+        self.outbox = Outbox()
         self.inputs: list[Input[Any]] = []
         self.outputs: list[Output[Any]] = []
         self.served: list[Served[Any, Any]] = []
@@ -45,7 +47,7 @@ class Node:
     def __enter__(self) -> Self:
         self._claim()
         self._health: Output[Health] = Output(
-            HEALTH, HEALTH.name, self.identity.key(HEALTH.name), self.identity.node, self.transport
+            HEALTH, HEALTH.name, self.identity.key(HEALTH.name), self.identity.node, self.transport, self.outbox
         )
         self._declare("pub", HEALTH.name, Health.ROS_TYPE, HEALTH.quality.name)
         self._rosout: Output[LogLine] = self.write(ROSOUT)
@@ -72,13 +74,16 @@ class Node:
         for known in self.outputs:
             if known.name == absolute:
                 return known
-        made = Output(topic, absolute, self.identity.key(name or topic.name), self.identity.node, self.transport)
+        made = Output(
+            topic, absolute, self.identity.key(name or topic.name), self.identity.node, self.transport, self.outbox
+        )
         self.outputs.append(made)
         self._declare("pub", absolute, topic.record.ROS_TYPE, topic.quality.name)
         return made
 
     def forget(self, *ends: Input[Any] | Output[Any]) -> None:
         """End subscriptions and publications, as when a robot leaves the world."""
+        self.outbox.release()
         for end in ends:
             if isinstance(end, Input):
                 self.inputs.remove(end)
@@ -112,8 +117,9 @@ class Node:
         self.heart.beat(self._health, self.inputs, self.outputs)
 
     def wait(self, inlet: Inlet) -> None:
-        """Turn, then block until the inlet, a nudge or a tenth of a second."""
+        """Turn, then block until the inlet, a nudge or a tenth of a second; what was held back leaves first."""
         self.turn()
+        self.outbox.release()
         self.transport.wait(inlet)
 
     def admit(self, marks: Marks | None = None) -> None:

@@ -6,7 +6,8 @@ from typing import Generic, TypeVar
 
 from messages.base import Message, encode
 from messages.elea import OutputHealth
-from messages.topics import Quality, Topic
+from messages.topics import Topic
+from services.runtime.outbox import Outbox
 from services.runtime.transport import Transport
 from services.runtime.wire import attach, encoding, publisher_id
 
@@ -17,21 +18,27 @@ class Output(Generic[M]):
     """One publication; ``sent`` is the number of the last sample, ``marked`` the last one told to the lockstep."""
 
     def __init__(
-        self, topic: Topic[M], name: str, key: str, node: str, transport: Transport, quality: Quality | None = None
+        self,
+        topic: Topic[M],
+        name: str,
+        key: str,
+        node: str,
+        transport: Transport,
+        outbox: Outbox | None = None,
     ) -> None:
         self.topic, self.name, self.key = topic, name, key
         self.publisher = publisher_id(node, transport.session, key)
         self.sent = self.marked = 0
         self._record = topic.record
-        self._outlet = transport.publish(key, encoding(topic.record.ROS_TYPE), quality or topic.quality)
-        self._put = self._outlet.put
+        self._outlet = transport.publish(key, encoding(topic.record.ROS_TYPE), topic.quality)
+        self._put, self._send = self._outlet.put, (outbox or Outbox()).put
 
     def publish(self, message: M) -> None:
         """Send ``message``; raises TypeError when it is not the topic's record."""
         if type(message) is not self._record:
             raise TypeError(f"{self.name} carries {self._record.__name__}, not {type(message).__name__}")
         self.sent = sent = self.sent + 1
-        self._put(encode(message), attachment=attach(sent, self.publisher))
+        self._send(self._put, encode(message), attach(sent, self.publisher))
 
     @property
     def wanted(self) -> bool:

@@ -45,6 +45,11 @@ def die_with_parent() -> None:
         os._exit(_DEAD_THREAD)
 
 
+def give_way() -> None:
+    """Let the simulation keep its core: from now on, waking this process and its threads interrupts no other."""
+    os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+
+
 def die_with_threads() -> None:
     """End the process, with the traceback, when any of its threads dies of an exception, the main one too."""
 

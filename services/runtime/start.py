@@ -8,7 +8,7 @@ from services.runtime.context import Context
 from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
-from services.runtime.process import CLOSE_S, end_within, on_stop
+from services.runtime.process import CLOSE_S, end_within, give_way, on_stop
 from services.runtime.service import Service
 from services.runtime.zenoh_config import DEFAULT_ROUTER, Role, configuration
 from services.runtime.zenoh_transport import ZenohTransport
@@ -19,6 +19,8 @@ def serve(service: Service, options: dict[str, Any]) -> None:
     run = service.entry()
     identity: Identity = options["identity"]
     log = Log(identity.node, options["log_level"])
+    if (options["lockstep"] and service.holds_lockstep) or service.observer:
+        give_way()
     tree = _configuration(service, options)
     with ZenohTransport(tree) as transport, Node(transport, identity, service.name, log) as node:
 

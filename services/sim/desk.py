@@ -123,6 +123,7 @@ def advance(stage: Stage, timing: Timing) -> None:
     A pause that came with the wait holds time before the step; the next call takes it.
     """
     if not stage.held:
+        stage.outbox.hold()  # until the timing holds
         stage.tell()
         epoch, tick = stage.epoch, stage.tick
         listening = timing.hold()

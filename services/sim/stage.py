@@ -35,6 +35,7 @@ class Stage:
 
     def __init__(self, node: Node, world: World, seed: int) -> None:
         self.world, self.tick, self.epoch, self.paused, self.held = world, 0, 0, False, False
+        self.outbox = node.outbox
         self._node, self._seed = node, seed
         self._robots: dict[str, tuple[Robot, Placement]] = {}
         self._commanders, self._ages = Commanders(node.transport), Ages()

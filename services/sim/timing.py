@@ -26,7 +26,7 @@ class Timing(Protocol):
         ...
 
     def hold(self) -> bool:
-        """Wait as long as this tick asks for; True when commands are to be taken now."""
+        """Send what the stage has told, wait as long as this tick asks for; True when commands are to be taken now."""
         ...
 
     def halt(self) -> None:
@@ -47,6 +47,7 @@ class Free:
         pass
 
     def hold(self) -> bool:
+        self._node.outbox.release()
         if self._stage.tick % CONTROL:
             return False
         self._node.turn()
@@ -69,6 +70,7 @@ class Real:
         self.halt()
 
     def hold(self) -> bool:
+        self._node.outbox.release()
         if self._stage.tick % CONTROL:
             return False
         self._node.turn()
@@ -91,7 +93,7 @@ class Lockstep:
 
     def __init__(self, stage: Stage, node: Node, members: tuple[str, ...], latency: int) -> None:
         self._stage, self._node, self._latency = stage, node, latency
-        self._barrier = Barrier(node.transport, members, node.log, node.wait, self._greeting)
+        self._barrier = Barrier(node.transport, node.outbox, members, node.log, node.wait, self._greeting)
         self.marks: Marks | None = self._barrier.marks
         self._released = False
         self._last = -1, -1
@@ -103,6 +105,12 @@ class Lockstep:
         self._node.heart.note = ""
 
     def hold(self) -> bool:
+        try:
+            return self._hold()
+        finally:
+            self._node.outbox.release()
+
+    def _hold(self) -> bool:
         # While it waits, a request may take single steps, each with a wait of its own; no tick is released twice.
         here = self._here
         due = self._barrier.due(self._stage.now)

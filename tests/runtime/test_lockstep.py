@@ -91,7 +91,7 @@ class Simulation:
     def __init__(self, made: Node, roster: tuple[str, ...]) -> None:
         self.node, self.tick, self.state, self.paused = made, 0, 1.0, False
         self.truth, self.effort = made.write(TRUTH), made.read(EFFORT)
-        self.barrier = Barrier(made.transport, roster, made.log, made.wait, self.go)
+        self.barrier = Barrier(made.transport, made.outbox, roster, made.log, made.wait, self.go)
 
     def go(self) -> Go:
         session, now = self.node.transport.session, self.tick * STEP_NS
