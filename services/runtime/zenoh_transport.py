@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, Self
 
 import zenoh
@@ -24,7 +25,8 @@ from services.runtime.zenoh_ends import (
     ZenohWatch,
 )
 
-# One thread receives (by default one wakes another for each message), another sends while that one waits for room.
+# One thread receives (by default one wakes another for each message), another sends while that one waits for room. A
+# router keeps to the defaults: it has to pass on what it receives, and lost large messages under load with one thread.
 _THREADS = "(rx: (worker_threads: 1), acc: (handover: rx), net: (handover: rx))"
 
 _DROP, _BLOCK = zenoh.CongestionControl.DROP, zenoh.CongestionControl.BLOCK
@@ -49,11 +51,11 @@ class ZenohTransport:
         self.open = True
 
     def __enter__(self) -> Self:
-        os.environ.setdefault("ZENOH_RUNTIME", _THREADS)
         zenoh.init_log_from_env_or("off")
         wanted = self._configuration["connect"]["endpoints"]
         try:
-            self._zenoh = zenoh.open(zenoh.Config.from_json5(json.dumps(self._configuration)))
+            with _few_threads(self._configuration["mode"] != "router"):
+                self._zenoh = zenoh.open(zenoh.Config.from_json5(json.dumps(self._configuration)))
         except zenoh.ZError as error:
             listens = self._configuration["listen"]["endpoints"]
             raise BadInput(f"cannot join the network (connect {wanted}, listen {listens}): {error}") from None
@@ -146,3 +148,16 @@ class ZenohTransport:
             elif self.open:
                 here = zenoh.Locality.SESSION_LOCAL
                 self._zenoh.put(inlet.nudge_key, b"", encoding=NUDGE, allowed_destination=here)
+
+
+@contextmanager
+def _few_threads(wanted: bool) -> Iterator[None]:
+    """Let Zenoh start with _THREADS, unless the user's environment says otherwise; children do not inherit it."""
+    ours = wanted and "ZENOH_RUNTIME" not in os.environ
+    if ours:
+        os.environ["ZENOH_RUNTIME"] = _THREADS
+    try:
+        yield
+    finally:
+        if ours:
+            del os.environ["ZENOH_RUNTIME"]

@@ -117,7 +117,7 @@ class Rehearsal:
     def put(self, topic: Topic[Any], payload: bytes) -> None:
         """Publish as a program that is not ours."""
         key = f"{NAME}/{topic.name}"
-        self._transport.publish(key, encoding(topic.record.ROS_TYPE), topic.quality).put(payload, b"")
+        self._transport.publish(key, encoding(topic.record.ROS_TYPE), topic.quality).put(payload, attachment=b"")
 
     @property
     def base(self) -> Base:
