@@ -14,7 +14,7 @@ from messages.base import WrongPayload, encode
 from messages.names import key as key_of
 from messages.topics import Quality
 from services.runtime.graph import Entity, pattern
-from services.runtime.lockstep import CAPACITY, ENCODING, Go, done_key, go_key, numbers, read_done
+from services.runtime.lockstep import CAPACITY, ENCODING, Done, Go, done_key, go_key, numbers, read_done
 from services.runtime.log import Log
 from services.runtime.marks import Marks, Numbers, merge
 from services.runtime.outbox import Outbox
@@ -35,6 +35,7 @@ class _Member:
     greeted: bool = False
     active: bool = False
     told: int = -1
+    answer: Done | None = None
     marks: Numbers = field(default_factory=dict)
     known: Numbers = field(default_factory=dict)
 
@@ -123,12 +124,24 @@ class Barrier:
                 self._pending[session] = go.tick
                 self._tell(member, go)
 
-    def collect(self) -> None:
-        """Block until all that were released have finished, or died; what they sent is then in ``marks``."""
+    def collect(self, time_ns: int) -> None:
+        """Block until those that are due at this time have finished their last step, or died.
+
+        What they sent is then in ``marks``. Answers of others wait for their time: when they came makes no difference.
+        """
         self._receive()
-        while self._pending:
-            self._idle(self._inlet)
-            self.update()
+        while due := [session for session in self._pending if time_ns % self._members[session].period_ns == 0]:
+            late = False
+            for session in due:
+                if (answer := self._members[session].answer) is None:
+                    late = True
+                else:
+                    del self._pending[session]
+                    self._members[session].answer = None
+                    self._hear(answer)
+            if late:
+                self._idle(self._inlet)
+                self.update()
 
     def announce(self, go: Go) -> None:
         """Tell every member something that is no step: a pause."""
@@ -197,13 +210,17 @@ class Barrier:
                 self._drop(done.session)
                 self._log.info(f"{member.node} has finished")
                 continue
-            if not member.active:
-                member.active = True
-            elif self._pending.get(done.session) == done.tick:
-                del self._pending[done.session]
-            self._spread(done.marks, "marks", done.session)
-            self._spread(done.known, "known", done.session)
-            self.marks.advance(done.marks, done.known)
+            if self._pending.get(done.session) == done.tick:
+                member.answer = done
+                continue
+            member.active = True
+            self._hear(done)
+
+    def _hear(self, done: Done) -> None:
+        """Let through what a member says it has sent."""
+        self._spread(done.marks, "marks", done.session)
+        self._spread(done.known, "known", done.session)
+        self.marks.advance(done.marks, done.known)
 
     def _spread(self, news: Numbers, kind: str, sender: str = "") -> None:
         """Keep the numbers for every member that reads the key."""

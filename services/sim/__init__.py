@@ -46,7 +46,12 @@ class SimParameters(Parameters, frozen=True, kw_only=True):
     mode: Annotated[Literal["lockstep", "real", "free"], Meta(description="how time runs")] = "real"
     factor: Annotated[float, Meta(gt=0, le=1000, description="simulated per wall-clock second, in real time")] = 1.0
     latency: Annotated[
-        int, Meta(ge=0, le=1, description="ticks that a command takes in lockstep; 1 overlaps control and physics")
+        int,
+        Meta(
+            ge=0,
+            le=1,
+            description="ticks of its sender that a command takes in lockstep; 1 overlaps control and physics",
+        ),
     ] = 0
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="seed of the sensors' noise")] = 0
     members: Annotated[

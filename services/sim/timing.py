@@ -87,7 +87,8 @@ class Real:
 
 
 class Lockstep:
-    """Waits at each tick for the members that are due; with ``latency`` 1 they compute while the physics steps."""
+    """Waits at each tick for the members that are due; with ``latency`` 1 they compute
+    while the physics steps, until they are due again."""
 
     factor = 1.0
 
@@ -121,7 +122,7 @@ class Lockstep:
         if not due:
             return control
         if self._released:
-            self._barrier.collect()
+            self._barrier.collect(self._stage.now)
         if self._here != here:
             return control
         if self._last != here:
@@ -130,7 +131,7 @@ class Lockstep:
             self._barrier.release(self._go(paused=False), self._node.outputs)
             self._released = bool(self._latency)
         if not self._latency:
-            self._barrier.collect()
+            self._barrier.collect(self._stage.now)
         # A pause may have been told before this tick's leave, which a member takes for time that goes on.
         self.halt()
         return True

@@ -105,10 +105,10 @@ class Simulation:
                 self.truth.publish(Float64(data=self.state))
             if self.barrier.due(self.tick * STEP_NS):
                 if latency and self.tick:
-                    self.barrier.collect()
+                    self.barrier.collect(self.tick * STEP_NS)
                 self.barrier.release(self.go(), self.node.outputs)
                 if not latency:
-                    self.barrier.collect()
+                    self.barrier.collect(self.tick * STEP_NS)
                 self.node.admit(self.barrier.marks)
                 for message, _ in self.effort.batch:
                     self.state = 0.5 * self.state + 0.01 * message.data
@@ -127,7 +127,7 @@ def _run(connect: Callable[[], Transport], seed: int, latency: int, order: tuple
             simulation.barrier.gather()
             simulation.step(121, latency)
             if latency:
-                simulation.barrier.collect()
+                simulation.barrier.collect(0)  # a time at which all are due
             assert all(source.lost == 0 for each in members.values() if each.node for source in each.node.inputs)
         finally:
             for each in members.values():
