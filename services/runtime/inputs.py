@@ -52,10 +52,12 @@ class Input(Generic[M]):
         if marks is None:
             self.batch = fresh
             return
-        reached = marks.reached.get(self.key, {})
-        awaited = marks.awaited.get(self.key)
-        if awaited:
+        if awaited := marks.awaited.get(self.key):
             self._await(awaited, fresh)
+        if not fresh and not self._held:
+            self.batch = fresh
+            return
+        reached = marks.reached.get(self.key, {})
         ready: list[tuple[M, Origin | None]] = []
         waiting: deque[tuple[M, Origin]] = deque()
         for message, origin in (*self._held, *fresh):

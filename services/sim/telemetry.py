@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 from messages.elea import BaseStatus
@@ -166,4 +167,9 @@ class Telemetry:
 
 def _due(tick: int, rate: float) -> bool:
     """Whether something of this rate [Hz] happens at a physics step."""
-    return tick % round(1e9 / rate / STEP_NS) == 0
+    return tick % _steps(rate) == 0
+
+
+@cache
+def _steps(rate: float) -> int:
+    return round(1e9 / rate / STEP_NS)
