@@ -7,29 +7,40 @@ import math
 from deploy.fleet import Fleet, Robot
 from models.figures import read_model
 from services.motion.planar import Motion
+from services.runtime.errors import BadInput
 from services.runtime.parameters import build
 from services.sim import BaseParameters
 from services.sim.diffdrive.driver import AT_REST, Drive, advance, commanded
-from services.sim.settings import base_settings, effective
+from services.sim.settings import Settings, base_settings, effective
 from services.square import SquareParameters
 from services.square.expected import STEP_S, Base, expected, runs_on
 from services.square.seed import ANGLE_THRESHOLD
 
 
 def notes(fleet: Fleet) -> tuple[str, ...]:
-    """One text for each robot whose square is driven by the seed's law."""
+    """What the base driver warns of in its configuration, and one text for each square driven by the seed's law."""
     found = []
     for robot in fleet.robot:
+        found += _warnings(robot)
         for member in (*robot.services, *(each for _, each in fleet.shared(robot))):
             if member.kind == "square" and member.parameters.get("law") == "seed":
                 found.append(_seed(robot, build(SquareParameters, member.parameters)))
     return tuple(found)
 
 
+def _warnings(robot: Robot) -> list[str]:
+    try:
+        settings = _settings(robot)
+    except BadInput:
+        return []  # the simulation has refused it, with the reason
+    return [f"{robot.name}: {warning}" for warning in settings.warnings] if settings else []
+
+
 def _seed(robot: Robot, p: SquareParameters) -> str:
-    drive = _drive(robot)
-    if drive is None:
+    settings = _settings(robot)
+    if settings is None:
         return f"{robot.name} has no wheels: it drives no square."
+    drive = settings.drive
     ends = expected(p, _base(drive))
     told = "it would not end"
     if ends is not None:
@@ -43,12 +54,12 @@ def _seed(robot: Robot, p: SquareParameters) -> str:
     )
 
 
-def _drive(robot: Robot) -> Drive | None:
+def _settings(robot: Robot) -> Settings | None:
     model = read_model(robot.model)
     if model.wheels is None:
         return None
     given = effective(robot.model, model, build(BaseParameters, robot.parameters))
-    return base_settings(robot.model, model, model.wheels, given).drive
+    return base_settings(robot.model, model, model.wheels, given)
 
 
 def _base(drive: Drive) -> Base:

@@ -70,7 +70,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     run: RunFigures
     robots: dict[str, RobotFigures]
     checks: tuple[Check, ...]
-    notes: Annotated[tuple[str, ...], _text("what is off by design, and why, in words")]
+    notes: Annotated[tuple[str, ...], _text("what is off by design or by its configuration, and why, in words")]
 
 
 def run_figures(facts: RunFacts, measured: Measurements) -> RunFigures:

@@ -17,13 +17,17 @@ SPEED, AHEAD_S = 0.5, 4.1
 def test_wrong_wheel_figures_are_warned_of_and_their_damage_is_measured(tmp_path: Path) -> None:
     ended = Terminal(tmp_path).up("teleop_wrong", tmp_path / "run", "--json")
     assert ended.status == 0, ended.err
-    robot = json.loads(ended.out)["robots"]["p3dx"]
+    report = json.loads(ended.out)
+    robot = report["robots"]["p3dx"]
     # It commands twice 0.5 m/s, for 4.1 s and 3.1 s; both ramps are alike. The base drives at 0.65 of it.
     commanded = SPEED * (AHEAD_S + 3.1)
     assert robot["path_length_m"] == pytest.approx(0.65 * commanded, rel=0.03)
     assert robot["odometry_error_max_m"] > 0.5
     (log,) = (tmp_path / "run" / "logs").glob("sim*")
-    assert "wheel radius 0.15 and separation 0.39 m are configured, the URDF has 0.0975 and 0.33 m" in log.read_text()
+    warning = "p3dx: wheel radius 0.15 and separation 0.39 m are configured, the URDF has 0.0975 and 0.33 m"
+    assert warning in log.read_text()
+    (note,) = report["notes"]
+    assert note.startswith(warning)
 
 
 def test_the_fleet_to_drive_has_nobody_who_drives_it() -> None:
