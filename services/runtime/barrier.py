@@ -14,7 +14,7 @@ from messages.base import WrongPayload, encode
 from messages.names import key as key_of
 from messages.topics import Quality
 from services.runtime.graph import Entity, pattern
-from services.runtime.lockstep import CAPACITY, ENCODING, Go, done_key, go_key, numbers, read_done
+from services.runtime.lockstep import CAPACITY, ENCODING, Done, Go, done_key, go_key, numbers, read_done
 from services.runtime.log import Log
 from services.runtime.marks import Marks, Numbers, merge
 from services.runtime.outbox import Outbox
@@ -64,6 +64,7 @@ class Barrier:
         self._reads: dict[str, set[str]] = {}
         self._members: dict[str, _Member] = {}
         self._pending: dict[str, int] = {}
+        self._come: list[Done] = []
         self._generation = 0
         self._stride = 1
 
@@ -100,6 +101,7 @@ class Barrier:
                 continue
             if not token.alive:
                 if self._drop(entity.session):
+                    self.marks.died.add(member_id(entity.node, entity.session))
                     self.dropped.append(entity.node)
                     self._log.warn(f"{entity.node} is gone: the others go on without it")
             elif entity.node in self._roster and entity.session not in self._members:
@@ -129,6 +131,9 @@ class Barrier:
         while self._pending:
             self._idle(self._inlet)
             self.update()
+        come, self._come = self._come, []
+        for done in come:
+            self.marks.advance(done.marks, done.known)
 
     def announce(self, go: Go) -> None:
         """Tell every member something that is no step: a pause."""
@@ -197,13 +202,15 @@ class Barrier:
                 self._drop(done.session)
                 self._log.info(f"{member.node} has finished")
                 continue
-            if not member.active:
-                member.active = True
-            elif self._pending.get(done.session) == done.tick:
-                del self._pending[done.session]
             self._spread(done.marks, "marks", done.session)
             self._spread(done.known, "known", done.session)
-            self.marks.advance(done.marks, done.known)
+            if self._pending.get(done.session) == done.tick:
+                # What it sent counts from ``collect`` on, however early it has finished.
+                del self._pending[done.session]
+                self._come.append(done)
+            else:
+                member.active = True
+                self.marks.advance(done.marks, done.known)
 
     def _spread(self, news: Numbers, kind: str, sender: str = "") -> None:
         """Keep the numbers for every member that reads the key."""
