@@ -101,6 +101,7 @@ class Barrier:
                 continue
             if not token.alive:
                 if self._drop(entity.session):
+                    self.marks.died.add(member_id(entity.node, entity.session))
                     self.dropped.append(entity.node)
                     self._log.warn(f"{entity.node} is gone: the others go on without it")
             elif entity.node in self._roster and entity.session not in self._members:

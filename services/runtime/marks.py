@@ -7,10 +7,14 @@ Numbers = dict[str, dict[bytes, int]]
 
 
 class Marks:
-    """How far each publisher of a lockstep member has been let through: its last admitted number, by key."""
+    """How far each publisher of a lockstep member has been let through: its last admitted number, by key.
+
+    ``died`` are the members that lockstep no longer waits for because they are gone, until someone takes note.
+    """
 
     def __init__(self) -> None:
         self.members: set[bytes] = set()
+        self.died: set[bytes] = set()
         self.reached: dict[str, dict[bytes, int]] = {}
         self.awaited: dict[str, dict[bytes, int]] = {}
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from messages.names import key as key_of
 from services.runtime.graph import Entity, pattern
 from services.runtime.transport import Transport
-from services.runtime.wire import Origin, publisher_id
+from services.runtime.wire import MEMBER_BYTES, Origin, publisher_id
 
 PRIORITIES = {"teleop": 10}
 """By kind of service; everything else commands at 1. A person at the keys wins over a controller."""
@@ -53,6 +53,10 @@ class Commanders:
                 self._known[source] = Commander(entity.node, priority)
             elif self._known.pop(source, None) is not None:
                 yield source
+
+    def of(self, members: set[bytes]) -> list[bytes]:
+        """The publisher ids of these lives of nodes."""
+        return [source for source in self._known if source[:MEMBER_BYTES] in members]
 
     def find(self, source: bytes) -> Commander:
         """The node behind a publisher id."""

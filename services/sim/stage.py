@@ -127,6 +127,10 @@ class Stage:
         self._node.admit(marks)
         governed = marks.members if marks is not None else set()
         gone = list(self._commanders.gone())
+        if marks is not None and marks.died:
+            # Lockstep goes on without them from this tick; the tokens of their publications may go a moment later.
+            gone += self._commanders.of(marks.died)
+            marks.died = set()
         for robot in self.robots:
             robot.obey(self.now, governed, factor)
         for source in gone:

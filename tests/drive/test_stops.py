@@ -11,7 +11,13 @@ from messages.std import Bool
 from messages.topics import CMD_VEL, E_STOP, GROUND_TRUTH
 from models.figures import read_model
 from models.stopping import Stop, stopping
-from tests.drive.rehearsal import Rehearsal, rehearsal
+from services.runtime.identity import Identity
+from services.runtime.log import Log
+from services.runtime.marks import Marks
+from services.runtime.memory_transport import MemoryTransport
+from services.runtime.node import Node
+from services.runtime.wire import member_id
+from tests.drive.rehearsal import NAME, Rehearsal, rehearsal
 
 SPEEDS = (0.2, 0.5, 0.75)
 STANDING = 1e-3
@@ -73,6 +79,22 @@ def test_a_commander_that_dies(speed: float) -> None:
         assert source is not None
         arbiter.lost(source, world.stage.now)
         near(measured(world), stopping(speed, 0.0, WHEELS.brake))
+
+
+def test_a_member_of_lockstep_that_died_commands_no_more() -> None:
+    """From the tick in which lockstep goes on without it, though its publications are still seen."""
+    identity, marks = Identity.of("controller"), Marks()
+    with (
+        rehearsal() as world,
+        Node(MemoryTransport(world.bus), identity, "controller", Log(identity.node)) as controller,
+    ):
+        controller.write(CMD_VEL, f"/{NAME}/cmd_vel").publish(Twist.planar(0.5, 0.0))
+        world.run(0.02)
+        assert world.status().source == identity.node
+        marks.died = {member_id(identity.node, controller.transport.session)}
+        world.stage.listen(marks, 0.0)
+        assert (world.status().timed_out, world.status().source) == (True, "")
+        assert not marks.died
 
 
 @pytest.mark.parametrize("speed", SPEEDS)

@@ -22,6 +22,7 @@ from services.runtime.memory_transport import MemoryBus, MemoryTransport
 from services.runtime.node import Node
 from services.runtime.service import STEP_NS, Parameters, period_of
 from services.runtime.transport import Transport
+from services.runtime.wire import member_id
 from services.runtime.zenoh_config import configuration
 from services.runtime.zenoh_transport import ZenohTransport
 from tests.ports import free_port
@@ -157,6 +158,26 @@ def test_what_is_sent_in_a_tick_is_seen_in_the_next(connect: Callable[[], Transp
     assert heard[1:] == [5] * 6
 
 
+def test_what_is_sent_early_waits_for_its_tick(connect: Callable[[], Transport]) -> None:
+    """With latency 1: a member that has finished between two of its ticks is not heard before the second."""
+    with connect() as transport, node(MemoryBus(), "sim", transport=transport) as made:
+        simulation = Simulation(made, ("/a",))
+        member = Member(connect(), "a", 25, random.Random(0))
+        barrier, reached = simulation.barrier, lambda: sum(simulation.barrier.marks.reached["effort"].values())
+        try:
+            barrier.gather()
+            simulation.step(9, latency=1)
+            assert reached() == 1
+            (known,) = barrier._members.values()
+            until(lambda: barrier.update() or known.answer, what="the end of the second step")
+            barrier.collect(12 * STEP_NS)
+            assert reached() == 1
+            barrier.collect(16 * STEP_NS)
+            assert reached() == 2
+        finally:
+            member.stop()
+
+
 def test_a_member_that_dies_is_dropped_and_the_run_says_so(connect: Callable[[], Transport]) -> None:
     with connect() as transport, node(MemoryBus(), "sim", transport=transport) as made:
         simulation = Simulation(made, ("/a", "/b"))
@@ -167,6 +188,8 @@ def test_a_member_that_dies_is_dropped_and_the_run_says_so(connect: Callable[[],
             dying.ended.set()
             simulation.step(40)
             assert simulation.barrier.dropped == ["/b"]
+            assert dying.node is not None
+            assert simulation.barrier.marks.died == {member_id("/b", dying.node.transport.session)}
             assert alive.seen[-1][0] == 56 * STEP_NS
             assert dying.seen[-1][0] == 20 * STEP_NS
         finally:

@@ -1,0 +1,54 @@
+"""A commander of three Pioneers, each at a speed of its own, that ends when and how it is told."""
+
+from __future__ import annotations
+
+import signal
+from typing import Literal
+
+from messages.geometry import Twist
+from messages.std import Bool
+from messages.topics import CMD_VEL, E_STOP
+from services.runtime import Parameters, Service, main
+from services.runtime.context import Context
+
+SPEEDS = {"slow": 0.2, "middle": 0.5, "fast": 0.75}
+"""By robot, m/s."""
+RATE = 25
+"""Hz; so often each robot is commanded."""
+HANGS = "waits for its end in the middle of a tick"
+
+End = Literal["hangs", "falls silent", "stops"]
+
+
+class CommanderParameters(Parameters, frozen=True, kw_only=True):
+    """How it ends: it waits for a signal, it commands no more, or it commands on after an emergency stop of all."""
+
+    end: End = "hangs"
+    at: float = 1.0
+
+
+def run(ctx: Context[CommanderParameters]) -> None:
+    stop = ctx.writer(E_STOP, "/e_stop")
+    commands = {name: ctx.writer(CMD_VEL, f"/{name}/cmd_vel") for name in SPEEDS}
+    for tick in ctx.ticks():
+        if over := tick.time >= round(ctx.params.at * 1e9):
+            if ctx.params.end == "hangs":
+                print(HANGS, flush=True)
+                signal.pause()
+            elif ctx.params.end == "stops" and tick.time == round(ctx.params.at * 1e9):
+                stop.publish(Bool(data=True))
+        if not (over and ctx.params.end == "falls silent"):
+            for name, v in SPEEDS.items():
+                commands[name].publish(Twist.planar(v, 0.0))
+
+
+if __name__ == "__main__":
+    main(
+        Service(
+            name="commander",
+            about="Drives straight ahead, then ends.",
+            run=run,
+            rate=RATE,
+            parameters=CommanderParameters,
+        )
+    )

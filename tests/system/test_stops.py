@@ -1,0 +1,140 @@
+"""A commander that is killed, falls silent or asks for an emergency stop, in real processes: the way to the stop.
+
+Everything is in lockstep, so each instant is known to the physics step. A command of the tick t reaches the base at t
+with latency 0, and one period of the commander later with latency 1, while the next tick is computed. When a commander
+is killed in its tick, the simulation waits for it there: with latency 0 in that very tick, one period T after the last
+command came, and with latency 1 when it would collect the tick, which again is T after the last command came. It learns
+from the network that the commander is gone, and the base brakes in that step. So the way from the last command on is
+v T + v^2 / 2a in both; that of a commander that falls silent is v timeout + v^2 / 2a.
+
+How a released key stops the robot, at the same speeds, is in tests/teleop/test_script_drives.py.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from messages.nav import Odometry
+from messages.topics import BASE_STATUS
+from models.figures import read_model
+from models.stopping import Stop, stopping
+from services.runtime.node import Node
+from services.runtime.service import STEP_NS
+from services.sim import BaseParameters
+from tests.processes import Network, Process
+from tests.system import commander
+from tests.system.commander import HANGS, RATE, SPEEDS, End
+from tests.system.watched import Truth, Watched, apart, speed, time_of
+from tests.waiting import until
+
+WHEELS = read_model("p3dx").wheels
+assert WHEELS is not None
+BRAKE = WHEELS.brake
+TIMEOUT = BaseParameters().cmd_vel_timeout
+PERIOD = 1 / RATE
+"""Simulation time between two commands, s."""
+END = 3.2
+"""Simulation time of the tick in which the commander ends, s: the fastest runs evenly after 0.75 / 0.3 = 2.5 s."""
+STANDING = 1e-3
+"""m/s; below it a robot stands."""
+STEP_S = STEP_NS / 1e9
+SECONDS = 60.0
+"""Wall time for what takes a few seconds on a machine that is not busy."""
+
+
+class Robot:
+    """What is seen of one robot."""
+
+    def __init__(self, node: Node, name: str) -> None:
+        self.truth, self.status = Truth(node, name), Watched(node.read(BASE_STATUS, f"/{name}/base_status"))
+
+    @property
+    def now(self) -> float:
+        """Simulation time of the newest sample, s."""
+        return time_of(self.truth.all()[-1])
+
+    def at(self, seconds: float) -> Odometry:
+        """Ground truth of an instant, exactly."""
+        return next(each for each in self.truth.all() if each.header.stamp.ns == round(seconds * 1e9))
+
+    def stop(self, begin: float) -> Stop:
+        """Time and way from ``begin`` [s] to the standstill, by ground truth at 50 Hz."""
+        end = self.truth.all()[-1]
+        assert abs(speed(end)) < STANDING
+        moving = [time_of(each) for each in self.truth.all() if abs(speed(each)) > STANDING]
+        return Stop(moving[-1] + 0.02 - begin, apart(self.at(begin), end))
+
+
+@contextmanager
+def driven(logs: Path, end: End, latency: int = 0) -> Iterator[tuple[dict[str, Robot], Process]]:
+    """The three robots in lockstep with their commander, and its process."""
+    entries = [{"name": name, "model": "p3dx", "y": 2.0 * index} for index, name in enumerate(SPEEDS)]
+    settings = {"robots": entries, "mode": "lockstep", "latency": latency, "members": ["/commander"]}
+    words = [word for key, value in settings.items() for word in ("--param", f"{key}={json.dumps(value)}")]
+    with Network(logs) as network, network.node() as node:
+        robots = {name: Robot(node, name) for name in SPEEDS}
+        network.start("sim", "--lockstep", *words)
+        ends = "--lockstep", "--param", f"end={json.dumps(end)}", "--param", f"at={END}"
+        yield robots, network.run(Path(commander.__file__), *ends)
+
+
+def rest(robots: dict[str, Robot]) -> None:
+    """Wait until all of them have had the time to stop."""
+    for robot in robots.values():
+        until(lambda r=robot: r.status.all() and r.truth.all() and r.now > END + 1.2, SECONDS, "rest")  # type: ignore[misc]
+
+
+def near(robot: Robot, v: float, begin: float, coasting: float, theory: Stop) -> None:
+    """From ``begin`` [s]: at speed for ``coasting`` [s], and at rest within 5 % of the way that theory says.
+
+    In time within 5 % and the 20 ms between two looks.
+    """
+    assert speed(robot.at(begin)) == pytest.approx(v, rel=2e-3)
+    assert speed(robot.at(begin + coasting)) == pytest.approx(v, rel=2e-3)
+    assert speed(robot.at(begin + coasting + 0.02)) < v - 0.5 * STEP_S * BRAKE
+    stop = robot.stop(begin)
+    print(f"{v:g} m/s: {stop.distance:.4f} m of {theory.distance:.4f}, {stop.time:.3f} s of {theory.time:.3f}")
+    assert stop.distance == pytest.approx(theory.distance, rel=0.05)
+    assert abs(stop.time - theory.time) <= 0.05 * theory.time + 0.02
+
+
+@pytest.mark.parametrize("latency", [0, 1])
+def test_a_commander_that_is_killed(tmp_path: Path, latency: int) -> None:
+    """Kill -9, in the middle of a tick; no time-out passes."""
+    last = END if latency else END - PERIOD
+    with driven(tmp_path, "hangs", latency) as (robots, process):
+        until(lambda: HANGS in process.text, SECONDS, "the tick in which it ends")
+        assert process.kill() == -signal.SIGKILL
+        rest(robots)
+        for name, v in SPEEDS.items():
+            base = robots[name].status.all()[-1]
+            assert base.last_command.ns == round(last * 1e9)
+            assert (base.timed_out, base.commands_timed_out) == (True, 1)
+            near(robots[name], v, last, PERIOD, stopping(v, PERIOD, BRAKE))
+
+
+def test_a_commander_that_falls_silent(tmp_path: Path) -> None:
+    last = END - PERIOD
+    with driven(tmp_path, "falls silent") as (robots, _):
+        rest(robots)
+        for name, v in SPEEDS.items():
+            base = robots[name].status.all()[-1]
+            assert base.last_command.ns == round(last * 1e9)
+            assert (base.timed_out, base.commands_timed_out) == (True, 1)
+            near(robots[name], v, last, 0.24, stopping(v, TIMEOUT, BRAKE))
+
+
+def test_an_emergency_stop_that_the_commander_does_not_heed(tmp_path: Path) -> None:
+    with driven(tmp_path, "stops") as (robots, _):
+        rest(robots)
+        for name, v in SPEEDS.items():
+            base = robots[name].status.all()[-1]
+            assert base.e_stopped
+            assert base.last_command.ns > END * 1e9
+            near(robots[name], v, END, 0.0, stopping(v, 0.0, BRAKE))
