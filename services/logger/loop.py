@@ -44,6 +44,7 @@ def run(ctx: Context[LoggerParameters]) -> None:
                 if time.monotonic() >= due:
                     recording.write_log(lines.take())
                     write(ctx, recording, ears)
+                    recording.commit()
                     due = time.monotonic() + p.window
         finally:
             ctx.kernel.admit()

@@ -73,11 +73,15 @@ class Recording:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        self.commit()
+        self._stream.disconnect()
+
+    def commit(self) -> None:
+        """Block until what was written is in the file: a killed process loses none of it, and nothing piles up."""
         try:
             self._stream.flush(timeout_sec=PATIENCE_S)
         except (RuntimeError, ValueError) as failure:
-            self._warn(f"the end of the recording {self.file} may be missing: {failure}")
-        self._stream.disconnect()
+            self._warn(f"a part of the recording {self.file} may be missing: {failure}")
 
     def restart(self) -> None:
         """Begin a new timeline: after a reset, simulation time starts again."""
