@@ -8,6 +8,17 @@ from msgspec import Meta
 from messages.base import Count, Message, Metres, Radians
 from messages.elea import ModelState
 from messages.geometry import Pose, Twist
+from messages.parameters import (
+    Announcement,
+    HistoryOf,
+    ParameterHistory,
+    ParameterSet,
+    ParameterSets,
+    ParameterValues,
+    ResetParameters,
+    SetParameters,
+    UndoParameters,
+)
 from messages.std import Empty
 
 Q_co = TypeVar("Q_co", bound=Message, covariant=True)
@@ -132,6 +143,14 @@ SUPERVISOR_START = Request("/supervisor/start", Name, Done, "start a stopped pro
 SUPERVISOR_STOP = Request("/supervisor/stop", Name, Done, "stop a process of the fleet")
 SUPERVISOR_RESTART = Request("/supervisor/restart", Name, Done, "stop and start a process of the fleet")
 
+PARAMS_ANNOUNCE = Request("/params/announce", Announcement, ParameterValues, "say which parameters a node has")
+PARAMS_LIST = Request("/params/list", Empty, ParameterSets, "all sets of parameters, described")
+PARAMS_GET = Request("/params/get", ParameterSet, ParameterValues, "the effective values of a set")
+PARAMS_SET = Request("/params/set", SetParameters, ParameterValues, "change parameters of a set, all or none")
+PARAMS_RESET = Request("/params/reset", ResetParameters, ParameterValues, "forget what was set")
+PARAMS_UNDO = Request("/params/undo", UndoParameters, ParameterValues, "take the newest change of a set back")
+PARAMS_HISTORY = Request("/params/history", HistoryOf, ParameterHistory, "who changed what, and when")
+
 REQUESTS: tuple[Request[Message, Message], ...] = (
     SPAWN,
     DELETE,
@@ -145,6 +164,13 @@ REQUESTS: tuple[Request[Message, Message], ...] = (
     PAUSE,
     RESUME,
     STEP,
+    PARAMS_ANNOUNCE,
+    PARAMS_LIST,
+    PARAMS_GET,
+    PARAMS_SET,
+    PARAMS_RESET,
+    PARAMS_UNDO,
+    PARAMS_HISTORY,
     SUPERVISOR_START,
     SUPERVISOR_STOP,
     SUPERVISOR_RESTART,

@@ -7,10 +7,12 @@ from typing import Generic, TypeVar
 from messages.base import Message
 from messages.elea import BaseStatus, FleetState, GoalStatus, Health
 from messages.geometry import PoseStamped, Twist, TwistStamped
+from messages.joints import JointEffort
 from messages.nav import Odometry, Path
+from messages.parameters import ParameterSchema, ParameterValues
 from messages.rosgraph import Clock, Log
 from messages.sensor import CameraInfo, Image, Imu, JointState, LaserScan, PointCloud, Range
-from messages.std import Bool, String
+from messages.std import Bool, Float32, String
 from messages.tf import TFMessage
 
 M_co = TypeVar("M_co", bound=Message, covariant=True)
@@ -63,6 +65,15 @@ STATUS = Topic("status", GoalStatus, 0, Quality.LATCHED, "progress on the plan")
 TF = Topic("/tf", TFMessage, 25, Quality.SENSOR, "moving transforms of all robots")
 TF_STATIC = Topic("/tf_static", TFMessage, 0, Quality.LATCHED, "fixed transforms, all of a publisher's in one message")
 ROBOT_DESCRIPTION = Topic("robot_description", String, 0, Quality.LATCHED, "the URDF of a robot", 1 << 20)
+JOINT_EFFORT = Topic("joint_effort", JointEffort, 100, Quality.COMMAND, "effort on a joint, for a time")
+REFERENCE = Topic("/robot_control/reference", Float32, 50, Quality.SENSOR, "where the arm should be, degrees")
+CONTROL_SIGNAL = Topic("/robot_control/control_signal", Float32, 100, Quality.SENSOR, "effort of the arm, N m")
+JOINT_ANGLE = Topic("/robot_control/joint_angle", Float32, 100, Quality.SENSOR, "where the arm is, degrees")
+CONTROL_ERROR = Topic("/robot_control/error", Float32, 100, Quality.SENSOR, "reference less angle, degrees")
+DESCRIPTIONS = Topic(
+    "~parameter_descriptions", ParameterSchema, 0, Quality.LATCHED, "a set's parameters, bounds and texts", 1 << 20
+)
+UPDATES = Topic("~parameter_updates", ParameterValues, 0, Quality.LATCHED, "a set's values, after each change", 1 << 20)
 ROSOUT = Topic("/rosout", Log, 0, Quality.EVENT, "the log of every node")
 HEALTH = Topic("/health", Health, 0, Quality.SENSOR, "heartbeat of every node, once a second of wall time")
 FLEET_STATE = Topic("/supervisor/state", FleetState, 0, Quality.LATCHED, "the processes of the fleet")
@@ -88,6 +99,13 @@ TOPICS: tuple[Topic[Message], ...] = (
     TF,
     TF_STATIC,
     ROBOT_DESCRIPTION,
+    JOINT_EFFORT,
+    REFERENCE,
+    CONTROL_SIGNAL,
+    JOINT_ANGLE,
+    CONTROL_ERROR,
+    DESCRIPTIONS,
+    UPDATES,
     ROSOUT,
     HEALTH,
     FLEET_STATE,

@@ -1,0 +1,175 @@
+"""elea_msgs of the parameter service: sets of parameters, their descriptions, values, and what may be asked of them."""
+
+from typing import Annotated, ClassVar, Literal
+
+from msgspec import Meta
+
+from messages.base import Count, Finite, Message
+from messages.std import Time
+
+Whole = Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
+Scalar = bool | Whole | Finite | Annotated[str, Meta(max_length=65_536)] | None
+Value = Scalar | tuple[Scalar | tuple[Scalar, ...], ...]
+"""What a parameter may be: a scalar, a list of scalars, or a list of such lists."""
+
+Origin = Literal["default", "fleet", "saved", "command line", "run"]
+"""Where a value comes from; a later one in this list wins. ``run`` is set for this run alone and never saved."""
+
+SetName = Annotated[str, Meta(max_length=255)]
+RequestId = Annotated[str, Meta(max_length=64)]
+Who = Annotated[str, Meta(max_length=255)]
+
+
+class ParameterDescription(Message, frozen=True, kw_only=True):
+    """One parameter: its type, default, inclusive bounds (exclusive where said), choices, unit and text.
+
+    ``type`` is ``bool``, ``int``, ``float``, ``str``, or one of these with ``[]`` or ``[][]`` behind it; ``optional``
+    allows null. ``live`` tells that the service follows a change while it runs; the others are for a fleet file or a
+    command line to say. ``level`` is the bit mask that listeners get when it changes, as in dynamic_reconfigure.
+    """
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/ParameterDescription"
+    name: str = ""
+    type: str = "float"
+    default: Value = None
+    low: Finite | None = None
+    high: Finite | None = None
+    above: bool = False
+    below: bool = False
+    choices: tuple[str, ...] = ()
+    optional: bool = False
+    unit: str = ""
+    text: str = ""
+    live: bool = True
+    level: Annotated[int, Meta(ge=0, le=2**32 - 1)] = 1
+
+
+class ParameterSchema(Message, frozen=True, kw_only=True):
+    """The descriptions of a set, latched on ``<set>/parameter_descriptions``; ``nodes`` are those that announced it."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/ParameterSchema"
+    set: SetName = ""
+    nodes: tuple[str, ...] = ()
+    parameters: tuple[ParameterDescription, ...] = ()
+
+
+class Parameter(Message, frozen=True, kw_only=True):
+    """One effective value and where it comes from."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/Parameter"
+    name: str = ""
+    value: Value = None
+    origin: Origin = "default"
+
+
+class ParameterValues(Message, frozen=True, kw_only=True):
+    """All effective values of a set, latched on ``<set>/parameter_updates`` at each change.
+
+    ``revision`` grows with every change; ``level`` is the union of the levels of what changed, all ones at first.
+    ``note`` says what was clamped, migrated or left out, and why.
+    """
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/ParameterValues"
+    set: SetName = ""
+    revision: Count = 0
+    level: Annotated[int, Meta(ge=0, le=2**32 - 1)] = 2**32 - 1
+    values: tuple[Parameter, ...] = ()
+    note: str = ""
+
+
+class Assignment(Message, frozen=True, kw_only=True):
+    """A name and a value."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/Assignment"
+    name: str = ""
+    value: Value = None
+
+
+class Announcement(Message, frozen=True, kw_only=True):
+    """A node says which parameters it has in which set, and the values that its fleet file and command line give."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/Announcement"
+    set: SetName = ""
+    node: str = ""
+    parameters: tuple[ParameterDescription, ...] = ()
+    fleet: tuple[Assignment, ...] = ()
+    command_line: tuple[Assignment, ...] = ()
+
+
+class ParameterSet(Message, frozen=True, kw_only=True):
+    """The name of a set of parameters."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/ParameterSet"
+    set: SetName = ""
+
+
+class ParameterSets(Message, frozen=True, kw_only=True):
+    """All sets, described."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/ParameterSets"
+    sets: tuple[ParameterSchema, ...] = ()
+
+
+class SetParameters(Message, frozen=True, kw_only=True):
+    """Change several parameters of a set, all or none.
+
+    ``clamp`` takes what is out of bounds at the bound instead of refusing. ``id`` names the request: asked again with
+    the same id, it is not applied again. ``run`` makes the change for this run alone, without saving it.
+    """
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/SetParameters"
+    set: SetName = ""
+    values: tuple[Assignment, ...] = ()
+    clamp: bool = False
+    run: bool = False
+    id: RequestId = ""
+    who: Who = ""
+
+
+class ResetParameters(Message, frozen=True, kw_only=True):
+    """Forget what was set of the named parameters, of all when none is named: fleet file and defaults count again."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/ResetParameters"
+    set: SetName = ""
+    names: tuple[str, ...] = ()
+    id: RequestId = ""
+    who: Who = ""
+
+
+class UndoParameters(Message, frozen=True, kw_only=True):
+    """Take the newest change of a set back that was not yet taken back."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/UndoParameters"
+    set: SetName = ""
+    id: RequestId = ""
+    who: Who = ""
+
+
+class ParameterChange(Message, frozen=True, kw_only=True):
+    """One change of the history: who, when (by the clock on the wall and in simulation time), from what to what."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/ParameterChange"
+    set: SetName = ""
+    revision: Count = 0
+    kind: Literal["set", "reset", "undo", "load", "migrated"] = "set"
+    who: Who = ""
+    wall_time: Count = 0
+    sim_time: Time = Time()
+    before: tuple[Assignment, ...] = ()
+    after: tuple[Assignment, ...] = ()
+    undone: bool = False
+
+
+class HistoryOf(Message, frozen=True, kw_only=True):
+    """The newest changes of a set, or of all when it is empty."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/HistoryOf"
+    set: SetName = ""
+    limit: Annotated[int, Meta(ge=1, le=10_000)] = 100
+
+
+class ParameterHistory(Message, frozen=True, kw_only=True):
+    """Changes, newest first."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/ParameterHistory"
+    changes: tuple[ParameterChange, ...] = ()
