@@ -14,6 +14,8 @@ from services.square.move import Move
 
 GAIN = 2.0
 """Speed per error, 1/s, along the side and of the heading; a delay of 0.1 s makes it ring from 3.7 on (1/e / delay)."""
+DELAY = 0.015
+"""Time [s] by which a robot that keeps up trails its profile: 0.005 where commands act at once, 0.025 a tick later."""
 LOOKAHEAD = 0.3
 """Distance [m] over which an offset from the side is taken out."""
 LAG = 0.1
@@ -82,7 +84,7 @@ def step(now: Course, here: Planar, moving: Motion, p: SquareParameters, dt: flo
         if math.hypot(here.x - now.desired.x, here.y - now.desired.y) > GAP.x:
             return now, Move("waiting", STILL, now.index, now.desired, "astray")
         now = replace(now, astray=False)
-    behind = now.at - _along(now, here)
+    behind = now.at - now.speed * DELAY - _along(now, here)
     now = _advanced(now, behind, p, dt)
     command = _command(now, behind, here, p, dt)
     now = replace(now, command=command, settling=now.settling + dt if now.at >= now.length else 0.0)

@@ -88,6 +88,11 @@ async def until(condition: Callable[[], object], seconds: float = 20.0) -> None:
         await asyncio.sleep(0.02)
 
 
+async def all_ready(supervisor: Supervisor) -> None:
+    """Wait until every process beats."""
+    await until(lambda: all(life.state == "ready" for life in supervisor.lives.values()))
+
+
 def gone(pid: int) -> bool:
     """Whether a process has ended; a zombie that nobody has reaped counts as ended."""
     try:

@@ -6,7 +6,6 @@ import os
 import shutil
 import signal
 import subprocess
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -14,6 +13,7 @@ from types import MappingProxyType
 import pytest
 
 from services.runtime.process import ROOT
+from tests.waiting import until
 
 TOOLS = ("sh", "cat", "chmod", "cksum", "dirname", "flock", "mkdir", "mv", "readlink", "rm", "sleep", "uname")
 
@@ -144,10 +144,7 @@ def test_interrupted_install_is_made_anew_and_never_used(copy: Copy, tmp_path: P
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
     )
-    deadline = time.monotonic() + 20
-    while not half.exists():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
+    until(half.exists, 20.0, "a half of an installation")
     os.killpg(script.pid, signal.SIGKILL)
     assert script.communicate()[0] == b""
     assert (copy.root / ".venv" / "bin" / "python").exists()

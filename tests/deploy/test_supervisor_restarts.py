@@ -1,0 +1,124 @@
+"""What the supervisor restarts, how soon, and when it gives up: crashes, hangs and crash loops of real processes."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+
+import msgspec
+import psutil
+
+from deploy.supervisor.pulse import LIMIT_S
+from deploy.supervisor.supervisor import Supervisor
+from tests.deploy.harness import FAST, Stage, all_ready, child, until
+
+
+def test_killed_process_is_ready_again_soon(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+
+    async def kill_one(supervisor: Supervisor) -> None:
+        await all_ready(supervisor)
+        killed = supervisor.lives["a"].show().pid
+        psutil.Process(killed).kill()
+        await until(lambda: supervisor.lives["a"].state == "backing off")
+        await all_ready(supervisor)
+        assert supervisor.lives["a"].show().pid != killed
+
+    outcome = stage.run(kill_one, child("good", "/a"), child("good", "/b"))
+    assert stage.states("a")[2:6] == ["ready", "backing off", "waiting", "starting"]
+    assert outcome.restarts == 1
+    assert stage.states("b") == ["waiting", "starting", "ready", "stopping", "stopped"]
+    assert "killed by signal 9" in stage.log("a")
+
+
+def test_hanging_loop_is_killed_after_three_missed_beats(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+
+    async def watch(supervisor: Supervisor) -> None:
+        await until(lambda: stage.states("a").count("ready") == 2)
+
+    stage.run(watch, child("hang_after_start", "/a"))
+    silence = stage.when("a", "backing off") - stage.when("a", "ready")
+    assert LIMIT_S - 0.2 < silence < LIMIT_S + 1.0
+    assert "no heartbeat for 3." in stage.log("a")
+
+
+def test_stopped_process_counts_as_hanging(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+
+    async def freeze(supervisor: Supervisor) -> None:
+        await all_ready(supervisor)
+        psutil.Process(supervisor.lives["a"].show().pid).suspend()
+        await until(lambda: stage.states("a").count("ready") == 2)
+
+    assert stage.run(freeze, child("good", "/a")).restarts == 1
+
+
+def test_process_that_never_beats_is_given_up_after_its_grace(tmp_path: Path) -> None:
+    stage = Stage(tmp_path, grace=0.3)
+
+    async def watch(supervisor: Supervisor) -> None:
+        await until(lambda: supervisor.lives["a"].state == "failed")
+
+    stage.run(watch, child("silent", "/a", policy=FAST))
+    assert "ready" not in stage.states("a")
+    assert "no heartbeat" in stage.log("a")
+
+
+def test_beats_of_another_life_do_not_count(tmp_path: Path) -> None:
+    stage = Stage(tmp_path, grace=1.0)
+    (tmp_path / "beats").write_text('{"node": "/a", "pid": 1}\n')
+
+    async def watch(supervisor: Supervisor) -> None:
+        await until(lambda: supervisor.lives["a"].state == "backing off")
+
+    stage.run(watch, child("silent", "/a"))
+    assert "ready" not in stage.states("a")
+
+
+def test_silence_is_excused_while_what_carries_the_beats_is_down(tmp_path: Path) -> None:
+    """A router that hangs silences everybody, and comes back some time before they are heard again."""
+    stage = Stage(tmp_path)
+
+    async def silence(supervisor: Supervisor) -> None:
+        await all_ready(supervisor)
+        stage.bus.mute = {"/router", "/a"}
+        await until(lambda: stage.states("router").count("starting") == 2)
+        stage.bus.mute = {"/a"}
+        await until(lambda: supervisor.lives["router"].state == "ready")
+        await asyncio.sleep(1.0)
+        stage.bus.mute = set()
+        await asyncio.sleep(LIMIT_S)
+
+    outcome = stage.run(silence, child("good", "/router"), child("good", "/a", depends_on=("router",)))
+    assert stage.states("a") == ["waiting", "starting", "ready", "stopping", "stopped"]
+    assert outcome.restarts == 1
+
+
+def test_crash_loop_fails_and_leaves_the_others_alone(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+
+    async def watch(supervisor: Supervisor) -> None:
+        await until(lambda: supervisor.lives["a"].state == "failed")
+        assert supervisor.lives["b"].state == "ready"
+
+    outcome = stage.run(watch, child("crash_at_once", "/a", policy=FAST), child("good", "/b"))
+    assert stage.states("a").count("starting") == 1 + FAST.limit
+    assert outcome.restarts == FAST.limit
+    assert outcome.ended == "interrupted"
+    shown = next(each for each in stage.bus.published[-1].processes if each.name == "a")
+    assert (shown.state, shown.exit_status) == ("failed", 1)
+    assert "restarted 3 times" in shown.reason
+    assert "bad config" in stage.log("a")
+
+
+def test_program_that_does_not_exist_fails(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+    missing = child("good", "/a", policy=FAST, required=True)
+
+    async def wait(supervisor: Supervisor) -> None:
+        await until(lambda: supervisor.lives["a"].state == "failed")
+
+    outcome = stage.run(wait, msgspec.structs.replace(missing, argv=("/nowhere/program",)))
+    assert outcome.ended == "failed"
+    assert "cannot start /nowhere/program" in stage.log("a")
