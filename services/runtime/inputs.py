@@ -108,13 +108,15 @@ class Input(Generic[M]):
         """
         payload, attachment, source = sample
         origin = detach(attachment)
-        last = None if origin is None else self._last.get(origin.publisher)
-        if (last is None or self._strict) and not self._meant(source):
-            return None
         if origin is None:
+            if not self._meant(source):
+                return None
             self.foreign += 1
         else:
-            sequence = origin.sequence
+            sequence, _, _, publisher = origin
+            last = self._last.get(publisher)
+            if (last is None or self._strict) and not self._meant(source):
+                return None
             if last is None:
                 if len(self._last) >= CAPACITY:
                     self._last.pop(next(iter(self._last)))
@@ -122,7 +124,7 @@ class Input(Generic[M]):
                 if sequence <= last:
                     return None
                 self.lost += sequence - last - 1
-            self._last[origin.publisher] = sequence
+            self._last[publisher] = sequence
         if len(payload) > self._largest:
             self._refuse(f"{len(payload)} bytes, the limit is {self._largest}")
             return None

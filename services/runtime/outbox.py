@@ -12,26 +12,27 @@ Put = Callable[..., Any]
 class Outbox:
     """Passes samples on, in order. Between ``hold`` and ``release`` it keeps them.
 
+    ``held`` is what it keeps, None when it keeps nothing: an output looks for itself, as it is asked for every message.
     What is put in one go travels in few packets and wakes each reader once or twice, not once for each sample.
     """
 
     def __init__(self) -> None:
-        self._held: list[tuple[Put, bytes, bytes]] | None = None
+        self.held: list[tuple[Put, bytes, bytes]] | None = None
 
     def put(self, put: Put, payload: bytes, attachment: bytes) -> None:
         """Send a sample by the ``put`` of its outlet, or keep it for the burst."""
-        if self._held is None:
+        if self.held is None:
             put(payload, attachment=attachment)
         else:
-            self._held.append((put, payload, attachment))
+            self.held.append((put, payload, attachment))
 
     def hold(self) -> None:
         """Begin a burst; it ends by itself when the node's loop waits."""
-        if self._held is None:
-            self._held = []
+        if self.held is None:
+            self.held = []
 
     def release(self) -> None:
         """Send what was kept, and from now on everything at once."""
-        held, self._held = self._held, None
+        held, self.held = self.held, None
         for put, payload, attachment in held or ():
             put(payload, attachment=attachment)

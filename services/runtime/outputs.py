@@ -31,14 +31,18 @@ class Output(Generic[M]):
         self.sent = self.marked = 0
         self._record = topic.record
         self._outlet = transport.publish(key, encoding(topic.record.ROS_TYPE), topic.quality)
-        self._put, self._send = self._outlet.put, (outbox or Outbox()).put
+        self._put, self._outbox = self._outlet.put, outbox or Outbox()
 
     def publish(self, message: M) -> None:
         """Send ``message``; raises TypeError when it is not the topic's record."""
         if type(message) is not self._record:
             raise TypeError(f"{self.name} carries {self._record.__name__}, not {type(message).__name__}")
         self.sent = sent = self.sent + 1
-        self._send(self._put, encode(message), attach(sent, self.publisher))
+        payload, attachment = encode(message), attach(sent, self.publisher)
+        if (held := self._outbox.held) is None:
+            self._put(payload, attachment=attachment)
+        else:
+            held.append((self._put, payload, attachment))
 
     @property
     def wanted(self) -> bool:

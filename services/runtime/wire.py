@@ -26,7 +26,7 @@ class Origin(NamedTuple):
     publisher: bytes
 
 
-_pack, _unpack, _as_origin = _LAYOUT.pack, _LAYOUT.unpack, Origin._make
+_pack, _unpack, _new = _LAYOUT.pack, _LAYOUT.unpack, tuple.__new__
 
 
 def encoding(ros_type: str) -> str:
@@ -57,5 +57,5 @@ def detach(attachment: bytes) -> Origin | None:
     """The origin that an attachment tells, or None when it is not one of ours."""
     if len(attachment) != ATTACHMENT_SIZE:
         return None
-    origin = _as_origin(_unpack(attachment))
-    return origin if origin.size == 16 and origin.sequence > 0 else None
+    origin = _new(Origin, _unpack(attachment))  # half the time of Origin._make
+    return origin if origin[2] == 16 and origin[0] > 0 else None
