@@ -114,8 +114,8 @@ class SetParameters(Message, frozen=True, kw_only=True):
     """Change several parameters of a set, all or none.
 
     ``clamp`` takes what is out of bounds at the bound instead of refusing. ``id`` names the request: asked again with
-    the same id, it is not applied again. ``run`` makes the change for this run alone, without saving it. ``kind`` is how
-    the history calls it.
+    the same id, it is not applied again. ``run`` makes the change for this run alone, without saving it. ``kind`` is
+    what the history calls it.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/SetParameters"
