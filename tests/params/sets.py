@@ -66,8 +66,8 @@ class Asking:
     def announce(self, announcement: Announcement) -> ParameterValues:
         return call(self.transport, PARAMS_ANNOUNCE, "params/announce", announcement, self.timeout)
 
-    def set(self, name: str = "/robot_control", id: str = "", **given: Any) -> ParameterValues:
-        asked = SetParameters(set=name, values=values(**given), id=id, who="tester")
+    def set(self, name: str = "/robot_control", request: str = "", **given: Any) -> ParameterValues:
+        asked = SetParameters(set=name, values=values(**given), id=request, who="tester")
         return call(self.transport, PARAMS_SET, "params/set", asked, self.timeout)
 
     def get(self, name: str = "/robot_control") -> ParameterValues:
