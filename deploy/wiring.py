@@ -13,14 +13,18 @@ from services.runtime.parameters import build
 from services.sim import BaseParameters
 from services.sim.settings import configured
 
-IMPLIED = ("router", "sim", "grader")
+IMPLIED = ("router", "params", "sim", "grader")
 """Services that every fleet has; a fleet file states one only to set its parameters."""
 
 
 class Terms(msgspec.Struct, frozen=True, kw_only=True):
-    """What the command line adds to a fleet file: where results go, the network, whether to open a viewer."""
+    """What the command line adds to a fleet file: where results go, the network, whether to open a viewer.
+
+    ``saved`` is the file of what parameters were set to; without one that is known for the run alone.
+    """
 
     folder: Path
+    saved: Path | None = None
     domain: str = ""
     links: tuple[str, ...] = ()
     view: bool = True
@@ -37,6 +41,11 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
     match kind:
         case "router":
             return {"listen": endpoint(fleet), "link": list(terms.links)}
+        case "params":
+            return {
+                "file": str(terms.saved) if terms.saved is not None else "",
+                "schedule": [msgspec.to_builtins(each) for each in fleet.change],
+            }
         case "sim":
             return {
                 "robots": [_entry(each) for each in robots],
