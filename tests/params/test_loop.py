@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import io
+import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -20,7 +22,8 @@ from services.runtime.context import Context
 from services.runtime.errors import BadInput, Stopped
 from services.runtime.memory_transport import MemoryBus
 from services.runtime.node import Node
-from tests.params.sets import arm, plain
+from services.runtime.process import PARENT
+from tests.params.sets import arm, plain, values
 from tests.runtime.bench import HandClock, node
 from tests.waiting import until
 
@@ -41,8 +44,8 @@ class Bench:
         self._clock = clock
         self.updates = beside.read(UPDATES, f"{SET}/parameter_updates")
 
-    def announce(self, name: str = SET) -> dict[str, Any]:
-        return plain(self.beside.call(PARAMS_ANNOUNCE, arm(name)))
+    def announce(self, name: str = SET, **more: Any) -> dict[str, Any]:
+        return plain(self.beside.call(PARAMS_ANNOUNCE, arm(name, **more)))
 
     def get(self, name: str = SET) -> dict[str, Any]:
         return plain(self.beside.call(PARAMS_GET, ParameterSet(set=name)))
@@ -55,11 +58,13 @@ class Bench:
 
 
 @contextmanager
-def bench(bus: MemoryBus, clock: HandClock, schedule: tuple[Scheduled, ...] = SCHEDULE) -> Iterator[Bench]:
+def bench(
+    bus: MemoryBus, clock: HandClock, schedule: tuple[Scheduled, ...] = SCHEDULE, file: str = ""
+) -> Iterator[Bench]:
     service, out = node(bus, "params"), io.StringIO()
     service.log._out = out
     with service, node(bus, "tester") as beside:
-        context = Context(service, ParamsParameters(schedule=schedule), 10.0)
+        context = Context(service, ParamsParameters(schedule=schedule, file=file), 10.0)
 
         def work() -> None:
             with suppress(Stopped):
@@ -75,6 +80,8 @@ def bench(bus: MemoryBus, clock: HandClock, schedule: tuple[Scheduled, ...] = SC
             service.transport.nudge()
             thread.join(10)
             assert not thread.is_alive()
+            service.transport.close()
+            beside.transport.close()
 
 
 def test_changes_come_at_their_time_and_again_after_a_reset(bus: MemoryBus, clock: HandClock) -> None:
@@ -96,6 +103,33 @@ def test_changes_come_at_their_time_and_again_after_a_reset(bus: MemoryBus, cloc
         at.updates.admit()
         told = [(each.revision, plain(each)["ref_angle"], plain(each)["ss_Kp"]) for each, _ in at.updates.batch]
     assert told == [(1, 30.0, 37.5), (2, 30.0, 5.0), (3, 12.0, 5.0), (4, 30.0, 37.5), (5, 30.0, 5.0)]
+
+
+def test_a_service_that_is_restarted_in_a_run_goes_on_with_the_schedule(
+    bus: MemoryBus, clock: HandClock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(PARENT, str(os.getpid()))
+    schedule = (*SCHEDULE[:2], Scheduled(at=4.0, set=SET, values={"window": 4}))
+    file = str(tmp_path / "params.db")
+    with bench(bus, clock, schedule, file) as at:
+        at.announce()
+        at.tell(2.0)
+        at.until(ref_angle=12.0, ss_Kp=5.0)
+        until(lambda: "as scheduled" in at.out.getvalue())
+    with bench(bus, clock, schedule, file) as at:
+        answer = at.announce(run=values(ref_angle=25.0, ss_Kp=5.0))
+        assert (answer["ref_angle"], answer["reference_type"]) == (25.0, "step")
+        at.tell(4.5)
+        at.until(ref_angle=25.0, window=4, reference_type="step")
+    with bench(bus, clock, schedule, file) as at:
+        at.announce()
+        at.tell(2.5, epoch=1)
+        at.until(ref_angle=12.0, ss_Kp=5.0, window=2)
+    monkeypatch.setenv(PARENT, "")
+    with bench(bus, clock, schedule, file) as at:
+        at.announce()
+        at.tell(2.5, epoch=1)
+        at.until(ref_angle=12.0, ss_Kp=5.0, window=2)
 
 
 def test_a_set_that_never_comes_is_said(bus: MemoryBus, clock: HandClock) -> None:
