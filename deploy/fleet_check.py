@@ -23,7 +23,7 @@ def check(fleet: Fleet, source: Source) -> None:
         _check_robot(robot, ("robot", index), robots, source)
     _check_models(fleet, source)
     nodes: dict[str, str] = {}
-    for path, member, owner in _members(fleet):
+    for path, member, owner in members(fleet):
         _check_member(member, path, owner, source)
         node = identity(member, owner, source.at(*path)).node
         if node in nodes:
@@ -44,7 +44,7 @@ def identity(member: Member, owner: Robot | None, where: str = "") -> Identity:
         raise BadInput(f"{where}: {error}") from None
 
 
-def _members(fleet: Fleet) -> Iterator[tuple[tuple[Step, ...], Member, Robot | None]]:
+def members(fleet: Fleet) -> Iterator[tuple[tuple[Step, ...], Member, Robot | None]]:
     """Every service as it will run: its place in the file and its robot."""
     for index, member in enumerate(fleet.service):
         yield ("service", index), member, None
@@ -76,7 +76,7 @@ def _check_models(fleet: Fleet, source: Source) -> None:
         for name in member.models:
             if name not in own:
                 raise unknown("model", name, own, source.at("every_robot", index, "models"))
-    for path, member, _ in _members(fleet):
+    for path, member, _ in members(fleet):
         if member.models and path[0] != "every_robot":
             raise BadInput(f"{source.at(*path, 'models')}: models is for [[every_robot]] alone")
 

@@ -13,6 +13,7 @@ from messages.rosgraph import Log as LogLine
 from messages.topics import HEALTH, ROSOUT, Topic
 from services.runtime.calls import DEADLINE_S, Served, call
 from services.runtime.errors import BadInput, Stopped
+from services.runtime.following import Following
 from services.runtime.graph import Entity, Kind, pattern
 from services.runtime.health import Heart
 from services.runtime.identity import Identity
@@ -29,6 +30,8 @@ R = TypeVar("R", bound=Message)
 
 TAKEOVER_S = 1.5
 """Wall time in which the token of a predecessor that was killed must have gone."""
+CLOCK_PATIENCE_S = 2.0
+"""Wall time without a first clock after which a node says so."""
 
 
 class Node:
@@ -41,6 +44,8 @@ class Node:
         self.inputs: list[Input[Any]] = []
         self.outputs: list[Output[Any]] = []
         self.served: list[Served[Any, Any]] = []
+        self.following: Following | None = None
+        self.clock_patience_s = CLOCK_PATIENCE_S
         self.stopping = False
         self._tokens: dict[tuple[Kind, str], Token] = {}
 
@@ -114,6 +119,8 @@ class Node:
             raise Stopped("the process was asked to end")
         for served in self.served:
             served.answer()
+        if self.following is not None:
+            self.following.turn()
         self.heart.beat(self._health, self.inputs, self.outputs)
 
     def wait(self, inlet: Inlet) -> None:

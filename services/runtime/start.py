@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from typing import Any
 
+from messages.requests import PARAMS_ANNOUNCE
 from services.runtime.context import Context
+from services.runtime.followed import Followed
 from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
+from services.runtime.parameters import stated
 from services.runtime.process import CLOSE_S, end_within, give_way, on_stop
 from services.runtime.service import Service
 from services.runtime.zenoh_config import DEFAULT_ROUTER, Role, configuration
 from services.runtime.zenoh_transport import ZenohTransport
+
+FIRST_PATIENCE_S = 20.0
+"""Wall time for which the parameter service waits for a first clock in silence."""
 
 
 def serve(service: Service, options: dict[str, Any]) -> None:
@@ -29,13 +35,34 @@ def serve(service: Service, options: dict[str, Any]) -> None:
             transport.nudge()
 
         on_stop(stop)
-        context = Context(node, options["params"], service.rate, options["lockstep"], service.observer)
+        followed = _followed(service, node, options)
+        params = followed.params if followed is not None else options["params"]
+        context = Context(node, params, service.rate, options["lockstep"], service.observer, followed)
         for topic in service.writes:
             context.writer(topic)
         try:
             run(context)
         finally:
             end_within(CLOSE_S + 10.0, 1)
+
+
+def _followed(service: Service, node: Node, options: dict[str, Any]) -> Followed[Any] | None:
+    """The service's set, as the parameter service has it; None without parameters, and for that service itself."""
+    if PARAMS_ANNOUNCE in service.serves:
+        node.clock_patience_s = FIRST_PATIENCE_S  # it starts before the simulation
+    if PARAMS_ANNOUNCE in service.serves or not options["params"].__struct_fields__:
+        return None
+    name = node.identity.resolve(service.parameter_set or node.identity.node)
+    followed: Followed[Any] = Followed(
+        node,
+        name,
+        options["params"],
+        fleet=stated(service.parameters, options["fleet"]),
+        command_line=stated(service.parameters, options["command_line"]),
+        quiet=service.routes,
+    )
+    followed.begin()
+    return followed
 
 
 def _configuration(service: Service, options: dict[str, Any]) -> dict[str, Any]:
