@@ -103,7 +103,8 @@ def _fields(ctx: click.Context, begun: str) -> list[str]:
     from deploy.live.fields import completions
     from deploy.live.known import topic_of
 
-    topic = topic_of(absolute(ctx.params.get("topic") or ""))
+    # An option whose value is being typed keeps click from giving the arguments their names.
+    topic = topic_of(absolute(ctx.params.get("topic") or next(iter(ctx.args), "")))
     return [] if topic is None else completions(topic.record, begun)
 
 

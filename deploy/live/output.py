@@ -41,11 +41,11 @@ def reader_gone() -> bool:
     return any(event & (select.POLLERR | select.POLLNVAL) for _, event in poll.poll(0))
 
 
-def leave_quietly() -> NoReturn:
+def leave_quietly(status: int = 0) -> NoReturn:
     """End the process after its reader; nothing that is still in the buffers may complain."""
     nothing = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nothing, sys.stdout.fileno())
-    raise SystemExit(0)
+    raise SystemExit(status)
 
 
 @contextmanager
@@ -54,3 +54,6 @@ def _quietly() -> Iterator[None]:
         yield
     except BrokenPipeError:
         leave_quietly()
+    except OSError as error:
+        note(f"the output cannot be written: {error.strerror}")
+        leave_quietly(1)

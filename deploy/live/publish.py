@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,14 +54,15 @@ def publish(place: Place, asked: Publication, show: str = "text") -> int:
         graph = snapshot(live.transport)
         known = topics(graph)
         ends = known.get(name, Ends(name))
-        record, values = _typed(name, ends, asked.values)
+        record, values = _typed(name, ends, asked.values, known)
         draft = Draft(record, values, asked.stamped)
         quality = _quality(name, ends)
         topic = Topic(name, record, 0.0, quality, "")
         live.writes(name, record.ROS_TYPE, quality.name)
         output = Output(topic, name, key_of(name), live.node, live.transport)
         clock = SimClock(live.transport)
-        if not ends.subscribers and (hint := nearest(name, (each for each in known if known[each].subscribers))):
+        fitting = [each.name for each in known.values() if each.subscribers and record.ROS_TYPE in each.types]
+        if not ends.subscribers and (hint := nearest(name, fitting)):
             note(f"nobody subscribes to {name}{hint}")
         if not _matched(live, output, name, asked):
             return INTERRUPTED
@@ -73,7 +75,9 @@ def publish(place: Place, asked: Publication, show: str = "text") -> int:
     return INTERRUPTED if asked.count and sent < asked.count else 0
 
 
-def _typed(name: str, ends: Ends, values: tuple[str, ...]) -> tuple[type[Message], tuple[str, ...]]:
+def _typed(
+    name: str, ends: Ends, values: tuple[str, ...], known: Iterable[str]
+) -> tuple[type[Message], tuple[str, ...]]:
     """The record, by the words, the graph or the table of topics, and the words that are left; raises BadInput."""
     topic, types = topic_of(name), [each for each in ends.types if each != "-"]
     declared = types[0] if types else "" if topic is None else topic.record.ROS_TYPE
@@ -83,7 +87,10 @@ def _typed(name: str, ends: Ends, values: tuple[str, ...]) -> tuple[type[Message
             raise BadInput(f"{name} carries {' and '.join(types)}, not {record.ROS_TYPE}: its readers would refuse it")
         return record, values
     if not declared:
-        raise BadInput(f"nobody tells the type of {name}: write it before the values, as geometry_msgs/Twist")
+        hint = nearest(name, known) or "."
+        raise BadInput(
+            f"nobody tells the type of {name}{hint} (a new topic needs it before the values, as geometry_msgs/Twist)"
+        )
     return record_of(declared), values
 
 
