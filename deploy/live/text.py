@@ -114,5 +114,14 @@ def _scalar(value: Any) -> str:
 
 def _text(value: str) -> str:
     if value.lower() in _WORDS or not _PLAIN.fullmatch(value):
-        return f"'{value}'" if value == "" else json.dumps(value, ensure_ascii=False)
+        quoted = "".join(map(_printable, json.dumps(value, ensure_ascii=False)))
+        return quoted if value else "''"
     return value
+
+
+def _printable(character: str) -> str:
+    """No message writes control characters to a terminal."""
+    if character.isprintable():
+        return character
+    code = ord(character)
+    return f"\\u{code:04x}" if code < 1 << 16 else f"\\U{code:08x}"
