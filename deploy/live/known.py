@@ -31,7 +31,7 @@ def known_record(type_name: str) -> type[Message] | None:
 def record_of(type_name: str) -> type[Message]:
     """The record of a ROS type in either spelling; raises BadInput with the nearest name."""
     try:
-        return record(type_name)
+        return record(ros_type(type_name))
     except UnknownRecord as error:
         raise BadInput(str(error)) from None
 

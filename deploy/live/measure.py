@@ -101,11 +101,11 @@ def measure(place: Place, role: str, names: Sequence[str], make: Callable[[str],
     with session(place, role) as live:
         clock = SimClock(live.transport)
         channels = [_Channel(live, name, make(name), terms) for name in wanted]
-        epoch, due = 0, time.monotonic() + PERIOD_S
+        epoch, due = None, time.monotonic() + PERIOD_S
         for _ in live.turns(channels[0].listener.inlet, terms.timeout):
             clock.follow()
-            if clock.epoch != epoch:
-                if epoch:
+            if clock.now is not None and clock.epoch != epoch:
+                if epoch is not None:
                     note(f"simulation time began anew (epoch {clock.epoch})")
                     for each in channels:
                         each.meter.clear()

@@ -75,9 +75,12 @@ class Fleet:
 
 def interrupt(process: subprocess.Popen[str]) -> Ended:
     """End a verb by Ctrl-C."""
+    assert process.stdout is not None
+    assert process.stderr is not None
     process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=20)
-    return Ended(process.returncode, out, err)
+    # Not communicate: it would not see what a readline before it has left over.
+    out, err = process.stdout.read(), process.stderr.read()
+    return Ended(process.wait(20), out, err)
 
 
 @contextmanager
