@@ -45,13 +45,17 @@ def stamp_of(payload: bytes) -> int | None:
 
 
 class SimClock:
-    """Follows ``/clock``; ``now`` [ns] is None until it was heard, ``epoch`` grows when time begins anew."""
+    """Follows ``/clock``; ``now`` [ns] is None until it was heard, ``epoch`` grows when time begins anew.
+
+    ``since`` is the moment of the wall clock [ns] at which the present epoch was told.
+    """
 
     def __init__(self, transport: Transport) -> None:
         self._listener = Listener(transport, CLOCK.name)
         self.inlet = self._listener.inlet
         self.now: int | None = None
         self.epoch = 0
+        self.since = 0
         self.paused = False
         self._sent: list[int] = []
         self._times: list[int] = []
@@ -64,7 +68,7 @@ class SimClock:
             except WrongPayload:
                 continue
             if clock.epoch != self.epoch:
-                self._sent, self._times = [], []
+                self._sent, self._times, self.since = [], [], heard.sent
             self.now, self.epoch, self.paused = clock.clock.ns, clock.epoch, clock.paused
             if not self._sent or heard.sent >= self._sent[-1]:
                 self._sent.append(heard.sent)

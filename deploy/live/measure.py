@@ -73,6 +73,7 @@ class _Channel:
         self.listener = Listener(live.transport, name, latched)
         live.reads(name, type_of(ends), "LATCHED" if latched else "SENSOR")
         self._pending: deque[Heard] = deque()
+        self._epoch: int | None = None
         self._told = -1
 
     @property
@@ -87,6 +88,10 @@ class _Channel:
             heard = self._pending[0]
             if not (at_once or clock.past(heard.sent) or time.time_ns() - heard.arrived > _CLOCK_S * 1e9):
                 return
+            if clock.now is not None and clock.epoch != self._epoch and heard.sent >= clock.since:
+                if self._epoch is not None:
+                    self.meter.clear()
+                self._epoch = clock.epoch
             self.meter.take(self._pending.popleft(), clock)
 
     def news(self) -> bool:
@@ -107,8 +112,6 @@ def measure(place: Place, role: str, names: Sequence[str], make: Callable[[str],
             if clock.now is not None and clock.epoch != epoch:
                 if epoch is not None:
                     note(f"simulation time began anew (epoch {clock.epoch})")
-                    for each in channels:
-                        each.meter.clear()
                 epoch = clock.epoch
             for each in channels:
                 each.follow(clock)

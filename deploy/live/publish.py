@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ from deploy.live.measure import INTERRUPTED
 from deploy.live.output import note, say, say_json
 from deploy.live.session import Session, session
 from deploy.live.text import flow, trimmed
-from deploy.live.values import Draft
+from deploy.live.values import Draft, split_type
 from messages.base import Message
 from messages.names import key as key_of
 from messages.plain import plain_record
@@ -24,8 +23,8 @@ from messages.topics import CLOCK, Quality, Topic
 from services.runtime.errors import BadInput, EleaError
 from services.runtime.graph import snapshot
 from services.runtime.outputs import Output
+from services.runtime.transport import BEAT_S
 
-_TYPE = re.compile(r"[A-Za-z]\w*/(?:msg/)?[A-Za-z]\w*")
 _CLOCK_S = 2.0
 """Wall time that the first /clock has, where somebody publishes it."""
 _SETTLE_S = 0.3
@@ -75,23 +74,22 @@ def publish(place: Place, asked: Publication, show: str = "text") -> int:
     return INTERRUPTED if asked.count and sent < asked.count else 0
 
 
-def _typed(
-    name: str, ends: Ends, values: tuple[str, ...], known: Iterable[str]
-) -> tuple[type[Message], tuple[str, ...]]:
+def _typed(name: str, ends: Ends, values: tuple[str, ...], known: Iterable[str]) -> tuple[type[Message], list[str]]:
     """The record, by the words, the graph or the table of topics, and the words that are left; raises BadInput."""
     topic, types = topic_of(name), [each for each in ends.types if each != "-"]
     declared = types[0] if types else "" if topic is None else topic.record.ROS_TYPE
-    if values and _TYPE.fullmatch(values[0]):
-        record, values = record_of(values[0]), values[1:]
+    type_name, words = split_type(values)
+    if type_name:
+        record = record_of(type_name)
         if types and record.ROS_TYPE not in types:
             raise BadInput(f"{name} carries {' and '.join(types)}, not {record.ROS_TYPE}: its readers would refuse it")
-        return record, values
+        return record, words
     if not declared:
-        hint = nearest(name, known) or "."
+        near = nearest(name, known)
         raise BadInput(
-            f"nobody tells the type of {name}{hint} (a new topic needs it before the values, as geometry_msgs/Twist)"
+            f"nobody tells the type of {name}{near} (a new topic needs it before the values, as geometry_msgs/Twist)"
         )
-    return record_of(declared), values
+    return record_of(declared), words
 
 
 def _quality(name: str, ends: Ends) -> Quality:
@@ -148,23 +146,31 @@ def _send(
     """Send at the rate, of simulation time where it runs; how many were sent."""
     simulated = clock.now is not None and not asked.wall_time
     period = 1.0 / rate if rate else float("inf")
-    sent, due, epoch = 0, 0.0, clock.epoch
+    sent, due, epoch, told = 0, 0.0, clock.epoch, False
     for _ in live.turns(clock.inlet):
         clock.follow()
-        now = (clock.now or 0) / 1e9 if simulated else time.monotonic()
-        if clock.epoch != epoch or sent == 0:
-            due, epoch = now, clock.epoch
-        while now >= due - 1e-9 and (not asked.count or sent < asked.count):
+        if simulated and clock.paused and not told:
+            told = True
+            note("simulation time is paused, and the rate counts by it (--wall-time counts by the wall clock)")
+        if clock.epoch != epoch:
+            due, epoch = 0.0, clock.epoch
+        while not live.stopping and not (asked.count and sent >= asked.count):
+            now = (clock.now or 0) / 1e9 if simulated else time.monotonic()
+            ahead = due - now
+            if ahead > 1e-9:
+                if simulated or ahead > BEAT_S:
+                    break
+                time.sleep(ahead)
+                clock.follow()
+                continue
             message = draft.made(clock.now or 0)
             output.publish(message)
             sent += 1
             _show(message, show, sent)
             # After a pause of this process, what is late is not made up for.
-            due = due + period if due + 5 * period > now else now + period
+            due = due + period if sent > 1 and due + 5 * period > now else now + period
         if asked.count and sent >= asked.count:
             break
-        if not simulated and due - time.monotonic() < 0.1:
-            time.sleep(max(0.0, min(due - time.monotonic(), 0.1)))
     return sent
 
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from deploy.live.ends import absent
 from deploy.live.known import known_record, record_of, request_of
 from deploy.live.output import note
-from deploy.live.values import Draft, read_yaml
+from deploy.live.values import Draft, read_yaml, split_type
 from messages.base import encode
 from messages.names import key as key_of
 from messages.plain import plain
@@ -18,8 +17,6 @@ from services.runtime.calls import call
 from services.runtime.errors import BadInput
 from services.runtime.graph import Entity, pattern
 from services.runtime.transport import Transport
-
-_TYPE = re.compile(r"[A-Za-z]\w*/(?:(?:msg|srv)/)?[A-Za-z]\w*")
 
 
 class Server(NamedTuple):
@@ -64,11 +61,10 @@ def find_server(transport: Transport, name: str) -> Server:
 
 def ask(transport: Transport, name: str, values: Sequence[str], timeout: float) -> Any:
     """The reply to a request, as plain values; raises BadInput for bad values and CallFailed for a refusal."""
-    server, words = find_server(transport, name), list(values)
-    if words and _TYPE.fullmatch(words[0]):
-        given = record_of(words.pop(0)).ROS_TYPE
-        if given != server.asks:
-            raise BadInput(f"{name} asks {server.asks}, not {given}")
+    server = find_server(transport, name)
+    given, words = split_type(values)
+    if given and server.asks != record_of(given).ROS_TYPE:
+        raise BadInput(f"{name} asks {server.asks}, not {given}")
     record, known = known_record(server.asks), request_of(name)
     message: Any
     if record is None:

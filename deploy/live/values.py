@@ -11,6 +11,9 @@ from messages.base import Message, WrongPayload, decoder, encode
 from messages.std import Header, Time
 from services.runtime.errors import BadInput, unknown
 
+_TYPE = re.compile(r"[A-Za-z]\w*/(?:(?:msg|srv)/)?[A-Za-z]\w*")
+_OPTION = re.compile(r"--?[A-Za-z]")
+
 
 class _Now:
     """Stands for the moment at which a message is sent."""
@@ -47,6 +50,19 @@ class Draft:
             raise BadInput(f"{self.record.ROS_TYPE}{f' at {where}' if where else ''}: {text}{hint}") from None
         except (TypeError, NotImplementedError, OverflowError, RecursionError) as error:
             raise BadInput(f"{self.record.ROS_TYPE}: {error}") from None
+
+
+def split_type(words: Sequence[str]) -> tuple[str, list[str]]:
+    """The ROS type that the words begin with, or an empty text, and the values after it.
+
+    Raises BadInput for what looks like an option: those that a verb does not know arrive here, as negative numbers do.
+    """
+    for each in words:
+        if _OPTION.match(each):
+            raise BadInput(f"there is no option {each}")
+    if words and _TYPE.fullmatch(words[0]):
+        return words[0], list(words[1:])
+    return "", list(words)
 
 
 def read_yaml(text: str) -> Any:

@@ -8,12 +8,22 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import click
 import pytest
 
+from deploy.commands.completion import PARAMETER, SET
 from deploy.live.values import read_yaml
+from messages.parameters import ParameterDescription, ParameterSchema, ParameterSets
+from messages.requests import PARAMS_LIST
+from services.runtime.identity import Identity
+from services.runtime.log import Log
+from services.runtime.node import Node
 from services.runtime.process import ROOT
+from services.runtime.zenoh_config import configuration
+from services.runtime.zenoh_transport import ZenohTransport
 from services.sim import SERVICE
 from tests.live.rig import Fleet, fleet, interrupt
 from tests.waiting import until
@@ -145,6 +155,37 @@ def completed(running: Fleet, *words: str, **environment: str) -> list[str]:
 )
 def test_completion(running: Fleet, words: tuple[str, ...], wanted: list[str]) -> None:
     assert completed(running, *words) == wanted
+
+
+def test_sets_and_parameters_are_completed(running: Fleet) -> None:
+    """By what the parameter service lists; here a node stands in for it."""
+    speed, gain = ParameterDescription(name="speed"), ParameterDescription(name="gain")
+    known = ParameterSets(
+        sets=(
+            ParameterSchema(set="/tb3_0/waypoint", parameters=(speed, gain)),
+            ParameterSchema(set="/robot_control", parameters=(gain,)),
+        )
+    )
+    context, option = click.Context(click.Command("get")), click.Argument(["set"])
+    context.params = {"connect": running.endpoint, "set": "tb3_0/waypoint"}
+    identity = Identity.of("params")
+    with (
+        ZenohTransport(configuration("direct", (running.endpoint,))) as transport,
+        Node(transport, identity, "params", Log(identity.node)) as node,
+        ThreadPoolExecutor(1) as pool,
+    ):
+        node.serve(PARAMS_LIST, lambda _: known)
+
+        def offered(kind: click.ParamType[str], begun: str) -> list[str]:
+            asking = pool.submit(kind.shell_complete, context, option, begun)
+            until(lambda: node.turn() or asking.done(), 10.0, "candidates")
+            return [each.value for each in asking.result()]
+
+        until(lambda: offered(SET, "/"), 20.0, "a service that is in sight")
+        assert offered(SET, "/") == ["/robot_control", "/tb3_0/waypoint"]
+        assert offered(SET, "tb") == ["tb3_0/waypoint"]
+        assert offered(PARAMETER, "") == ["gain", "speed"]
+        assert offered(PARAMETER, "s") == ["speed"]
 
 
 def test_completion_in_bash_itself(running: Fleet, tmp_path: Path) -> None:

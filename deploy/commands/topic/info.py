@@ -132,7 +132,10 @@ def _publisher(row: dict[str, Any]) -> str:
 
 def _subscriber(row: dict[str, Any]) -> str:
     if row["received"] is None:
-        return f"  {row['node']}  [{row['type']}, {row['quality']}]  no heartbeat"
+        from deploy.live.ends import is_hidden
+
+        silent = "a passing tool" if is_hidden(row["node"]) else "no heartbeat for a second"
+        return f"  {row['node']}  [{row['type']}, {row['quality']}]  {silent}"
     counts = ", ".join(f"{name} {row[name]}" for name in ("received", "lost", "refused", "foreign"))
     reason = f" ({row['reason']})" if row["reason"] else ""
     return f"  {row['node']}  [{row['type']}, {row['quality']}]  {counts}{reason}"
