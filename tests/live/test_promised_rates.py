@@ -50,17 +50,19 @@ def measured(running: Fleet) -> list[dict[str, Any]]:
 
 @pytest.mark.parametrize("name", STEADY)
 def test_the_rate_is_the_promised_one_to_the_message(told: dict[str, Any], name: str) -> None:
+    """Also where a busy router has dropped some on the way to this reader: they are known by their numbers."""
     found, topic = told[name], topic_of(name)
     assert topic is not None
     simulated = found["simulated"]
-    assert (found["received"], found["lost"], found["promised"]) == (COUNT, 0, topic.rate)
-    assert simulated["count"] == COUNT - 1
-    assert simulated["span"] == pytest.approx((COUNT - 1) / topic.rate, abs=1e-9)
+    assert (found["received"], found["promised"]) == (COUNT, topic.rate)
+    assert simulated["count"] == COUNT - 1 + found["lost"]
+    assert simulated["span"] == pytest.approx(simulated["count"] / topic.rate, abs=1e-9)
     assert simulated["hz"] == pytest.approx(topic.rate, abs=1e-6)
     assert simulated["min"] == pytest.approx(simulated["max"], abs=1e-9)
 
 
 def test_bursts_are_counted_too(told: dict[str, Any]) -> None:
-    simulated = told[RANGES]["simulated"]
-    assert simulated["hz"] == pytest.approx(160, abs=1e-6)
-    assert simulated["count"] % SONARS == 0
+    simulated, lost = told[RANGES]["simulated"], told[RANGES]["lost"]
+    # Which instants the lost ones belong to, their numbers do not tell.
+    assert simulated["hz"] == pytest.approx(160, abs=1e-6 if not lost else lost / simulated["span"])
+    assert lost or simulated["count"] % SONARS == 0
