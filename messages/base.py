@@ -13,6 +13,9 @@ from msgspec import Meta
 if TYPE_CHECKING:
     import numpy as np
 
+Ext = msgspec.msgpack.Ext
+"""A value of an extension type, as a decoder without a record yields it."""
+
 ARRAY_CODE = 1
 """MessagePack extension type of an array: its data is the MessagePack array ``[dtype, shape, raw]``."""
 
@@ -140,7 +143,7 @@ class Float32Array(Array):
     __slots__ = ()
 
 
-Packed36 = msgspec.msgpack.Ext | Annotated[tuple[float, ...], Meta(min_length=36, max_length=36)]
+Packed36 = Ext | Annotated[tuple[float, ...], Meta(min_length=36, max_length=36)]
 """ROS ``float64[36]``: a 6x6 matrix in row-major order over x, y, z, roll, pitch, yaw.
 
 Our senders pack it as an array, which costs a tenth of 36 single numbers; a plain list of numbers is taken as well.
@@ -157,7 +160,7 @@ _parts = msgspec.msgpack.Decoder(tuple[str, tuple[int, ...], bytes]).decode
 
 def _to_plain(value: Any) -> object:
     if isinstance(value, Array):
-        return msgspec.msgpack.Ext(ARRAY_CODE, msgspec.msgpack.encode((value.DTYPE, value.shape, value.raw)))
+        return Ext(ARRAY_CODE, msgspec.msgpack.encode((value.DTYPE, value.shape, value.raw)))
     if hasattr(value, "tolist"):  # numpy scalars and arrays, which control laws yield
         return value.tolist()
     raise NotImplementedError(f"{type(value).__name__} cannot be put in a message")
@@ -166,7 +169,7 @@ def _to_plain(value: Any) -> object:
 def _to_array(wanted: type, value: Any) -> object:
     if not issubclass(wanted, Array):
         raise NotImplementedError(f"no message may hold a {wanted.__name__}")
-    if isinstance(value, msgspec.msgpack.Ext):
+    if isinstance(value, Ext):
         if value.code != ARRAY_CODE:
             raise WrongPayload(f"unknown extension type {value.code}; only {ARRAY_CODE} (array) is known")
         try:
@@ -204,17 +207,17 @@ def bare_decoder(record: type[M]) -> Callable[[bytes], M]:
     return msgspec.msgpack.Decoder(record, dec_hook=_to_array).decode
 
 
-def covariance(*variances: float) -> msgspec.msgpack.Ext:
+def covariance(*variances: float) -> Ext:
     """The packed 6x6 matrix with the six given variances on its diagonal."""
     if len(variances) != 6:
         raise ValueError(f"a covariance diagonal has 6 values, got {len(variances)}")
     return pack36([variances[i // 7] if i % 7 == 0 else 0.0 for i in range(36)])
 
 
-def pack36(values: Iterable[float]) -> msgspec.msgpack.Ext:
+def pack36(values: Iterable[float]) -> Ext:
     """36 numbers as they travel."""
     packed = _to_plain(Float64Array(values))
-    assert isinstance(packed, msgspec.msgpack.Ext)
+    assert isinstance(packed, Ext)
     return packed
 
 
@@ -224,7 +227,7 @@ _PACKED_SIZE, _PACKED_HEAD = len(_PACKED_ZEROS), _PACKED_ZEROS[: -8 * 36]
 
 def check36(packed: Packed36) -> None:
     """Refuse what ``unpack36`` would refuse; what is packed as ours is known by its first bytes."""
-    if type(packed) is not msgspec.msgpack.Ext:
+    if type(packed) is not Ext:
         return
     data: Any = packed.data  # bytes or a view of them
     if packed.code == ARRAY_CODE and len(data) == _PACKED_SIZE and data[: len(_PACKED_HEAD)] == _PACKED_HEAD:
@@ -237,7 +240,7 @@ def check36(packed: Packed36) -> None:
 
 def unpack36(packed: Packed36) -> tuple[float, ...]:
     """The 36 numbers; raises WrongPayload when it is another array."""
-    if not isinstance(packed, msgspec.msgpack.Ext):
+    if not isinstance(packed, Ext):
         return packed
     array = _to_array(Float64Array, packed)
     assert isinstance(array, Float64Array)

@@ -9,23 +9,21 @@ from typing import TYPE_CHECKING
 
 import click
 
-from deploy.commands.options import json_option, port_option
+from deploy.commands.options import Place, json_option, place_options
 
 if TYPE_CHECKING:
     from services.runtime.graph import Entity
 
 
 @click.command("graph")
-@click.option("--connect", metavar="ENDPOINT", default="", help="Router to ask; the running fleet's by default.")
-@click.option("--domain", default="", help="Domain of the fleet.")
-@port_option
+@place_options
 @json_option
-def command(connect: str, domain: str, port: int | None, as_json: bool) -> None:
+def command(place: Place, as_json: bool) -> None:
     """List every node with what it publishes, subscribes and serves, asked of the network now."""
-    from deploy.commands.network import place, visit
+    from deploy.commands.network import visit
     from services.runtime.graph import snapshot
 
-    with visit(*place(connect, domain, port)) as transport:
+    with visit(place.router, place.domain) as transport:
         entities = snapshot(transport)
     if as_json:
         sys.stdout.write(json.dumps([asdict(each) for each in entities], indent=2) + "\n")

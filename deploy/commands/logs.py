@@ -10,6 +10,7 @@ from pathlib import Path
 import click
 
 from deploy.claim import running
+from deploy.commands.completion import PROCESS
 from deploy.commands.options import chosen, json_option, port_option
 from deploy.run_folder import latest_folder
 from deploy.supervisor.log_file import log_name
@@ -19,7 +20,7 @@ _TURN_S = 0.2
 
 
 @click.command("logs")
-@click.argument("name", default="")
+@click.argument("name", default="", type=PROCESS)
 @click.option("-f", "--follow", is_flag=True, help="Go on as more is written, until Ctrl-C.")
 @port_option
 @json_option

@@ -7,11 +7,12 @@ import sys
 
 import click
 
+from deploy.commands.completion import PROCESS
 from deploy.commands.options import chosen, json_option, port_option
 
 
 @click.command("restart")
-@click.argument("name")
+@click.argument("name", type=PROCESS)
 @port_option
 @json_option
 def command(name: str, port: int | None, as_json: bool) -> None:

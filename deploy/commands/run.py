@@ -8,12 +8,13 @@ from pathlib import Path
 
 import click
 
+from deploy.commands.completion import KIND
 from services.runtime.errors import BadInput, unknown
 from services.runtime.process import ROOT
 
 
 @click.command("run", context_settings={"ignore_unknown_options": True, "allow_interspersed_args": False})
-@click.argument("target")
+@click.argument("target", type=KIND)
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 def command(target: str, arguments: tuple[str, ...]) -> None:
     """Run TARGET, a service by its name or a .py file of your own, with the rest of the line as its arguments.

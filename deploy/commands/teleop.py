@@ -9,7 +9,7 @@ import time
 
 import click
 
-from deploy.commands.options import port_option
+from deploy.commands.options import Place, place_options
 from services.runtime.parameters import build
 from services.runtime.process import ROOT
 from services.teleop import TeleopParameters
@@ -38,18 +38,14 @@ _OWN = ("speed", "turn", "speed_limit", "turn_limit", "repeat_rate", "key_timeou
 @click.option(
     "--keys", metavar="SCRIPT", help="Play a script instead: 'i@0.5-2 k@2.5' is KEY@FROM[-TO], s of simulation."
 )
-@click.option("--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default.")
-@click.option("--domain", default="", help="Domain of the fleet.")
-@port_option
-def command(
-    namespace: str, fixed: bool, stamped: bool, connect: str, domain: str, port: int | None, **values: object
-) -> None:
+@place_options
+def command(namespace: str, fixed: bool, stamped: bool, place: Place, **values: object) -> None:
     """Drive the robot in NAMESPACE, as /p3dx; the only one there is when it is not given.
 
     A key moves the robot for as long as it is held. Teleop wins over a controller, and gives the robot back to it some
     seconds after the last key.
     """
-    from deploy.commands.network import place, visit
+    from deploy.commands.network import visit
     from services.runtime.graph import snapshot
     from services.teleop.bases import bases, choose
 
@@ -61,14 +57,13 @@ def command(
         from services.teleop.terminal import require_terminal
 
         require_terminal()
-    connect, domain = place(connect, domain, port)
-    with visit(connect, domain) as transport:
+    with visit(place.router, place.domain) as transport:
         deadline = time.monotonic() + _PATIENCE_S
         while not (found := bases(snapshot(transport))) and time.monotonic() < deadline:
             time.sleep(0.1)
-    base = choose(namespace, found, connect)
-    arguments = ["--namespace", base.namespace, "--connect", connect]
-    arguments += ["--domain", domain] if domain else []
+    base = choose(namespace, found, place.router)
+    arguments = ["--namespace", base.namespace, "--connect", place.router]
+    arguments += ["--domain", place.domain] if place.domain else []
     arguments += [word for name, value in parameters.items() for word in ("--param", f"{name}={json.dumps(value)}")]
     sys.stdout.flush()
     os.execve(

@@ -9,13 +9,14 @@ from typing import Any
 import click
 import msgspec
 
+from deploy.commands.completion import FLEET
 from deploy.fleet import Fleet, Run
 from deploy.fleet_file import find_fleet, read_fleet
 from services.runtime.errors import BadInput
 
 
 @click.command("up")
-@click.argument("fleet", default="lab")
+@click.argument("fleet", default="lab", type=FLEET)
 @click.option("--mode", type=click.Choice(["lockstep", "real", "free"]), help="How time runs; the fleet's by default.")
 @click.option("--factor", type=float, help="Simulated per wall-clock second, in real time.")
 @click.option("--duration", type=float, metavar="S", help="End after S seconds of simulation time.")

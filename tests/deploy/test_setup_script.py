@@ -111,6 +111,14 @@ def test_first_start_installs_and_the_second_does_not(copy: Copy) -> None:
     assert copy.installs() == ["venv", "pip"]
 
 
+def test_completion_installs_nothing(copy: Copy) -> None:
+    asked = copy.start(extra={"_ELEA_COMPLETE": "bash_complete"})
+    assert (asked.returncode, asked.stdout, asked.stderr) == (0, "", "")
+    assert copy.installs() == []
+    copy.start()
+    assert copy.start(extra={"_ELEA_COMPLETE": "bash_source"}).stdout.startswith("python -P -m deploy")
+
+
 def test_works_through_a_link_and_from_anywhere(copy: Copy, tmp_path: Path) -> None:
     (tmp_path / "links").mkdir()
     (tmp_path / "links" / "one").symlink_to("../clone/elea")

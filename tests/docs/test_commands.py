@@ -11,6 +11,7 @@ import pytest
 
 from deploy.catalogue import kinds
 from deploy.commands.cli import VERBS
+from deploy.commands.table import Verbs
 from deploy.fleet_file import fleet_names
 from services.runtime.process import ROOT
 from tests.tree import files
@@ -29,10 +30,15 @@ def lines() -> list[tuple[str, str]]:
     return found
 
 
-def options(verb: str) -> set[str]:
-    """The options of a verb."""
+def options(verb: str, words: list[str]) -> set[str]:
+    """The options of a verb, or of the verb below it that the next word names."""
     command = importlib.import_module(f"deploy.commands.{VERBS[verb].module}").command
     assert isinstance(command, click.Command)
+    if isinstance(command, Verbs) and words:
+        assert words[0] in command.table, f"{verb} has no {words[0]}"
+        inner = command.get_command(click.Context(command), words[0])
+        assert inner is not None
+        command = inner
     own = {option for each in command.params for option in (*each.opts, *each.secondary_opts)}
     return own | {"--help"} | (OF_SERVICES if verb == "run" else set())
 
@@ -45,7 +51,7 @@ def test_a_command_exists(document: str, line: str) -> None:
     assert verb in VERBS
     if verb == "test":
         return  # the words are pytest's
-    assert {word for word in words if word.startswith("-")} <= options(verb)
+    assert {word for word in words if word.startswith("-")} <= options(verb, words)
     target = words[0] if words and not words[0].startswith("-") else ""
     known = {"up": fleet_names(), "run": kinds()}.get(verb)
     if known and target and not target.isupper() and not target.endswith((".toml", ".py")):

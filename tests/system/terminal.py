@@ -30,19 +30,11 @@ class Terminal:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.port = free_port()
-        self._environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_STATE_HOME": str(folder / "state")}
+        self.environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_STATE_HOME": str(folder / "state")}
 
     def do(self, *arguments: str, within: float = WITHIN_S) -> Ended:
         """Run a verb to its end; one that does not end is killed, and with it all that it started."""
-        process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "deploy", *arguments],
-            env=self._environment,
-            cwd=self.folder,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        process = self.start(*arguments)
         try:
             out, err = process.communicate(timeout=within)
         except subprocess.TimeoutExpired:
@@ -50,6 +42,18 @@ class Terminal:
             _, err = process.communicate()
             raise AssertionError(f"{' '.join(arguments)} did not end within {within} s:\n{err}") from None
         return Ended(process.returncode, out, err)
+
+    def start(self, *arguments: str) -> subprocess.Popen[str]:
+        """Begin a verb, for a test that ends it."""
+        return subprocess.Popen(
+            [sys.executable, "-P", "-m", "deploy", *arguments],
+            env=self.environment,
+            cwd=self.folder,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
 
     def up(self, fleet: str | Path, results: Path, *options: str) -> Ended:
         """Run a fleet to its end."""

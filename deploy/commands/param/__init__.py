@@ -2,53 +2,24 @@
 
 from __future__ import annotations
 
-import importlib
-
 import click
 
-from services.runtime.errors import unknown
+from deploy.commands.table import Verb, Verbs
 
 VERBS = {
-    "list": ("look", "List the sets of parameters, or the parameters of one."),
-    "get": ("look", "Show values and where they come from."),
-    "describe": ("look", "Show types, bounds, defaults, units and texts."),
-    "set": ("change", "Change parameters, all or none."),
-    "reset": ("change", "Forget what was set: fleet file and defaults count again."),
-    "undo": ("change", "Take the newest change of a set back."),
-    "dump": ("transfer", "Write values as YAML or TOML."),
-    "load": ("transfer", "Set the values of a YAML or TOML file."),
-    "history": ("look", "Show who changed what, and when."),
+    "list": Verb("param.look:list_command", "List the sets of parameters, or the parameters of one."),
+    "get": Verb("param.look:get_command", "Show values and where they come from."),
+    "describe": Verb("param.look:describe_command", "Show types, bounds, defaults, units and texts."),
+    "set": Verb("param.change:set_command", "Change parameters, all or none."),
+    "reset": Verb("param.change:reset_command", "Forget what was set: fleet file and defaults count again."),
+    "undo": Verb("param.change:undo_command", "Take the newest change of a set back."),
+    "dump": Verb("param.transfer:dump_command", "Write values as YAML or TOML."),
+    "load": Verb("param.transfer:load_command", "Set the values of a YAML or TOML file."),
+    "history": Verb("param.look:history_command", "Show who changed what, and when."),
 }
-"""Each verb with the module of its command, ``NAME_command`` in it, and what it does."""
 
 
-class ParamVerbs(click.Group):
-    """Loads a verb when it is asked for."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(VERBS)
-
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in VERBS:
-            return None
-        module = importlib.import_module(f"deploy.commands.param.{VERBS[cmd_name][0]}")
-        found = getattr(module, f"{cmd_name}_command")
-        assert isinstance(found, click.Command)
-        return found
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        if args and args[0] not in VERBS and not args[0].startswith("-"):
-            ctx.fail(str(unknown("verb", args[0], VERBS)))
-        return super().resolve_command(ctx, args)
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Verbs"):
-            formatter.write_dl([(name, about) for name, (_, about) in VERBS.items()])
-
-
-@click.command(cls=ParamVerbs, name="param")
+@click.command(cls=Verbs, name="param", table=VERBS)
 def command() -> None:
     """Read and change the parameters of running services, checked and kept by the parameter service.
 

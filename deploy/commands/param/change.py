@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from deploy.commands.param.complete import parameter_names, set_names
+from deploy.commands.completion import PARAMETER, SET
 from deploy.commands.param.options import network, visiting
 from services.runtime.errors import unknown
 
@@ -16,10 +16,8 @@ if TYPE_CHECKING:
 
 
 @click.command("set", context_settings={"ignore_unknown_options": True})
-@click.argument("set_name", metavar="SET", shell_complete=set_names)
-@click.argument(
-    "words", metavar="NAME VALUE | NAME=VALUE... | {NAME: VALUE, ...}", nargs=-1, shell_complete=parameter_names
-)
+@click.argument("set_name", metavar="SET", type=SET)
+@click.argument("words", metavar="NAME VALUE | NAME=VALUE... | {NAME: VALUE, ...}", nargs=-1, type=PARAMETER)
 @click.option("--clamp", is_flag=True, help="Take a number that is out of bounds at the bound.")
 @click.option("--run", is_flag=True, help="For this run alone: not saved.")
 @network
@@ -45,8 +43,8 @@ def set_command(set_name: str, words: tuple[str, ...], clamp: bool, run: bool, a
 
 
 @click.command("reset")
-@click.argument("set_name", metavar="SET", shell_complete=set_names)
-@click.argument("names", metavar="[NAME]...", nargs=-1, shell_complete=parameter_names)
+@click.argument("set_name", metavar="SET", type=SET)
+@click.argument("names", metavar="[NAME]...", nargs=-1, type=PARAMETER)
 @network
 def reset_command(set_name: str, names: tuple[str, ...], as_json: bool, **options: Any) -> None:
     """Forget what was set of SET, or of some NAMEs: command line, fleet file and defaults count again."""
@@ -62,7 +60,7 @@ def reset_command(set_name: str, names: tuple[str, ...], as_json: bool, **option
 
 
 @click.command("undo")
-@click.argument("set_name", metavar="SET", shell_complete=set_names)
+@click.argument("set_name", metavar="SET", type=SET)
 @network
 def undo_command(set_name: str, as_json: bool, **options: Any) -> None:
     """Take the newest change of SET back; once more takes the one before back."""

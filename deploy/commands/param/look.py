@@ -7,12 +7,12 @@ from typing import Any
 
 import click
 
-from deploy.commands.param.complete import parameter_names, set_names
+from deploy.commands.completion import PARAMETER, SET
 from deploy.commands.param.options import network, visiting
 
 
 @click.command("list")
-@click.argument("set_name", metavar="[SET]", default="", shell_complete=set_names)
+@click.argument("set_name", metavar="[SET]", default="", type=SET)
 @network
 def list_command(set_name: str, as_json: bool, **options: Any) -> None:
     """List the sets with the names of their parameters, or those of SET."""
@@ -39,8 +39,8 @@ def list_command(set_name: str, as_json: bool, **options: Any) -> None:
 
 
 @click.command("get")
-@click.argument("set_name", metavar="SET", shell_complete=set_names)
-@click.argument("names", metavar="[NAME]...", nargs=-1, shell_complete=parameter_names)
+@click.argument("set_name", metavar="SET", type=SET)
+@click.argument("names", metavar="[NAME]...", nargs=-1, type=PARAMETER)
 @network
 def get_command(set_name: str, names: tuple[str, ...], as_json: bool, **options: Any) -> None:
     """Show the values of SET that count and where they come from; of one NAME, the bare value."""
@@ -69,8 +69,8 @@ def get_command(set_name: str, names: tuple[str, ...], as_json: bool, **options:
 
 
 @click.command("describe")
-@click.argument("set_name", metavar="SET", shell_complete=set_names)
-@click.argument("names", metavar="[NAME]...", nargs=-1, shell_complete=parameter_names)
+@click.argument("set_name", metavar="SET", type=SET)
+@click.argument("names", metavar="[NAME]...", nargs=-1, type=PARAMETER)
 @network
 def describe_command(set_name: str, names: tuple[str, ...], as_json: bool, **options: Any) -> None:
     """Show type, bounds, default, unit and text of the parameters of SET, or of some."""
@@ -96,7 +96,7 @@ def describe_command(set_name: str, names: tuple[str, ...], as_json: bool, **opt
 
 
 @click.command("history")
-@click.argument("set_name", metavar="[SET]", default="", shell_complete=set_names)
+@click.argument("set_name", metavar="[SET]", default="", type=SET)
 @click.option("-n", "--limit", type=click.IntRange(1, 10_000), default=20, show_default=True, help="So many at most.")
 @network
 def history_command(set_name: str, limit: int, as_json: bool, **options: Any) -> None:

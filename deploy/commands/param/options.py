@@ -4,25 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from deploy.commands.options import json_option, port_option
+from deploy.commands.options import json_option, place_of, port_option
 
 if TYPE_CHECKING:
     from deploy.commands.param.client import Client
 
 F = TypeVar("F", bound=Callable[..., Any])
-
-
-class Place(NamedTuple):
-    """Where the parameter service is asked, and for how long, s."""
-
-    connect: str = ""
-    domain: str = ""
-    port: int | None = None
-    timeout: float = 5.0
 
 
 def network(function: F) -> F:
@@ -43,9 +34,10 @@ def network(function: F) -> F:
 @contextmanager
 def visiting(options: dict[str, Any]) -> Iterator[Client]:
     """The client at the place that the options say; what is left in ``options`` are the verb's own."""
-    from deploy.commands.network import place, visit
+    from deploy.commands.network import visit
     from deploy.commands.param.client import Client
 
-    where = Place(*(options.pop(name) for name in Place._fields))
-    with visit(*place(where.connect, where.domain, where.port)) as transport:
-        yield Client(transport, where.timeout)
+    place = place_of(*(options.pop(name) for name in ("connect", "domain", "port")))
+    timeout = options.pop("timeout")
+    with visit(place.router, place.domain) as transport:
+        yield Client(transport, timeout)

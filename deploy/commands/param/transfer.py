@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from deploy.commands.param.complete import set_names
+from deploy.commands.completion import SET
 from deploy.commands.param.options import network, visiting
 from services.runtime.errors import BadInput, CallFailed
 
@@ -22,7 +22,7 @@ format_option = click.option(
 
 
 @click.command("dump")
-@click.argument("names", metavar="[SET]...", nargs=-1, shell_complete=set_names)
+@click.argument("names", metavar="[SET]...", nargs=-1, type=SET)
 @click.option("-o", "--output", metavar="FILE", default="", help="Write here; standard output by default.")
 @format_option
 @network

@@ -1,0 +1,17 @@
+"""``elea node``: the nodes of the network."""
+
+from __future__ import annotations
+
+import click
+
+from deploy.commands.table import Verb, Verbs
+
+TABLE = {
+    "list": Verb("node.listing", "List the nodes of the network."),
+    "info": Verb("node.info", "Tell what a node publishes, subscribes and serves, and how it is."),
+}
+
+
+@click.command("node", cls=Verbs, table=TABLE)
+def command() -> None:
+    """List nodes and tell of one, asked of the network now: there is no daemon."""

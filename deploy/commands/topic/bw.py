@@ -1,0 +1,27 @@
+"""``elea topic bw``: how many bytes a topic takes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from deploy.commands.options import Place
+from deploy.commands.topic.shared import measuring, topic_argument
+
+if TYPE_CHECKING:
+    from deploy.live.measure import Terms
+
+
+@click.command("bw")
+@topic_argument
+@measuring(100)
+def command(topic: str, window: int, terms: Terms, place: Place) -> None:
+    """Measure the bytes of payload that TOPIC takes each second, until Ctrl-C.
+
+    Each sample has 33 bytes more beside its payload, and what the network adds.
+    """
+    from deploy.live.measure import measure
+    from deploy.live.meters import BwMeter
+
+    raise SystemExit(measure(place, "bw", (topic,), lambda name: BwMeter(name, window), terms))

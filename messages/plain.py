@@ -1,0 +1,80 @@
+"""Reading a payload of any type, known or not, as plain values: dicts, lists, text, numbers, truth values, bytes."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any
+
+from messages.base import ARRAY_CODE, MOST_DIMENSIONS, Ext, Message, WrongPayload, decoder, encode
+
+_FORMATS = {
+    "f2": "e",
+    "f4": "f",
+    "f8": "d",
+    "i1": "b",
+    "i2": "h",
+    "i4": "i",
+    "i8": "q",
+    "u1": "B",
+    "u2": "H",
+    "u4": "I",
+    "u8": "Q",
+    "b1": "?",
+}
+"""Numpy's name of an element's kind and size, and the one of ``struct``."""
+
+_decode = decoder(Any)
+_parts = decoder(tuple[str, tuple[int, ...], bytes])
+
+
+def plain(payload: bytes) -> Any:
+    """What a MessagePack payload holds, without its type; raises WrongPayload when it is not one whole value.
+
+    Our array extension becomes nested lists by its shape, keys become text. An extension that is not known here is
+    shown as ``{"extension": code, "data": bytes}``, a point in time as text.
+    """
+    try:
+        return _plain(_decode(payload))
+    except RecursionError:
+        raise WrongPayload("it is nested too deeply") from None
+
+
+def plain_record(message: Message) -> Any:
+    """The fields of a record by their names on the wire, as ``plain`` shows them."""
+    return plain(encode(message))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {each if isinstance(each, str) else str(each): _plain(inner) for each, inner in value.items()}
+    if isinstance(value, list):
+        return [_plain(each) for each in value]
+    if isinstance(value, Ext):
+        listed = _array(value) if value.code == ARRAY_CODE else None
+        return {"extension": value.code, "data": bytes(value.data)} if listed is None else listed
+    return value if value is None or isinstance(value, str | bool | int | float | bytes) else str(value)
+
+
+def _array(packed: Ext) -> Any:
+    """The nested lists of an array, or None when it is none that we can read."""
+    try:
+        dtype, shape, raw = _parts(bytes(packed.data))
+    except WrongPayload:
+        return None
+    format_, order = _FORMATS.get(dtype.lstrip("<>|=")), ">" if dtype.startswith(">") else "<"
+    if format_ is None or len(shape) > MOST_DIMENSIONS or any(extent < 0 for extent in shape):
+        return None
+    if math.prod(shape) * struct.calcsize(format_) != len(raw):
+        return None
+    flat = struct.unpack(f"{order}{len(raw) // struct.calcsize(format_)}{format_}", raw)
+    return _folded(list(flat), shape)
+
+
+def _folded(values: list[Any], shape: tuple[int, ...]) -> Any:
+    """The values as lists in lists; an array without values is an empty list, however many of them it would have."""
+    if not shape:
+        return values[0]
+    for extent in reversed(shape[1:] if values else ()):
+        values = [values[at : at + extent] for at in range(0, len(values), extent)]
+    return values

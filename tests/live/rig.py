@@ -1,0 +1,119 @@
+"""A fleet in the background, the verbs on it, and a program beside it that keeps to none of the project's rules."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import zenoh
+
+from services.runtime.wire import attach
+from tests.system.stranger import stranger
+from tests.system.terminal import Ended, Terminal
+
+IDLE = """
+name = "idle"
+description = "A burger and a waffle, and nobody who drives them"
+
+[run]
+mode = "real"
+ends = "never"
+
+[[robot]]
+name = "tb3_0"
+model = "burger"
+
+[[robot]]
+name = "tb3_1"
+model = "waffle"
+pose = { x = 0.0, y = 1.0, yaw = 0.0 }
+"""
+SAMPLE_S = 0.02
+"""Wall time between two samples of the foreign program."""
+
+
+class Fleet:
+    """A running fleet."""
+
+    def __init__(self, terminal: Terminal) -> None:
+        self.terminal = terminal
+        self.endpoint = f"tcp/127.0.0.1:{terminal.port}"
+
+    def do(self, *arguments: str, status: int = 0) -> Ended:
+        """Run a verb to its end, with an exit status."""
+        ended = self.terminal.do(*arguments)
+        assert ended.status == status, ended.out + ended.err
+        assert "Traceback" not in ended.err
+        return ended
+
+    def read(self, *arguments: str, status: int = 0) -> Any:
+        """The JSON document that a verb prints."""
+        return json.loads(self.do(*arguments, "--json", status=status).out)
+
+    def lines(self, *arguments: str, status: int = 0) -> list[Any]:
+        """The JSON lines that a verb prints."""
+        return [json.loads(each) for each in self.do(*arguments, "--json", status=status).out.splitlines()]
+
+    @contextmanager
+    def started(self, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+        """A verb that goes on; it is killed if the test has not ended it."""
+        process = self.terminal.start(*arguments)
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                process.kill()
+            process.communicate()
+
+
+def interrupt(process: subprocess.Popen[str]) -> Ended:
+    """End a verb by Ctrl-C."""
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.send_signal(signal.SIGINT)
+    # Not communicate: it would not see what a readline before it has left over.
+    out, err = process.stdout.read(), process.stderr.read()
+    return Ended(process.wait(20), out, err)
+
+
+@contextmanager
+def fleet(folder: Path, text: str = IDLE) -> Iterator[Fleet]:
+    """A fleet of the text of its file."""
+    file = folder / "fleet.toml"
+    file.write_text(text)
+    terminal = Terminal(folder)
+    started = terminal.up(file, folder / "results", "--detach")
+    try:
+        assert started.status == 0, started.err
+        yield Fleet(terminal)
+    finally:
+        terminal.do("down")
+
+
+@contextmanager
+def sender(endpoint: str, key: str, payload: Any, *, encoding: str = "", numbers: bool = False) -> Iterator[None]:
+    """A foreign program that sends ``payload`` again and again; with ``numbers`` it leaves out each fourth."""
+    stop = threading.Event()
+
+    def send(session: zenoh.Session) -> None:
+        number, packed = 0, payload if isinstance(payload, bytes) else msgpack.packb(payload)
+        while not stop.wait(SAMPLE_S):
+            number += 2 if number % 4 == 2 else 1
+            beside = {"attachment": attach(number, b"stranger-stranger"[:16])} if numbers else {}
+            session.put(key, packed, **beside, **({"encoding": encoding} if encoding else {}))
+
+    with stranger(endpoint) as session:
+        thread = threading.Thread(target=send, args=(session,))
+        thread.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            thread.join()

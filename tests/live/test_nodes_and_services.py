@@ -1,0 +1,235 @@
+"""The verbs on nodes and requests, the completion at the TAB key, and time that begins anew, on one fleet."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import click
+import pytest
+
+from deploy.commands.completion import PARAMETER, SET
+from deploy.live.values import read_yaml
+from messages.parameters import ParameterDescription, ParameterSchema, ParameterSets
+from messages.requests import PARAMS_LIST
+from services.runtime.identity import Identity
+from services.runtime.log import Log
+from services.runtime.node import Node
+from services.runtime.process import ROOT
+from services.runtime.zenoh_config import configuration
+from services.runtime.zenoh_transport import ZenohTransport
+from services.sim import SERVICE
+from tests.live.rig import Fleet, fleet, interrupt
+from tests.waiting import until
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
+    with fleet(tmp_path_factory.mktemp("idle")) as made:
+        yield made
+
+
+def test_nodes(running: Fleet) -> None:
+    assert running.do("node", "list").out == "/grader\n/router\n/sim\n/supervisor\n"
+    assert running.do("node", "list", "-c").out == "4\n"
+    assert {"node": "/sim", "kind": "sim"}.items() <= running.read("node", "list")[2].items()
+    with running.started("topic", "echo", "/tb3_0/cmd_vel"):
+        until(lambda: "/_echo_" in running.do("node", "list", "-a").out, 20.0, "a tool in the graph")
+        assert "/_echo_" not in running.do("node", "list").out
+
+
+def test_a_node(running: Fleet) -> None:
+    shown = running.do("node", "info", "sim").out
+    assert shown.startswith("/sim  (sim)\n  running")
+    assert "  Publishers:\n    /clock: rosgraph_msgs/Clock  sent " in shown
+    assert "  Service Servers:\n    /sim/delete: elea_msgs/Name\n" in shown
+    told = running.read("node", "info", "/grader")
+    assert (told["node"], told["kind"], told["health"]["state"]) == ("/grader", "grader", "running")
+    odom = next(each for each in told["subscribers"] if each["topic"] == "/tb3_0/odom")
+    assert (odom["lost"], odom["refused"], odom["type"]) == (0, 0, "nav_msgs/Odometry")
+    for name, said in (("/sim2", "no node /sim2 is on the network; did you mean '/sim'"), ("/s*", "wildcards")):
+        assert said in running.do("node", "info", name, status=2).err
+
+
+def test_services(running: Fleet) -> None:
+    names = running.do("service", "list").out.splitlines()
+    assert set(names) >= {each.name for each in SERVICE.serves} | {"/supervisor/restart"}
+    assert int(running.do("service", "list", "-c").out) == len(names)
+    assert "/sim/spawn [elea_msgs/SpawnModel -> elea_msgs/ModelState]\n" in running.do("service", "list", "-t").out
+    assert "  /sim: put a model into the world\n" in running.do("service", "list", "-v").out
+    assert running.read("service", "list")[0]["nodes"] == ["/sim"]
+    assert running.do("service", "type", "/sim/pause").out == "std_msgs/Empty -> elea_msgs/SimTime\n"
+    assert "/sim/get_state\n" in running.do("service", "find", "elea_msgs/srv/Name").out
+    assert running.read("service", "find", "elea_msgs/ModelList") == ["/sim/list"]
+    assert "no request has nav_msgs/Path now" in running.do("service", "find", "nav_msgs/Path", status=1).err
+
+
+def test_calls(running: Fleet) -> None:
+    assert running.read("service", "call", "/sim/get_state", "{name: tb3_1}")["pose"]["position"]["y"] == pytest.approx(
+        1.0, abs=1e-3
+    )
+    by_place = running.do("service", "call", "sim/get_state", "elea_msgs/srv/Name", "tb3_0").out
+    assert read_yaml(by_place)["model"] == "burger"
+    assert running.do("service", "call", "/sim/list", "--flow-style").out.startswith("{models: [{name: tb3_0, ")
+    paused = running.read("service", "call", "/sim/pause")
+    stepped = running.read("service", "call", "/sim/step", "{count: 40}")
+    assert (stepped["tick"], stepped["time"]) == (paused["tick"] + 40, paused["time"] + 200_000_000)
+    running.do("service", "call", "/sim/resume")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "said"),
+    [
+        (["/sim/get_state", "{name: nobody}"], 1, "/sim/get_state: unknown model 'nobody'"),
+        (["/sim/step", "{count: 0}"], 2, "elea_msgs/Steps at count: Expected `int` >= 1"),
+        (["/sim/step", "{cuont: 1}"], 2, "unknown field 'cuont'; did you mean 'count'"),
+        (["/sim/spwan", "{}"], 2, "no service /sim/spwan is on the network; did you mean '/sim/spawn'"),
+        (["/sim/spawn", "std_msgs/String", "x"], 2, "/sim/spawn asks elea_msgs/SpawnModel, not std_msgs/String"),
+        (["/sim/**", "{}"], 2, "wildcards are not allowed"),
+        (["/sim/step", "{count: ["], 2, "is not YAML"),
+    ],
+)
+def test_calls_that_fail(running: Fleet, arguments: list[str], status: int, said: str) -> None:
+    ended = running.do("service", "call", *arguments, status=status)
+    assert said in ended.err
+    assert ended.out == ""
+
+
+def test_a_rate_survives_a_reset(running: Fleet) -> None:
+    with running.started("topic", "hz", "/tb3_0/odom") as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        epoch = running.read("service", "call", "/sim/reset")["epoch"]
+        running.do("topic", "hz", "/tb3_0/odom", "-n", "10")
+        ended = interrupt(process)
+    assert f"simulation time began anew (epoch {epoch})" in ended.err
+    assert "average rate: 25.000 by simulation time" in ended.out.splitlines()[-5]
+
+
+def completed(running: Fleet, *words: str, **environment: str) -> list[str]:
+    """What bash gets for these words, of which the last one is being typed."""
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "deploy"],
+        env={
+            **running.terminal.environment,
+            "_ELEA_COMPLETE": "bash_complete",
+            "COMP_WORDS": " ".join(("./elea", *words)),
+            "COMP_CWORD": str(len(words)),
+            **environment,
+        },
+        capture_output=True,
+        text=True,
+        timeout=30,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    return [line.removeprefix("plain,") for line in done.stdout.splitlines() if line]
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        (("to",), ["topic"]),
+        (("topic", "e"), ["echo"]),
+        (("topic", "echo", "/tb3_1/c"), ["/tb3_1/camera/camera_info", "/tb3_1/camera/image", "/tb3_1/cmd_vel"]),
+        (("topic", "hz", "/clock", "tb3_0/od"), ["tb3_0/odom"]),
+        (("topic", "echo", "/tb3_0/odom", "--field", "pose.pose.p"), ["pose.pose.position"]),
+        (("topic", "pub", "/tb3_0/cmd_vel", "geometry_msgs/msg/TwistS"), ["geometry_msgs/msg/TwistStamped"]),
+        (("topic", "find", "rosgraph_msgs/C"), ["rosgraph_msgs/Clock"]),
+        (("node", "info", "/s"), ["/sim", "/supervisor"]),
+        (("service", "call", "/sim/sp"), ["/sim/spawn"]),
+        (("up", "bar"), ["bare"]),
+        (("restart", "gr"), ["grader"]),
+        (("logs", "ro"), ["router"]),
+        (("run", "way"), ["waypoint"]),
+        (("topic", "echo", "--connect", "tcp/127.0.0.1:1", "/tb"), []),
+        (("topic", "echo", "--onc"), ["--once"]),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_completion(running: Fleet, words: tuple[str, ...], wanted: list[str]) -> None:
+    assert completed(running, *words) == wanted
+
+
+def test_sets_and_parameters_are_completed(running: Fleet) -> None:
+    """By what the parameter service lists; here a node stands in for it."""
+    speed, gain = ParameterDescription(name="speed"), ParameterDescription(name="gain")
+    known = ParameterSets(
+        sets=(
+            ParameterSchema(set="/tb3_0/waypoint", parameters=(speed, gain)),
+            ParameterSchema(set="/robot_control", parameters=(gain,)),
+        )
+    )
+    context, option = click.Context(click.Command("get")), click.Argument(["set"])
+    context.params = {"connect": running.endpoint, "set": "tb3_0/waypoint"}
+    identity = Identity.of("params")
+    with (
+        ZenohTransport(configuration("direct", (running.endpoint,))) as transport,
+        Node(transport, identity, "params", Log(identity.node)) as node,
+        ThreadPoolExecutor(1) as pool,
+    ):
+        node.serve(PARAMS_LIST, lambda _: known)
+
+        def offered(kind: click.ParamType[str], begun: str) -> list[str]:
+            asking = pool.submit(kind.shell_complete, context, option, begun)
+            until(lambda: node.turn() or asking.done(), 10.0, "candidates")
+            return [each.value for each in asking.result()]
+
+        until(lambda: offered(SET, "/"), 20.0, "a service that is in sight")
+        assert offered(SET, "/") == ["/robot_control", "/tb3_0/waypoint"]
+        assert offered(SET, "tb") == ["tb3_0/waypoint"]
+        assert offered(PARAMETER, "") == ["gain", "speed"]
+        assert offered(PARAMETER, "s") == ["speed"]
+
+
+def test_completion_in_bash_itself(running: Fleet, tmp_path: Path) -> None:
+    """The script that bash evaluates finds what it is asked by the program as it was typed."""
+    program = tmp_path / "elea"
+    program.write_text(f'#!/bin/sh\nexec {sys.executable} -P -m deploy "$@"\n')
+    program.chmod(0o755)
+    typed = (
+        'eval "$(_ELEA_COMPLETE=bash_source ./elea)"; complete -p elea; COMP_WORDS=(./elea topic type /tb3_0/sc); '
+        'COMP_CWORD=3; _elea_completion ./elea; echo "${COMPREPLY[@]}"'
+    )
+    done = subprocess.run(
+        ["bash", "--norc", "-c", typed],
+        env=running.terminal.environment,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.stdout == "complete -o nosort -F _elea_completion elea\n/tb3_0/scan\n", done.stderr
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_other_shells_ask_the_script_by_its_place(shell: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "deploy"],
+        env={**os.environ, "PYTHONPATH": str(ROOT), "_ELEA_COMPLETE": f"{shell}_source"},
+        capture_output=True,
+        text=True,
+        timeout=30,
+    )
+    assert f"{shell}_complete" in done.stdout
+    assert f" {ROOT / 'elea'})" in done.stdout
+    assert "$+commands" not in done.stdout
+
+
+def test_a_router_that_hangs_delays_no_completion(running: Fleet) -> None:
+    [told] = running.read("ps")
+    router = next(each["pid"] for each in told["processes"] if each["name"] == "router")
+    os.kill(router, signal.SIGSTOP)
+    began = time.monotonic()
+    found = completed(running, "topic", "echo", "/tb3_0/")
+    took = time.monotonic() - began
+    # The supervisor ends what hangs, and starts it again.
+    until(lambda: completed(running, "topic", "echo", "/tb3_0/od") == ["/tb3_0/odom"], 30.0, "a router that answers")
+    assert found == []
+    assert took < 2.0

@@ -1,0 +1,57 @@
+"""Rates from made-up samples: exact with losses, bursts, several senders and a time that begins anew."""
+
+from __future__ import annotations
+
+import pytest
+
+from deploy.live.rates import Sample, Window, rate
+
+MS = 1_000_000
+
+
+def test_a_steady_topic() -> None:
+    found = rate([(40 * MS * each, 0) for each in range(26)])
+    assert found is not None
+    assert (found.hz, found.count) == (25.0, 25)
+    assert (found.least, found.most, found.span) == (0.04, 0.04, 1.0)
+    assert found.deviation == pytest.approx(0, abs=1e-12)
+
+
+def test_what_was_lost_counts_and_widens_no_interval() -> None:
+    moments = [(40 * MS * each, 0) for each in (0, 1, 2)] + [(40 * MS * 12, 9)] + [(40 * MS * 13, 0)]
+    found = rate(moments)
+    assert found is not None
+    assert found.hz == pytest.approx(25.0)
+    assert (found.count, found.most) == (13, 0.04)
+
+
+def test_bursts_count_whole_instants() -> None:
+    """16 sonars at once, ten times a second; the first burst was joined late, the last is not complete yet."""
+    moments = [(0, 0)] * 3 + [(100 * MS * burst, 0) for burst in range(1, 6) for _ in range(16)] + [(600 * MS, 0)] * 5
+    found = rate(moments)
+    assert found is not None
+    assert found.hz == 160.0
+
+
+def test_two_senders_on_one_topic() -> None:
+    moments = [(20 * MS * each, 0) for each in range(50)]
+    found = rate(moments[1::2] + moments[::2])
+    assert found is not None
+    assert found.hz == 50.0
+
+
+@pytest.mark.parametrize("moments", [[], [(5, 0)], [(5, 0), (5, 0)]])
+def test_no_rate_without_a_span(moments: list[tuple[int, int]]) -> None:
+    assert rate(moments) is None
+
+
+def test_a_window_keeps_the_newest_and_starts_anew_with_time() -> None:
+    window = Window(10)
+    for each in range(30):
+        window.add(Sample(40 * MS * (each + 1000), each, 1 if each == 5 else 0, 100))
+    assert (len(window.samples), window.received, window.lost) == (10, 30, 1)
+    assert window.sizes() == (100.0, 100, 100)
+    window.add(Sample(40 * MS, 31))
+    assert len(window.samples) == 1
+    assert window.simulated() is None
+    assert Window(5).sizes() == (0.0, 0, 0)
