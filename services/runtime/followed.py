@@ -84,7 +84,11 @@ class Followed(Generic[P]):
 
     def told(self, values: ParameterValues, source: bytes) -> None:
         """Take what the parameter service says as the node starts; what contradicts itself is not taken."""
+        before = self._flat
         self._take(values, source, undo=False)
+        if news := differing(self._flat, before):
+            told = ", ".join(f"{name} = {self._flat[name]} ({self.origins[name]})" for name in news)
+            self._node.log.info(f"parameters {self.set}: {told}")
 
     def hear(self, values: ParameterValues, source: bytes) -> None:
         """Keep what it says until the next ``refresh``."""
