@@ -70,6 +70,8 @@ class Followed(Generic[P]):
 
     def begin(self, wait: bool = True) -> None:
         """Announce the set; with ``wait``, ``params`` is what the parameter service says when this returns."""
+        if wait and self._node.expects_params:
+            self._following.expect(lambda: self._node.stopping)
         self._following.begin(self, wait)
 
     def close(self) -> None:
@@ -120,6 +122,8 @@ class Followed(Generic[P]):
         Raises BadInput for values that are out of bounds or contradict each other, CallFailed when the parameter
         service is there and does not agree.
         """
+        if not values:
+            return
         params = self._checked({**self._flat, **values})
         if not self._following.there:
             self._replace(params, {**self.origins, **dict.fromkeys(values, "run")})
