@@ -108,7 +108,7 @@ class Followed(Generic[P]):
         levels = 0
         for values, origin in self._input.batch:
             if origin is None or not self._following.trusts(origin.publisher, self._input.key):
-                self._refuse(f"not from the node {AUTHORITY}, which alone may change parameters")
+                self._refuse(f"not from the node {AUTHORITY} that is there")
             else:
                 self._heard.append((values, origin.publisher[:MEMBER_BYTES]))
         heard, self._heard, self._input.batch = self._heard, [], []
