@@ -23,7 +23,7 @@ from messages.requests import (
     DriveSettings,
     Name,
 )
-from messages.topics import CMD_VEL, HEALTH, UPDATES
+from messages.topics import CMD_VEL, HEALTH, PLAN, UPDATES
 from services.runtime.errors import CallFailed
 from services.runtime.identity import Identity
 from services.runtime.log import Log
@@ -164,6 +164,9 @@ def test_a_fleet_is_tuned_while_it_drives_and_keeps_what_was_saved(terminal: Ter
         t.until_speed(0.15)
         t.set(PILOT, max_linear=0.12)
         t.until_speed(0.12)
+        plans = t.node.read(PLAN, "/r/plan")
+        t.set(PILOT, run=True, goals=((50.0, 50.0), (0.0, 0.0)))
+        until(lambda: t.node.admit() or any(len(plan.poses) == 2 for plan, _ in plans.batch), 20, "a new plan")
 
         # What contradicts itself is taken back for all; so is nothing of a stranger's.
         t.set(BASE, linear__min_velocity=0.1)
