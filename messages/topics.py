@@ -41,6 +41,8 @@ class Topic(Generic[M_co]):
     about: str
     largest: int = 1 << 16
     """Bytes; a larger payload is refused unread."""
+    only: str = ""
+    """The node that alone may publish it, where there is one: samples of others are refused."""
 
 
 CLOCK = Topic("/clock", Clock, 50, Quality.SENSOR, "simulation time, step, epoch, pause")
@@ -71,9 +73,17 @@ CONTROL_SIGNAL = Topic("/robot_control/control_signal", Float32, 100, Quality.SE
 JOINT_ANGLE = Topic("/robot_control/joint_angle", Float32, 100, Quality.SENSOR, "where the arm is, degrees")
 CONTROL_ERROR = Topic("/robot_control/error", Float32, 100, Quality.SENSOR, "reference less angle, degrees")
 DESCRIPTIONS = Topic(
-    "~parameter_descriptions", ParameterSchema, 0, Quality.LATCHED, "a set's parameters, bounds and texts", 1 << 20
+    "~parameter_descriptions",
+    ParameterSchema,
+    0,
+    Quality.LATCHED,
+    "a set's parameters, bounds and texts",
+    1 << 20,
+    "/params",
 )
-UPDATES = Topic("~parameter_updates", ParameterValues, 0, Quality.LATCHED, "a set's values, after each change", 1 << 20)
+UPDATES = Topic(
+    "~parameter_updates", ParameterValues, 0, Quality.LATCHED, "a set's values, after each change", 1 << 20, "/params"
+)
 ROSOUT = Topic("/rosout", Log, 0, Quality.EVENT, "the log of every node")
 HEALTH = Topic("/health", Health, 0, Quality.SENSOR, "heartbeat of every node, once a second of wall time")
 FLEET_STATE = Topic("/supervisor/state", FleetState, 0, Quality.LATCHED, "the processes of the fleet")

@@ -96,6 +96,15 @@ def test_the_grader_knows_how_each_base_stops() -> None:
     assert told == [{"name": "a", "timeout": 0.5, "brake": 0.3}, {"name": "b", "timeout": 0.25, "brake": 1.5}]
 
 
+def test_who_starts_after_the_parameters_waits_for_them_and_they_are_kept_in_the_file_of_the_terms() -> None:
+    plan = expand(read_fleet(find_fleet("lab")))
+    assert {name for name, each in plan.items() if "--await-params" not in each.argv} == {"router", "params"}
+    assert read_assignments(options(plan["params"], "--fleet-param")) == {"file": "", "schedule": []}
+    terms = Terms(folder=Path("/tmp/run"), saved=Path("/tmp/params/lab.db"))
+    (params,) = (each for each in processes(read_fleet(find_fleet("lab")), terms) if each.kind == "params")
+    assert read_assignments(options(params, "--fleet-param"))["file"] == "/tmp/params/lab.db"
+
+
 def test_stated_beats_implied() -> None:
     fleet = Fleet(
         name="own",
