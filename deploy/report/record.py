@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from services.grader.records import Ended, Measurements, RobotFigures
+from services.grader.records import Ended, Figures, Measurements
 
 SCHEMA: Literal[1] = 1
 REPORT_FILE = "report.json"
@@ -68,7 +68,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     schema: Annotated[Literal[1], _text("version of this layout; it grows when a key changes its meaning or goes")]
     ok: Annotated[bool, _text("whether every check holds")]
     run: RunFigures
-    robots: dict[str, RobotFigures]
+    robots: dict[str, Figures]
     checks: tuple[Check, ...]
     notes: Annotated[tuple[str, ...], _text("what is off by design or by its configuration, and why, in words")]
 

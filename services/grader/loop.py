@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from messages.std import SECOND
-from messages.topics import BASE_STATUS, GROUND_TRUTH, HEALTH, ODOM, PLAN, STATUS
-from services.grader import GraderParameters
+from messages.topics import BASE_STATUS, CONTROL_STATE, GROUND_TRUTH, HEALTH, JOINT_STATES, ODOM, PLAN, STATUS
+from services.grader import Arm, GraderParameters
 from services.grader.folder import prepare
 from services.grader.measure import Kind, Run
 from services.grader.records import Ended
@@ -22,22 +22,23 @@ def run(ctx: Context[GraderParameters]) -> None:
     p = ctx.params
     folder = prepare(Path(p.output))
     robots = [name.strip("/") for name in p.robots]
-    watched = [Watched(ctx, name) for name in robots]
+    arms = {each.name.strip("/"): each for each in p.arms}
+    watched = [WatchedArm(ctx, name, arms[name]) if name in arms else Watched(ctx, name) for name in robots]
     health = ctx.stream(HEALTH)
     halting = {each.name.strip("/"): each for each in p.halting}
-    graded = Run(robots, p.reach_tolerance, halting)
+    graded = Run(robots, p.reach_tolerance, halting, arms)
     ended: Ended = "stopped"
     try:
         for tick in ctx.ticks():
             if tick.reset:
-                graded = Run(robots, p.reach_tolerance, halting)
+                graded = Run(robots, p.reach_tolerance, halting, arms)
             for robot in watched:
                 robot.pass_on(graded)
             graded.health(health.take())
             last = round(p.duration * SECOND)
             end = min(tick.time - BEHIND, last) if last else tick.time - BEHIND
             graded.advance(end)
-            if p.ends == "goals" and graded.finished:
+            if p.ends == "goals" and graded.finished and end >= p.not_before * SECOND:
                 ended = "goals"
                 break
             if p.ends != "never" and last and end >= last:
@@ -66,3 +67,17 @@ class Watched:
         graded.take(Kind.ODOMETRY, self._robot, self._odometry.take())
         graded.take(Kind.TRUTH, self._robot, self._truth.take())
         graded.take(Kind.BASE, self._robot, self._base.take())
+
+
+class WatchedArm:
+    """The streams of one arm."""
+
+    def __init__(self, ctx: Context[GraderParameters], robot: str, arm: Arm) -> None:
+        self._robot = robot
+        self._joints = ctx.stream(JOINT_STATES, f"/{robot}/joint_states")
+        self._control = ctx.stream(CONTROL_STATE, arm.state)
+
+    def pass_on(self, graded: Run) -> None:
+        """Hand what has come to the measuring."""
+        graded.take(Kind.JOINTS, self._robot, self._joints.take())
+        graded.take(Kind.CONTROL, self._robot, self._control.take())
