@@ -86,7 +86,10 @@ class Assignment(Message, frozen=True, kw_only=True):
 
 
 class Announcement(Message, frozen=True, kw_only=True):
-    """A node says which parameters it has in which set, and the values that its fleet file and command line give."""
+    """A node says which parameters it has in which set, and the values that its fleet file and command line give.
+
+    ``run`` are values that were set for this run alone: they count where the parameter service, come back, knows none.
+    """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Announcement"
     set: SetName = ""
@@ -94,6 +97,7 @@ class Announcement(Message, frozen=True, kw_only=True):
     parameters: tuple[ParameterDescription, ...] = ()
     fleet: tuple[Assignment, ...] = ()
     command_line: tuple[Assignment, ...] = ()
+    run: tuple[Assignment, ...] = ()
 
 
 class ParameterSet(Message, frozen=True, kw_only=True):
