@@ -118,7 +118,8 @@ class SetParameters(Message, frozen=True, kw_only=True):
     """Change several parameters of a set, all or none.
 
     ``clamp`` takes what is out of bounds at the bound instead of refusing. ``id`` names the request: asked again with
-    the same id, it is not applied again. ``run`` makes the change for this run alone, without saving it.
+    the same id, it is not applied again. ``run`` makes the change for this run alone, without saving it. ``kind`` is
+    what the history calls it.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/SetParameters"
@@ -126,6 +127,7 @@ class SetParameters(Message, frozen=True, kw_only=True):
     values: tuple[Assignment, ...] = ()
     clamp: bool = False
     run: bool = False
+    kind: Literal["set", "load"] = "set"
     id: RequestId = ""
     who: Who = ""
 
@@ -150,7 +152,10 @@ class UndoParameters(Message, frozen=True, kw_only=True):
 
 
 class ParameterChange(Message, frozen=True, kw_only=True):
-    """One change of the history: who, when (by the clock on the wall and in simulation time), from what to what."""
+    """One change of the history: who, when (by the clock on the wall and in simulation time), from what to what.
+
+    ``run`` tells a change for one run alone from one that is saved, ``undone`` one that was taken back.
+    """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ParameterChange"
     set: SetName = ""
@@ -161,6 +166,7 @@ class ParameterChange(Message, frozen=True, kw_only=True):
     sim_time: Time = Time()
     before: tuple[Assignment, ...] = ()
     after: tuple[Assignment, ...] = ()
+    run: bool = False
     undone: bool = False
 
 
