@@ -71,4 +71,5 @@ SERVICE = Service(
     writes=(JOINT_EFFORT, CONTROL_SIGNAL, JOINT_ANGLE, CONTROL_ERROR, CONTROL_STATE),
     rate=100,
     parameters=ArmParameters,
+    parameter_set="/robot_control",
 )

@@ -49,4 +49,5 @@ SERVICE = Service(
     writes=(REFERENCE,),
     rate=50,
     parameters=ReferenceParameters,
+    parameter_set="/robot_control",
 )
