@@ -10,7 +10,8 @@ import msgspec
 from deploy.fleet import Fleet, Robot
 from models.figures import read_model
 from services.runtime.parameters import build
-from services.sim import BaseParameters
+from services.runtime.service import Parameters
+from services.sim import BaseParameters, JointParameters
 from services.sim.settings import effective
 
 IMPLIED = ("router", "sim", "grader")
@@ -68,7 +69,13 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
 
 def _entry(robot: Robot) -> dict[str, Any]:
     pose = {"x": robot.pose.x, "y": robot.pose.y, "yaw": robot.pose.yaw}
-    return {"name": robot.name, "model": robot.model, **pose, "parameters": robot.parameters}
+    table = "parameters" if read_model(robot.model).wheels else "joint_parameters"
+    return {"name": robot.name, "model": robot.model, **pose, table: robot.parameters}
+
+
+def parameters_of(model: str) -> type[Parameters]:
+    """What a robot of this model takes for parameters."""
+    return BaseParameters if read_model(model).wheels else JointParameters
 
 
 def _halting(robot: Robot) -> dict[str, Any]:

@@ -22,12 +22,17 @@ from messages.requests import (
 from messages.topics import CLOCK, TF, TF_STATIC
 from services.runtime.service import Parameters, Service
 from services.sim.base_parameters import BaseParameters as BaseParameters
+from services.sim.joint_parameters import JointParameters as JointParameters
 
 Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
 
 
 class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A robot that is there from the start."""
+    """A robot that is there from the start.
+
+    ``parameters`` are those of a model with wheels, ``joint_parameters`` those of one without. ``joints`` are positions
+    to start from, rad or m, 0 where none is stated.
+    """
 
     name: str
     model: str
@@ -36,6 +41,8 @@ class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     yaw: float = 0.0
     namespace: str = ""
     parameters: BaseParameters = BaseParameters()
+    joint_parameters: JointParameters = JointParameters()
+    joints: dict[str, float] = {}
 
 
 class SimParameters(Parameters, frozen=True, kw_only=True):

@@ -27,7 +27,7 @@ def run(ctx: Context[SimParameters]) -> None:
     try:
         scene = read_scene(params.world)
         with BulletWorld(scene, STEP_NS) as world:
-            stage = Stage(node, world, params.seed)
+            stage = Stage(node, world, params.seed, brisk=params.mode != "lockstep")
             node.log.now = lambda: stage.now
             for entry in params.robots:
                 half = entry.yaw / 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol
@@ -27,6 +27,13 @@ class Placement(NamedTuple):
 
 
 ORIGIN = Placement()
+
+
+class Stance(NamedTuple):
+    """Where a body's root is and how its joints stand, rad or m."""
+
+    placement: Placement
+    joints: Mapping[str, float] = {}
 
 
 class BodyState(NamedTuple):
@@ -64,12 +71,20 @@ class Motor:
 
 @dataclass(frozen=True)
 class Body:
-    """What enters the world: a URDF whose root frame is put at ``placement``, at rest."""
+    """What enters the world: a URDF whose root frame is put at ``placement``, at rest, and held there if ``fixed``.
+
+    ``start`` are positions of joints, 0 where none is stated. ``damping`` [N m s/rad or N s/m] and dry ``friction``
+    [N m or N] are those of all movable joints; None for what the URDF says.
+    """
 
     name: str
     urdf: Path
     placement: Placement = ORIGIN
     motors: tuple[Motor, ...] = ()
+    fixed: bool = False
+    start: tuple[tuple[str, float], ...] = ()
+    damping: float | None = None
+    friction: float | None = None
 
 
 @dataclass(frozen=True)
@@ -128,8 +143,23 @@ class World(Protocol):
     def set_torques(self, name: str, torques: Sequence[float]) -> None:
         """Let a body's motors, in their order, give these torques [N m] for one step, instead of keeping a speed."""
 
+    def set_joints(self, name: str, positions: Mapping[str, float]) -> None:
+        """Put joints at positions, at rest; the others stay as they are. Refused where the body would overlap then."""
+
+    def set_efforts(self, name: str, efforts: Mapping[str, float]) -> None:
+        """Put efforts [N m or N] on joints for one step, as they are: limits are for the caller to keep."""
+
+    def push(self, name: str, link: str, force: Vector, torque: Vector, point: Vector) -> None:
+        """Act on a link for one step: a force [N] at a point of the world [m] and a torque [N m], in world axes."""
+
+    def links(self, name: str) -> tuple[str, ...]:
+        """The links of a body, its root first."""
+
     def link_placement(self, name: str, link: str) -> Placement:
         """Where the frame of a link is."""
+
+    def link_state(self, name: str, link: str) -> BodyState:
+        """Pose of a link's frame, and how its origin moves."""
 
     def contacts(self) -> tuple[Contact, ...]:
         """The pairs that touched in the last step, each once, sorted; the ground does not count."""
