@@ -18,10 +18,10 @@ RESTED_S = 1.0
 
 
 class ArmMeter:
-    """Figures of one arm so far."""
+    """Figures of one arm so far; ``arm`` is what is known of it at present."""
 
     def __init__(self, arm: Arm) -> None:
-        self._arm = arm
+        self.arm = arm
         self.fingerprint, self.trail, self.exercise = Fingerprint(), Trail(), Exercise()
         self.finished_at: float | None = None
         self._joint: tuple[float, float] | None = None
@@ -31,9 +31,9 @@ class ArmMeter:
 
     def joints(self, state: JointState) -> None:
         """Take joint states; those without the arm's joint are of another robot."""
-        if self._arm.joint not in state.name or not state.position:
+        if self.arm.joint not in state.name or not state.position:
             return
-        index = state.name.index(self._arm.joint)
+        index = state.name.index(self.arm.joint)
         rate = state.velocity[index] if state.velocity else 0.0
         self.fingerprint.add_joint(state.header.stamp.ns, state.position[index], rate)
         self._joint = math.degrees(state.position[index]), math.degrees(rate)
@@ -48,7 +48,7 @@ class ArmMeter:
             passed = time - self._last
             self._gap = max(self._gap, passed)
             self._controlled += passed
-            self._saturated_s += passed if abs(state.command) >= self._arm.saturation else 0.0
+            self._saturated_s += passed if abs(state.command) >= self.arm.saturation else 0.0
         self._last = time
         self._ticks += 1
         self._effort = max(self._effort, abs(state.command))

@@ -19,7 +19,8 @@ from services.grader.reference import Point
 from services.grader.robot import RobotMeter
 from services.grader.trajectory import trajectory_hash
 
-Judged = Odometry | Path | GoalStatus | BaseStatus | JointState | JointControllerState
+Stamped = Odometry | Path | GoalStatus | BaseStatus | JointState | JointControllerState
+Judged = Stamped | Halting | Arm
 
 
 class Kind(IntEnum):
@@ -30,8 +31,10 @@ class Kind(IntEnum):
     ODOMETRY = 2
     TRUTH = 3
     BASE = 4
-    JOINTS = 5
-    CONTROL = 6
+    HALTING = 5
+    JOINTS = 6
+    CONTROL = 7
+    ARM = 8
 
 
 class Run:
@@ -58,9 +61,17 @@ class Run:
         self._instant = -1
         self._places: dict[str, Point] = {}
 
-    def take(self, kind: Kind, robot: str, messages: Iterable[Judged]) -> None:
+    def take(self, kind: Kind, robot: str, messages: Iterable[Stamped]) -> None:
         """Take messages of one robot, to be judged when ``advance`` passes their stamps."""
         self._waiting += [(message.header.stamp.ns, kind, robot, message) for message in messages]
+
+    def halting(self, stamp: int, robot: str, halting: Halting) -> None:
+        """The base of a robot stops like this from ``stamp`` [ns] on."""
+        self._waiting.append((stamp, Kind.HALTING, robot, halting))
+
+    def arm(self, stamp: int, robot: str, arm: Arm) -> None:
+        """What is known of an arm from ``stamp`` [ns] on."""
+        self._waiting.append((stamp, Kind.ARM, robot, arm))
 
     def health(self, beats: Iterable[Health]) -> None:
         """Take heartbeats of any nodes."""
@@ -107,10 +118,14 @@ class Run:
                 meter.tell(message)
             case RobotMeter() as meter, Kind.BASE, BaseStatus():
                 meter.base(message)
+            case RobotMeter() as meter, Kind.HALTING, Halting():
+                meter.stops.halting = message
             case ArmMeter() as arm, Kind.JOINTS, JointState():
                 arm.joints(message)
             case ArmMeter() as arm, Kind.CONTROL, JointControllerState():
                 arm.control(message)
+            case ArmMeter() as arm, Kind.ARM, Arm():
+                arm.arm = message
 
     def _space(self, stamp: int, name: str, here: Point) -> None:
         """Distances between the robots that have a sample of one and the same instant."""

@@ -20,8 +20,7 @@ class Voice:
     """
 
     def __init__(self, rate: float, give_way: float) -> None:
-        self._period = 1 / rate if rate else inf
-        self._give_way = give_way
+        self.retune(rate, give_way)
         self.state: Literal["driving", "stopping", "silent"] = "silent"
         self.sent = STILL
         self._wall = self._sim = self._since = 0.0
@@ -48,6 +47,11 @@ class Voice:
             self.state = "silent"
             return None
         return self._send(STILL, wall, sim) if self._due(wall, sim) else None
+
+    def retune(self, rate: float, give_way: float) -> None:
+        """Repeat at another rate [Hz], and hold zero for another time [s]."""
+        self._period = 1 / rate if rate else inf
+        self._give_way = give_way
 
     def restart(self) -> None:
         """Simulation time began anew, and the base has forgotten all commands."""
