@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from deploy.arm_wiring import graded_arms, not_before
 from deploy.fleet import Fleet, Robot
 from models.figures import read_model
 from services.runtime.parameters import build
@@ -51,7 +52,9 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
             return {
                 "robots": [each.name for each in robots],
                 "halting": [_halting(each) for each in robots if read_model(each.model).wheels],
+                "arms": graded_arms(fleet),
                 "ends": run.ends,
+                "not_before": not_before(fleet),
                 "duration": run.duration,
                 "output": str(terms.folder),
             }
