@@ -52,6 +52,12 @@ def graded_arms(fleet: Fleet) -> list[dict[str, Any]]:
     return [_graded(fleet, each) for each in fleet.robot if jointed(each)]
 
 
+def states(fleet: Fleet) -> list[str]:
+    """For each robot, where the controller of its joint tells its state; empty for those that are no arm."""
+    arms = {each["name"]: each["state"] for each in graded_arms(fleet)}
+    return [arms.get(each.name, "") for each in fleet.robot]
+
+
 def not_before(fleet: Fleet) -> float:
     """When the run may end by goals, s."""
     return max((each.at + AFTER_S for each in fleet.change), default=0.0)

@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from deploy.arm_wiring import graded_arms, not_before
+from deploy.arm_wiring import graded_arms, not_before, states
 from deploy.fleet import Fleet, Robot
 from models.figures import read_model
 from services.runtime.parameters import build
@@ -63,6 +63,7 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
             return {
                 "robots": [each.name for each in robots],
                 "models": [each.model for each in robots] or ["burger"],
+                "states": states(fleet),
                 "file": str(terms.folder / "run.rrd"),
                 **viewer,
             }

@@ -124,6 +124,10 @@ class Recording:
         times, transforms = body.transforms(batch)
         if len(times):
             self._send(paths.transforms(body.name), times, transforms)
+        if len(batch.control):
+            self._send(paths.angle(body.name), batch.control_times, _series(batch.control[:, :2]))
+            self._send(paths.error(body.name), batch.control_times, _series(batch.control[:, 2:3]))
+            self._send(paths.effort(body.name), batch.control_times, _series(batch.control[:, 3:]))
         if len(batch.trail):
             strips = rr.LineStrips3D.columns(strips=batch.trail.astype(np.float32))
             self._send(paths.trail(body.name), batch.trail_times, strips)
@@ -131,8 +135,7 @@ class Recording:
     def _plot(self, entity: str, times: Stamps, values: Floats) -> None:
         """Rows of one value for each robot; a plot of which nothing is known yet is not begun."""
         if not np.isnan(values).all():
-            series = rr.Scalars.columns(scalars=values.ravel()).partition([values.shape[1]] * len(values))
-            self._send(entity, times, series)
+            self._send(entity, times, _series(values))
 
     def _send(self, entity: str, times: Stamps, columns: rr.ComponentColumnList) -> None:
         index = rr.TimeColumn(paths.timeline(self._resets), duration=times.astype("timedelta64[ns]"))
@@ -151,10 +154,29 @@ class Recording:
             widths=[1.5] * len(names),
         )
         self._stream.log(paths.COMMANDED, commands, static=True)
+        for body in self._arms:
+            for plot, names in (
+                (paths.angle, ["reference", "angle"]),
+                (paths.error, ["error"]),
+                (paths.effort, ["effort"]),
+            ):
+                shades = [dimmed(body.colour), body.colour][-len(names) :]
+                lines = rr.SeriesLines(colors=shades, names=names, widths=[1.5] * len(names))
+                self._stream.log(plot(body.name), lines, static=True)
+
+    @property
+    def _arms(self) -> list[Body]:
+        return [body for body in self._bodies.values() if body.stands]
 
     def _new_tables(self) -> None:
         self._gauges, self._odometry = Table(len(self._bodies), 4), Table(len(self._bodies), 1)
 
     def _layout(self) -> rr.blueprint.Blueprint:
         robots = [(body.name, body.tree_name) for body in self._bodies.values()]
-        return blueprint(robots, self._extent, [paths.timeline(reset) for reset in range(self._resets + 1)])
+        arms = {body.name for body in self._arms}
+        return blueprint(robots, arms, self._extent, [paths.timeline(reset) for reset in range(self._resets + 1)])
+
+
+def _series(values: Floats) -> rr.ComponentColumnList:
+    """A row of values (n, series) for each time."""
+    return rr.Scalars.columns(scalars=values.ravel()).partition([values.shape[1]] * len(values))
