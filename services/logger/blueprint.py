@@ -25,7 +25,7 @@ def blueprint(
     """
     names = [name for name, _ in robots]
     own = [_arm(name) if name in arms else _robot(name, [each == name for each in names]) for name in names]
-    plots = own if names and arms.issuperset(names) else [_fleet(), *own]
+    plots = own if names and arms >= set(names) else [_fleet(), *own]
     log = rrb.TextLogView(
         origin=LOG,
         name="Log",

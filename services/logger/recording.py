@@ -155,14 +155,12 @@ class Recording:
         )
         self._stream.log(paths.COMMANDED, commands, static=True)
         for body in self._arms:
-            for plot, names in (
-                (paths.angle, ["reference", "angle"]),
-                (paths.error, ["error"]),
-                (paths.effort, ["effort"]),
-            ):
-                shades = [dimmed(body.colour), body.colour][-len(names) :]
-                lines = rr.SeriesLines(colors=shades, names=names, widths=[1.5] * len(names))
-                self._stream.log(plot(body.name), lines, static=True)
+            name, shades = body.name, [dimmed(body.colour), body.colour]
+            lines = rr.SeriesLines(colors=shades, names=["reference", "angle"], widths=[1.5, 1.5])
+            self._stream.log(paths.angle(name), lines, static=True)
+            for single, said in ((paths.error(name), "error"), (paths.effort(name), "effort")):
+                line = rr.SeriesLines(colors=shades[1:], names=[said], widths=[1.5])
+                self._stream.log(single, line, static=True)
 
     @property
     def _arms(self) -> list[Body]:
