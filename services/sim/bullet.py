@@ -17,7 +17,7 @@ from services.sim.clearance import Clearance
 from services.sim.engine import configure, connect, load_scene
 from services.sim.loaded import Loaded, load
 from services.sim.quiet import pybullet
-from services.sim.world import Body, BodyState, Contact, JointReadings, Lens, Placement, Stance, Vector
+from services.sim.world import Body, BodyState, Contact, Inertia, JointReadings, Lens, Placement, Stance, Vector
 
 SECOND = 1_000_000_000
 
@@ -156,6 +156,10 @@ class BulletWorld:
     def link_state(self, name: str, link: str) -> BodyState:
         """Pose of a link's frame, and how its origin moves."""
         return self._find(name).link_state(link)
+
+    def inertia(self, name: str, link: str) -> Inertia:
+        """What a link weighs and how."""
+        return self._find(name).inertia(link)
 
     def contacts(self) -> tuple[Contact, ...]:
         """The pairs that touched in the last step."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from services.runtime.errors import unknown
 from services.sim.engine import load_body
 from services.sim.quiet import pybullet
-from services.sim.world import Body, BodyState, JointReadings, Placement, Vector
+from services.sim.world import Body, BodyState, Inertia, JointReadings, Placement, Vector
 
 
 @dataclass(frozen=True)
@@ -54,9 +54,7 @@ class Loaded:
 
     def link_state(self, link: str) -> BodyState:
         """Pose of a link's frame, and how its origin moves."""
-        if link not in self.links:
-            raise unknown("link", link, self.links, self.body.name)
-        if (index := self.links[link]) < 0:
+        if (index := self._link(link)) < 0:
             pose = pybullet.getBasePositionAndOrientation(self.number, self.client)
             return BodyState(*pose, *pybullet.getBaseVelocity(self.number, self.client))
         row = pybullet.getLinkState(
@@ -69,20 +67,26 @@ class Loaded:
 
     def link_placement(self, link: str) -> Placement:
         """Where the frame of a link is."""
-        if link not in self.links:
-            raise unknown("link", link, self.links, self.body.name)
-        if (index := self.links[link]) < 0:
+        if (index := self._link(link)) < 0:
             return Placement(*pybullet.getBasePositionAndOrientation(self.number, self.client))
         row = pybullet.getLinkState(self.number, index, computeForwardKinematics=1, physicsClientId=self.client)
         return Placement(row[4], row[5])
 
+    def inertia(self, link: str) -> Inertia:
+        """What a link weighs and how."""
+        mass, friction, moments, place, turn, *_ = pybullet.getDynamicsInfo(self.number, self._link(link), self.client)
+        return Inertia(mass, Placement(place, turn), moments, friction)
+
     def push(self, link: str, force: Vector, torque: Vector, point: Vector) -> None:
         """Act on a link for one step: a force [N] at a point of the world [m] and a torque [N m], in world axes."""
-        if link not in self.links:
-            raise unknown("link", link, self.links, self.body.name)
-        index, frame = self.links[link], pybullet.WORLD_FRAME
+        index, frame = self._link(link), pybullet.WORLD_FRAME
         pybullet.applyExternalForce(self.number, index, force, point, frame, physicsClientId=self.client)
         pybullet.applyExternalTorque(self.number, index, torque, frame, physicsClientId=self.client)
+
+    def _link(self, link: str) -> int:
+        if link not in self.links:
+            raise unknown("link", link, self.links, self.body.name)
+        return self.links[link]
 
 
 def load(client: int, body: Body) -> Loaded:

@@ -13,6 +13,8 @@ from services.runtime.service import STEP_NS
 from services.sim import SimParameters
 from services.sim.bullet import BulletWorld
 from services.sim.desk import Desk, advance
+from services.sim.joint_desk import JointDesk
+from services.sim.properties import Properties
 from services.sim.stage import Stage
 from services.sim.timing import Free, Lockstep, Real, Timing
 from services.sim.world import Placement
@@ -35,6 +37,8 @@ def run(ctx: Context[SimParameters]) -> None:
                 stage.spawn(entry, Placement((entry.x, entry.y, 0.0), turn))
             timing = _timing(ctx, stage)
             Desk(stage, timing, node)
+            JointDesk(stage, node)
+            Properties(stage, node, params, scene)
             if params.mode == "free":
                 gather(node.transport, params.members, ctx.idle, node.log)
             timing.begin()

@@ -9,7 +9,7 @@ import msgspec
 
 from messages.elea import ModelState
 from messages.geometry import TwistStamped
-from messages.requests import DriveSettings
+from messages.simulation import DriveSettings
 from messages.topics import CMD_VEL, E_STOP, JOINT_EFFORT, Topic
 from models import model_path
 from models.figures import Model, read_model

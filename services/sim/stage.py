@@ -16,6 +16,7 @@ from services.runtime.service import STEP_NS
 from services.sim import RobotEntry
 from services.sim.commanders import Ages, Commanders
 from services.sim.frames import fixed, moving
+from services.sim.joints.wrenches import Wrenches
 from services.sim.robot import Robot
 from services.sim.world import Placement, World
 
@@ -40,6 +41,7 @@ class Stage:
         self.outbox = node.outbox
         self._node, self._seed, self._brisk = node, seed, brisk
         self._robots: dict[str, tuple[Robot, Placement]] = {}
+        self.wrenches = Wrenches(world, node.log)
         self._commanders, self._ages = Commanders(node.transport), Ages()
         self._clock: Output[Any] = node.write(CLOCK)
         self._tf: Output[Any] = node.write(TF)
@@ -81,6 +83,7 @@ class Stage:
     def delete(self, name: str) -> None:
         """Take a robot out; raises BadInput when there is none of this name."""
         self.find(name).close()
+        self.wrenches.forget(name)
         del self._robots[name]
         self._set_pace()
         self.tell_frames()
@@ -88,6 +91,7 @@ class Stage:
     def restart(self, time_too: bool) -> None:
         """Put everything where it was spawned; with ``time_too`` time begins anew in a new epoch."""
         self.world.reset()
+        self.wrenches.restart()
         if time_too:
             self.held, self._told = False, -1
             self.tick = 0
@@ -152,6 +156,7 @@ class Stage:
         now = self.now
         for robot, _ in self._robots.values():
             robot.drive(now)
+        self.wrenches.step(now)
         self.world.step()
         self.tick += 1
         self.held = False

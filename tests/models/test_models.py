@@ -22,7 +22,7 @@ from services.sim.world import Body, Motor
 MASSES = {"burger": 1.0, "waffle": 1.55, "waffle_pi": 1.55, "p3dx": 9.0, "arm": 52.0, "arm_corrected": 52.0}
 """kg, the sums of the TurtleBots' and the arm's published URDFs, the Pioneer's published weight."""
 
-SOURCES = {name: "ROBOTIS" for name in WHEELED} | {"p3dx": "Pioneer3dx.proto"}
+SOURCES = dict.fromkeys(WHEELED, "ROBOTIS") | {"p3dx": "Pioneer3dx.proto"}
 SOURCES |= {"arm": "one_dof_arm", "arm_corrected": "../arm/README.md"}
 """What must be among those that a README names."""
 

@@ -16,7 +16,7 @@ GRAVITY = 9.81
 
 
 class Theory:
-    """A pendulum of link (2 kg) and head (1 g): inertia [kg m2] about the hinge, torque of gravity [N m] at an angle."""
+    """A pendulum of link (2 kg) and head (1 g): inertia [kg m2] about the hinge, torque of gravity [N m]."""
 
     def __init__(self, model: str) -> None:
         centre, own = ((0.03534, -1.38324), 0.03565) if model == "arm" else ((0.0011, -0.3720), 9.267e-2)

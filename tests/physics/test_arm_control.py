@@ -1,4 +1,4 @@
-"""The seed's laws on the arm: one job at a time, and jobs that add up, as Gazebo's documentation and its code have it."""
+"""The seed's laws on the arm: one job at a time, and jobs that add up, as Gazebo promises and as Gazebo does."""
 
 from __future__ import annotations
 
