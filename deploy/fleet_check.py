@@ -9,14 +9,10 @@ from deploy.fleet import Fleet, Member, Robot
 from deploy.report.bounds import check_bounds
 from deploy.toml_place import Source, Step
 from deploy.wiring import IMPLIED, parameters_of
-from messages.names import BadName, Identity, identify, parse_remap, resolve
+from messages.names import BadName, Identity, identify, parse_remap
 from models import MODELS
-from models.figures import read_model
 from services.runtime.errors import BadInput, unknown
-from services.runtime.leaves import leaves
-from services.runtime.parameters import build, check_value
-from services.runtime.service import Parameters
-from services.sim import BaseParameters
+from services.runtime.parameters import build
 
 
 def check(fleet: Fleet, source: Source) -> None:
@@ -26,13 +22,12 @@ def check(fleet: Fleet, source: Source) -> None:
         _check_robot(robot, ("robot", index), robots, source)
     _check_models(fleet, source)
     nodes: dict[str, str] = {}
-    for path, member, owner in _members(fleet):
+    for path, member, owner in members(fleet):
         _check_member(member, path, owner, source)
         node = identity(member, owner, source.at(*path)).node
         if node in nodes:
             raise BadInput(f"{source.at(*path)}: a service {node} is already stated at {nodes[node]}: give it a name")
         nodes[node] = source.at(*path)
-    _check_changes(fleet, source)
     for name in fleet.bounds:
         check_bounds({name: fleet.bounds[name]}, source.at("bounds", name))
     if fleet.run.ends == "duration" and not fleet.run.duration:
@@ -48,23 +43,7 @@ def identity(member: Member, owner: Robot | None, where: str = "") -> Identity:
         raise BadInput(f"{where}: {error}") from None
 
 
-def parameter_sets(fleet: Fleet) -> dict[str, list[type[Parameters]]]:
-    """The sets of parameters that a fleet has, and the records of those who follow each."""
-    sets: dict[str, list[type[Parameters]]] = {}
-    implied = [Member(kind=kind) for kind in IMPLIED if all(each.kind != kind for each in fleet.service)]
-    every = [(each, None) for each in implied] + [(member, owner) for _, member, owner in _members(fleet)]
-    for member, owner in every:
-        service, known = declaration(member.kind), identity(member, owner)
-        if service.parameters is not Parameters:
-            name = resolve(service.parameter_set or known.node, known.namespace, known.node)
-            sets.setdefault(name, []).append(service.parameters)
-    for robot in fleet.robot:
-        if read_model(robot.model).wheels is not None:
-            sets[f"/{robot.name}/base"] = [BaseParameters]
-    return sets
-
-
-def _members(fleet: Fleet) -> Iterator[tuple[tuple[Step, ...], Member, Robot | None]]:
+def members(fleet: Fleet) -> Iterator[tuple[tuple[Step, ...], Member, Robot | None]]:
     """Every service as it will run: its place in the file and its robot."""
     for index, member in enumerate(fleet.service):
         yield ("service", index), member, None
@@ -96,7 +75,7 @@ def _check_models(fleet: Fleet, source: Source) -> None:
         for name in member.models:
             if name not in own:
                 raise unknown("model", name, own, source.at("every_robot", index, "models"))
-    for path, member, _ in _members(fleet):
+    for path, member, _ in members(fleet):
         if member.models and path[0] != "every_robot":
             raise BadInput(f"{source.at(*path, 'models')}: models is for [[every_robot]] alone")
 
@@ -118,21 +97,6 @@ def _check_member(member: Member, path: tuple[Step, ...], owner: Robot | None, s
             raise BadInput(f"{source.at(*path, 'remap', origin)}: {error}") from None
     if owner is None and member.kind in IMPLIED and (member.name or member.namespace):
         raise BadInput(f"{source.at(*path)}: the {member.kind} keeps its name: every part of a fleet looks for it")
-
-
-def _check_changes(fleet: Fleet, source: Source) -> None:
-    sets = parameter_sets(fleet) if fleet.change else {}
-    for index, change in enumerate(fleet.change):
-        if change.set not in sets:
-            raise unknown("set of parameters", change.set, sets, source.at("change", index, "set"))
-        if not change.values:
-            raise BadInput(f"{source.at('change', index)}: a change without values")
-        for name, value in change.values.items():
-            records = sets[change.set]
-            # Of several that share a set, those that know the name decide.
-            knowing = [each for each in records if any(leaf.name == name for leaf in leaves(each))]
-            for record in knowing or records[:1]:
-                check_value(record, name, value, source.at("change", index, "values", name))
 
 
 def _is_points(value: object) -> bool:

@@ -10,6 +10,7 @@ import msgspec
 
 from deploy.fleet import Change, Fleet, Member, Robot, Run, Start
 from deploy.fleet_check import check
+from deploy.parameter_sets import check_changes
 from deploy.policy import Policy
 from deploy.report.bounds import Bound
 from deploy.toml_place import Source, Step
@@ -72,6 +73,7 @@ def parse_fleet(path: Path, text: str) -> Fleet:
     except msgspec.ValidationError as error:
         raise _located(source, str(error)) from None
     check(fleet, source)
+    check_changes(fleet, source)
     return fleet
 
 

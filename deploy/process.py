@@ -19,6 +19,10 @@ _RESTART: dict[str, When] = {"router": "always", "grader": "never"}
 """A router has no work that could be done; a grader that comes back has lost what it measured."""
 
 
+_NEEDS = {"router": (), "params": ("router",), "sim": ("router", "params")}
+"""What must be ready before; everything else needs router and simulation, and by them the parameters."""
+
+
 class Process(msgspec.Struct, frozen=True, kw_only=True):
     """One process. The fleet ends with a ``required`` one; ``depends_on`` names those that must be ready before.
 
@@ -45,7 +49,7 @@ class _Stated(msgspec.Struct, frozen=True):
 
 
 def processes(fleet: Fleet, terms: Terms) -> tuple[Process, ...]:
-    """Every process of the fleet, those first that others depend on: router, simulation, then the rest at once."""
+    """Every process of the fleet, those first that others depend on: router, parameters, simulation, then the rest."""
     stated = _stated(fleet)
     members = tuple(each.node for each in stated if _steps(each.member.kind)) if fleet.run.mode != "real" else ()
     return tuple(_process(each, fleet, terms, members) for each in stated)
@@ -86,7 +90,7 @@ def _process(stated: _Stated, fleet: Fleet, terms: Terms, members: tuple[str, ..
         required=member.required if member.required is not None else kind in IMPLIED,
         begins=kind == "sim" or stated.node in members,
         policy=policy,
-        depends_on={"router": (), "sim": ("router",)}.get(kind, ("router", "sim")),
+        depends_on=_NEEDS.get(kind, ("router", "sim")),
     )
 
 

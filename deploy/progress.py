@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
@@ -69,10 +69,10 @@ def screen() -> Iterator[Screen]:
 
 
 class Progress:
-    """Tells a screen, and the run's folder, how the fleet fares."""
+    """Tells a screen, and the run's folder, how the fleet fares; ``news`` are lines that are worth a look."""
 
-    def __init__(self, screen: Screen, folder: Path) -> None:
-        self._screen, self._folder = screen, folder
+    def __init__(self, screen: Screen, folder: Path, news: Callable[[], Iterable[str]] = tuple) -> None:
+        self._screen, self._folder, self._news = screen, folder, news
         self._started = time.monotonic()
         self._complete = False
 
@@ -91,6 +91,8 @@ class Progress:
 
     def turned(self, lives: Sequence[Life]) -> None:
         """Another look at heartbeats is done."""
+        for line in self._news():
+            self._screen.say(line)
         waiting = [life.process.name for life in lives if life.state in ("waiting", "starting", *_TROUBLE)]
         notes = [life.note for life in lives if life.process.kind in ("grader", "sim") and life.note]
         if any(life.state == "stopping" for life in lives):

@@ -11,11 +11,13 @@ from pathlib import Path
 import msgspec
 
 from deploy.claim import Running, claim
+from deploy.effective import Saved, effective, note
 from deploy.fleet import Fleet
+from deploy.parameter_sets import own_values
 from deploy.process import processes
 from deploy.progress import Progress, Screen
 from deploy.report.notes import notes
-from deploy.report.record import Report, RunFacts
+from deploy.report.record import Effective, Report, RunFacts
 from deploy.report.write import write_report
 from deploy.supervisor.child import Nursery
 from deploy.supervisor.node_bus import node_bus
@@ -61,20 +63,23 @@ def run_fleet(fleet: Fleet, terms: Terms, screen: Screen) -> Result:
         root=str(ROOT),
     )
     plan = processes(fleet, terms)
+    own = own_values(fleet, plan)
     with claim(entry):
         screen.say(f"{fleet.name}: {len(plan)} processes, {fleet.run.mode}; results go to {terms.folder}")
         warden = Warden()
         try:
-            with node_bus(endpoint(fleet), terms.domain) as bus:
+            with node_bus(endpoint(fleet), terms.domain, own) as bus:
                 nursery = Nursery(terms.folder, warden)
-                progress = Progress(screen, terms.folder)
+                progress = Progress(screen, terms.folder, Saved(bus.parameters, own).news)
                 supervisor = Supervisor(fleet.name, fleet.run.mode, plan, bus, nursery, progress, fleet.run.seed)
                 outcome = asyncio.run(_until_end(supervisor, screen))
+                told = dict(bus.parameters())
         finally:
             warden.close()
         if outcome.ended != "graded":
             screen.say(f"the fleet ended: {outcome.reason}")
-        return _graded(fleet, terms.folder, outcome, started)
+        found = notes(fleet) + note(told, own, fleet)
+        return _graded(fleet, terms.folder, outcome, started, found, effective(told, own))
 
 
 async def _until_end(supervisor: Supervisor, screen: Screen) -> Outcome:
@@ -90,7 +95,14 @@ async def _until_end(supervisor: Supervisor, screen: Screen) -> Outcome:
     return await supervisor.run()
 
 
-def _graded(fleet: Fleet, folder: Path, outcome: Outcome, started: str) -> Result:
+def _graded(
+    fleet: Fleet,
+    folder: Path,
+    outcome: Outcome,
+    started: str,
+    found: tuple[str, ...],
+    parameters: dict[str, dict[str, Effective]],
+) -> Result:
     try:
         facts = RunFacts(
             fleet=fleet.name,
@@ -100,7 +112,8 @@ def _graded(fleet: Fleet, folder: Path, outcome: Outcome, started: str) -> Resul
             wall_seconds=outcome.wall_seconds,
             restarts=outcome.restarts,
             started=started,
-            notes=notes(fleet),
+            notes=found,
+            parameters=parameters,
         )
         return Result(outcome=outcome, report=write_report(folder, facts, fleet.bounds))
     except BadInput as error:

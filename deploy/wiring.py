@@ -13,16 +13,20 @@ from models.figures import read_model
 from services.runtime.parameters import build
 from services.runtime.service import Parameters
 from services.sim import BaseParameters, JointParameters
-from services.sim.settings import effective
+from services.sim.settings import configured
 
-IMPLIED = ("router", "sim", "grader")
+IMPLIED = ("router", "params", "sim", "grader")
 """Services that every fleet has; a fleet file states one only to set its parameters."""
 
 
 class Terms(msgspec.Struct, frozen=True, kw_only=True):
-    """What the command line adds to a fleet file: where results go, the network, whether to open a viewer."""
+    """What the command line adds to a fleet file: where results go, the network, whether to open a viewer.
+
+    ``saved`` is the file of what parameters were set to; without one that is known for the run alone.
+    """
 
     folder: Path
+    saved: Path | None = None
     domain: str = ""
     links: tuple[str, ...] = ()
     view: bool = True
@@ -39,6 +43,11 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
     match kind:
         case "router":
             return {"listen": endpoint(fleet), "link": list(terms.links)}
+        case "params":
+            return {
+                "file": str(terms.saved) if terms.saved is not None else "",
+                "schedule": [msgspec.to_builtins(each) for each in fleet.change],
+            }
         case "sim":
             return {
                 "robots": [_entry(each) for each in robots],
@@ -84,7 +93,5 @@ def parameters_of(model: str) -> type[Parameters]:
 
 def _halting(robot: Robot) -> dict[str, Any]:
     """How the base of a robot stops when its commander falls silent: by its parameters, else by its model."""
-    model = read_model(robot.model)
-    assert model.wheels is not None
-    base = effective(robot.model, model, build(BaseParameters, robot.parameters))
-    return {"name": robot.name, "timeout": base.cmd_vel_timeout, "brake": base.brake or model.wheels.brake}
+    base = configured(robot.model, build(BaseParameters, robot.parameters)).parameters
+    return {"name": robot.name, "timeout": base.cmd_vel_timeout, "brake": base.brake}

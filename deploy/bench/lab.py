@@ -30,7 +30,7 @@ class Fleet:
 
     def __init__(self, name: str, folder: Path, port: int, *options: str) -> None:
         self._command = [sys.executable, "-P", "-m", "deploy", "up", name, "--report", str(folder), "--port", str(port)]
-        self._command += ["--no-view", *options]
+        self._command += ["--no-view", "--no-saved", *options]
         self.endpoint = f"tcp/127.0.0.1:{port}"
         self.folder = folder
 

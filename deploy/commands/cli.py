@@ -28,6 +28,7 @@ VERBS = {
     "restart": Verb("restart", "Restart a process of a running fleet."),
     "graph": Verb("graph", "List the nodes and topics of the network."),
     "sim": Verb("sim", "Ask the running simulation: models, joints, forces, time."),
+    "param": Verb("param", "Read and change the parameters of running services."),
     "run": Verb("run", "Run one service, or a Python file of your own."),
     "teleop": Verb("teleop", "Drive a robot from the keyboard."),
     "test": Verb("test", "Run the tests."),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Any
 
 import click
@@ -24,6 +25,8 @@ from services.runtime.errors import BadInput
 @click.option("--domain", default="", help="Isolates fleets of one network from each other.")
 @click.option("--connect", multiple=True, metavar="ENDPOINT", help="Router of another machine, as tcp/host:7447.")
 @click.option("--port", type=int, help="Port of the fleet's router on the loopback.")
+@click.option("--params", metavar="FILE", default="", help="File of saved parameters; params/FLEET.db by default.")
+@click.option("--no-saved", is_flag=True, help="Leave saved parameters out, and save none.")
 @click.option("--no-view", is_flag=True, help="Do not open the viewer.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 def command(fleet: str, detach: bool, report: str, as_json: bool, **options: Any) -> None:
@@ -62,9 +65,12 @@ def _run(fleet: Fleet, report: str, as_json: bool, options: dict[str, Any]) -> i
     from deploy.wiring import Terms
     from services.runtime.zenoh_config import endpoint
 
+    if options["params"] and options["no_saved"]:
+        raise BadInput("--params and --no-saved contradict each other: give one of them")
+    saved = None if options["no_saved"] else Path(options["params"] or Path("params") / f"{fleet.name}.db").absolute()
     links = tuple(endpoint(each) for each in options["connect"])
     folder = make_folder(fleet.name, report)
-    terms = Terms(folder=folder, domain=options["domain"], links=links, view=not options["no_view"])
+    terms = Terms(folder=folder, saved=saved, domain=options["domain"], links=links, view=not options["no_view"])
     with screen() as shown:
         result = run_fleet(fleet, terms, shown)
     if result.report is None:

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
+from messages.parameters import Origin, Value
 from services.grader.records import Ended, Figures, Measurements
 
 SCHEMA: Literal[1] = 1
@@ -22,6 +23,13 @@ def _positive(text: str, unit: str | None = None) -> Meta:
     return Meta(ge=0, description=text, extra_json_schema={"unit": unit} if unit else None)
 
 
+class Effective(msgspec.Struct, frozen=True, kw_only=True):
+    """A parameter at the end of the run."""
+
+    value: Annotated[Value, _text("its value")]
+    origin: Annotated[Origin, _text("where it comes from; run: it was set for this run alone, on the way")]
+
+
 class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
     """What the supervisor knows of a run and the grader does not."""
 
@@ -33,6 +41,7 @@ class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
     restarts: int = 0
     started: str = ""
     notes: tuple[str, ...] = ()
+    parameters: dict[str, dict[str, Effective]] = {}
 
 
 class RunFigures(msgspec.Struct, frozen=True, kw_only=True):
@@ -70,6 +79,9 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     run: RunFigures
     robots: dict[str, Figures]
     checks: tuple[Check, ...]
+    parameters: Annotated[
+        dict[str, dict[str, Effective]], _text("live parameters that are not at their defaults, by set and name")
+    ]
     notes: Annotated[tuple[str, ...], _text("what is off by design or by its configuration, and why, in words")]
 
 

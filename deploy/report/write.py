@@ -34,6 +34,7 @@ def compose(measured: Measurements, facts: RunFacts, bounds: Bounds) -> Report:
         run=run,
         robots=measured.robots,
         checks=found,
+        parameters=facts.parameters,
         notes=facts.notes,
     )
 

@@ -34,6 +34,7 @@ class Arrival:
 
 def announced(before: State, joined: State, asked: Announcement, owners: Owners) -> Arrival:
     """What becomes of the set ``before`` when a node has announced, which gave the schema of ``joined``."""
+    joined = replace(joined, run={**_remembered(before, asked), **joined.run})
     migration = migrate(joined.saved, joined.schema, owners)
     run, dropped = _run(joined)
     state = replace(joined, saved=migration.saved, run=run)
@@ -55,6 +56,14 @@ def announced(before: State, joined: State, asked: Announcement, owners: Owners)
         migrated=migrated,
         notes=(*migrated, *migration.waiting),
     )
+
+
+def _remembered(before: State, asked: Announcement) -> dict[str, Value]:
+    """Values of this run that a node still has from before this service was started anew."""
+    if asked.node in before.schema.announced:
+        return {}
+    live = {each.name for each in asked.parameters if each.live}
+    return {each.name: each.value for each in asked.run if each.name in live}
 
 
 def _run(state: State) -> tuple[dict[str, Value], list[str]]:

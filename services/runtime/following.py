@@ -108,9 +108,9 @@ class Following:
             self._sessions.add(entity.session)
             for followed in self._sets:
                 self._ask(followed)
-            if self._missed:
-                self._missed = False
+            if self._missed and not self._quiet:
                 self._log.info("the parameter service is there: following it")
+            self._missed = False
         elif not alive and entity.session in self._sessions:
             self._sessions.discard(entity.session)
             if not self._sessions:

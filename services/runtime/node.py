@@ -30,6 +30,8 @@ R = TypeVar("R", bound=Message)
 
 TAKEOVER_S = 1.5
 """Wall time in which the token of a predecessor that was killed must have gone."""
+CLOCK_PATIENCE_S = 2.0
+"""Wall time without a first clock after which a node says so."""
 
 
 class Node:
@@ -43,6 +45,7 @@ class Node:
         self.outputs: list[Output[Any]] = []
         self.served: list[Served[Any, Any]] = []
         self.following: Following | None = None
+        self.clock_patience_s = CLOCK_PATIENCE_S
         self.stopping = False
         self._tokens: dict[tuple[Kind, str], Token] = {}
 

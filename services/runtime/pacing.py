@@ -18,8 +18,6 @@ from services.runtime.wire import detach, encoding
 
 SILENCE_S = 0.5
 """Wall time without a clock after which the loop calls itself waiting."""
-COMPLAINT_S = 2.0
-"""Wall time without a first clock after which it says so."""
 
 
 class Instant(NamedTuple):
@@ -57,7 +55,7 @@ class Silence:
     """Notices that no time arrives, and says it once."""
 
     def __init__(self, node: Node, log: Log) -> None:
-        self._heart, self._log = node.heart, log
+        self._heart, self._log, self._patience = node.heart, log, node.clock_patience_s
         self._heard = time.monotonic()
         self._ever = self._said = False
 
@@ -74,7 +72,7 @@ class Silence:
         silence = time.monotonic() - self._heard
         if silence > SILENCE_S:
             self._heart.state, self._heart.note = "waiting", "no clock"
-        if silence > COMPLAINT_S and not self._ever and not self._said:
+        if silence > self._patience and not self._ever and not self._said:
             self._said = True
             self._log.warn(f"no clock for {silence:.1f} s: is the simulation running?")
 

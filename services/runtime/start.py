@@ -16,6 +16,9 @@ from services.runtime.service import Service
 from services.runtime.zenoh_config import DEFAULT_ROUTER, Role, configuration
 from services.runtime.zenoh_transport import ZenohTransport
 
+FIRST_PATIENCE_S = 20.0
+"""Wall time for which the parameter service waits for a first clock in silence."""
+
 
 def serve(service: Service, options: dict[str, Any]) -> None:
     """Open the transport, declare the node, run the loop; raises what ends it."""
@@ -45,6 +48,8 @@ def serve(service: Service, options: dict[str, Any]) -> None:
 
 def _followed(service: Service, node: Node, options: dict[str, Any]) -> Followed[Any] | None:
     """The service's set, as the parameter service has it; None without parameters, and for that service itself."""
+    if PARAMS_ANNOUNCE in service.serves:
+        node.clock_patience_s = FIRST_PATIENCE_S  # it starts before the simulation
     if PARAMS_ANNOUNCE in service.serves or not options["params"].__struct_fields__:
         return None
     name = node.identity.resolve(service.parameter_set or node.identity.node)

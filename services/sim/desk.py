@@ -48,7 +48,7 @@ class Desk:
         node.serve(GET_STATE, self._get_state)
         node.serve(SET_STATE, self._set_state)
         node.serve(SET_ODOMETRY, self._set_odometry)
-        node.serve(SET_DRIVE, lambda asked: stage.find(asked.name).change(asked))
+        node.serve(SET_DRIVE, lambda asked: stage.find(asked.name).change(asked, stage.now))
         node.serve(RESET, lambda _: self._restart(True))
         node.serve(RESET_WORLD, lambda _: self._restart(False))
         node.serve(PAUSE, lambda _: self._pause(True))

@@ -46,11 +46,12 @@ def test_lab_is_the_seed_shifted_by_each_start() -> None:
 def test_lab_starts_in_order_and_steps_together() -> None:
     plan = expand(read_fleet(find_fleet("lab")))
     assert plan["router"].depends_on == ()
-    assert plan["sim"].depends_on == ("router",)
+    assert plan["params"].depends_on == ("router",)
+    assert plan["sim"].depends_on == ("router", "params")
     drivers = [*(f"tb3_{robot}/waypoint" for robot in range(4)), "p3dx/square"]
     assert all(plan[each].depends_on == ("router", "sim") for each in (*drivers, "logger", "grader"))
     members = read_assignments(options(plan["sim"], "--fleet-param"))["members"]
-    assert {"/grader", *(f"/{each}" for each in drivers)} <= set(members)
+    assert {"/grader", "/params", *(f"/{each}" for each in drivers)} <= set(members)
     assert {each.node for each in plan.values() if "--lockstep" in each.argv} == {*members, "/sim"}
     assert {each.node for each in plan.values() if each.begins} == {*members, "/sim"}
 
@@ -68,9 +69,10 @@ def test_nobody_steps_together_on_the_wall_clock() -> None:
 
 def test_what_the_end_of_each_means() -> None:
     plan = expand(read_fleet(find_fleet("lab")))
-    assert {each.name for each in plan.values() if each.required} == {"router", "sim", "grader"}
+    assert {each.name for each in plan.values() if each.required} == {"router", "params", "sim", "grader"}
     assert {each.name: each.policy.when for each in plan.values()} == {
         "router": "always",
+        "params": "on-failure",
         "sim": "on-failure",
         "grader": "never",
         "logger": "on-failure",
@@ -104,7 +106,7 @@ def test_stated_beats_implied() -> None:
         ),
     )
     plan = expand(fleet)
-    assert list(plan) == ["router", "sim", "grader", "tools/log"]
+    assert list(plan) == ["router", "params", "sim", "grader", "tools/log"]
     assert read_assignments(options(plan["sim"], "--fleet-param"))["world"] == "arena"
     assert (plan["sim"].required, plan["sim"].policy) == (False, Policy(when="never"))
     assert plan["tools/log"].policy == Policy(limit=1)
