@@ -37,13 +37,15 @@ def draw_arms(axes: tuple[Any, Any, Any, Any], report: Report, arrays: Trails, c
         if figures.steps:
             largest = max(figures.steps, key=lambda each: abs(each.to_deg - each.from_deg))
             _step(near, trail, largest, own, name)
-    dress(near, "Largest step", "seconds since the step", "deg")
-    dress(angle, "Reference and true angle of the arm", "", "deg")
-    dress(error, "Error (cut off beyond what it has in motion and at rest)", "", "deg")
+    dress(near, "Arm: largest step", "seconds since the step", "deg")
+    dress(angle, "Arm: reference and true angle", "", "deg")
+    dress(error, "Error, cut off at steps", "", "deg")
     dress(effort, "Effort", "simulation time [s]", "N m")
-    for each in (near, angle, error, effort):
-        if each.get_legend_handles_labels()[0]:
-            each.legend(loc="best", fontsize=8, frameon=False, labelcolor=INK)
+    near.legend(loc="lower right", fontsize=8, frameon=False, labelcolor=INK)
+    for each in (angle, error, effort):
+        low, high = each.get_ylim()
+        each.set_ylim(low, high + 0.3 * (high - low))
+        each.legend(loc="upper left", ncols=2, fontsize=8, frameon=False, labelcolor=INK)
 
 
 def _column(trail: np.ndarray, name: str) -> np.ndarray:
@@ -75,12 +77,12 @@ def _step(axes: Any, trail: np.ndarray, step: StepFigures, colour: str, name: st
 
 
 def _tracked(name: str, figures: ArmFigures) -> str:
-    parts = [name]
+    parts = []
     if figures.tracking_rms_deg is not None:
-        parts.append(f"in motion {figures.tracking_rms_deg:.3f} deg rms")
+        parts.append(f"{figures.tracking_rms_deg:.3f} deg rms in motion")
     if figures.step_steady_error_deg is not None:
-        parts.append(f"at rest {figures.step_steady_error_deg:.3f} deg")
-    return ": ".join((parts[0], ", ".join(parts[1:]))) if parts[1:] else name
+        parts.append(f"{figures.step_steady_error_deg:.3f} deg at rest")
+    return f"{name}: " + "\n".join(parts) if parts else name
 
 
 def _worked(name: str, figures: ArmFigures) -> str:

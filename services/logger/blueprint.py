@@ -24,8 +24,9 @@ def blueprint(
     ``extent`` [m] is the ground that the world shows at first: x and y of one corner, then of the opposite one.
     """
     names = [name for name, _ in robots]
-    own = [_arm(name) if name in arms else _robot(name, [each == name for each in names]) for name in names]
-    plots = own if names and arms >= set(names) else [_fleet(), *own]
+    driving = [name for name in names if name not in arms]
+    own = [_arm(name) if name in arms else _robot(name, [each == name for each in driving]) for name in names]
+    plots = [_fleet(), *own] if driving or not names else own
     log = rrb.TextLogView(
         origin=LOG,
         name="Log",

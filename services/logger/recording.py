@@ -92,9 +92,11 @@ class Recording:
 
     def write(self, batches: Mapping[str, Batch], last: bool = False) -> None:
         """Append the robots' batches; plots wait for the slowest robot, unless it is the ``last`` time."""
-        for index, body in enumerate(self._bodies.values()):
+        for body in self._bodies.values():
             if (batch := batches.get(body.name)) is not None:
                 self._write_body(body, batch)
+        for index, body in enumerate(self._driving):
+            if (batch := batches.get(body.name)) is not None:
                 self._gauges.add(index, batch.times, batch.gauges)
                 self._odometry.add(index, batch.odometry_times, batch.odometry_error)
         times, gauges = self._gauges.take(last)
@@ -143,8 +145,7 @@ class Recording:
         self._begun = True
 
     def _log_styles(self) -> None:
-        names = list(self._bodies)
-        colours = [body.colour for body in self._bodies.values()]
+        names, colours = [body.name for body in self._driving], [body.colour for body in self._driving]
         for plot in (paths.SPEED, paths.CROSS_TRACK, paths.ODOMETRY_ERROR, paths.DISTANCE):
             lines = rr.SeriesLines(colors=colours, names=names, widths=[1.5] * len(names))
             self._stream.log(plot, lines, static=True)
@@ -163,11 +164,15 @@ class Recording:
                 self._stream.log(single, line, static=True)
 
     @property
+    def _driving(self) -> list[Body]:
+        return [body for body in self._bodies.values() if not body.stands]
+
+    @property
     def _arms(self) -> list[Body]:
         return [body for body in self._bodies.values() if body.stands]
 
     def _new_tables(self) -> None:
-        self._gauges, self._odometry = Table(len(self._bodies), 4), Table(len(self._bodies), 1)
+        self._gauges, self._odometry = Table(len(self._driving), 4), Table(len(self._driving), 1)
 
     def _layout(self) -> rr.blueprint.Blueprint:
         robots = [(body.name, body.tree_name) for body in self._bodies.values()]
