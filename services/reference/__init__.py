@@ -33,7 +33,7 @@ class ReferenceParameters(Parameters, frozen=True, kw_only=True):
         str,
         Meta(
             max_length=4096,
-            description="file of rows time [s], angle [deg], for csv; straight lines between, the last one holds",
+            description="file of rows time [s], angle [deg], for csv; an absolute path, or one from the run's folder",
             extra={"live": False},
         ),
     ] = ""

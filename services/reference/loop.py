@@ -42,7 +42,7 @@ def opened(p: ReferenceParameters) -> Table | None:
     if not p.lower < p.upper:
         raise BadInput(f"lower = {p.lower:g} deg is not below upper = {p.upper:g} deg")
     if p.csv:
-        return read_table(Path(p.csv))
+        return read_table(Path(p.csv).absolute())
     if p.reference_type == "csv":
         raise BadInput("reference_type = csv needs a file: csv = PATH")
     return None
