@@ -61,7 +61,7 @@ class Member(Table, frozen=True, kw_only=True):
 
 
 class Robot(Table, frozen=True, kw_only=True):
-    """One robot, the parameters of its base, and the services in its namespace."""
+    """One robot, the parameters of its base or joints, and the services in its namespace."""
 
     name: str
     model: str

@@ -8,12 +8,11 @@ from deploy.catalogue import declaration
 from deploy.fleet import Fleet, Member, Robot
 from deploy.report.bounds import check_bounds
 from deploy.toml_place import Source, Step
-from deploy.wiring import IMPLIED
+from deploy.wiring import IMPLIED, parameters_of
 from messages.names import BadName, Identity, identify, parse_remap
 from models import MODELS
 from services.runtime.errors import BadInput, unknown
 from services.runtime.parameters import build
-from services.sim import BaseParameters
 
 
 def check(fleet: Fleet, source: Source) -> None:
@@ -66,7 +65,7 @@ def _check_robot(robot: Robot, path: tuple[Step, ...], names: set[str], source: 
     if robot.model not in MODELS:
         raise unknown("model", robot.model, MODELS, source.at(*path, "model"))
     for name, value in robot.parameters.items():
-        build(BaseParameters, {name: value}, source.at(*path, "parameters", name))
+        build(parameters_of(robot.model), {name: value}, source.at(*path, "parameters", name))
 
 
 def _check_models(fleet: Fleet, source: Source) -> None:

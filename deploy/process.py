@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 
+from deploy.arm_wiring import arm_wired
 from deploy.catalogue import declaration
 from deploy.fleet import Fleet, Member, Robot
 from deploy.fleet_check import identity
@@ -72,7 +73,8 @@ def _steps(kind: str) -> bool:
 
 def _process(stated: _Stated, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> Process:
     member, kind = stated.member, stated.member.kind
-    parameters = {**wired(kind, fleet, terms, members), **_shifted(stated)}
+    told = {**wired(kind, fleet, terms, members), **arm_wired(kind, fleet, stated.robot)}
+    parameters = {**told, **_shifted(stated)}
     match member.restart:
         case None:
             policy = Policy(when=_RESTART.get(kind, "on-failure"))

@@ -7,10 +7,12 @@ from typing import Any
 
 import msgspec
 
+from deploy.arm_wiring import graded_arms, not_before, states
 from deploy.fleet import Fleet, Robot
 from models.figures import read_model
 from services.runtime.parameters import build
-from services.sim import BaseParameters
+from services.runtime.service import Parameters
+from services.sim import BaseParameters, JointParameters
 from services.sim.settings import configured
 
 IMPLIED = ("router", "params", "sim", "grader")
@@ -59,7 +61,9 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
             return {
                 "robots": [each.name for each in robots],
                 "halting": [_halting(each) for each in robots if read_model(each.model).wheels],
+                "arms": graded_arms(fleet),
                 "ends": run.ends,
+                "not_before": not_before(fleet),
                 "duration": run.duration,
                 "output": str(terms.folder),
             }
@@ -68,6 +72,7 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
             return {
                 "robots": [each.name for each in robots],
                 "models": [each.model for each in robots] or ["burger"],
+                "states": states(fleet),
                 "file": str(terms.folder / "run.rrd"),
                 **viewer,
             }
@@ -77,7 +82,13 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
 
 def _entry(robot: Robot) -> dict[str, Any]:
     pose = {"x": robot.pose.x, "y": robot.pose.y, "yaw": robot.pose.yaw}
-    return {"name": robot.name, "model": robot.model, **pose, "parameters": robot.parameters}
+    table = "parameters" if read_model(robot.model).wheels else "joint_parameters"
+    return {"name": robot.name, "model": robot.model, **pose, table: robot.parameters}
+
+
+def parameters_of(model: str) -> type[Parameters]:
+    """What a robot of this model takes for parameters."""
+    return BaseParameters if read_model(model).wheels else JointParameters
 
 
 def _halting(robot: Robot) -> dict[str, Any]:

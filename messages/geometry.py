@@ -98,6 +98,14 @@ class PoseWithCovariance(Message, frozen=True, kw_only=True):
         return unpack36(self.packed)
 
 
+class Wrench(Message, frozen=True, kw_only=True):
+    """Force [N] and torque [N m]."""
+
+    ROS_TYPE: ClassVar[str] = "geometry_msgs/Wrench"
+    force: Vector3 = Vector3()
+    torque: Vector3 = Vector3()
+
+
 class Twist(Message, frozen=True, kw_only=True):
     """Velocity: linear in m/s, angular in rad/s; a base refuses what exceeds FASTEST_LINEAR or FASTEST_ANGULAR."""
 

@@ -41,3 +41,9 @@ class JointProperties(Message, frozen=True, kw_only=True):
     rate: Finite = 0.0
     applied_effort: Finite = 0.0
     jobs: Annotated[int, Meta(ge=0, le=1_000_000)] = 0
+
+
+_END = {"unit": "deg", "live": False}
+LowerEnd = Annotated[float, Meta(ge=-36_000, le=36_000, description="lower end of the joint's range", extra=_END)]
+UpperEnd = Annotated[float, Meta(ge=-36_000, le=36_000, description="upper end of the joint's range", extra=_END)]
+"""Parameters of every service of a set that must keep to a joint's range; a fleet wires those of the model."""

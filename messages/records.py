@@ -2,10 +2,40 @@
 
 import difflib
 
-from messages import diagnostic, elea, geometry, joints, nav, parameters, requests, rosgraph, sensor, std, tf
+from messages import (
+    control,
+    diagnostic,
+    elea,
+    gazebo,
+    geometry,
+    joints,
+    nav,
+    parameters,
+    requests,
+    rosgraph,
+    sensor,
+    simulation,
+    std,
+    tf,
+)
 from messages.base import Message
 
-_MODULES = (std, geometry, nav, sensor, tf, rosgraph, diagnostic, elea, joints, parameters, requests)
+_MODULES = (
+    std,
+    geometry,
+    nav,
+    sensor,
+    tf,
+    rosgraph,
+    diagnostic,
+    control,
+    elea,
+    gazebo,
+    joints,
+    parameters,
+    simulation,
+    requests,
+)
 
 RECORDS: dict[str, type[Message]] = {
     each.ROS_TYPE: each

@@ -1,13 +1,22 @@
 """Requests and replies: what a service may be asked, with typed arguments and results."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, Generic, TypeVar
+from typing import ClassVar, Generic, TypeVar
 
-from msgspec import Meta
-
-from messages.base import Count, Message, Metres, Radians
+from messages.base import Message
 from messages.elea import ModelState
-from messages.geometry import Pose, Twist
+from messages.gazebo import (
+    ApplyEffort,
+    ApplyWrench,
+    JointName,
+    LinkName,
+    LinkProperties,
+    LinkState,
+    ModelProperties,
+    SetConfiguration,
+    WorldProperties,
+)
+from messages.joints import JointProperties
 from messages.parameters import (
     Announcement,
     HistoryOf,
@@ -18,6 +27,17 @@ from messages.parameters import (
     ResetParameters,
     SetParameters,
     UndoParameters,
+)
+from messages.sensor import JointState
+from messages.simulation import (
+    DriveSettings,
+    GetModelState,
+    ModelList,
+    SetModelState,
+    SetOdometry,
+    SimTime,
+    SpawnModel,
+    Steps,
 )
 from messages.std import Empty
 
@@ -56,80 +76,12 @@ class Done(Message, frozen=True, kw_only=True):
     text: str = ""
 
 
-class SpawnModel(Message, frozen=True, kw_only=True):
-    """Put a model of ``models/`` into the world as ``name``, its topics in ``namespace`` (the name when empty)."""
-
-    ROS_TYPE: ClassVar[str] = "elea_msgs/SpawnModel"
-    name: str = ""
-    model: str = ""
-    pose: Pose = Pose()
-    namespace: str = ""
-
-
-class SetModelState(Message, frozen=True, kw_only=True):
-    """Move a model; joint angles keep their values."""
-
-    ROS_TYPE: ClassVar[str] = "elea_msgs/SetModelState"
-    name: str = ""
-    pose: Pose = Pose()
-    twist: Twist = Twist()
-
-
-class SetOdometry(Message, frozen=True, kw_only=True):
-    """From now on, the wheel odometry of the robot ``name`` counts from here: ROS 2's ``set_odometry``."""
-
-    ROS_TYPE: ClassVar[str] = "elea_msgs/SetOdometry"
-    name: str = ""
-    x: Metres = 0.0
-    y: Metres = 0.0
-    yaw: Radians = 0.0
-
-
-Multiplier = Annotated[float, Meta(ge=0.5, le=1.5)]
-
-
-class DriveSettings(Message, frozen=True, kw_only=True):
-    """The live parameters of the base of the robot ``name``; asked, None leaves one as it is.
-
-    They are replaced together between two physics steps, or, when one is out of bounds, not at all.
-    """
-
-    ROS_TYPE: ClassVar[str] = "elea_msgs/DriveSettings"
-    name: str = ""
-    wheel_separation_multiplier: Multiplier | None = None
-    left_wheel_radius_multiplier: Multiplier | None = None
-    right_wheel_radius_multiplier: Multiplier | None = None
-    publish_rate: Annotated[float, Meta(ge=0, le=50, extra={"unit": "Hz"})] | None = None
-    enable_odom_tf: bool | None = None
-
-
-class ModelList(Message, frozen=True, kw_only=True):
-    """All models in the world."""
-
-    ROS_TYPE: ClassVar[str] = "elea_msgs/ModelList"
-    models: tuple[ModelState, ...] = ()
-
-
-class Steps(Message, frozen=True, kw_only=True):
-    """A number of physics steps to run while paused."""
-
-    ROS_TYPE: ClassVar[str] = "elea_msgs/Steps"
-    count: Annotated[int, Meta(ge=1, le=1_000_000)] = 1
-
-
-class SimTime(Message, frozen=True, kw_only=True):
-    """Where the simulation stands, in ns and in physics steps since the last reset."""
-
-    ROS_TYPE: ClassVar[str] = "elea_msgs/SimTime"
-    time: Count = 0
-    tick: Count = 0
-    epoch: Count = 0
-
-
 SPAWN = Request("/sim/spawn", SpawnModel, ModelState, "put a model into the world")
 DELETE = Request("/sim/delete", Name, Done, "take a model out of the world")
 LIST = Request("/sim/list", Empty, ModelList, "all models with their poses and twists")
-GET_STATE = Request("/sim/get_state", Name, ModelState, "pose and twist of one model")
+GET_STATE = Request(
+    "/sim/get_state", GetModelState, ModelState, "pose and twist of one model, in the world or relative"
+)
 SET_STATE = Request("/sim/set_state", SetModelState, ModelState, "move a model")
 SET_ODOMETRY = Request("/sim/set_odometry", SetOdometry, Done, "say where a robot's wheel odometry is from now on")
 SET_DRIVE = Request("/sim/set_drive", DriveSettings, DriveSettings, "change a base's live parameters, all or none")
@@ -138,6 +90,16 @@ RESET_WORLD = Request("/sim/reset_world", Empty, SimTime, "all models to where t
 PAUSE = Request("/sim/pause", Empty, SimTime, "stop simulation time")
 RESUME = Request("/sim/resume", Empty, SimTime, "let simulation time go on")
 STEP = Request("/sim/step", Steps, SimTime, "run some physics steps while paused")
+APPLY_EFFORT = Request("/sim/apply_effort", ApplyEffort, Done, "put an effort on a joint, for a time")
+CLEAR_EFFORT = Request("/sim/clear_effort", JointName, Done, "drop the efforts on a joint, waiting ones too")
+JOINT_PROPERTIES = Request("/sim/joint_properties", JointName, JointProperties, "what a joint is and does")
+SET_CONFIGURATION = Request("/sim/set_configuration", SetConfiguration, JointState, "put joints at positions")
+APPLY_WRENCH = Request("/sim/apply_wrench", ApplyWrench, Done, "push and twist a link, for a time")
+CLEAR_WRENCH = Request("/sim/clear_wrench", LinkName, Done, "drop the wrenches on a link")
+LINK_STATE = Request("/sim/link_state", LinkName, LinkState, "pose and twist of one link")
+LINK_PROPERTIES = Request("/sim/link_properties", LinkName, LinkProperties, "mass, inertia and friction of one link")
+MODEL_PROPERTIES = Request("/sim/model_properties", Name, ModelProperties, "what a model is made of")
+WORLD_PROPERTIES = Request("/sim/world_properties", Empty, WorldProperties, "the world, its physics and its time")
 
 SUPERVISOR_START = Request("/supervisor/start", Name, Done, "start a stopped process of the fleet")
 SUPERVISOR_STOP = Request("/supervisor/stop", Name, Done, "stop a process of the fleet")
@@ -164,6 +126,16 @@ REQUESTS: tuple[Request[Message, Message], ...] = (
     PAUSE,
     RESUME,
     STEP,
+    APPLY_EFFORT,
+    CLEAR_EFFORT,
+    JOINT_PROPERTIES,
+    SET_CONFIGURATION,
+    APPLY_WRENCH,
+    CLEAR_WRENCH,
+    LINK_STATE,
+    LINK_PROPERTIES,
+    MODEL_PROPERTIES,
+    WORLD_PROPERTIES,
     SUPERVISOR_START,
     SUPERVISOR_STOP,
     SUPERVISOR_RESTART,

@@ -5,6 +5,7 @@ from enum import Enum
 from typing import Generic, TypeVar
 
 from messages.base import Message
+from messages.control import JointControllerState
 from messages.elea import BaseStatus, FleetState, GoalStatus, Health
 from messages.geometry import PoseStamped, Twist, TwistStamped
 from messages.joints import JointEffort
@@ -72,6 +73,9 @@ REFERENCE = Topic("/robot_control/reference", Float32, 50, Quality.SENSOR, "wher
 CONTROL_SIGNAL = Topic("/robot_control/control_signal", Float32, 100, Quality.SENSOR, "effort of the arm, N m")
 JOINT_ANGLE = Topic("/robot_control/joint_angle", Float32, 100, Quality.SENSOR, "where the arm is, degrees")
 CONTROL_ERROR = Topic("/robot_control/error", Float32, 100, Quality.SENSOR, "reference less angle, degrees")
+CONTROL_STATE = Topic(
+    "/robot_control/state", JointControllerState, 100, Quality.SENSOR, "all of these at one tick, with its time"
+)
 DESCRIPTIONS = Topic(
     "~parameter_descriptions",
     ParameterSchema,
@@ -114,6 +118,7 @@ TOPICS: tuple[Topic[Message], ...] = (
     CONTROL_SIGNAL,
     JOINT_ANGLE,
     CONTROL_ERROR,
+    CONTROL_STATE,
     DESCRIPTIONS,
     UPDATES,
     ROSOUT,

@@ -5,7 +5,13 @@ from __future__ import annotations
 import difflib
 from pathlib import Path
 
-MODELS = ("burger", "waffle", "waffle_pi", "p3dx")
+WHEELED = ("burger", "waffle", "waffle_pi", "p3dx")
+"""The robots that drive on two wheels."""
+
+ARMS = ("arm", "arm_corrected")
+"""The robots without wheels, whose joints obey efforts."""
+
+MODELS = (*WHEELED, *ARMS)
 """Every robot of this folder; each has a ``robot.urdf``, a ``model.toml`` and a ``README.md``."""
 
 SCENES = ("arena", "empty")

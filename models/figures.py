@@ -115,8 +115,9 @@ class Camera(Figures, frozen=True, kw_only=True):
 class Model(Figures, frozen=True, kw_only=True):
     """A robot: ``radius`` [m] of the circle around ``base_frame`` that holds it, and what it carries.
 
-    ``odometry_rate`` [Hz] is that of odometry, ground truth and joint states. ``drive`` holds what this model's base
-    driver takes for parameters that a fleet leaves open, by the names of ``services.sim.BaseParameters``.
+    ``odometry_rate`` [Hz] is that of odometry and ground truth, ``joint_rate`` [Hz] that of the joint states, the same
+    where it is not stated. ``fixed_base`` holds the root where it is. ``drive`` holds what this model's base driver
+    takes for parameters that a fleet leaves open, by the names of ``services.sim.BaseParameters``.
     """
 
     about: str
@@ -124,6 +125,8 @@ class Model(Figures, frozen=True, kw_only=True):
     radius: Positive
     odometry: Literal["world", "encoder"]
     odometry_rate: Positive
+    joint_rate: Positive | None = None
+    fixed_base: bool = False
     wheels: Wheels | None = None
     drive: dict[str, Any] = {}
     laser: Laser | None = None

@@ -69,13 +69,14 @@ def offset_in(joints: tuple[Joint, ...], link: str) -> Vector:
     above = {joint.child: joint for joint in joints}
     offset = (0.0, 0.0, 0.0)
     while (joint := above.get(link)) is not None:
-        x, y, z = _turn(joint.rotation(), offset)
+        x, y, z = rotated(joint.rotation(), offset)
         offset = (x + joint.xyz[0], y + joint.xyz[1], z + joint.xyz[2])
         link = joint.parent
     return offset
 
 
-def _turn(rotation: tuple[float, float, float, float], vector: Vector) -> Vector:
+def rotated(rotation: tuple[float, float, float, float], vector: Vector) -> Vector:
+    """A vector turned by a rotation, a quaternion (x, y, z, w)."""
     x, y, z, w = rotation
     a, b, c = vector
     i, j, k = y * c - z * b + w * a, z * a - x * c + w * b, x * b - y * a + w * c

@@ -6,7 +6,7 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -15,8 +15,8 @@ from typing import Any, Self
 import psutil
 
 from deploy.bench.partner import watcher
-from messages.geometry import Twist
-from messages.topics import BASE_STATUS, CMD_VEL, GROUND_TRUTH
+from messages.base import Message
+from messages.topics import BASE_STATUS, GROUND_TRUTH, Topic
 from services.runtime.node import Node
 
 WATCHED = "tb3_0"
@@ -94,10 +94,10 @@ class Watch:
             self._node.forget(truth)
         raise TimeoutError(f"no robot moved within {within} s")
 
-    def commands(self, robots: tuple[str, ...], seconds: float) -> dict[str, list[Twist]]:
-        """What each robot is told until simulation time ``seconds``."""
-        sources = {name: self._node.read(CMD_VEL, f"/{name}/cmd_vel") for name in robots}
-        heard: dict[str, list[Twist]] = {name: [] for name in robots}
+    def commands(self, robots: Mapping[str, Topic[Message]], seconds: float) -> dict[str, list[Any]]:
+        """What each robot is told on a topic of its namespace until simulation time ``seconds``."""
+        sources = {name: self._node.read(topic, f"/{name}/{topic.name}") for name, topic in robots.items()}
+        heard: dict[str, list[Any]] = {name: [] for name in robots}
         while self.now < seconds:
             self.turn()
             for name, source in sources.items():

@@ -8,13 +8,15 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from deploy.bench.figures import Figure, ratios
 from deploy.bench.lab import Fleet, watched
 from deploy.fleet import Robot
 from deploy.fleet_file import find_fleet, read_fleet
-from messages.geometry import Twist
+from messages.topics import CMD_VEL, JOINT_EFFORT
 from models import model_path
+from models.figures import read_model
 from models.scene import read_scene
 from services.runtime.parameters import build
 from services.runtime.service import STEP_NS
@@ -29,13 +31,30 @@ FROM_S, TO_S = 2.0, 42.0
 FIRST, LAST = (round(seconds * 1e9 / STEP_NS) for seconds in (FROM_S, TO_S))
 """The same in physics steps."""
 
-Schedule = dict[int, list[tuple[str, tuple[float, float]]]]
-"""Wheel speeds [rad/s] to set, by physics step."""
+
+class Schedule(NamedTuple):
+    """Wheel speeds [rad/s] to set, by physics step, and the efforts [N m] on joints at every step, one for each."""
+
+    speeds: dict[int, list[tuple[str, tuple[float, float]]]]
+    efforts: dict[str, list[dict[str, float]]]
 
 
 def robots() -> tuple[Robot, ...]:
     """The robots of ``lab``."""
     return read_fleet(find_fleet("lab")).robot
+
+
+def drives(robot: Robot) -> bool:
+    """Whether a robot has wheels."""
+    return read_model(robot.model).wheels is not None
+
+
+def motors_of(robot: Robot) -> tuple[Motor, ...]:
+    """The motors of a robot's wheels."""
+    if not drives(robot):
+        return ()
+    settings = settings_of(robot)
+    return tuple(Motor(each, settings.torque) for each in (settings.left_joint, settings.right_joint))
 
 
 def settings_of(robot: Robot) -> Settings:
@@ -45,44 +64,52 @@ def settings_of(robot: Robot) -> Settings:
     return settings
 
 
-def schedule(commands: dict[str, list[Twist]]) -> Schedule:
-    """What the base drivers made of the commands, worked out beforehand: the raw loop is to do nothing but physics.
+def schedule(commands: dict[str, list[Any]]) -> Schedule:
+    """What the simulation made of the commands, worked out beforehand: the raw loop is to do nothing but physics.
 
     A controller commands evenly, so its commands up to TO_S are spread over the steps up to LAST.
     """
-    steps: Schedule = {}
+    steps: dict[int, list[tuple[str, tuple[float, float]]]] = {}
+    efforts: dict[str, list[dict[str, float]]] = {}
     for robot in robots():
-        drive, series, state = settings_of(robot).drive, commands[robot.name], AT_REST
+        series = commands[robot.name]
+        if not drives(robot):
+            jobs = [{each.joint_name: each.effort} for each in series]
+            efforts[robot.name] = [jobs[step * len(jobs) // LAST] for step in range(LAST)]
+            continue
+        drive, state = settings_of(robot).drive, AT_REST
         for step in range(LAST):
             command, before = series[step * len(series) // LAST], state
             state = advance(drive, state, command.linear.x, command.angular.z, False, STEP_NS / 1e9)
             if state is not before:
                 steps.setdefault(step, []).append((robot.name, wheel_speeds(drive, state)))
-    return steps
+    return Schedule(steps, efforts)
 
 
 def raw_factor(steps: Schedule) -> float:
     """Simulated seconds per wall-clock second of the raw loop."""
     with BulletWorld(read_scene("empty"), STEP_NS) as world:
         for robot in robots():
-            settings, half = settings_of(robot), robot.pose.yaw / 2
-            motors = tuple(Motor(each, settings.torque) for each in (settings.left_joint, settings.right_joint))
+            half = robot.pose.yaw / 2
             place = Placement((robot.pose.x, robot.pose.y, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)))
-            world.spawn(Body(robot.name, model_path(robot.model), place, motors))
+            fixed = read_model(robot.model).fixed_base
+            world.spawn(Body(robot.name, model_path(robot.model), place, motors_of(robot), fixed))
         started = 0.0
         for step in range(LAST):
             if step == FIRST:
                 started = time.perf_counter()
-            for name, speeds in steps.get(step, ()):
+            for name, speeds in steps.speeds.get(step, ()):
                 world.set_speeds(name, speeds)
+            for name, efforts in steps.efforts.items():
+                world.set_efforts(name, efforts[step])
             world.step()
         return (TO_S - FROM_S) / (time.perf_counter() - started)
 
 
-def lab_commands(port: int) -> dict[str, list[Twist]]:
+def lab_commands(port: int) -> dict[str, list[Any]]:
     """The commands of ``lab``, which are the same in every run, from one that is not timed."""
     with _lab(port) as fleet, watched(fleet) as watch:
-        return watch.commands(tuple(robot.name for robot in robots()), TO_S)
+        return watch.commands({each.name: CMD_VEL if drives(each) else JOINT_EFFORT for each in robots()}, TO_S)
 
 
 def lockstep_factor(port: int) -> tuple[float, float]:

@@ -18,6 +18,7 @@ VERBS = {
     "logs": Verb("logs", "Show what the processes of a fleet have written."),
     "restart": Verb("restart", "Restart a process of a running fleet."),
     "graph": Verb("graph", "List the nodes and topics of the network."),
+    "sim": Verb("sim", "Ask the running simulation: models, joints, forces, time."),
     "param": Verb("param", "Read and change the parameters of running services."),
     "topic": Verb("topic", "List, show, measure and publish topics."),
     "node": Verb("node", "List nodes and tell of one."),

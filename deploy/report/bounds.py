@@ -8,7 +8,7 @@ from typing import Literal
 import msgspec
 
 from deploy.report.record import Check, RunFigures
-from services.grader.records import RobotFigures
+from services.grader.records import ArmFigures, Figures, RobotFigures
 from services.runtime.errors import BadInput, unknown
 
 Value = float | int | None
@@ -27,8 +27,9 @@ Bounds = Mapping[str, float | int | Bound]
 DEFAULTS: Bounds = {"collisions": 0, "messages_lost": 0}
 """Hold in every run unless the fleet states others; beside them, every robot must be seen and reach all its points."""
 
-_LISTS = ("points_reached", "points_reached_at", "points_closest_m", "corners")
-ROBOT_KEYS = tuple(each.name for each in msgspec.structs.fields(RobotFigures) if each.name not in _LISTS)
+_LISTS = ("points_reached", "points_reached_at", "points_closest_m", "corners", "steps")
+_FIELDS = (*msgspec.structs.fields(RobotFigures), *msgspec.structs.fields(ArmFigures))
+ROBOT_KEYS = tuple(dict.fromkeys(each.name for each in _FIELDS if each.name not in _LISTS))
 RUN_KEYS = ("sim_seconds", "wall_seconds", "real_time_factor", "messages_lost", "restarts")
 KEYS = (*ROBOT_KEYS, "points_reached", *RUN_KEYS)
 
@@ -42,12 +43,17 @@ def check_bounds(bounds: Bounds, where: str) -> None:
             raise BadInput(f"{where}.{name}: give min, max or both")
 
 
-def checks(run: RunFigures, robots: Mapping[str, RobotFigures], bounds: Bounds) -> tuple[Check, ...]:
-    """Every figure that has a bound, against it; ``points_reached`` must be ``points`` unless bounded."""
+def checks(run: RunFigures, robots: Mapping[str, Figures], bounds: Bounds) -> tuple[Check, ...]:
+    """Every figure that has a bound, against it; ``points_reached`` must be ``points`` unless bounded.
+
+    A bound on a figure that one kind of robot does not have is none for it.
+    """
     found: list[Check] = []
     stated = {**DEFAULTS, **bounds}
     for robot, figures in robots.items():
-        own = {"points_reached": Bound(min=figures.points), "samples": Bound(min=1), **stated}
+        own: dict[str, float | int | Bound] = {"samples": Bound(min=1), **stated}
+        if isinstance(figures, RobotFigures):
+            own = {"points_reached": Bound(min=figures.points), **own}
         for name, bound in own.items():
             if hasattr(figures, name) and name not in RUN_KEYS:
                 found += _against(f"{robot}.{name}", getattr(figures, name), bound)

@@ -1,4 +1,4 @@
-"""The picture of a run: paths from above, and beside them cross-track error and speed over time."""
+"""The picture of a run: paths from above, cross-track error and speed over time; and what its arms did."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from deploy.report.arm_picture import arms_of, draw_arms
+from deploy.report.axes import FAINT, INK, colours, dress
 from deploy.report.record import Report
-from deploy.report.table import squares
+from deploy.report.table import bases, squares
 from services.grader.records import TRAIL_COLUMNS
 
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
-"""Okabe and Ito's colours, distinct to colour-blind eyes as well; yellow left out for its contrast on white."""
-INK, FAINT, GRID = "#22272e", "#8a929c", "#e6e9ed"
-SIZE, DPI = (13.5, 7.6), 130
+WIDTH, HEIGHT, ARM_HEIGHT, DPI = 13.5, 7.6, 3.4, 130
+"""Inches; a run with robots that drive and arms is as high as both."""
 
 Trails = dict[str, np.ndarray]
 
@@ -28,32 +28,54 @@ def picture(report: Report, trajectories: Path) -> bytes:
     """The PNG's bytes; ``trajectories`` is what the grader stored."""
     with np.load(trajectories) as stored:
         arrays: Trails = {name: stored[name] for name in stored.files}
-    figure = Figure(figsize=SIZE, dpi=DPI, facecolor="white")
+    drives, jointed, colour = bool(bases(report)) or not report.robots, bool(arms_of(report)), colours(report.robots)
+    height = HEIGHT + (ARM_HEIGHT if drives and jointed else 0.0)
+    figure = Figure(figsize=(WIDTH, height), dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
-    grid = figure.add_gridspec(
-        2, 2, width_ratios=(0.86, 1), left=0.055, right=0.985, top=0.855, bottom=0.115, wspace=0.15, hspace=0.26
-    )
-    above, across, along = (figure.add_subplot(each) for each in (grid[:, 0], grid[0, 1], grid[1, 1]))
-    for colour, name in zip(_colours(len(report.robots)), report.robots, strict=True):
-        _paths(above, arrays[f"{name}.path"], arrays[f"{name}.trail"], colour, name)
-        trail = arrays[f"{name}.trail"]
-        along.plot(_column(trail, "time"), _column(trail, "speed"), color=colour, lw=0.9, alpha=0.85)
-    _cross_track(across, report, arrays)
-    _dress(above, "Paths seen from above", "x [m]", "y [m]")
-    above.set_aspect("equal", adjustable="datalim")
-    along.sharex(across)
-    _dress(along, "True speed", "simulation time [s]", "m/s")
-    along.set_ylim(bottom=0)
-    _squares(above, report)
-    _legend(figure, above)
+    bottom = ((ARM_HEIGHT if jointed else 0.0) + 0.874) / height if drives else 0.0
+    if drives:
+        _bases(figure, bottom, report, arrays, colour)
+    if jointed:
+        draw_arms(_arm_axes(figure, drives), report, arrays, colour)
     _head(figure, report)
     out = BytesIO()
     figure.savefig(out, format="png")
     return out.getvalue()
 
 
-def _colours(count: int) -> list[str]:
-    return [COLOURS[index % len(COLOURS)] for index in range(count)]
+def _bases(figure: Any, bottom: float, report: Report, arrays: Trails, colour: dict[str, str]) -> None:
+    """The robots that drive, above ``bottom``, a share of the height; their legend lies below it."""
+    top = 1 - 1.102 / figure.get_figheight()
+    grid = figure.add_gridspec(
+        2, 2, width_ratios=(0.86, 1), left=0.055, right=0.985, top=top, bottom=bottom, wspace=0.15, hspace=0.26
+    )
+    above, across, along = (figure.add_subplot(each) for each in (grid[:, 0], grid[0, 1], grid[1, 1]))
+    for name in bases(report):
+        trail = arrays[f"{name}.trail"]
+        _paths(above, arrays[f"{name}.path"], trail, colour[name], name)
+        along.plot(_column(trail, "time"), _column(trail, "speed"), color=colour[name], lw=0.9, alpha=0.85)
+    _cross_track(across, report, arrays, colour)
+    dress(above, "Paths seen from above", "x [m]", "y [m]")
+    above.set_aspect("equal", adjustable="datalim")
+    along.sharex(across)
+    dress(along, "True speed", "simulation time [s]", "m/s")
+    along.set_ylim(bottom=0)
+    _squares(above, report)
+    _legend(figure, above, bottom - 0.813 / figure.get_figheight())
+
+
+def _arm_axes(figure: Any, beside: bool) -> tuple[Any, Any, Any, Any]:
+    """Step, angle, error and effort: the whole picture, or a row of it below the robots that drive."""
+    if beside:
+        top, bottom = (ARM_HEIGHT - 0.45) / figure.get_figheight(), 0.5 / figure.get_figheight()
+        grid = figure.add_gridspec(1, 4, left=0.055, right=0.985, top=top, bottom=bottom, wspace=0.22)
+        near, angle, error, effort = (figure.add_subplot(grid[0, column]) for column in range(4))
+        return near, angle, error, effort
+    grid = figure.add_gridspec(
+        3, 2, width_ratios=(0.8, 1), left=0.055, right=0.985, top=0.855, bottom=0.075, wspace=0.15, hspace=0.38
+    )
+    near, angle, error, effort = (figure.add_subplot(each) for each in (grid[:, 0], grid[0, 1], grid[1, 1], grid[2, 1]))
+    return near, angle, error, effort
 
 
 def _column(trail: np.ndarray, name: str) -> np.ndarray:
@@ -82,21 +104,21 @@ def _squares(axes: Any, report: Report) -> None:
         axes.plot([reach.x0], [reach.y1 + reach.height * (0.05 + 0.03 * len(lines))], ls="")
 
 
-def _cross_track(axes: Any, report: Report, arrays: Trails) -> None:
-    largest = max((each.cross_track_max_m or 0.0 for each in report.robots.values()), default=0.0)
+def _cross_track(axes: Any, report: Report, arrays: Trails, colour: dict[str, str]) -> None:
+    largest = max((each.cross_track_max_m or 0.0 for each in bases(report).values()), default=0.0)
     factor, unit = (1000.0, "mm") if largest < 0.1 else (1.0, "m")
-    for colour, name in zip(_colours(len(report.robots)), report.robots, strict=True):
-        trail, rms = arrays[f"{name}.trail"], report.robots[name].cross_track_rms_m
+    for name, figures in bases(report).items():
+        trail, rms = arrays[f"{name}.trail"], figures.cross_track_rms_m
         label = name if rms is None else f"{name}: rms {rms * factor:.2f} {unit}"
         axes.plot(
             _column(trail, "time"),
             factor * _column(trail, "cross_track"),
-            color=colour,
+            color=colour[name],
             lw=0.9,
             alpha=0.85,
             label=label,
         )
-    _dress(axes, "Distance of the true position from the reference path", "", unit)
+    dress(axes, "Distance of the true position from the reference path", "", unit)
     axes.set_ylim(bottom=0)
     if report.robots:
         low, high = axes.get_ylim()
@@ -104,18 +126,7 @@ def _cross_track(axes: Any, report: Report, arrays: Trails) -> None:
         axes.legend(loc="upper center", ncols=2, fontsize=8, frameon=False, labelcolor=INK)
 
 
-def _dress(axes: Any, title: str, x: str, y: str) -> None:
-    axes.set_title(title, loc="left", fontsize=10.5, color=INK, fontweight="bold")
-    axes.set_xlabel(x, fontsize=9, color=INK)
-    axes.set_ylabel(y, fontsize=9, color=INK)
-    axes.tick_params(labelsize=8.5, colors=INK, length=0)
-    axes.grid(color=GRID, lw=0.8)
-    axes.set_axisbelow(True)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
-
-
-def _legend(figure: Any, axes: Any) -> None:
+def _legend(figure: Any, axes: Any, bottom: float) -> None:
     kinds = [
         Line2D([], [], color=FAINT, lw=5, alpha=0.4, label="reference"),
         Line2D([], [], color=FAINT, lw=1.3, label="true"),
@@ -127,7 +138,7 @@ def _legend(figure: Any, axes: Any) -> None:
     figure.legend(
         handles=[*names, *kinds],
         loc="lower left",
-        bbox_to_anchor=(0.045, 0.008),
+        bbox_to_anchor=(0.045, bottom),
         ncols=11,
         fontsize=8.5,
         frameon=False,
@@ -136,20 +147,19 @@ def _legend(figure: Any, axes: Any) -> None:
 
 
 def _head(figure: Any, report: Report) -> None:
-    run = report.run
-    reached = sum(each.points_reached for each in report.robots.values())
-    points = sum(each.points for each in report.robots.values())
-    collisions = sum(each.collisions for each in report.robots.values())
-    figure.text(0.055, 0.945, f"{run.fleet}", fontsize=17, fontweight="bold", color=INK)
+    run, driving = report.run, bases(report).values()
+    name_at, facts_at = (1 - inches / figure.get_figheight() for inches in (0.418, 0.699))
+    figure.text(0.055, name_at, f"{run.fleet}", fontsize=17, fontweight="bold", color=INK)
     verdict, colour = ("all checks hold", "#1a7f37") if report.ok else ("checks missed", "#c1121f")
-    figure.text(0.985, 0.945, verdict, fontsize=13, fontweight="bold", color=colour, ha="right")
+    figure.text(0.985, name_at, verdict, fontsize=13, fontweight="bold", color=colour, ha="right")
+    reached, points = sum(each.points_reached for each in driving), sum(each.points for each in driving)
     facts = (
-        f"{reached} of {points} points reached",
+        *((f"{reached} of {points} points reached",) if driving else ()),
         f"{run.sim_seconds:.1f} s simulated",
         f"{run.mode}, {run.real_time_factor:.1f} x real time",
-        f"{collisions} collisions",
+        *((f"{sum(each.collisions for each in driving)} collisions",) if driving else ()),
         f"{run.messages_lost} messages lost",
         f"seed {run.seed}",
         f"trajectory hash {run.trajectory_hash[:12]}",
     )
-    figure.text(0.055, 0.908, "   ·   ".join(facts), fontsize=9.5, color=FAINT)
+    figure.text(0.055, facts_at, "   ·   ".join(facts), fontsize=9.5, color=FAINT)

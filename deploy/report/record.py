@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from messages.parameters import Origin, Value
-from services.grader.records import Ended, Measurements, RobotFigures
+from services.grader.records import Ended, Figures, Measurements
 
 SCHEMA: Literal[1] = 1
 REPORT_FILE = "report.json"
@@ -77,7 +77,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     schema: Annotated[Literal[1], _text("version of this layout; it grows when a key changes its meaning or goes")]
     ok: Annotated[bool, _text("whether every check holds")]
     run: RunFigures
-    robots: dict[str, RobotFigures]
+    robots: dict[str, Figures]
     checks: tuple[Check, ...]
     parameters: Annotated[
         dict[str, dict[str, Effective]], _text("live parameters that are not at their defaults, by set and name")

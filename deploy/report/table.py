@@ -6,7 +6,7 @@ import sys
 from typing import TextIO
 
 from deploy.report.record import Report
-from services.grader.records import CornerFigures, RobotFigures
+from services.grader.records import ArmFigures, CornerFigures, RobotFigures
 
 _HEADINGS = (
     ("", "robot"),
@@ -27,7 +27,7 @@ _HEADINGS = (
 def show(report: Report, out: TextIO | None = None) -> None:
     """Print the report to ``out``, standard output if None."""
     out = out or sys.stdout
-    rows = [_row(name, figures) for name, figures in report.robots.items()]
+    rows = [_row(name, figures) for name, figures in bases(report).items()]
     if out.isatty():
         _coloured(report, rows, out)
     else:
@@ -58,13 +58,40 @@ def missed(report: Report) -> list[str]:
 
 def told(report: Report) -> list[str]:
     """What the table has no columns for."""
-    return [*squares(report), *stops(report), *report.notes]
+    return [*squares(report), *stops(report), *arms(report), *report.notes]
+
+
+def bases(report: Report) -> dict[str, RobotFigures]:
+    """The robots that drive."""
+    return {name: each for name, each in report.robots.items() if isinstance(each, RobotFigures)}
+
+
+def arms(report: Report) -> list[str]:
+    """For each arm: how it took its largest step and how it followed, and how hard it had to work."""
+    lines = []
+    for name, each in report.robots.items():
+        if not isinstance(each, ArmFigures):
+            continue
+        for step in each.steps:
+            lines.append(
+                f"{name}: step from {step.from_deg:.1f} to {step.to_deg:.1f} deg at {step.at_s:.2f} s: rise "
+                f"{step.rise_s:.3f} s, overshoot {step.overshoot_percent:.2f} %, settled in {step.settling_s:.3f} s at "
+                f"{step.final_deg:.3f} deg, error {step.steady_error_deg:.3f} deg"
+            )
+        if each.tracking_rms_deg is not None:
+            most = _number(each.tracking_max_deg, 1, 3)
+            lines.append(f"{name}: in motion off by {each.tracking_rms_deg:.3f} deg rms, {most} deg at most")
+        lines.append(
+            f"{name}: at most {_number(each.effort_max_nm, 1, 1)} N m, saturated for {each.saturated_s:.2f} s "
+            f"({100 * each.saturated_share:.1f} %), {each.messages_lost} messages lost"
+        )
+    return lines
 
 
 def squares(report: Report) -> list[str]:
     """For each robot that drove a closed way: how it met the corners, and how the way closed."""
     lines = []
-    for name, each in report.robots.items():
+    for name, each in bases(report).items():
         met = [corner for corner in each.corners if corner is not None]
         if met and len(met) <= 8:
             off, turned = _each(met, "true_m", 1000, ".1f"), _each(met, "true_deg", 1, "+.2f")
@@ -86,7 +113,7 @@ def stops(report: Report) -> list[str]:
         f"{name}: left without a command {each.stops} times; from {_number(each.stop_speed, 1, 2)} m/s to rest in "
         f"{_number(each.stop_time_s, 1, 2)} s and {_number(each.stop_distance_m, 1000, 0)} mm (theory "
         f"{_number(each.stop_time_theory_s, 1, 2)} s, {_number(each.stop_distance_theory_m, 1000, 0)} mm)"
-        for name, each in report.robots.items()
+        for name, each in bases(report).items()
         if each.stops
     ]
 
@@ -124,7 +151,7 @@ def _number(value: float | None, factor: float, digits: int) -> str:
 def _plain(report: Report, rows: list[tuple[str, ...]], out: TextIO) -> None:
     lines = [*zip(*_HEADINGS, strict=True), *rows]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    for row in lines:
+    for row in lines if rows or not report.robots else ():
         cells = [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
         out.write("  ".join(cells).rstrip() + "\n")
     out.write("\n".join((*told(report), summary(report), *missed(report), verdict(report))) + "\n")
@@ -143,7 +170,8 @@ def _coloured(report: Report, rows: list[tuple[str, ...]], out: TextIO) -> None:
     bad = {each.name.partition(".")[0] for each in report.checks if not each.ok}
     for row in rows:
         table.add_row(*row, style="red" if row[0] in bad else None)
-    console.print(table)
+    if rows or not report.robots:
+        console.print(table)
     for line in told(report):
         console.print(Text(line))
     console.print(Text(summary(report), style="dim"))

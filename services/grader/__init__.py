@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from messages.topics import BASE_STATUS, GROUND_TRUTH, HEALTH, ODOM, PLAN, STATUS
+from messages.topics import BASE_STATUS, CONTROL_STATE, GROUND_TRUTH, HEALTH, JOINT_STATES, ODOM, PLAN, STATUS
 from services.runtime.service import Parameters, Service
 
 
@@ -19,6 +19,18 @@ class Halting(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     brake: Annotated[float, Meta(gt=0, extra={"unit": "m/s2"})]
 
 
+class Arm(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """An arm among the robots: ``name``, the joint that is controlled, and the largest effort [N m] of its controller.
+
+    ``state`` is the topic on which the controller tells of each tick.
+    """
+
+    name: str
+    joint: str
+    saturation: Annotated[float, Meta(ge=0, extra={"unit": "N m"})] = 200.0
+    state: str = CONTROL_STATE.name
+
+
 _FIXED = {"live": False}
 """What has been measured so far would mean something else."""
 
@@ -28,12 +40,17 @@ class GraderParameters(Parameters, frozen=True, kw_only=True):
 
     robots: Annotated[tuple[str, ...], Meta(description="namespaces of the robots to measure", extra=_FIXED)] = ()
     halting: Annotated[tuple[Halting, ...], Meta(description="how their bases stop, for the theory of stops")] = ()
+    arms: Annotated[tuple[Arm, ...], Meta(description="those of the robots that are arms", extra=_FIXED)] = ()
     ends: Annotated[
         Literal["goals", "duration", "never"],
         Meta(description="end the run when all robots have finished, after the duration, or only when stopped"),
     ] = "goals"
     duration: Annotated[
         float, Meta(ge=0, le=1e7, description="longest simulation time; 0 is no limit", extra={"unit": "s"})
+    ] = 0.0
+    not_before: Annotated[
+        float,
+        Meta(ge=0, le=1e7, description="earliest end by goals: after the last scheduled change", extra={"unit": "s"}),
     ] = 0.0
     output: Annotated[str, Meta(description="folder of measurements.json and trajectories.npz", extra=_FIXED)] = "."
     reach_tolerance: Annotated[
@@ -51,7 +68,7 @@ SERVICE = Service(
     name="grader",
     about="measures a run against ground truth, ends it and writes the figures",
     run="services.grader.loop:run",
-    reads=(GROUND_TRUTH, ODOM, PLAN, STATUS, BASE_STATUS, HEALTH),
+    reads=(GROUND_TRUTH, ODOM, PLAN, STATUS, BASE_STATUS, JOINT_STATES, CONTROL_STATE, HEALTH),
     rate=5,
     observer=True,
     parameters=GraderParameters,

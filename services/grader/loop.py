@@ -8,8 +8,18 @@ import msgspec
 
 from messages.parameters import ParameterValues
 from messages.std import SECOND
-from messages.topics import BASE_STATUS, GROUND_TRUTH, HEALTH, ODOM, PLAN, STATUS, UPDATES
-from services.grader import GraderParameters, Halting
+from messages.topics import (
+    BASE_STATUS,
+    CONTROL_STATE,
+    GROUND_TRUTH,
+    HEALTH,
+    JOINT_STATES,
+    ODOM,
+    PLAN,
+    STATUS,
+    UPDATES,
+)
+from services.grader import Arm, GraderParameters, Halting
 from services.grader.folder import prepare
 from services.grader.measure import Kind, Run
 from services.grader.records import Ended
@@ -25,15 +35,16 @@ def run(ctx: Context[GraderParameters]) -> None:
     p = ctx.params
     folder = prepare(Path(p.output))
     robots = [name.strip("/") for name in p.robots]
-    watched = [Watched(ctx, name) for name in robots]
+    arms = {each.name.strip("/"): each for each in p.arms}
+    watched = [WatchedArm(ctx, name, arms[name]) if name in arms else Watched(ctx, name) for name in robots]
     health = ctx.stream(HEALTH)
     halting = {each.name.strip("/"): each for each in p.halting}
-    graded = Run(robots, p.reach_tolerance, halting)
+    graded = Run(robots, p.reach_tolerance, halting, arms)
     ended: Ended = "stopped"
     try:
         for tick in ctx.ticks():
             if tick.reset:
-                graded = Run(robots, p.reach_tolerance, halting)
+                graded = Run(robots, p.reach_tolerance, halting, arms)
             for robot in watched:
                 robot.pass_on(graded, tick.time, halting)
             graded.health(health.take())
@@ -41,7 +52,7 @@ def run(ctx: Context[GraderParameters]) -> None:
             last = round(p.duration * SECOND)
             end = min(tick.time - BEHIND, last) if last else tick.time - BEHIND
             graded.advance(end)
-            if p.ends == "goals" and graded.finished:
+            if p.ends == "goals" and graded.finished and end >= p.not_before * SECOND:
                 ended = "goals"
                 break
             if p.ends != "never" and last and end >= last:
@@ -75,6 +86,26 @@ class Watched:
         graded.take(Kind.ODOMETRY, self._robot, self._odometry.take())
         graded.take(Kind.TRUTH, self._robot, self._truth.take())
         graded.take(Kind.BASE, self._robot, self._base.take())
+
+
+class WatchedArm:
+    """The streams of one arm. Its controller's largest effort is followed in the set of parameters beside its state."""
+
+    def __init__(self, ctx: Context[GraderParameters], robot: str, arm: Arm) -> None:
+        self._robot, self._arm = robot, arm
+        self._joints = ctx.stream(JOINT_STATES, f"/{robot}/joint_states")
+        self._control = ctx.stream(CONTROL_STATE, arm.state)
+        self._set = ctx.stream(UPDATES, f"{arm.state.rpartition('/')[0]}/parameter_updates")
+
+    def pass_on(self, graded: Run, now: int, _: dict[str, Halting]) -> None:
+        """Hand what has come by ``now`` [ns] to the measuring."""
+        for values in self._set.take():
+            told = {each.name: each.value for each in values.values}.get("saturation")
+            if isinstance(told, float | int) and not isinstance(told, bool):
+                self._arm = msgspec.structs.replace(self._arm, saturation=float(told))
+                graded.arm(now, self._robot, self._arm)
+        graded.take(Kind.JOINTS, self._robot, self._joints.take())
+        graded.take(Kind.CONTROL, self._robot, self._control.take())
 
 
 def halted(robot: str, values: ParameterValues) -> Halting | None:

@@ -6,18 +6,21 @@ import math
 from collections.abc import Iterable, Mapping
 from enum import IntEnum
 
+from messages.control import JointControllerState
 from messages.elea import BaseStatus, GoalStatus, Health
 from messages.nav import Odometry, Path
+from messages.sensor import JointState
 from messages.std import SECOND
-from services.grader import Halting
+from services.grader import Arm, Halting
+from services.grader.arm import ArmMeter
 from services.grader.losses import Losses
 from services.grader.records import Ended, Measurements
 from services.grader.reference import Point
 from services.grader.robot import RobotMeter
 from services.grader.trajectory import trajectory_hash
 
-Stamped = Odometry | Path | GoalStatus | BaseStatus
-Judged = Stamped | Halting
+Stamped = Odometry | Path | GoalStatus | BaseStatus | JointState | JointControllerState
+Judged = Stamped | Halting | Arm
 
 
 class Kind(IntEnum):
@@ -29,6 +32,9 @@ class Kind(IntEnum):
     TRUTH = 3
     BASE = 4
     HALTING = 5
+    JOINTS = 6
+    CONTROL = 7
+    ARM = 8
 
 
 class Run:
@@ -38,10 +44,17 @@ class Run:
     """
 
     def __init__(
-        self, robots: Iterable[str], reach_tolerance: float, halting: Mapping[str, Halting] | None = None
+        self,
+        robots: Iterable[str],
+        reach_tolerance: float,
+        halting: Mapping[str, Halting] | None = None,
+        arms: Mapping[str, Arm] | None = None,
     ) -> None:
-        bases = halting or {}
-        self.robots = {name: RobotMeter(reach_tolerance, bases.get(name)) for name in sorted(robots)}
+        bases, jointed = halting or {}, arms or {}
+        self.robots: dict[str, RobotMeter | ArmMeter] = {
+            name: ArmMeter(jointed[name]) if name in jointed else RobotMeter(reach_tolerance, bases.get(name))
+            for name in sorted(robots)
+        }
         self.losses = Losses()
         self._waiting: list[tuple[int, Kind, str, Judged]] = []
         self._end = 0
@@ -55,6 +68,10 @@ class Run:
     def halting(self, stamp: int, robot: str, halting: Halting) -> None:
         """The base of a robot stops like this from ``stamp`` [ns] on."""
         self._waiting.append((stamp, Kind.HALTING, robot, halting))
+
+    def arm(self, stamp: int, robot: str, arm: Arm) -> None:
+        """What is known of an arm from ``stamp`` [ns] on."""
+        self._waiting.append((stamp, Kind.ARM, robot, arm))
 
     def health(self, beats: Iterable[Health]) -> None:
         """Take heartbeats of any nodes."""
@@ -72,8 +89,8 @@ class Run:
 
     @property
     def finished(self) -> bool:
-        """Whether every robot has finished its plan."""
-        return bool(self.robots) and all(meter.progress.finished_at is not None for meter in self.robots.values())
+        """Whether every robot has finished its plan, and every arm rests where it should."""
+        return bool(self.robots) and all(meter.finished_at is not None for meter in self.robots.values())
 
     def measurements(self, ended: Ended) -> Measurements:
         """All figures up to the last ``advance``."""
@@ -82,24 +99,33 @@ class Run:
             sim_seconds=self._end / SECOND,
             trajectory_hash=trajectory_hash({name: meter.fingerprint for name, meter in self.robots.items()}),
             messages_lost=self.losses.total(),
-            robots={name: meter.figures(self.losses.of(name)) for name, meter in self.robots.items()},
+            robots={name: meter.figures(self._lost(name)) for name, meter in self.robots.items()},
         )
 
+    def _lost(self, name: str) -> int:
+        jointed = isinstance(self.robots[name], ArmMeter)
+        return self.losses.of(name) + (self.losses.of("robot_control") if jointed else 0)
+
     def _judge(self, stamp: int, kind: Kind, name: str, message: Judged) -> None:
-        meter = self.robots[name]
-        match kind, message:
-            case Kind.TRUTH, Odometry():
+        match self.robots[name], kind, message:
+            case RobotMeter() as meter, Kind.TRUTH, Odometry():
                 self._space(stamp, name, meter.truth(message))
-            case Kind.ODOMETRY, Odometry():
+            case RobotMeter() as meter, Kind.ODOMETRY, Odometry():
                 meter.drift.take(message)
-            case Kind.PLAN, Path():
+            case RobotMeter() as meter, Kind.PLAN, Path():
                 meter.tell(message)
-            case Kind.STATUS, GoalStatus():
+            case RobotMeter() as meter, Kind.STATUS, GoalStatus():
                 meter.tell(message)
-            case Kind.BASE, BaseStatus():
+            case RobotMeter() as meter, Kind.BASE, BaseStatus():
                 meter.base(message)
-            case Kind.HALTING, Halting():
+            case RobotMeter() as meter, Kind.HALTING, Halting():
                 meter.stops.halting = message
+            case ArmMeter() as arm, Kind.JOINTS, JointState():
+                arm.joints(message)
+            case ArmMeter() as arm, Kind.CONTROL, JointControllerState():
+                arm.control(message)
+            case ArmMeter() as arm, Kind.ARM, Arm():
+                arm.arm = message
 
     def _space(self, stamp: int, name: str, here: Point) -> None:
         """Distances between the robots that have a sample of one and the same instant."""
@@ -108,5 +134,6 @@ class Run:
         for other, there in self._places.items():
             distance = math.hypot(here[0] - there[0], here[1] - there[1])
             for each in (self.robots[name], self.robots[other]):
+                assert isinstance(each, RobotMeter)
                 each.nearest = min(each.nearest, distance)
         self._places[name] = here

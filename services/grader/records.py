@@ -16,6 +16,10 @@ def _count(text: str) -> Meta:
     return Meta(ge=0, description=text)
 
 
+def _signed(text: str, unit: str) -> Meta:
+    return Meta(description=text, extra_json_schema={"unit": unit})
+
+
 class CornerFigures(msgspec.Struct, frozen=True, kw_only=True):
     """A corner of a closed way, where the robot said that it had reached it; headings are off to the left if positive.
 
@@ -33,8 +37,8 @@ class CornerFigures(msgspec.Struct, frozen=True, kw_only=True):
     ]
 
 
-class RobotFigures(msgspec.Struct, frozen=True, kw_only=True):
-    """One robot, measured on ground truth in simulation time. null: there was nothing to measure."""
+class RobotFigures(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", tag="base"):
+    """One robot that drives, measured on ground truth in simulation time. null: there was nothing to measure."""
 
     points: Annotated[int, _count("points of the robot's last plan, all laps counted")]
     points_reached: Annotated[int, _count("points to which the robot truly came within the reach tolerance")]
@@ -88,6 +92,48 @@ class RobotFigures(msgspec.Struct, frozen=True, kw_only=True):
     samples: Annotated[int, _count("ground-truth samples measured")]
 
 
+class StepFigures(msgspec.Struct, frozen=True, kw_only=True):
+    """A step of the set-point of an arm, from where it had rested for half a second to where it then stays."""
+
+    at_s: Annotated[float, _figure("simulation time of the step", "s")]
+    from_deg: Annotated[float, _signed("set-point before", "deg")]
+    to_deg: Annotated[float, _signed("set-point after", "deg")]
+    final_deg: Annotated[float, _signed("true angle that it comes to: the mean of the last half second", "deg")]
+    rise_s: Annotated[float, _figure("time from 10 to 90 % of the way to the final angle", "s")]
+    overshoot_percent: Annotated[float, _figure("way beyond the final angle, of the way there", "%")]
+    settling_s: Annotated[float, _figure("time after which it stays within 2 % of the way of the final angle", "s")]
+    steady_error_deg: Annotated[float, _figure("set-point less final angle, without sign", "deg")]
+
+
+class ArmFigures(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", tag="arm"):
+    """One arm, measured on its true angle in simulation time. null: there was nothing to measure."""
+
+    steps: Annotated[tuple[StepFigures, ...], Meta(description="the steps of its set-point, in order")]
+    step_final_deg: Annotated[float, _signed("of the largest step, see its entry in steps", "deg")] | None
+    step_rise_s: Annotated[float, _figure("of the largest step", "s")] | None
+    step_overshoot_percent: Annotated[float, _figure("of the largest step", "%")] | None
+    step_settling_s: Annotated[float, _figure("of the largest step", "s")] | None
+    step_steady_error_deg: Annotated[float, _figure("of the largest step", "deg")] | None
+    tracking_rms_deg: (
+        Annotated[float, _figure("root mean square of the error in motion, but for its first second", "deg")] | None
+    )
+    tracking_max_deg: Annotated[float, _figure("largest of these errors", "deg")] | None
+    effort_max_nm: Annotated[float, _figure("largest effort that was asked for", "N m")] | None
+    effort_rms_nm: Annotated[float, _figure("root mean square of the effort", "N m")] | None
+    saturated_s: Annotated[float, _figure("time at the largest effort that the controller may ask for", "s")]
+    saturated_share: Annotated[float, _figure("its share of the time under control", "1")]
+    control_gap_s: Annotated[float, _figure("longest time between two ticks of the controller", "s")] | None
+    time_s: (
+        Annotated[float, _figure("simulation time at which it had finished: set-point and arm had rested for 1 s", "s")]
+        | None
+    )
+    messages_lost: Annotated[int, _count("messages of the arm's topics that a reader missed")]
+    samples: Annotated[int, _count("joint states measured")]
+
+
+Figures = RobotFigures | ArmFigures
+"""What was measured of one robot; ``kind`` tells which of the two."""
+
 Ended = Literal["goals", "duration", "stopped"]
 
 
@@ -98,7 +144,7 @@ class Measurements(msgspec.Struct, frozen=True, kw_only=True):
     sim_seconds: float
     trajectory_hash: str
     messages_lost: int
-    robots: dict[str, RobotFigures]
+    robots: dict[str, Figures]
 
 
 MEASUREMENTS_FILE = "measurements.json"
@@ -107,3 +153,6 @@ TRAJECTORIES_FILE = "trajectories.npz"
 TRAIL_COLUMNS = ("time", "x", "y", "yaw", "odom_x", "odom_y", "cross_track", "speed")
 """Columns of ``<robot>.trail`` in the trajectories: s, m, m, rad, m, m, m, m/s; nan where unknown. The reference path
 is ``<robot>.path``, x and y in m."""
+
+ARM_COLUMNS = ("time", "reference", "angle", "error", "effort")
+"""Columns of the ``<robot>.trail`` of an arm: s, deg, deg, deg, N m; it ends where the arm has finished."""

@@ -35,6 +35,11 @@ class RobotMeter:
         self._length = 0.0
         self._last: Point | None = None
 
+    @property
+    def finished_at(self) -> float | None:
+        """When the robot had finished its plan, s; None before."""
+        return self.progress.finished_at
+
     def tell(self, message: Path | GoalStatus) -> None:
         """Take a plan or a status."""
         self._told.append(message)

@@ -9,16 +9,20 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
+from services.grader.arm import ArmMeter
 from services.grader.folder import write_whole
-from services.grader.records import MEASUREMENTS_FILE, TRAIL_COLUMNS, TRAJECTORIES_FILE, Measurements
+from services.grader.records import ARM_COLUMNS, MEASUREMENTS_FILE, TRAIL_COLUMNS, TRAJECTORIES_FILE, Measurements
 from services.grader.robot import RobotMeter
 
 
-def store(folder: Path, measurements: Measurements, robots: Mapping[str, RobotMeter]) -> None:
+def store(folder: Path, measurements: Measurements, robots: Mapping[str, RobotMeter | ArmMeter]) -> None:
     """Write both files; the figures come last, so whoever finds them finds the trails too. Raises BadInput."""
     arrays: dict[str, np.ndarray] = {}
     for name, meter in robots.items():
-        arrays[f"{name}.trail"] = np.array(meter.trail.rows, float).reshape(-1, len(TRAIL_COLUMNS))
+        columns = ARM_COLUMNS if isinstance(meter, ArmMeter) else TRAIL_COLUMNS
+        arrays[f"{name}.trail"] = np.array(meter.trail.rows, float).reshape(-1, len(columns))
+        if isinstance(meter, ArmMeter):
+            continue
         reference = meter.progress.reference
         arrays[f"{name}.path"] = np.array(reference.corners if reference else (), float).reshape(-1, 2)
     packed = BytesIO()

@@ -9,13 +9,17 @@ from collections.abc import Mapping
 from messages.geometry import Pose
 
 _SAMPLE = struct.Struct("<q7d")
+_JOINT = struct.Struct("<q2d")
 
 TRAIL_LENGTH = 6000
 """Most points that a trail keeps; five minutes at 50 Hz are thinned to 3750."""
 
 
 class Fingerprint:
-    """SHA-256 over the samples of one robot in the order of their stamps: ns as int64, x y z qx qy qz qw as doubles."""
+    """SHA-256 over the samples of one robot in the order of their stamps.
+
+    Each is ns as int64 and doubles: x y z qx qy qz qw of a base, angle and rate of an arm's joint.
+    """
 
     def __init__(self) -> None:
         self._hash = hashlib.sha256()
@@ -24,6 +28,10 @@ class Fingerprint:
         """Take in one sample; ``stamp`` in ns."""
         p, q = pose.position, pose.orientation
         self._hash.update(_SAMPLE.pack(stamp, p.x, p.y, p.z, q.x, q.y, q.z, q.w))
+
+    def add_joint(self, stamp: int, angle: float, rate: float) -> None:
+        """Take in one sample of an arm: ns, rad, rad/s."""
+        self._hash.update(_JOINT.pack(stamp, angle, rate))
 
     def digest(self) -> bytes:
         """The 32 bytes so far."""

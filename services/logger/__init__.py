@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from messages.base import Metres
-from messages.topics import CMD_VEL, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, ROSOUT, STATUS
+from messages.topics import CMD_VEL, CONTROL_STATE, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, ROSOUT, STATUS
 from services.runtime.service import Parameters, Service
 
 _FIXED = {"live": False}
@@ -23,6 +23,10 @@ class LoggerParameters(Parameters, frozen=True, kw_only=True):
     models: Annotated[
         tuple[str, ...], Meta(description="model of each robot; a single one stands for all of them", extra=_FIXED)
     ] = ("burger",)
+    states: Annotated[
+        tuple[str, ...],
+        Meta(description="where each robot's joint controller tells its state; empty for those without", extra=_FIXED),
+    ] = ()
     file: Annotated[
         str, Meta(description="the recording; empty means run.rrd in the working directory", extra=_FIXED)
     ] = ""
@@ -66,7 +70,7 @@ SERVICE = Service(
     name="logger",
     about="records robots, trails, plots and log for the rerun viewer, into a file and live",
     run="services.logger.loop:run",
-    reads=(GROUND_TRUTH, ODOM, CMD_VEL, JOINT_STATES, PLAN, STATUS, ROSOUT),
+    reads=(GROUND_TRUTH, ODOM, CMD_VEL, JOINT_STATES, CONTROL_STATE, PLAN, STATUS, ROSOUT),
     rate=5,
     parameters=LoggerParameters,
     observer=True,

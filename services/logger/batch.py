@@ -18,7 +18,8 @@ class Batch:
     At ``times`` (n,): ``positions`` (n, 3), ``quaternions`` (n, 4) as x, y, z, w, and ``gauges`` (n, 4), which are
     speed and command [m/s], cross-track error and distance to the goal [m]; NaN where there is nothing to tell.
     ``odometry_error`` (k, 1) [m] stands at ``odometry_times``, the segments ``trail`` (m, 2, 3) at ``trail_times``,
-    ``angles`` (j, joints) [rad] at ``joint_times``. ``plan`` (p, 3) is a new reference path, from ``plan_time`` on.
+    ``angles`` (j, joints) [rad] at ``joint_times``, ``control`` (c, 4) at ``control_times``: what a joint's controller
+    wants, sees, misses and does, deg, deg, deg, N m. ``plan`` (p, 3) is a new reference path, from ``plan_time`` on.
     """
 
     times: Stamps
@@ -32,5 +33,7 @@ class Batch:
     joints: tuple[str, ...]
     joint_times: Stamps
     angles: Floats
+    control_times: Stamps
+    control: Floats
     plan_time: int
     plan: Floats | None

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
 
 import rerun as rr
 import rerun.blueprint as rrb
 
+from services.logger import paths
 from services.logger.paths import COMMANDED, CROSS_TRACK, DISTANCE, LOG, ODOMETRY_ERROR, SPEED, collisions, trail
 
 Extent = tuple[float, float, float, float]
@@ -14,13 +16,17 @@ Extent = tuple[float, float, float, float]
 DARK = (18, 20, 24)
 
 
-def blueprint(robots: Sequence[tuple[str, str]], extent: Extent, timelines: Sequence[str]) -> rrb.Blueprint:
-    """The layout for robots as (name, name of the URDF's robot), on the last of ``timelines``.
+def blueprint(
+    robots: Sequence[tuple[str, str]], arms: AbstractSet[str], extent: Extent, timelines: Sequence[str]
+) -> rrb.Blueprint:
+    """The layout for robots as (name, name of the URDF's robot), ``arms`` among them, on the last of ``timelines``.
 
     ``extent`` [m] is the ground that the world shows at first: x and y of one corner, then of the opposite one.
     """
     names = [name for name, _ in robots]
-    own = [_robot(name, [each == name for each in names]) for name in names]
+    driving = [name for name in names if name not in arms]
+    own = [_arm(name) if name in arms else _robot(name, [each == name for each in driving]) for name in names]
+    plots = [_fleet(), *own] if driving or not names else own
     log = rrb.TextLogView(
         origin=LOG,
         name="Log",
@@ -29,7 +35,7 @@ def blueprint(robots: Sequence[tuple[str, str]], extent: Extent, timelines: Sequ
     return rrb.Blueprint(
         rrb.Horizontal(
             _world(robots, extent, timelines),
-            rrb.Vertical(rrb.Tabs(_fleet(), *own, active_tab=0, name="plots"), log, row_shares=[9, 2]),
+            rrb.Vertical(rrb.Tabs(*plots, active_tab=0, name="plots"), log, row_shares=[9, 2]),
             column_shares=[11, 9],
         ),
         rrb.TimePanel(timeline=timelines[-1], state="collapsed", play_state="following"),
@@ -86,6 +92,15 @@ def _robot(name: str, only: list[bool]) -> rrb.Vertical:
         _plot("Cross-track error [m]", CROSS_TRACK, only=only),
         _plot("Odometry against ground truth [m]", ODOMETRY_ERROR, only=only),
         _plot("Distance to the goal [m]", DISTANCE, only=only),
+        name=name,
+    )
+
+
+def _arm(name: str) -> rrb.Vertical:
+    return rrb.Vertical(
+        _plot("Angle, and reference (darker) [deg]", paths.angle(name)),
+        _plot("Error [deg]", paths.error(name)),
+        _plot("Effort [N m]", paths.effort(name)),
         name=name,
     )
 

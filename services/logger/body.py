@@ -21,12 +21,18 @@ TRAIL_WIDTH = -1.8
 MARGIN = 0.055
 """How far a robot's coloured disc on the ground reaches beyond it, m."""
 
+HEIGHT, STANDING_HEIGHT = 0.6, 1.6
+"""Of the name over the ground, m: over a robot that drives, and over an arm."""
+
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 
 class Body:
-    """The robot ``name``, built as ``model``; raises BadInput for an unknown model or an unreadable URDF."""
+    """The robot ``name``, built as ``model``; raises BadInput for an unknown model or an unreadable URDF.
+
+    ``stands`` tells that it does not drive: it is an arm.
+    """
 
     def __init__(self, name: str, model: str, colour: Colour) -> None:
         self.name, self.colour = name, colour
@@ -39,7 +45,9 @@ class Body:
             raise BadInput(f"logger, robot {name}: {error}") from None
         except (RuntimeError, ValueError, OSError) as error:
             raise BadInput(f"logger, robot {name}: the URDF of {model} cannot be read: {error}") from None
-        self._radius = read_model(model).radius + MARGIN
+        figures = read_model(model)
+        self.stands = figures.wheels is None
+        self._radius = figures.radius + MARGIN
         self._joints = {joint.name: joint for joint in read_joints(model) if joint.kind != "fixed"}
         self.tree_name = self._tree.name
         self._frame = f"{name}/{self._tree.root_link().name}"
@@ -47,6 +55,29 @@ class Body:
     def log_to(self, stream: rr.RecordingStream) -> None:
         """Log what does not change: geometry, fixed transforms, styles of trail and reference path."""
         self._tree.log_urdf_to_recording(stream)
+        if not self.stands:
+            self._log_disc(stream)
+        stream.log(
+            f"{paths.marker(self.name)}/name",
+            rr.CoordinateFrame(self._frame),
+            rr.Points3D(
+                [(0, 0, STANDING_HEIGHT if self.stands else HEIGHT)],
+                radii=[0.0],
+                colors=[self.colour],
+                labels=[self.name],
+                show_labels=True,
+            ),
+            static=True,
+        )
+        stream.log(
+            paths.trail(self.name),
+            rr.CoordinateFrame("world"),
+            rr.LineStrips3D.from_fields(colors=[self.colour], radii=[TRAIL_WIDTH]),
+            static=True,
+        )
+        stream.log(paths.reference(self.name), rr.CoordinateFrame("world"), static=True)
+
+    def _log_disc(self, stream: rr.RecordingStream) -> None:
         stream.log(
             paths.marker(self.name),
             rr.CoordinateFrame(self._frame),
@@ -59,19 +90,6 @@ class Body:
             ),
             static=True,
         )
-        stream.log(
-            f"{paths.marker(self.name)}/name",
-            rr.CoordinateFrame(self._frame),
-            rr.Points3D([(0, 0, 0.6)], radii=[0.0], colors=[self.colour], labels=[self.name], show_labels=True),
-            static=True,
-        )
-        stream.log(
-            paths.trail(self.name),
-            rr.CoordinateFrame("world"),
-            rr.LineStrips3D.from_fields(colors=[self.colour], radii=[TRAIL_WIDTH]),
-            static=True,
-        )
-        stream.log(paths.reference(self.name), rr.CoordinateFrame("world"), static=True)
 
     def transforms(self, batch: Batch) -> tuple[Stamps, rr.ComponentColumnList]:
         """Times and rows of all that moves. The frames are named in each row, since a transform is one whole."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from messages.control import JointControllerState
 from messages.elea import GoalStatus
 from messages.geometry import Twist
 from messages.nav import Odometry, Path
@@ -28,12 +29,12 @@ class RobotColumns:
         self._truth, self._odometry, self._commands = Buffer(9, limit), Buffer(5, limit), Buffer(2, limit)
         self._limit = limit
         self._joint_names: tuple[str, ...] = ()
-        self._joints = Buffer(1, limit)
+        self._joints, self._control = Buffer(1, limit), Buffer(5, limit)
         self.clear()
 
     def clear(self) -> None:
         """Forget everything but the count of dropped rows."""
-        for buffer in (self._truth, self._odometry, self._commands, self._joints):
+        for buffer in self._buffers:
             buffer.take()
         self._last_truth: Floats = np.empty((0, 9))
         self._last_command = np.nan
@@ -46,7 +47,11 @@ class RobotColumns:
     @property
     def dropped(self) -> int:
         """Rows lost because more came than the buffers hold."""
-        return sum(each.dropped for each in (self._truth, self._odometry, self._commands, self._joints))
+        return sum(each.dropped for each in self._buffers)
+
+    @property
+    def _buffers(self) -> tuple[Buffer, ...]:
+        return self._truth, self._odometry, self._commands, self._joints, self._control
 
     def add_truth(self, messages: Sequence[Odometry]) -> None:
         """Ground truth: pose in the world, speed in the body."""
@@ -83,6 +88,10 @@ class RobotColumns:
                 rows.append((stamp.sec * 1_000_000_000 + stamp.nanosec, *m.position))
         self._joints.extend(rows)
 
+    def add_control(self, messages: Sequence[JointControllerState]) -> None:
+        """What the controller of the robot's joint wants, sees and does."""
+        self._control.extend([(m.header.stamp.ns, m.set_point, m.process_value, m.error, m.command) for m in messages])
+
     def add_plan(self, plan: Path) -> None:
         """The goals from now on; the same goals again change nothing, unless time has begun anew."""
         known = self._plan
@@ -98,7 +107,7 @@ class RobotColumns:
 
     def flush(self) -> Batch:
         """Everything since the last call, as columns."""
-        truth, joints = self._truth.take(), self._joints.take()
+        truth, joints, control = self._truth.take(), self._joints.take(), self._control.take()
         times = _stamps(truth)
         known = np.vstack((self._last_truth, truth))
         odometry_times, odometry_error = self._compare(known, self._odometry.take())
@@ -123,6 +132,8 @@ class RobotColumns:
             joints=self._joint_names,
             joint_times=_stamps(joints),
             angles=joints[:, 1:],
+            control_times=_stamps(control),
+            control=control[:, 1:],
             plan_time=self._plan.header.stamp.ns if self._plan else 0,
             plan=plan,
         )

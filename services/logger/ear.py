@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from messages.topics import CMD_VEL, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, STATUS
+from messages.topics import CMD_VEL, CONTROL_STATE, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, STATUS
 from services.logger import LoggerParameters
 from services.logger.columns import RobotColumns
 from services.runtime.context import Context
 
 
 class Ear:
-    """Subscribes to a robot's topics and hands them to its columns."""
+    """Subscribes to a robot's topics and hands them to its columns; ``state`` is that of an arm's controller."""
 
-    def __init__(self, ctx: Context[LoggerParameters], robot: str) -> None:
+    def __init__(self, ctx: Context[LoggerParameters], robot: str, state: str = "") -> None:
         self.robot, self.columns = robot, RobotColumns()
         self._truth = ctx.stream(GROUND_TRUTH, f"/{robot}/{GROUND_TRUTH.name}")
         self._odometry = ctx.stream(ODOM, f"/{robot}/{ODOM.name}")
@@ -19,6 +19,7 @@ class Ear:
         self._joints = ctx.stream(JOINT_STATES, f"/{robot}/{JOINT_STATES.name}")
         self._plans = ctx.stream(PLAN, f"/{robot}/{PLAN.name}")
         self._status = ctx.stream(STATUS, f"/{robot}/{STATUS.name}")
+        self._control = ctx.stream(CONTROL_STATE, state) if state else None
 
     def collect(self, now: int, dt: float) -> None:
         """Take over what came in the ``dt`` [s] before ``now`` [ns]."""
@@ -26,6 +27,8 @@ class Ear:
         self.columns.add_odometry(self._odometry.take())
         self.columns.add_commands(self._commands.take(), now, dt)
         self.columns.add_joints(self._joints.take())
+        if self._control is not None:
+            self.columns.add_control(self._control.take())
         for plan in self._plans.take():
             self.columns.add_plan(plan)
         for status in self._status.take():
@@ -36,4 +39,6 @@ class Ear:
         streams = (self._truth, self._odometry, self._commands, self._joints, self._plans, self._status)
         for stream in streams:
             stream.refresh()
+        if self._control is not None:
+            self._control.refresh()
         self.collect(now, 0.0)

@@ -29,7 +29,8 @@ def run(ctx: Context[LoggerParameters]) -> None:
     with Recording(file, robots, p.extent, ctx.log.warn, port, p.memory, p.footer) as recording:
         ctx.log.info(f"recording to {file}" + (f", live at {recording.url}" if recording.url else ""))
         show(ctx, recording)
-        ears = [Ear(ctx, robot) for robot, _ in robots]
+        states = dict(zip((robot for robot, _ in robots), p.states, strict=False))
+        ears = [Ear(ctx, robot, states.get(robot, "")) for robot, _ in robots]
         lines = ctx.stream(ROSOUT)
         due = time.monotonic() + p.window
         try:

@@ -13,6 +13,21 @@ ODOMETRY_ERROR = "/plots/odometry_error"
 DISTANCE = "/plots/distance"
 
 
+def angle(robot: str) -> str:
+    """What the controller of an arm wants and what is: two series, deg."""
+    return f"/plots/angle/{robot}"
+
+
+def error(robot: str) -> str:
+    """Wanted angle less true one, deg."""
+    return f"/plots/error/{robot}"
+
+
+def effort(robot: str) -> str:
+    """What the controller of an arm does, N m."""
+    return f"/plots/effort/{robot}"
+
+
 def timeline(resets: int) -> str:
     """``sim_time``, and ``sim_time_2`` after the first reset: time starts anew, so the two are never mixed."""
     return f"{TIMELINE}_{resets + 1}" if resets else TIMELINE

@@ -92,9 +92,11 @@ class Recording:
 
     def write(self, batches: Mapping[str, Batch], last: bool = False) -> None:
         """Append the robots' batches; plots wait for the slowest robot, unless it is the ``last`` time."""
-        for index, body in enumerate(self._bodies.values()):
+        for body in self._bodies.values():
             if (batch := batches.get(body.name)) is not None:
                 self._write_body(body, batch)
+        for index, body in enumerate(self._driving):
+            if (batch := batches.get(body.name)) is not None:
                 self._gauges.add(index, batch.times, batch.gauges)
                 self._odometry.add(index, batch.odometry_times, batch.odometry_error)
         times, gauges = self._gauges.take(last)
@@ -124,6 +126,10 @@ class Recording:
         times, transforms = body.transforms(batch)
         if len(times):
             self._send(paths.transforms(body.name), times, transforms)
+        if len(batch.control):
+            self._send(paths.angle(body.name), batch.control_times, _series(batch.control[:, :2]))
+            self._send(paths.error(body.name), batch.control_times, _series(batch.control[:, 2:3]))
+            self._send(paths.effort(body.name), batch.control_times, _series(batch.control[:, 3:]))
         if len(batch.trail):
             strips = rr.LineStrips3D.columns(strips=batch.trail.astype(np.float32))
             self._send(paths.trail(body.name), batch.trail_times, strips)
@@ -131,8 +137,7 @@ class Recording:
     def _plot(self, entity: str, times: Stamps, values: Floats) -> None:
         """Rows of one value for each robot; a plot of which nothing is known yet is not begun."""
         if not np.isnan(values).all():
-            series = rr.Scalars.columns(scalars=values.ravel()).partition([values.shape[1]] * len(values))
-            self._send(entity, times, series)
+            self._send(entity, times, _series(values))
 
     def _send(self, entity: str, times: Stamps, columns: rr.ComponentColumnList) -> None:
         index = rr.TimeColumn(paths.timeline(self._resets), duration=times.astype("timedelta64[ns]"))
@@ -140,8 +145,7 @@ class Recording:
         self._begun = True
 
     def _log_styles(self) -> None:
-        names = list(self._bodies)
-        colours = [body.colour for body in self._bodies.values()]
+        names, colours = [body.name for body in self._driving], [body.colour for body in self._driving]
         for plot in (paths.SPEED, paths.CROSS_TRACK, paths.ODOMETRY_ERROR, paths.DISTANCE):
             lines = rr.SeriesLines(colors=colours, names=names, widths=[1.5] * len(names))
             self._stream.log(plot, lines, static=True)
@@ -151,10 +155,31 @@ class Recording:
             widths=[1.5] * len(names),
         )
         self._stream.log(paths.COMMANDED, commands, static=True)
+        for body in self._arms:
+            name, shades = body.name, [dimmed(body.colour), body.colour]
+            lines = rr.SeriesLines(colors=shades, names=["reference", "angle"], widths=[1.5, 1.5])
+            self._stream.log(paths.angle(name), lines, static=True)
+            for single, said in ((paths.error(name), "error"), (paths.effort(name), "effort")):
+                line = rr.SeriesLines(colors=shades[1:], names=[said], widths=[1.5])
+                self._stream.log(single, line, static=True)
+
+    @property
+    def _driving(self) -> list[Body]:
+        return [body for body in self._bodies.values() if not body.stands]
+
+    @property
+    def _arms(self) -> list[Body]:
+        return [body for body in self._bodies.values() if body.stands]
 
     def _new_tables(self) -> None:
-        self._gauges, self._odometry = Table(len(self._bodies), 4), Table(len(self._bodies), 1)
+        self._gauges, self._odometry = Table(len(self._driving), 4), Table(len(self._driving), 1)
 
     def _layout(self) -> rr.blueprint.Blueprint:
         robots = [(body.name, body.tree_name) for body in self._bodies.values()]
-        return blueprint(robots, self._extent, [paths.timeline(reset) for reset in range(self._resets + 1)])
+        arms = {body.name for body in self._arms}
+        return blueprint(robots, arms, self._extent, [paths.timeline(reset) for reset in range(self._resets + 1)])
+
+
+def _series(values: Floats) -> rr.ComponentColumnList:
+    """A row of values (n, series) for each time."""
+    return rr.Scalars.columns(scalars=values.ravel()).partition([values.shape[1]] * len(values))

@@ -127,14 +127,15 @@ class Context(Generic[P]):
         """Answer a request in this loop; the handler raises BadInput to refuse with a reason."""
         self._node.serve(request, handler, name)
 
-    def ticks(self) -> Iterator[Tick]:
+    def ticks(self, rate: float | None = None) -> Iterator[Tick]:
         """The loop's steps at the service's rate of simulation time, until the process is asked to end (Stopped).
 
-        Inputs are a snapshot taken as the tick starts. At a reset they are empty but for what is latched.
+        Inputs are a snapshot taken as the tick starts. At a reset they are empty but for what is latched. ``rate`` [Hz]
+        takes the place of the declared one, for services that make it a parameter.
         """
-        if self._rate is None:
+        if (chosen := rate or self._rate) is None:
             raise BadInput("a service without a rate has no ticks")
-        period = period_of(self._rate, self._lockstep)
+        period = period_of(chosen, self._lockstep)
         pacer: Pacer = (LockstepPacer if self._lockstep else ClockPacer)(self._node, period)
         if self._node.following is not None:
             self._node.following.marks = pacer.marks

@@ -82,6 +82,11 @@ class Input(Generic[M]):
         """End the subscription."""
         self.inlet.close()
 
+    def refuse(self, reason: str) -> None:
+        """Count a sample as refused, as its owner does with one that decodes and still makes no sense."""
+        self.refused += 1
+        self.reason = reason[:200]
+
     def health(self) -> InputHealth:
         """The counts, as they are shown."""
         return InputHealth(
@@ -127,12 +132,12 @@ class Input(Generic[M]):
                 self.lost += sequence - last - 1
             self._last[publisher] = sequence
         if len(payload) > self._largest:
-            self._refuse(f"{len(payload)} bytes, the limit is {self._largest}")
+            self.refuse(f"{len(payload)} bytes, the limit is {self._largest}")
             return None
         try:
             message = self._decode(payload)
         except FAULTS as error:
-            self._refuse(str(error))
+            self.refuse(str(error))
             return None
         self.received += 1
         return message, origin
@@ -144,18 +149,14 @@ class Input(Generic[M]):
         """
         key, kind = self.inlet.key(source), self.inlet.encoding(source)
         if key != self.key:
-            self._refuse(f"sent to {key[:80]!r}, not to this topic alone")
+            self.refuse(f"sent to {key[:80]!r}, not to this topic alone")
         elif kind and kind != self.encoding:
-            self._refuse(f"expected {self.encoding}, got {kind[:80]}")
+            self.refuse(f"expected {self.encoding}, got {kind[:80]}")
         elif self._only and (origin is None or origin.publisher[:NODE_BYTES] != self._only):
-            self._refuse(f"not from the node {self.topic.only}, which alone may publish it")
+            self.refuse(f"not from the node {self.topic.only}, which alone may publish it")
         else:
             return True
         return False
-
-    def _refuse(self, reason: str) -> None:
-        self.refused += 1
-        self.reason = reason[:200]
 
     def _await(self, awaited: dict[bytes, int], fresh: list[tuple[M, Origin | None]]) -> None:
         """Block until every awaited sample is there; what does not come within PATIENCE_S is counted as lost."""

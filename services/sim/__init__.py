@@ -6,22 +6,33 @@ import msgspec
 from msgspec import Meta
 
 from messages.requests import (
+    APPLY_EFFORT,
+    APPLY_WRENCH,
+    CLEAR_EFFORT,
+    CLEAR_WRENCH,
     DELETE,
     GET_STATE,
+    JOINT_PROPERTIES,
+    LINK_PROPERTIES,
+    LINK_STATE,
     LIST,
+    MODEL_PROPERTIES,
     PAUSE,
     RESET,
     RESET_WORLD,
     RESUME,
+    SET_CONFIGURATION,
     SET_DRIVE,
     SET_ODOMETRY,
     SET_STATE,
     SPAWN,
     STEP,
+    WORLD_PROPERTIES,
 )
 from messages.topics import CLOCK, TF, TF_STATIC
 from services.runtime.service import Parameters, Service
 from services.sim.base_parameters import BaseParameters as BaseParameters
+from services.sim.joint_parameters import JointParameters as JointParameters
 
 Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
 
@@ -30,7 +41,11 @@ _FIXED = {"live": False}
 
 
 class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A robot that is there from the start."""
+    """A robot that is there from the start.
+
+    ``parameters`` are those of a model with wheels, ``joint_parameters`` those of one without. ``joints`` are positions
+    to start from, rad or m, 0 where none is stated.
+    """
 
     name: str
     model: str
@@ -39,6 +54,8 @@ class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     yaw: float = 0.0
     namespace: str = ""
     parameters: BaseParameters = BaseParameters()
+    joint_parameters: JointParameters = JointParameters()
+    joints: dict[str, float] = {}
 
 
 class SimParameters(Parameters, frozen=True, kw_only=True):
@@ -82,6 +99,16 @@ SERVICE = Service(
         PAUSE,
         RESUME,
         STEP,
+        APPLY_EFFORT,
+        CLEAR_EFFORT,
+        JOINT_PROPERTIES,
+        SET_CONFIGURATION,
+        APPLY_WRENCH,
+        CLEAR_WRENCH,
+        LINK_STATE,
+        LINK_PROPERTIES,
+        MODEL_PROPERTIES,
+        WORLD_PROPERTIES,
     ),
     parameters=SimParameters,
     holds_lockstep=False,

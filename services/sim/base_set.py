@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from messages.requests import DriveSettings
+from messages.simulation import DriveSettings
 from services.runtime.errors import BadInput
 from services.runtime.followed import Followed
 from services.runtime.leaves import differing, flatten

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from math import inf
 from types import TracebackType
 from typing import Self
@@ -15,24 +14,12 @@ from models.scene import Scene
 from services.runtime.errors import BadInput, unknown
 from services.sim.camera import render
 from services.sim.clearance import Clearance
-from services.sim.engine import configure, connect, load_body, load_scene
+from services.sim.engine import configure, connect, load_scene
+from services.sim.loaded import Loaded, load
 from services.sim.quiet import pybullet
-from services.sim.world import Body, BodyState, Contact, JointReadings, Lens, Placement
+from services.sim.world import Body, BodyState, Contact, Inertia, JointReadings, Lens, Placement, Stance, Vector
 
 SECOND = 1_000_000_000
-
-
-@dataclass(frozen=True)
-class _Loaded:
-    """A body in the client: its number, the indices of its joints and links."""
-
-    body: Body
-    number: int
-    joints: tuple[str, ...]
-    indices: tuple[int, ...]
-    motors: tuple[int, ...]
-    torques: tuple[float, ...]
-    links: dict[str, int]
 
 
 class BulletWorld:
@@ -44,7 +31,7 @@ class BulletWorld:
 
     def __init__(self, scene: Scene, step_ns: int) -> None:
         self.scene, self._step_ns = scene, step_ns
-        self._bodies: dict[str, _Loaded] = {}
+        self._bodies: dict[str, Loaded] = {}
 
     def __enter__(self) -> Self:
         self._client = connect(self._step_ns / SECOND)
@@ -73,7 +60,7 @@ class BulletWorld:
             raise BadInput(f"a body named {body.name!r} is already in the world; delete it first")
         if body.name in self._obstacles.values():
             raise BadInput(f"{body.name!r} is an obstacle of this world; take another name")
-        self._clearance.admit(body.name, body.urdf, body.placement, self._placements())
+        self._clearance.admit(body, self._stances())
         try:
             self._bodies[body.name] = self._load(body)
         except BadInput:
@@ -105,24 +92,38 @@ class BulletWorld:
 
     def set_state(self, name: str, state: BodyState) -> None:
         """Move a body; raises BadInput where it would overlap."""
-        number = self._find(name).number
-        placement = Placement(state.position, state.orientation)
-        others = {other: where for other, where in self._placements().items() if other != name}
-        self._clearance.check(name, placement, others)
+        loaded = self._find(name)
+        number, placement = loaded.number, Placement(state.position, state.orientation)
+        others = {other: where for other, where in self._stances().items() if other != name}
+        self._clearance.check(name, Stance(placement, self._stance(loaded).joints), others)
         pybullet.resetBasePositionAndOrientation(number, *placement, physicsClientId=self._client)
         pybullet.resetBaseVelocity(number, state.linear, state.angular, physicsClientId=self._client)
 
     def joints(self, name: str) -> tuple[str, ...]:
         """The movable joints of a body, in the URDF's order."""
-        return self._find(name).joints
+        return tuple(self._find(name).joints)
 
     def joint_readings(self, name: str) -> JointReadings:
         """Angles, speeds and motor torques of the movable joints."""
+        return self._find(name).readings()
+
+    def set_joints(self, name: str, positions: Mapping[str, float]) -> None:
+        """Put joints at positions, at rest; raises BadInput where the body would overlap then."""
         loaded = self._find(name)
-        rows = pybullet.getJointStates(loaded.number, loaded.indices, self._client)
-        return JointReadings(
-            tuple(row[0] for row in rows), tuple(row[1] for row in rows), tuple(row[3] for row in rows)
-        )
+        stance = self._stance(loaded)
+        for joint in positions:
+            loaded.index(joint)
+        others = {other: where for other, where in self._stances().items() if other != name}
+        self._clearance.check(name, Stance(stance.placement, {**stance.joints, **positions}), others)
+        loaded.set_joints(positions)
+
+    def set_efforts(self, name: str, efforts: Mapping[str, float]) -> None:
+        """Put efforts on joints for one step; 4 us for one joint."""
+        self._find(name).set_efforts(efforts)
+
+    def push(self, name: str, link: str, force: Vector, torque: Vector, point: Vector) -> None:
+        """Act on a link for one step."""
+        self._find(name).push(link, force, torque, point)
 
     def set_speeds(self, name: str, speeds: Sequence[float]) -> None:
         """Set the target speeds [rad/s] of a body's motors."""
@@ -146,13 +147,19 @@ class BulletWorld:
 
     def link_placement(self, name: str, link: str) -> Placement:
         """Where the frame of a link is."""
-        loaded = self._find(name)
-        if link not in loaded.links:
-            raise unknown("link", link, loaded.links, name)
-        if (index := loaded.links[link]) < 0:
-            return Placement(*pybullet.getBasePositionAndOrientation(loaded.number, self._client))
-        found = pybullet.getLinkState(loaded.number, index, computeForwardKinematics=1, physicsClientId=self._client)
-        return Placement(found[4], found[5])
+        return self._find(name).link_placement(link)
+
+    def links(self, name: str) -> tuple[str, ...]:
+        """The links of a body, its root first."""
+        return tuple(self._find(name).links)
+
+    def link_state(self, name: str, link: str) -> BodyState:
+        """Pose of a link's frame, and how its origin moves."""
+        return self._find(name).link_state(link)
+
+    def inertia(self, name: str, link: str) -> Inertia:
+        """What a link weighs and how."""
+        return self._find(name).inertia(link)
 
     def contacts(self) -> tuple[Contact, ...]:
         """The pairs that touched in the last step."""
@@ -181,36 +188,19 @@ class BulletWorld:
         self._clearance.close()
         pybullet.disconnect(physicsClientId=self._client)
 
-    def _find(self, name: str) -> _Loaded:
+    def _find(self, name: str) -> Loaded:
         if (loaded := self._bodies.get(name)) is None:
             raise unknown("body", name, self._bodies)
         return loaded
 
-    def _placements(self) -> dict[str, Placement]:
-        return {
-            name: Placement(*pybullet.getBasePositionAndOrientation(loaded.number, self._client))
-            for name, loaded in self._bodies.items()
-        }
+    def _stances(self) -> dict[str, Stance]:
+        return {name: self._stance(loaded) for name, loaded in self._bodies.items()}
 
-    def _load(self, body: Body) -> _Loaded:
-        number = load_body(self._client, body.urdf, body.placement)
-        count = pybullet.getNumJoints(number, self._client)
-        rows = [pybullet.getJointInfo(number, index, self._client) for index in range(count)]
-        movable = {row[1].decode(): row[0] for row in rows if row[2] != pybullet.JOINT_FIXED}
-        for motor in body.motors:
-            if motor.joint not in movable:
-                pybullet.removeBody(number, physicsClientId=self._client)
-                raise unknown("joint", motor.joint, movable, f"{body.name}: motor")
-        root = pybullet.getBodyInfo(number, self._client)[0].decode()
-        loaded = _Loaded(
-            body=body,
-            number=number,
-            joints=tuple(movable),
-            indices=tuple(movable.values()),
-            motors=tuple(movable[motor.joint] for motor in body.motors),
-            torques=tuple(motor.torque for motor in body.motors),
-            links={root: -1} | {row[12].decode(): row[0] for row in rows},
-        )
-        self._bodies[body.name] = loaded
+    def _stance(self, loaded: Loaded) -> Stance:
+        placement = Placement(*pybullet.getBasePositionAndOrientation(loaded.number, self._client))
+        return Stance(placement, dict(zip(loaded.joints, loaded.readings().position, strict=True)))
+
+    def _load(self, body: Body) -> Loaded:
+        loaded = self._bodies[body.name] = load(self._client, body)
         self.set_speeds(body.name, (0.0,) * len(body.motors))
         return loaded

@@ -7,13 +7,13 @@ change the trajectories of the others: so the world itself is not touched before
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 from models.scene import Scene
 from services.runtime.errors import BadInput
-from services.sim.engine import connect, load_body, load_scene, rolls
+from services.sim.engine import connect, load_scene, rolls
+from services.sim.loaded import Loaded, load
 from services.sim.quiet import pybullet
-from services.sim.world import Placement
+from services.sim.world import Body, Placement, Stance
 
 DEEPEST = 0.002
 """Bodies may reach this far, m, into each other or the ground: what resting on it takes, and rounding."""
@@ -29,37 +29,39 @@ class Clearance:
     def __init__(self, scene: Scene) -> None:
         self._client = connect(1.0)
         self._fixed = {_GROUND: "the ground", **load_scene(self._client, scene)}
-        self._copies: dict[str, int] = {}
+        self._copies: dict[str, Loaded] = {}
 
-    def admit(self, name: str, urdf: Path, placement: Placement, others: Mapping[str, Placement]) -> None:
+    def admit(self, body: Body, others: Mapping[str, Stance]) -> None:
         """Copy a newcomer; raises BadInput if it would overlap with ``others``, an obstacle or the ground."""
-        self._copies[name] = load_body(self._client, urdf, placement)
+        name = body.name
+        self._copies[name] = load(self._client, body)
         try:
-            self.check(name, placement, others)
+            self.check(name, Stance(body.placement, dict(body.start)), others)
         except BadInput:
             self.forget(name)
             raise
 
-    def check(self, name: str, placement: Placement, others: Mapping[str, Placement]) -> None:
-        """Raise BadInput, with what and by how much, if ``name`` would overlap with anything at ``placement``."""
-        copy = self._copies[name]
-        self._place(copy, placement)
+    def check(self, name: str, stance: Stance, others: Mapping[str, Stance]) -> None:
+        """Raise BadInput, with what and by how much, if ``name`` would overlap with anything in a stance."""
+        copy, placement = self._copies[name], stance.placement
+        self._place(copy, stance)
         for number, obstacle in self._fixed.items():
-            self._compare(name, placement, copy, number, obstacle)
+            self._compare(name, placement, copy.number, number, obstacle)
         for other, where in others.items():
             self._place(self._copies[other], where)
-            self._compare(name, placement, copy, self._copies[other], repr(other))
+            self._compare(name, placement, copy.number, self._copies[other].number, repr(other))
 
     def forget(self, name: str) -> None:
         """Drop the copy of a body that left."""
-        pybullet.removeBody(self._copies.pop(name), physicsClientId=self._client)
+        pybullet.removeBody(self._copies.pop(name).number, physicsClientId=self._client)
 
     def close(self) -> None:
         """End the client."""
         pybullet.disconnect(physicsClientId=self._client)
 
-    def _place(self, number: int, placement: Placement) -> None:
-        pybullet.resetBasePositionAndOrientation(number, *placement, physicsClientId=self._client)
+    def _place(self, copy: Loaded, stance: Stance) -> None:
+        pybullet.resetBasePositionAndOrientation(copy.number, *stance.placement, physicsClientId=self._client)
+        copy.set_joints(stance.joints)
 
     def _compare(self, name: str, placement: Placement, copy: int, number: int, other: str) -> None:
         near = pybullet.getClosestPoints(copy, number, 0.0, physicsClientId=self._client)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from messages.elea import ModelState
-from messages.geometry import Pose
+from messages.geometry import Pose, Twist
 from messages.requests import (
     DELETE,
     GET_STATE,
@@ -18,19 +18,18 @@ from messages.requests import (
     SPAWN,
     STEP,
     Done,
-    ModelList,
     Name,
-    SetModelState,
-    SetOdometry,
-    SimTime,
-    SpawnModel,
-    Steps,
 )
+from messages.simulation import GetModelState, ModelList, SetModelState, SetOdometry, SimTime, SpawnModel, Steps
 from messages.std import Empty
 from models import UnknownModel
+from models.figures import read_model
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
-from services.sim import RobotEntry
+from services.runtime.parameters import build
+from services.sim import BaseParameters, JointParameters, RobotEntry
+from services.sim.entities import frame_state, placed_in, pose_and_twist, seen_from
+from services.sim.joint_desk import by_name
 from services.sim.rotation import into_world
 from services.sim.stage import Stage
 from services.sim.timing import Timing
@@ -46,7 +45,7 @@ class Desk:
         node.serve(SPAWN, self._spawn)
         node.serve(DELETE, self._delete)
         node.serve(LIST, self._list)
-        node.serve(GET_STATE, lambda asked: stage.find(asked.name).state())
+        node.serve(GET_STATE, self._get_state)
         node.serve(SET_STATE, self._set_state)
         node.serve(SET_ODOMETRY, self._set_odometry)
         node.serve(SET_DRIVE, lambda asked: stage.find(asked.name).change(asked, stage.now))
@@ -57,9 +56,20 @@ class Desk:
         node.serve(STEP, self._step)
 
     def _spawn(self, asked: SpawnModel) -> ModelState:
-        entry = RobotEntry(name=asked.name, model=asked.model, namespace=asked.namespace)
+        joints = by_name(asked.joint_names, asked.joint_positions)
+        values = {each.name: each.value for each in asked.parameters}
+        place = placed_in(frame_state(self._stage.world, asked.reference_frame), placement(asked.pose))
         try:
-            return self._stage.spawn(entry, placement(asked.pose)).state()
+            wheeled = read_model(asked.model).wheels is not None
+            entry = RobotEntry(
+                name=asked.name,
+                model=asked.model,
+                namespace=asked.namespace,
+                parameters=build(BaseParameters, values if wheeled else {}, asked.name),
+                joint_parameters=build(JointParameters, {} if wheeled else values, asked.name),
+                joints=joints,
+            )
+            return self._stage.spawn(entry, place).state()
         except UnknownModel as error:
             raise BadInput(str(error)) from None
 
@@ -70,13 +80,26 @@ class Desk:
     def _list(self, _: Empty) -> ModelList:
         return ModelList(models=tuple(robot.state() for robot in self._stage.robots))
 
-    def _set_state(self, asked: SetModelState) -> ModelState:
+    def _get_state(self, asked: GetModelState) -> ModelState:
         robot = self._stage.find(asked.name)
-        place = placement(asked.pose)
+        if not asked.relative_entity:
+            return robot.state()
+        world = self._stage.world
+        pose, twist = pose_and_twist(seen_from(frame_state(world, asked.relative_entity), world.state(robot.name)))
+        return ModelState(name=robot.name, model=robot.entry.model, pose=pose, twist=twist)
+
+    def _set_state(self, asked: SetModelState) -> ModelState:
+        robot, world = self._stage.find(asked.name), self._stage.world
+        if robot.model.fixed_base and asked.twist != Twist():
+            raise BadInput(f"{asked.name} is held in the world: it takes a pose, but no twist")
+        frame = frame_state(world, asked.reference_frame)
+        place = placed_in(frame, placement(asked.pose))
+        axes = frame.orientation if asked.reference_frame else place.orientation
         v, w = asked.twist.linear, asked.twist.angular
-        linear = into_world(place.orientation, (v.x, v.y, v.z))
-        angular = into_world(place.orientation, (w.x, w.y, w.z))
-        self._stage.world.set_state(asked.name, BodyState(place.position, place.orientation, linear, angular))
+        linear, angular = into_world(axes, (v.x, v.y, v.z)), into_world(axes, (w.x, w.y, w.z))
+        world.set_state(asked.name, BodyState(place.position, place.orientation, linear, angular))
+        if robot.model.fixed_base:
+            self._stage.tell_frames()
         return robot.state()
 
     def _set_odometry(self, asked: SetOdometry) -> Done:

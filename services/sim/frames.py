@@ -19,13 +19,15 @@ def fixed(robots: Iterable[tuple[Robot, Placement]], now: int) -> TFMessage:
     """All fixed transforms in one message, since a latched publisher keeps only its last.
 
     ``world`` to ``odom`` is the identity for odometry in world coordinates, else where the robot was spawned, moved by
-    what odometry was set to since.
+    what odometry was set to since. A model with a fixed base has no odometry: its base stands in ``world``.
     """
     transforms = []
     for robot, spawned in robots:
-        origin = _origin(robot, spawned)
+        fixed_base = robot.model.fixed_base
+        origin = robot.placement if fixed_base else _origin(robot, spawned)
+        child = f"{robot.name}/{robot.model.base_frame if fixed_base else 'odom'}"
         header = Header(stamp=Time.of(now), frame_id="world")
-        transforms.append(_stamped(header, f"{robot.name}/odom", origin.position, origin.orientation))
+        transforms.append(_stamped(header, child, origin.position, origin.orientation))
         for joint in read_joints(robot.entry.model):
             if joint.kind == "fixed":
                 transforms.append(_of_joint(robot.name, joint, 0.0, now))

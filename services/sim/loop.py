@@ -13,6 +13,8 @@ from services.runtime.service import STEP_NS
 from services.sim import SimParameters
 from services.sim.bullet import BulletWorld
 from services.sim.desk import Desk, advance
+from services.sim.joint_desk import JointDesk
+from services.sim.properties import Properties
 from services.sim.stage import Stage
 from services.sim.timing import Free, Lockstep, Real, Timing
 from services.sim.world import Placement
@@ -27,7 +29,7 @@ def run(ctx: Context[SimParameters]) -> None:
     try:
         scene = read_scene(params.world)
         with BulletWorld(scene, STEP_NS) as world:
-            stage = Stage(node, world, params.seed)
+            stage = Stage(node, world, params.seed, brisk=params.mode != "lockstep")
             node.log.now = lambda: stage.now
             for entry in params.robots:
                 half = entry.yaw / 2
@@ -37,6 +39,8 @@ def run(ctx: Context[SimParameters]) -> None:
             if node.following is not None:
                 node.following.marks = timing.marks
             Desk(stage, timing, node)
+            JointDesk(stage, node)
+            Properties(stage, node, params, scene)
             if params.mode == "free":
                 gather(node.transport, params.members, ctx.idle, node.log)
             timing.begin()

@@ -6,10 +6,11 @@ from typing import Any
 
 from messages.elea import ModelState
 from messages.geometry import TwistStamped
-from messages.requests import DriveSettings
-from messages.topics import CMD_VEL, E_STOP, Topic
+from messages.simulation import DriveSettings
+from messages.topics import CMD_VEL, E_STOP, JOINT_EFFORT, Topic
 from models import model_path
-from models.figures import read_model
+from models.figures import Model, read_model
+from models.limits import read_limits
 from services.runtime.errors import BadInput
 from services.runtime.inputs import Input
 from services.runtime.node import Node
@@ -17,6 +18,8 @@ from services.sim import RobotEntry
 from services.sim.base import Base
 from services.sim.base_set import BaseSet
 from services.sim.commanders import Ages, Commanders
+from services.sim.joints.actuators import Actuators
+from services.sim.joints.terms import doubts, positions, rule_of
 from services.sim.odometer import Odometer
 from services.sim.odometry import body_twist, pose_of
 from services.sim.settings import Settings, effective, odometry_settings
@@ -48,29 +51,39 @@ class Robot:
         settings = self._set.settings if self._set else None
         parameters = self._set.parameters if self._set else effective(entry.model, self.model, entry.parameters)
         try:
-            world.spawn(Body(entry.name, model_path(entry.model), place, _motors(settings)))
+            positions(entry.model, entry.joints)
+            world.spawn(_body(entry, self.model, place, settings))
         except BadInput:
             if self._set is not None:
                 self._set.close()
             raise
-        self.base = Base(settings, commanders, ages, node.log) if settings else None
+        for warning in () if settings else doubts(entry):
+            node.log.warn(f"{entry.name}: {warning}")
+        self.base, self.actuators = None, None
+        if settings is not None:
+            self.base = Base(settings, commanders, ages, node.log)
+            commands: Topic[Any] = CMD_VEL_STAMPED if settings.stamped else CMD_VEL
+        else:
+            limits, commands = read_limits(entry.model), JOINT_EFFORT
+            self.actuators = Actuators(world, entry.name, limits, rule_of(entry), ages, node.log)
         self._node, self._world = node, world
-        commands = CMD_VEL_STAMPED if settings and settings.stamped else CMD_VEL
-        self._cmd_vel: Input[Any] = node.read(commands, f"{self.namespace}/cmd_vel")
+        self._commands: Input[Any] = node.read(commands, f"{self.namespace}/{commands.name}")
         self._e_stop: Input[Any] = node.read(E_STOP, f"{self.namespace}/e_stop")
         self._all_stop: Input[Any] = node.read(E_STOP, "/e_stop")
         self._touching: frozenset[str] = frozenset()
         self._collisions = 0
         odometer = Odometer(odometry_settings(self.model, parameters), world, entry.name, self.base)
-        self.telemetry = Telemetry(node, world, entry, self.model, self.namespace, seed, self.base, odometer)
-        self.telemetry.noise = parameters.noise
+        self.telemetry = Telemetry(
+            node, world, entry, self.model, self.namespace, seed, self.base, self.actuators, odometer
+        )
+        self.telemetry.noise = parameters.noise if self._set else entry.joint_parameters.noise
         self._follows = self.base is not None and odometer.settings.source == "open loop"
 
     def close(self) -> None:
         """Leave the world and the network."""
         if self._set is not None:
             self._set.close()
-        self._node.forget(self._cmd_vel, self._e_stop)
+        self._node.forget(self._commands, self._e_stop)
         self.telemetry.close()
         self._world.delete(self.name)
 
@@ -80,6 +93,8 @@ class Robot:
         if self.base is not None:
             self.base.restart()
             self._world.set_speeds(self.name, (0.0, 0.0))
+        if self.actuators is not None:
+            self.actuators.restart()
         self.telemetry.restart()
 
     def follow(self, now: int) -> None:
@@ -92,11 +107,24 @@ class Robot:
         if self.base is not None:
             self.base.stop("robot", self._e_stop.batch)
             self.base.stop("all", self._all_stop.batch)
-            if self._cmd_vel.batch:
-                self.base.obey(self._cmd_vel.batch, now, governed, factor)
+            if self._commands.batch:
+                self.base.obey(self._commands.batch, now, governed, factor)
+        if self.actuators is not None:
+            self.actuators.stop("robot", self._e_stop.batch)
+            self.actuators.stop("all", self._all_stop.batch)
+            self.actuators.obey(self._commands, now, governed, factor)
+
+    def lost(self, source: bytes, now: int) -> None:
+        """The publisher ``source`` is gone."""
+        if self.base is not None:
+            self.base.arbiter.lost(source, now)
+        if self.actuators is not None:
+            self.actuators.lost(source)
 
     def drive(self, now: int) -> None:
-        """Set the wheels for the step that begins at ``now``."""
+        """Set the wheels, or put efforts on the joints, for the step that begins at ``now``."""
+        if self.actuators is not None:
+            self.actuators.step(now)
         base = self.base
         if base is None:
             return
@@ -117,7 +145,7 @@ class Robot:
         """Publish what the base obeys and refuses."""
         if self.base is not None:
             touching, hits = bool(self._touching), self._collisions
-            self.telemetry.status(self.base.status(now, self.entry.model, self._cmd_vel.refused, touching, hits))
+            self.telemetry.status(self.base.status(now, self.entry.model, self._commands.refused, touching, hits))
 
     def change(self, asked: DriveSettings, now: int) -> DriveSettings:
         """Replace the base's live parameters; returns all of them. Raises BadInput for a robot without a base."""
@@ -131,6 +159,12 @@ class Robot:
         """Pose and twist, as requests tell them."""
         body = self._world.state(self.name)
         return ModelState(name=self.name, model=self.entry.model, pose=pose_of(body), twist=body_twist(body))
+
+    @property
+    def placement(self) -> Placement:
+        """Where the root is now."""
+        state = self._world.state(self.name)
+        return Placement(state.position, state.orientation)
 
     def _retune(self, now: int) -> None:
         assert self._set is not None
@@ -149,7 +183,10 @@ class Robot:
         return turns[self.base.settings.left_joint], turns[self.base.settings.right_joint]
 
 
-def _motors(settings: Settings | None) -> tuple[Motor, ...]:
-    if settings is None:
-        return ()
-    return Motor(settings.left_joint, settings.torque), Motor(settings.right_joint, settings.torque)
+def _body(entry: RobotEntry, model: Model, place: Placement, settings: Settings | None) -> Body:
+    urdf, start = model_path(entry.model), tuple(entry.joints.items())
+    if settings is not None:
+        motors = Motor(settings.left_joint, settings.torque), Motor(settings.right_joint, settings.torque)
+        return Body(entry.name, urdf, place, motors, model.fixed_base, start)
+    asked = entry.joint_parameters
+    return Body(entry.name, urdf, place, (), model.fixed_base, start, asked.damping, asked.friction)

@@ -16,11 +16,13 @@ from services.runtime.service import STEP_NS
 from services.sim import RobotEntry
 from services.sim.commanders import Ages, Commanders
 from services.sim.frames import fixed, moving
+from services.sim.joints.wrenches import Wrenches
 from services.sim.robot import Robot
 from services.sim.world import Placement, World
 
 CONTROL = 4
-"""Physics steps between two looks at the commands, and two messages of the clock: 50 Hz."""
+"""Physics steps between two looks at the commands, and two messages of the clock: 50 Hz. Where joints are told faster,
+these come as often, for who controls them; in lockstep, members are heard whenever they are due."""
 FRAMES = 8
 """Physics steps between two messages of ``/tf``: 25 Hz, as odometry comes."""
 STATUS = 40
@@ -30,19 +32,22 @@ STATUS = 40
 class Stage:
     """Everything that moves, and simulation time: ``tick`` counts physics steps since the last reset.
 
-    ``held`` tells that this tick's wait is over: what is left of it is the step.
+    ``held`` tells that this tick's wait is over: what is left of it is the step. ``pace`` is CONTROL, or less where
+    ``brisk`` allows it.
     """
 
-    def __init__(self, node: Node, world: World, seed: int) -> None:
+    def __init__(self, node: Node, world: World, seed: int, brisk: bool = True) -> None:
         self.world, self.tick, self.epoch, self.paused, self.held = world, 0, 0, False, False
         self.outbox = node.outbox
-        self._node, self._seed = node, seed
+        self._node, self._seed, self._brisk = node, seed, brisk
         self._robots: dict[str, tuple[Robot, Placement]] = {}
+        self.wrenches = Wrenches(world, node.log)
         self._commanders, self._ages = Commanders(node.transport), Ages()
         self._clock: Output[Any] = node.write(CLOCK)
         self._tf: Output[Any] = node.write(TF)
         self._tf_static: Output[Any] = node.write(TF_STATIC)
         self._told = -1
+        self.pace = CONTROL
 
     @property
     def now(self) -> int:
@@ -74,18 +79,22 @@ class Stage:
             raise BadInput(f"a robot {entry.name!r} is already there")
         robot = Robot(self._node, self.world, entry, place, self._seed, self._commanders, self._ages, wait)
         self._robots[entry.name] = robot, place
+        self._set_pace()
         self.tell_frames()
         return robot
 
     def delete(self, name: str) -> None:
         """Take a robot out; raises BadInput when there is none of this name."""
         self.find(name).close()
+        self.wrenches.forget(name)
         del self._robots[name]
+        self._set_pace()
         self.tell_frames()
 
     def restart(self, time_too: bool) -> None:
         """Put everything where it was spawned; with ``time_too`` time begins anew in a new epoch."""
         self.world.reset()
+        self.wrenches.restart()
         if time_too:
             self.held, self._told = False, -1
             self.tick = 0
@@ -103,8 +112,14 @@ class Stage:
         if tick % 2 == 0:
             for robot in self.robots:
                 robot.telemetry.sensors(now, tick)
-        if tick % CONTROL:
-            return
+        for robot in self.robots:
+            robot.telemetry.joint_states(now, tick)
+        if tick % CONTROL == 0:
+            self._tell_motion(now, tick)
+        if tick % self.pace == 0:
+            self.tell_time()
+
+    def _tell_motion(self, now: int, tick: int) -> None:
         self._touch()
         for robot in self.robots:
             robot.telemetry.motion(now, tick)
@@ -112,7 +127,6 @@ class Stage:
                 robot.report(now)
         if tick % FRAMES == 0 and self._tf.wanted:
             self._tf.publish(moving(self.robots, self.world, now))
-        self.tell_time()
 
     def tell_frames(self) -> None:
         """Publish the fixed transforms."""
@@ -139,17 +153,21 @@ class Stage:
             robot.obey(self.now, governed, factor)
         for source in gone:
             for robot in self.robots:
-                if robot.base is not None:
-                    robot.base.arbiter.lost(source, self.now)
+                robot.lost(source, self.now)
 
     def advance(self) -> None:
         """One physics step."""
         now = self.now
         for robot, _ in self._robots.values():
             robot.drive(now)
+        self.wrenches.step(now)
         self.world.step()
         self.tick += 1
         self.held = False
+
+    def _set_pace(self) -> None:
+        rates = [robot.telemetry.joint_steps for robot in self.robots if robot.actuators is not None]
+        self.pace = min([CONTROL, *rates]) if self._brisk else CONTROL
 
     def _touch(self) -> None:
         contacts = self.world.contacts()

@@ -31,6 +31,7 @@ from services.runtime.outputs import Output
 from services.runtime.service import STEP_NS
 from services.sim import RobotEntry
 from services.sim.base import Base
+from services.sim.joints.actuators import Actuators
 from services.sim.odometer import Odometer
 from services.sim.odometry import world_odometry
 from services.sim.photo import calibration, photograph
@@ -55,13 +56,18 @@ class Telemetry:
         namespace: str,
         seed: int,
         base: Base | None,
+        actuators: Actuators | None,
         odometer: Odometer,
     ) -> None:
         self._node, self._world, self._model, self._seed = node, world, model, seed
-        self._base, self.odometer = base, odometer
-        self._name, self.noise = entry.name, entry.parameters.noise
+        self._base, self._actuators, self.odometer = base, actuators, odometer
+        self._name = entry.name
+        self.noise = entry.parameters.noise if model.wheels else entry.joint_parameters.noise
         self._joints = world.joints(entry.name)
-        topics: list[Topic[Any]] = [ODOM, GROUND_TRUTH, JOINT_STATES, BASE_STATUS, ROBOT_DESCRIPTION]
+        self.joint_steps = _steps(model.joint_rate or model.odometry_rate)
+        topics: list[Topic[Any]] = [GROUND_TRUTH, JOINT_STATES, ROBOT_DESCRIPTION]
+        topics += [] if model.fixed_base else [ODOM]
+        topics += [BASE_STATUS] if base is not None else []
         topics += [CMD_VEL_OUT] if base is not None and base.settings.publish_cmd else []
         topics += [SCAN] if model.laser else []
         topics += [SONAR, RANGE] if model.sonar else []
@@ -89,8 +95,16 @@ class Telemetry:
         """The frame of a link, prefixed by the robot's name."""
         return f"{self._name}/{link}"
 
+    def joint_states(self, now: int, tick: int) -> None:
+        """Publish the joints if they are due at ``tick``."""
+        if self._joints and tick % self.joint_steps == 0 and self._out[JOINT_STATES].wanted:
+            readings = self._world.joint_readings(self._name)
+            if self._actuators is not None:
+                readings = readings._replace(effort=tuple(self._actuators.applied.values()))
+            self._out[JOINT_STATES].publish(joint_state(self._joints, readings, Header(stamp=Time.of(now))))
+
     def motion(self, now: int, tick: int) -> None:
-        """At a control tick, publish what is due of ground truth, odometry, joints and the limited command."""
+        """At a control tick, publish what is due of ground truth, odometry and the limited command."""
         self.odometer.count(now)
         if CMD_VEL_OUT in self._out and self._base is not None:
             header = Header(stamp=Time.of(now), frame_id=self._child)
@@ -98,12 +112,11 @@ class Telemetry:
             self._out[CMD_VEL_OUT].publish(TwistStamped(header=header, twist=twist))
         told = _due(tick, self._model.odometry_rate)
         rate = self._model.odometry_rate if self._base is None else self._base.live.publish_rate
-        counted = self.odometer.due(now, rate)
+        counted = ODOM in self._out and self.odometer.due(now, rate)
         if not told and not counted:
             return
         state, stamp = self._world.state(self._name), Time.of(now)
         if told:
-            self._joint_states(now)
             self._out[GROUND_TRUTH].publish(world_odometry(state, Header(stamp=stamp, frame_id="world"), self._child))
         if counted:
             header = Header(stamp=stamp, frame_id=self.frame("odom"))
@@ -129,11 +142,6 @@ class Telemetry:
     def status(self, status: BaseStatus) -> None:
         """Publish the state of the base."""
         self._out[BASE_STATUS].publish(status)
-
-    def _joint_states(self, now: int) -> None:
-        if self._joints and self._out[JOINT_STATES].wanted:
-            readings = self._world.joint_readings(self._name)
-            self._out[JOINT_STATES].publish(joint_state(self._joints, readings, Header(stamp=Time.of(now))))
 
     def _imu(self, now: int, tick: int) -> None:
         unit = self._model.imu

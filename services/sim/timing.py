@@ -52,7 +52,7 @@ class Free:
 
     def hold(self) -> bool:
         self._node.outbox.release()
-        if self._stage.tick % CONTROL:
+        if self._stage.tick % self._stage.pace:
             return False
         self._node.turn()
         return True
@@ -78,7 +78,7 @@ class Real:
 
     def hold(self) -> bool:
         self._node.outbox.release()
-        if self._stage.tick % CONTROL:
+        if self._stage.tick % self._stage.pace:
             return False
         self._node.turn()
         ahead = self._start + (self._stage.now - self._from) / 1e9 / self.factor - time.monotonic()

@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from deploy.catalogue import declaration
-from deploy.fleet import Fleet, Member, Robot, Run
+from deploy.fleet import Change, Fleet, Member, Robot, Run
 from deploy.fleet_file import find_fleet, fleet_names, read_fleet
 from deploy.policy import Policy
 from deploy.process import Process, processes
@@ -48,7 +48,7 @@ def test_lab_starts_in_order_and_steps_together() -> None:
     assert plan["router"].depends_on == ()
     assert plan["params"].depends_on == ("router",)
     assert plan["sim"].depends_on == ("router", "params")
-    drivers = [*(f"tb3_{robot}/waypoint" for robot in range(4)), "p3dx/square"]
+    drivers = [*(f"tb3_{robot}/waypoint" for robot in range(4)), "p3dx/square", "arm/arm", "arm/reference"]
     assert all(plan[each].depends_on == ("router", "sim") for each in (*drivers, "logger", "grader"))
     members = read_assignments(options(plan["sim"], "--fleet-param"))["members"]
     assert {"/grader", "/params", *(f"/{each}" for each in drivers)} <= set(members)
@@ -77,6 +77,8 @@ def test_what_the_end_of_each_means() -> None:
         "grader": "never",
         "logger": "on-failure",
         "p3dx/square": "on-failure",
+        "arm/arm": "on-failure",
+        "arm/reference": "on-failure",
         **{f"tb3_{robot}/waypoint": "on-failure" for robot in range(4)},
     }
 
@@ -103,6 +105,24 @@ def test_who_starts_after_the_parameters_waits_for_them_and_they_are_kept_in_the
     terms = Terms(folder=Path("/tmp/run"), saved=Path("/tmp/params/lab.db"))
     (params,) = (each for each in processes(read_fleet(find_fleet("lab")), terms) if each.kind == "params")
     assert read_assignments(options(params, "--fleet-param"))["file"] == "/tmp/params/lab.db"
+
+
+def test_an_arm_its_reference_and_the_grader_are_told_of_its_joint() -> None:
+    own = (Member(kind="arm", parameters={"saturation": 150.0}), Member(kind="reference"))
+    changes = (Change(at=3.0, set="/robot_control", values={"ref_angle": 30.0}),)
+    robots = (Robot(name="a", model="arm", services=own), Robot(name="b", model="burger"))
+    plan = expand(Fleet(name="own", robot=robots, change=changes))
+    told = {name: read_assignments(options(plan[name], "--fleet-param")) for name in ("a/arm", "a/reference", "grader")}
+    assert told["a/arm"]["joint"] == "bear_link"
+    assert told["a/arm"]["gravity_torque"] == pytest.approx(27.15, abs=0.01)
+    assert told["a/arm"]["gravity_rest"] == pytest.approx(-1.4635, abs=0.001)
+    assert told["a/arm"]["saturation"] == 150.0
+    for name in ("a/arm", "a/reference"):
+        assert (told[name]["lower"], told[name]["upper"]) == pytest.approx((-90.0, 90.0), abs=0.001)
+    state = {"name": "a", "joint": "bear_link", "saturation": 150.0, "state": "/robot_control/state"}
+    assert told["grader"]["arms"] == [state]
+    assert [each["name"] for each in told["grader"]["halting"]] == ["b"]
+    assert told["grader"]["not_before"] > 3.0
 
 
 def test_stated_beats_implied() -> None:

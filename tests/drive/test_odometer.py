@@ -6,7 +6,8 @@ import math
 
 import pytest
 
-from messages.requests import RESET_WORLD, SET_DRIVE, SET_ODOMETRY, DriveSettings, SetOdometry
+from messages.requests import RESET_WORLD, SET_DRIVE, SET_ODOMETRY
+from messages.simulation import DriveSettings, SetOdometry
 from messages.std import Empty
 from messages.topics import GROUND_TRUTH, ODOM, TF, TF_STATIC
 from services.runtime.errors import CallFailed

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from models import MODELS, figures_path
+from models import WHEELED, figures_path
 from models.figures import Model, read_model
 from services.runtime.errors import BadInput
 from services.sim.diffdrive.driver import Drive
@@ -26,7 +26,7 @@ def settings(name: str, **parameters: Any) -> Settings:
     return base_settings(name, model, model.wheels, effective(name, model, given(**parameters)))
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", WHEELED)
 def test_every_model_fits_its_urdf(name: str) -> None:
     assert settings(name).warnings == ()
 

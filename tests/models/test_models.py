@@ -12,17 +12,18 @@ import pytest
 from rerun.urdf import UrdfTree
 
 import models
-from models import MODELS, SCENES, UnknownModel, figures_path, model_path, scene_path
+from models import MODELS, SCENES, WHEELED, UnknownModel, figures_path, model_path, scene_path
 from models.figures import Laser, read_model
 from models.frames import link_offset, read_joints
 from models.scene import Scene, read_scene
 from services.sim.bullet import BulletWorld
 from services.sim.world import Body, Motor
 
-MASSES = {"burger": 1.0, "waffle": 1.55, "waffle_pi": 1.55, "p3dx": 9.0}
-"""kg, the sums of the TurtleBots' published URDFs, the Pioneer's published weight."""
+MASSES = {"burger": 1.0, "waffle": 1.55, "waffle_pi": 1.55, "p3dx": 9.0, "arm": 52.0, "arm_corrected": 52.0}
+"""kg, the sums of the TurtleBots' and the arm's published URDFs, the Pioneer's published weight."""
 
-SOURCES = {"burger": "ROBOTIS", "waffle": "ROBOTIS", "waffle_pi": "ROBOTIS", "p3dx": "Pioneer3dx.proto"}
+SOURCES = dict.fromkeys(WHEELED, "ROBOTIS") | {"p3dx": "Pioneer3dx.proto"}
+SOURCES |= {"arm": "one_dof_arm", "arm_corrected": "../arm/README.md"}
 """What must be among those that a README names."""
 
 
@@ -62,7 +63,8 @@ def test_every_movable_joint_has_a_velocity_limit(name: str) -> None:
         if joint.get("type") != "fixed":
             limit = joint.find("limit")
             assert limit is not None
-            assert float(limit.attrib["velocity"]) > 0
+            # The arm has the seed's 0 on purpose.
+            assert float(limit.attrib["velocity"]) > 0 or (name == "arm" and limit.attrib["velocity"] == "0")
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -70,12 +72,13 @@ def test_rerun_parses_it(name: str) -> None:
     tree = UrdfTree.from_file_path(model_path(name), entity_path_prefix="robot")
     assert tree.name == name
     assert [joint.name for joint in tree.joints()] == [joint.name for joint in read_joints(name)]
-    base = tree.get_link_by_name("base_link")
-    assert base is not None
-    assert len(tree.get_visual_geometry_paths(base)) > 5
+    shown = {"arm": "end_link", "arm_corrected": "end_link"}.get(name, "base_link")
+    link = tree.get_link_by_name(shown)
+    assert link is not None
+    assert len(tree.get_visual_geometry_paths(link)) > 5
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", WHEELED)
 def test_figures_and_urdf_agree(name: str) -> None:
     model, joints = read_model(name), {joint.name: joint for joint in read_joints(name)}
     links = {joint.child for joint in joints.values()}
@@ -99,7 +102,7 @@ def test_the_readme_gives_sources(name: str) -> None:
     assert SOURCES[name] in text
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", WHEELED)
 def test_shaken_for_a_second_it_stays_upright_and_whole(name: str) -> None:
     model = read_model(name)
     assert model.wheels is not None

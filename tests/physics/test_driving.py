@@ -7,13 +7,13 @@ from itertools import pairwise
 
 import pytest
 
-from models import MODELS
+from models import WHEELED
 from models.figures import read_model
 from services.sim.bullet import BulletWorld
 from tests.physics.rig import DT, Spawner, drive, place, wheels_of, yaw_of
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", WHEELED)
 def test_straight_at_full_speed(spawn: Spawner, model: str) -> None:
     robot = spawn(model=model)
     wheels = wheels_of(read_model(model))
@@ -26,7 +26,7 @@ def test_straight_at_full_speed(spawn: Spawner, model: str) -> None:
     assert abs(after.position[2]) < 2e-4, "it neither sinks nor climbs"
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", WHEELED)
 @pytest.mark.parametrize("share", [1.0, 0.2])
 def test_spin_on_the_spot(spawn: Spawner, model: str, share: float) -> None:
     robot = spawn(model=model)
@@ -59,7 +59,7 @@ def test_the_stop_distance_is_that_of_the_ramp(spawn: Spawner, braking: bool, de
     assert abs(stop.linear[0]) < 1e-4
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", WHEELED)
 def test_a_resting_robot_does_not_creep(spawn: Spawner, world: BulletWorld, model: str) -> None:
     robot = spawn(model=model, at=place(1.0, 2.0, 0.3))
     settled = drive([robot], 0.0, 0.0, 0.5)[-1]

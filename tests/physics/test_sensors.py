@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from messages.std import Header
-from models import MODELS
+from models import WHEELED
 from models.figures import Laser, read_model
 from models.scene import Box, Scene
 from services.sim.bullet import BulletWorld
@@ -26,7 +26,7 @@ def laser_of(model: str) -> Laser:
     return laser
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", WHEELED)
 def test_a_laser_does_not_see_its_own_robot_or_the_ground(spawn: Spawner, world: BulletWorld, model: str) -> None:
     robot = spawn(model=model)
     drive([robot], 0.2, 1.0, 1.0)

@@ -65,8 +65,9 @@ def test_the_report_of_a_run_fits_its_schema_and_holds_the_promised_keys(folder:
 def test_the_schema_refuses_a_report_without_a_key(folder: Path, measured: Measurements) -> None:
     tree = json.loads(to_json(compose(measured, FACTS, {})))
     del tree["robots"]["tb3_0"]["collisions"]
-    with pytest.raises(jsonschema.ValidationError, match="collisions"):
+    with pytest.raises(jsonschema.ValidationError) as refused:
         jsonschema.Draft202012Validator(schema.schema()).validate(tree)
+    assert any("collisions" in each.message for each in refused.value.context or ())
 
 
 def test_the_schema_file_is_that_of_the_records_and_every_key_is_documented() -> None:
@@ -74,7 +75,9 @@ def test_the_schema_file_is_that_of_the_records_and_every_key_is_documented() ->
     text = schema.SCHEMA_FILE.with_name("README.md").read_text()
     definitions = schema.schema()["$defs"]
     records = {"RunFigures": "run.", "RobotFigures": "robots.*.", "CornerFigures": "robots.*.corners.*."}
-    for record, prefix in {**records, "Check": "checks.*.", "Effective": "parameters.*.*.", "Report": ""}.items():
+    arms = {"ArmFigures": "robots.*.", "StepFigures": "robots.*.steps.*."}
+    others = {"Check": "checks.*.", "Effective": "parameters.*.*.", "Report": ""}
+    for record, prefix in {**records, **arms, **others}.items():
         for key in definitions[record]["properties"]:
             assert re.search(rf"`{re.escape(prefix + key)}[`.]", text), prefix + key
 

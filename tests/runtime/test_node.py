@@ -9,7 +9,8 @@ from contextlib import contextmanager, suppress
 
 import pytest
 
-from messages.requests import GET_STATE, STEP, Name, SimTime, Steps
+from messages.requests import GET_STATE, STEP, Name
+from messages.simulation import SimTime, Steps
 from messages.topics import CMD_VEL, HEALTH, ODOM, ROSOUT
 from services.runtime.errors import BadInput, CallFailed, Stopped
 from services.runtime.graph import snapshot

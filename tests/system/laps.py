@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from pathlib import Path
+from typing import Any
 
 from deploy.fleet_file import find_fleet
 
@@ -12,6 +14,8 @@ GOALS = [[0.5, 0.0], [0.0, 0.0]]
 
 SQUARE = 'services = [{ kind = "square", parameters = { side = 0.2, angular_speed = 1.5 } }]'
 """The Pioneer's way: 17 s of simulation time."""
+
+ARM = 'services = [{ kind = "reference" }, { kind = "arm" }]'
 
 _DRIVERS = """
 [[robot.services]]
@@ -40,11 +44,18 @@ def reordered(path: Path) -> Path:
     lab = tomllib.loads(find_fleet("lab").read_text())
     robots = [_robot(each) for each in reversed(lab["robot"])]
     run = "".join(f"{key} = {value!r}\n" for key, value in lab["run"].items())
-    path.write_text(f'name = "lab"\n{_LOGGER}{"".join(robots)}\n[run]\n{run}')
+    changes = "".join(map(_change, reversed(lab["change"])))
+    path.write_text(f'name = "lab"\n{_LOGGER}{changes}{"".join(robots)}\n[run]\n{run}')
     return path
+
+
+def _change(change: dict[str, Any]) -> str:
+    values = ", ".join(f"{name} = {json.dumps(value)}" for name, value in change["values"].items())
+    return f'\n[[change]]\nvalues = {{ {values} }}\nset = "{change["set"]}"\nat = {change["at"]}\n'
 
 
 def _robot(robot: dict[str, object]) -> str:
     pose = ", ".join(f"{key} = {value}" for key, value in dict(robot["pose"]).items())  # type: ignore[call-overload]
     head = f'\n[[robot]]\nname = "{robot["name"]}"\nmodel = "{robot["model"]}"\npose = {{ {pose} }}\n'
-    return head + (f"{SQUARE}\n" if "services" in robot else _DRIVERS.format(goals=GOALS))
+    own = {"p3dx": f"{SQUARE}\n", "arm": f"{ARM}\n"}
+    return head + own.get(str(robot["model"]), _DRIVERS.format(goals=GOALS))

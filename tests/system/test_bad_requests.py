@@ -11,22 +11,8 @@ import pytest
 import zenoh
 
 from messages.geometry import Point, Pose, Quaternion
-from messages.requests import (
-    DELETE,
-    GET_STATE,
-    LIST,
-    PAUSE,
-    RESET,
-    RESET_WORLD,
-    RESUME,
-    SET_STATE,
-    SPAWN,
-    STEP,
-    ModelList,
-    Name,
-    SetModelState,
-    SpawnModel,
-)
+from messages.requests import DELETE, GET_STATE, LIST, PAUSE, RESET, RESET_WORLD, RESUME, SET_STATE, SPAWN, STEP, Name
+from messages.simulation import ModelList, SetModelState, SpawnModel
 from messages.std import Empty
 from services.runtime.errors import CallFailed
 from tests.system.stranger import refusal, stranger

@@ -21,7 +21,8 @@ from tests.system.laps import reordered, short
 from tests.system.terminal import Ended, Terminal
 
 ROBOTS = [f"tb3_{number}" for number in range(4)]
-ALL = ["p3dx", *ROBOTS]
+DRIVING = ["p3dx", *ROBOTS]
+ALL = ["arm", *DRIVING]
 RUN_KEYS = {
     *("fleet", "mode", "sim_seconds", "wall_seconds", "real_time_factor", "seed", "version"),
     *("trajectory_hash", "messages_lost", "restarts"),
@@ -91,13 +92,23 @@ def test_the_pioneer_drives_its_square_beside_them_and_meets_nobody(first: Lap) 
     assert pioneer["min_distance_m"] > 1.5
 
 
+def test_the_arm_does_its_exercise_beside_them(first: Lap) -> None:
+    """With latency it acts on what it saw a tick before, so its rise is steeper than alone."""
+    arm = first.report["robots"]["arm"]
+    assert arm["step_final_deg"] == pytest.approx(29.63, abs=0.05)
+    assert arm["step_overshoot_percent"] < 1.0
+    assert arm["tracking_rms_deg"] == pytest.approx(0.19, abs=0.02)
+    assert arm["control_gap_s"] == pytest.approx(0.01)
+    assert 21 < arm["time_s"] < 22
+
+
 def test_the_report_is_as_promised(first: Lap) -> None:
     jsonschema.validate(first.report, json.loads(SCHEMA_FILE.read_text()))
     assert first.report == json.loads((first.results / "report.json").read_text())
     assert first.report["schema"] == 1
     assert first.run.keys() >= RUN_KEYS
     assert list(first.report["robots"]) == ALL
-    assert all(robot.keys() >= ROBOT_KEYS for robot in first.report["robots"].values())
+    assert all(first.report["robots"][name].keys() >= ROBOT_KEYS for name in DRIVING)
     assert first.report["checks"]
     assert all(check.keys() >= {"name", "value", "bound", "ok"} for check in first.report["checks"])
     assert (first.run["fleet"], first.run["mode"], first.run["seed"]) == ("lab", "lockstep", 3)
@@ -149,7 +160,9 @@ def test_its_duration_ends_it(terminal: Terminal) -> None:
     assert (lap.run["ended"], lap.run["sim_seconds"]) == ("duration", 2.0)
     assert lap.ended.status == 1
     missed = [check["name"] for check in lap.report["checks"] if not check["ok"]]
-    assert missed == [f"{name}.points_reached" for name in ALL]
+    exercise = [name for name in missed if name.startswith("arm.")]
+    assert {"arm.step_final_deg", "arm.tracking_rms_deg"} <= set(exercise)
+    assert [name for name in missed if name not in exercise] == [f"{name}.points_reached" for name in DRIVING]
 
 
 def test_the_recording_opens_in_the_viewer(first: Lap, tmp_path: Path) -> None:

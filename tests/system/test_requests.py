@@ -8,22 +8,8 @@ from collections.abc import Iterator
 import pytest
 
 from messages.geometry import Pose, Twist
-from messages.requests import (
-    DELETE,
-    GET_STATE,
-    LIST,
-    PAUSE,
-    RESET,
-    RESET_WORLD,
-    RESUME,
-    SET_STATE,
-    STEP,
-    ModelList,
-    Name,
-    SetModelState,
-    SimTime,
-    Steps,
-)
+from messages.requests import DELETE, GET_STATE, LIST, PAUSE, RESET, RESET_WORLD, RESUME, SET_STATE, STEP, Name
+from messages.simulation import ModelList, SetModelState, SimTime, Steps
 from messages.std import Empty
 from messages.topics import CLOCK, CMD_VEL
 from services.runtime.errors import CallFailed

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from messages.geometry import Pose, Twist
-from messages.requests import DELETE, SPAWN, Name, SpawnModel
+from messages.requests import DELETE, SPAWN, Name
+from messages.simulation import SpawnModel
 from messages.std import String
 from messages.tf import TFMessage
 from messages.topics import (

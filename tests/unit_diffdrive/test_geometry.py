@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from models import MODELS, model_path
+from models import WHEELED, model_path
 from models.figures import read_model
 from models.stopping import stopping
 from models.wheels import NoWheels, read_wheels
@@ -24,7 +24,7 @@ def test_there_and_back(v: float, w: float) -> None:
     assert body_speeds(geometry, *rim_speeds(geometry, v, w)) == pytest.approx((v, w), abs=1e-12)
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", WHEELED)
 def test_every_model_is_what_its_urdf_says(name: str) -> None:
     wheels = read_model(name).wheels
     assert wheels is not None

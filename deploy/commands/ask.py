@@ -1,0 +1,94 @@
+"""Options and calls of verbs that ask a running fleet something, and how they print what it says."""
+
+from __future__ import annotations
+
+import functools
+import sys
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from deploy.claim import running
+from deploy.commands.options import chosen, json_option, port_option
+from deploy.fleet import PORT
+
+if TYPE_CHECKING:
+    from messages.base import Message
+    from messages.requests import Request
+
+R = TypeVar("R", bound="Message")
+F = TypeVar("F", bound=Callable[..., Any])
+
+TIMEOUT_S = 5.0
+"""Wall time that a request may take unless told otherwise."""
+
+
+class Asker:
+    """Asks the services of one fleet; ``as_json`` tells how the answer is to be printed."""
+
+    def __init__(self, endpoint: str, domain: str, timeout: float, as_json: bool) -> None:
+        self.as_json = as_json
+        self._endpoint, self._domain, self._timeout = endpoint, domain, timeout
+
+    def ask(self, request: Request[Any, R], message: Message) -> R:
+        """The reply to one request; raises CallFailed with the reason, BadInput when no router is there."""
+        from deploy.commands.network import visit
+        from messages.names import key
+        from services.runtime.calls import call
+
+        with visit(self._endpoint, self._domain) as transport:
+            return call(transport, request, key(request.name), message, self._timeout)
+
+    def show(self, reply: Message | Iterable[Message], text: str) -> None:
+        """Print the reply as JSON, or the text that says it."""
+        if not self.as_json:
+            sys.stdout.write(f"{text}\n" if text else "")
+            return
+        import msgspec
+
+        plain = msgspec.to_builtins(reply)
+        sys.stdout.write(msgspec.json.format(msgspec.json.encode(plain), indent=2).decode() + "\n")
+
+
+def asks(command: F) -> F:
+    """Gives a command ``--connect``, ``--domain``, ``--port``, ``--timeout`` and ``--json``, and itself an Asker."""
+
+    @click.option("--connect", metavar="ENDPOINT", default="", help="Router to ask; the running fleet's by default.")
+    @click.option("--domain", default="", help="Domain of the fleet.")
+    @click.option(
+        "--timeout", type=click.FloatRange(0, min_open=True), default=TIMEOUT_S, help="Wall time to wait, s; 5."
+    )
+    @port_option
+    @json_option
+    @functools.wraps(command)
+    def wrapped(connect: str, domain: str, port: int | None, timeout: float, as_json: bool, **given: Any) -> Any:
+        if not connect and running():
+            fleet = chosen(port)
+            connect, domain = f"tcp/127.0.0.1:{fleet.port}", domain or fleet.domain
+        return command(Asker(connect or f"tcp/127.0.0.1:{port or PORT}", domain, timeout, as_json), **given)
+
+    return wrapped  # type: ignore[return-value]
+
+
+def table(rows: Iterable[Iterable[str]]) -> str:
+    """Rows of words in columns that are as wide as they need to be."""
+    lines = [list(row) for row in rows]
+    widths = [max(len(row[column]) for row in lines) for column in range(len(lines[0]))] if lines else []
+    return "\n".join(
+        "  ".join(word.ljust(width) for word, width in zip(row, widths, strict=True)).rstrip() for row in lines
+    )
+
+
+def assignments(pairs: Iterable[str]) -> dict[str, float]:
+    """``name=number`` words as a table; raises click's own error for another form."""
+    found: dict[str, float] = {}
+    for pair in pairs:
+        name, equals, value = pair.rpartition("=")
+        try:
+            found[name] = float(value)
+        except ValueError:
+            equals = ""
+        if not equals or not name:
+            raise click.BadParameter(f"{pair!r}: write it as joint=position, in rad or m")
+    return found

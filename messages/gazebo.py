@@ -1,0 +1,124 @@
+"""elea_msgs of Gazebo's world services: efforts, wrenches, joints, links and properties, scoped by model.
+
+A joint or link is named alone where one model only has it, or as ``model::name`` or ``model/name``.
+"""
+
+from typing import Annotated, ClassVar, Literal
+
+from msgspec import Meta
+
+from messages.base import Count, Finite, Message, Metres
+from messages.geometry import Point, Pose, Twist, Vector3, Wrench
+from messages.joints import JointEffort
+from messages.std import Time
+
+Duration = Annotated[float, Meta(ge=-1, le=1e9, extra={"unit": "s"})]
+
+
+class ApplyEffort(Message, frozen=True, kw_only=True):
+    """Put a job on a joint of ``model``, which may be empty where the joint's name tells it."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/ApplyEffort"
+    model: str = ""
+    job: JointEffort = JointEffort()
+
+
+class JointName(Message, frozen=True, kw_only=True):
+    """A joint; ``model`` may be empty where the joint's name tells it."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/JointName"
+    model: str = ""
+    joint_name: str = ""
+
+
+class SetConfiguration(Message, frozen=True, kw_only=True):
+    """Put joints of a model at positions, rad or m, at rest; those not named keep theirs."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/SetConfiguration"
+    model: str = ""
+    joint_names: tuple[str, ...] = ()
+    joint_positions: tuple[Finite, ...] = ()
+
+
+class ApplyWrench(Message, frozen=True, kw_only=True):
+    """A job: a force [N] and a torque [N m] on a link, from ``start_time`` (now, if past) for ``duration`` seconds.
+
+    Both are in the axes of ``reference_frame``: the world's when that is empty, ``world`` or ``map``, else an entity's,
+    which they follow as it turns. The force acts at ``reference_point`` [m], a point of the link in its own frame. All
+    wrenches that act on a link add up. Times are those of a JointEffort.
+    """
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/ApplyWrench"
+    body_name: str = ""
+    reference_frame: str = ""
+    reference_point: Point = Point()
+    wrench: Wrench = Wrench()
+    start_time: Time = Time()
+    duration: Duration = 0.0
+
+
+class LinkName(Message, frozen=True, kw_only=True):
+    """A link (``model::link``), or a model for its root; ``reference_frame`` as in GetModelState."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/LinkName"
+    link_name: str = ""
+    reference_frame: str = ""
+
+
+class LinkState(Message, frozen=True, kw_only=True):
+    """Where the frame of a link is and how it moves, as seen from ``reference_frame``, in its axes."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/LinkState"
+    link_name: str = ""
+    pose: Pose = Pose()
+    twist: Twist = Twist()
+    reference_frame: str = ""
+
+
+class LinkProperties(Message, frozen=True, kw_only=True):
+    """What a link weighs [kg], where its centre of mass is in its own frame, its principal moments [kg m2] about the
+    axes of ``com``, and its friction."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/LinkProperties"
+    link_name: str = ""
+    com: Pose = Pose()
+    mass: Finite = 0.0
+    inertia: Vector3 = Vector3()
+    friction: Finite = 0.0
+    wrenches: Count = 0
+
+
+class ModelProperties(Message, frozen=True, kw_only=True):
+    """What a model is made of. ``is_static`` tells that its root is held in the world."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/ModelProperties"
+    name: str = ""
+    model: str = ""
+    about: str = ""
+    namespace: str = ""
+    base_frame: str = ""
+    links: tuple[str, ...] = ()
+    joints: tuple[str, ...] = ()
+    mass: Finite = 0.0
+    radius: Metres = 0.0
+    is_static: bool = False
+    driven: bool = False
+
+
+class WorldProperties(Message, frozen=True, kw_only=True):
+    """The world and its physics, which a run cannot change: step [s], gravity [m/s2], the solver's iterations."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/WorldProperties"
+    world: str = ""
+    sim_time: Time = Time()
+    tick: Count = 0
+    epoch: Count = 0
+    mode: Literal["lockstep", "real", "free"] = "real"
+    factor: Finite = 1.0
+    pause: bool = False
+    time_step: Finite = 0.0
+    gravity: Vector3 = Vector3()
+    iterations: Count = 0
+    ground_friction: Finite = 0.0
+    obstacles: tuple[str, ...] = ()
+    model_names: tuple[str, ...] = ()

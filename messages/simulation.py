@@ -1,0 +1,106 @@
+"""elea_msgs of the simulation: models that come and go, their states and bases, and time."""
+
+from typing import Annotated, ClassVar
+
+from msgspec import Meta
+
+from messages.base import Count, Finite, Message, Metres, Radians
+from messages.elea import ModelState
+from messages.geometry import Pose, Twist
+from messages.parameters import Assignment
+
+
+class SpawnModel(Message, frozen=True, kw_only=True):
+    """Put a model of ``models/`` into the world as ``name``, its topics in ``namespace`` (the name when empty).
+
+    ``pose`` is in ``reference_frame``: the world when that is empty, ``world`` or ``map``, else an entity (``model`` or
+    ``model::link``). ``joint_names`` start at ``joint_positions`` (rad or m), all others at 0. ``parameters`` are those
+    of its base or of its joints, as a fleet file has them.
+    """
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/SpawnModel"
+    name: str = ""
+    model: str = ""
+    pose: Pose = Pose()
+    namespace: str = ""
+    reference_frame: str = ""
+    joint_names: tuple[str, ...] = ()
+    joint_positions: tuple[Finite, ...] = ()
+    parameters: tuple[Assignment, ...] = ()
+
+
+class SetModelState(Message, frozen=True, kw_only=True):
+    """Move a model; joint angles keep their values.
+
+    Without a ``reference_frame`` the pose is in the world and the twist in the model's own axes, as odometry tells it;
+    with one (``world``, ``model`` or ``model::link``), both are in its axes, as in Gazebo.
+    """
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/SetModelState"
+    name: str = ""
+    pose: Pose = Pose()
+    twist: Twist = Twist()
+    reference_frame: str = ""
+
+
+class SetOdometry(Message, frozen=True, kw_only=True):
+    """From now on, the wheel odometry of the robot ``name`` counts from here: ROS 2's ``set_odometry``."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/SetOdometry"
+    name: str = ""
+    x: Metres = 0.0
+    y: Metres = 0.0
+    yaw: Radians = 0.0
+
+
+Multiplier = Annotated[float, Meta(ge=0.5, le=1.5)]
+
+
+class DriveSettings(Message, frozen=True, kw_only=True):
+    """The live parameters of the base of the robot ``name``; asked, None leaves one as it is.
+
+    They are replaced together between two physics steps, or, when one is out of bounds, not at all.
+    """
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/DriveSettings"
+    name: str = ""
+    wheel_separation_multiplier: Multiplier | None = None
+    left_wheel_radius_multiplier: Multiplier | None = None
+    right_wheel_radius_multiplier: Multiplier | None = None
+    publish_rate: Annotated[float, Meta(ge=0, le=50, extra={"unit": "Hz"})] | None = None
+    enable_odom_tf: bool | None = None
+
+
+class ModelList(Message, frozen=True, kw_only=True):
+    """All models in the world."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/ModelList"
+    models: tuple[ModelState, ...] = ()
+
+
+class Steps(Message, frozen=True, kw_only=True):
+    """A number of physics steps to run while paused."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/Steps"
+    count: Annotated[int, Meta(ge=1, le=1_000_000)] = 1
+
+
+class SimTime(Message, frozen=True, kw_only=True):
+    """Where the simulation stands, in ns and in physics steps since the last reset."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/SimTime"
+    time: Count = 0
+    tick: Count = 0
+    epoch: Count = 0
+
+
+class GetModelState(Message, frozen=True, kw_only=True):
+    """Where the model ``name`` is.
+
+    Without a ``relative_entity`` the pose is in the world and the twist in the model's own axes; with one (``world``,
+    ``model`` or ``model::link``), both are as seen from it, in its axes, as in Gazebo: the twist is the difference.
+    """
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/GetModelState"
+    name: str = ""
+    relative_entity: str = ""

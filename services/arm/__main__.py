@@ -1,0 +1,6 @@
+"""`python -m services.arm`."""
+
+from services.arm import SERVICE
+from services.runtime.main import main
+
+main(SERVICE)

@@ -1,0 +1,6 @@
+"""`python -m services.reference`."""
+
+from services.reference import SERVICE
+from services.runtime.main import main
+
+main(SERVICE)

@@ -1,0 +1,48 @@
+"""The loop of the reference service: parameters and time in, the reference out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from messages.std import Float32
+from messages.topics import REFERENCE
+from services.reference import ReferenceParameters
+from services.reference.forms import Forms
+from services.reference.table import Table, read_table
+from services.runtime.context import Context
+from services.runtime.errors import BadInput
+
+
+def run(ctx: Context[ReferenceParameters]) -> None:
+    """Publish until told to stop. After a reset the form begins anew."""
+    table = opened(ctx.params)
+    out = ctx.writer(REFERENCE)
+    forms, told = Forms(table), ""
+    for tick in ctx.ticks():
+        p = ctx.params
+        if tick.reset:
+            forms = Forms(table)
+        wanted = forms.step(p, tick.dt)
+        if p.reference_type != told:
+            told = p.reference_type
+            ctx.log.info(f"{told} from {wanted:.2f} deg on")
+        if p.reference_type == "csv" and table is None:
+            ctx.log.warn("reference_type is csv but no file was given, holding the angle: start with csv=FILE", every=5)
+        bounded = max(p.lower, min(p.upper, wanted))
+        if bounded != wanted:
+            ctx.log.warn(
+                f"{p.reference_type} asks for {wanted:.1f} deg, clipped to the joint's {p.lower:g} to {p.upper:g} deg",
+                every=5,
+            )
+        out.publish(Float32(data=bounded))
+
+
+def opened(p: ReferenceParameters) -> Table | None:
+    """The table of the file, if one is stated; raises BadInput for what cannot be followed."""
+    if not p.lower < p.upper:
+        raise BadInput(f"lower = {p.lower:g} deg is not below upper = {p.upper:g} deg")
+    if p.csv:
+        return read_table(Path(p.csv).absolute())
+    if p.reference_type == "csv":
+        raise BadInput("reference_type = csv needs a file: csv = PATH")
+    return None

@@ -1,0 +1,139 @@
+"""Faults of the arm: its controller is killed, and its reference, while it follows a sine on the wall clock."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import pytest
+
+from messages.joints import JointEffort
+from messages.sensor import JointState
+from messages.topics import JOINT_EFFORT, JOINT_STATES, REFERENCE
+from services.runtime.node import Node
+from tests.faults.conftest import Ground
+from tests.faults.fleet import START_S, Fleet
+
+DURATION_S = 0.1
+"""How long an effort of the controller acts."""
+STEP_S = 0.005
+"""The physics step; a job acts on every step from its start to its end, both included."""
+
+ARM = f"""
+name = "arm_faults"
+
+[run]
+mode = "real"
+ends = "never"
+
+[[robot]]
+name = "arm"
+model = "arm"
+
+[[robot.services]]
+kind = "arm"
+parameters = {{ controller_type = "tr", duration = {DURATION_S} }}
+
+[[robot.services]]
+kind = "reference"
+restart = "never"
+parameters = {{ reference_type = "sine", sin_ref_gain = 30.0, sin_ref_f = 0.2 }}
+"""
+
+
+class Witness:
+    """Everything seen of the joint, the jobs on it and the references, as it was sent."""
+
+    def __init__(self, node: Node) -> None:
+        self._joints = node.read(JOINT_STATES, "/arm/joint_states")
+        self._efforts = node.read(JOINT_EFFORT, "/arm/joint_effort")
+        self._references = node.read(REFERENCE)
+        self.joints: list[JointState] = []
+        self.jobs: list[JointEffort] = []
+        self.references: list[float] = []
+
+    def look(self) -> None:
+        """Take what has come."""
+        for each in (self._joints, self._efforts, self._references):
+            each.admit()
+        self.joints += [state for state, _ in self._joints.batch]
+        self.jobs += [job for job, _ in self._efforts.batch]
+        self.references += [reference.data for reference, _ in self._references.batch]
+
+    @property
+    def angle(self) -> float:
+        """deg."""
+        return math.degrees(self.joints[-1].position[0])
+
+    @property
+    def time(self) -> float:
+        """s."""
+        return self.joints[-1].header.stamp.ns / 1e9
+
+
+@pytest.fixture(scope="module")
+def swinging(ground: Ground, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Fleet, Witness]]:
+    ground.clear()  # no other fleet runs beside it
+    with Fleet(ARM, 0, tmp_path_factory.mktemp("arm")) as fleet, fleet.node("witness") as node:
+        witness = Witness(node)
+        fleet.wait_ready(within=START_S)
+        follows(fleet, witness)
+        yield fleet, witness
+
+
+def follows(fleet: Fleet, witness: Witness) -> None:
+    """Until the joint has been near the reference at both ends of its swing."""
+    seen: set[int] = set()
+
+    def look() -> bool:
+        witness.look()
+        if witness.references and witness.joints and abs(witness.angle - witness.references[-1]) < 3.0:
+            seen.update({math.copysign(1, witness.angle)} if abs(witness.angle) > 25.0 else ())
+        return seen == {1, -1}
+
+    fleet.wait(look, "a joint that follows its reference", within=START_S)
+
+
+def test_a_killed_controller_lets_the_joint_go_within_its_last_job(swinging: tuple[Fleet, Witness]) -> None:
+    fleet, witness = swinging
+    before = fleet.process("arm/arm")
+    fleet.kill("arm/arm")
+    begin = witness.time
+
+    def fallen() -> bool:
+        witness.look()
+        return witness.time > begin + 2 * DURATION_S
+
+    fleet.wait(fallen, "the joint without a controller")
+    end, start = witness.time, witness.jobs[-1].start_time.ns / 1e9
+    after = [(state.header.stamp.ns / 1e9, state.effort[0]) for state in witness.joints[-100:]]
+    acting = [time for time, effort in after if effort]
+    print(f"released {acting[-1] - start:.3f} s after the start of its last job")
+    free = [effort for time, effort in after if start + DURATION_S + 2 * STEP_S < time <= end]
+    assert free, "nothing was seen of the joint after the job"
+    assert set(free) == {0.0}, "no effort acts when the job is over"
+    assert acting[-1] >= start, "and it does act until then"
+
+    fleet.wait_new_life(before)
+    follows(fleet, witness)
+    assert "killed by signal 9" in fleet.log("arm/arm")
+
+
+def test_a_killed_reference_is_held_and_said(swinging: tuple[Fleet, Witness]) -> None:
+    fleet, witness = swinging
+    fleet.kill("arm/reference")
+    fleet.wait(lambda: "no reference for" in fleet.log("arm/arm"), "the controller to say so")
+    witness.look()
+    held, since = witness.references[-1], witness.time
+
+    def later() -> bool:
+        witness.look()
+        return witness.time > since + 2.0
+
+    fleet.wait(later, "two seconds more")
+    angles = [math.degrees(s.position[0]) for s in witness.joints if s.header.stamp.ns / 1e9 > since + 1.0]
+    assert max(angles) - min(angles) < 0.3, "it stands"
+    assert all(abs(angle - held) < 0.6 for angle in angles), "where the last reference was"
+    assert f"holding {held:.2f} deg: has its service died?" in fleet.log("arm/arm")
+    assert fleet.process("arm/arm").state == "ready"
+    print(f"held at {angles[-1]:.2f} deg, the last reference was {held:.2f} deg")

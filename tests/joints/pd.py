@@ -1,0 +1,53 @@
+"""A controller of the test: the seed's PD on the arm, toward 30 degrees, at the rate and with the jobs it is told."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+from msgspec import Meta
+
+from messages.joints import JointEffort
+from messages.std import Time
+from messages.topics import JOINT_EFFORT, JOINT_STATES
+from services.runtime import Parameters, Service, main
+from services.runtime.context import Context
+
+
+class PdParameters(Parameters, frozen=True, kw_only=True):
+    """How long its jobs last, and whether it falls silent."""
+
+    job: Annotated[float, Meta(description="duration of a job, s")] = 0.1
+    until: Annotated[float, Meta(description="falls silent at this time, s; 0 never")] = 0.0
+
+
+def run(ctx: Context[PdParameters]) -> None:
+    """Control until asked to end."""
+    joints = ctx.latest(JOINT_STATES)
+    before: float | None = None
+    for tick in ctx.ticks():
+        state = joints.value
+        if state is None or tick.dt <= 0 or (ctx.params.until and tick.time / 1e9 >= ctx.params.until):
+            continue
+        error = 30.0 - math.degrees(state.position[0])
+        rate = 0.0 if before is None else (error - before) / tick.dt
+        before = error
+        effort = max(-200.0, min(200.0, 37.5 * error + 2.8 * rate))
+        ctx.publish(
+            JOINT_EFFORT,
+            JointEffort(joint_name="bear_link", effort=effort, start_time=Time.of(tick.time), duration=ctx.params.job),
+        )
+
+
+if __name__ == "__main__":
+    main(
+        Service(
+            name="pd",
+            about="The seed's PD.",
+            run=run,
+            reads=(JOINT_STATES,),
+            writes=(JOINT_EFFORT,),
+            rate=100.0,
+            parameters=PdParameters,
+        )
+    )

@@ -1,0 +1,145 @@
+"""The arm service's laws on the arm in real PyBullet, at three rates, with references as they come."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import NamedTuple
+
+import pytest
+
+from services.arm import ArmParameters
+from services.arm.controller import Controller
+from services.arm.pid import Sight
+from services.arm.target import Target
+from services.grader.exercise import Exercise
+from services.grader.records import StepFigures
+from tests.physics.arm import Stand, stand
+from tests.physics.rig import STEP_NS
+
+RATES = (50, 100, 200)
+"""Hz."""
+LAWS = ("seed", "default")
+STEPS = 1_000_000_000 // STEP_NS
+"""Physics steps in a second."""
+REFERENCE = STEPS // 50
+"""Physics steps between two references."""
+
+
+class Played(NamedTuple):
+    """What came of a run: the measured exercise, the angles [deg] at the ticks, the efforts [N m] after each step."""
+
+    exercise: Exercise
+    angles: list[float]
+    efforts: list[float]
+
+
+Change = tuple[float, ArmParameters]
+
+
+def play(
+    on: Stand, p: ArmParameters, wanted: Callable[[float], float], seconds: float, change: Change | None = None
+) -> Played:
+    """The service's tick without its bus: in lockstep, what was published at a step is seen at the next."""
+    controller, target, exercise = Controller(), Target(), Exercise()
+    every, angles = round(STEPS / p.rate), []
+    told: float | None = None
+    for step in range(round(seconds * STEPS)):
+        now, time = step * STEP_NS, step / STEPS
+        if change is not None and time >= change[0]:
+            p, change = change[1], None
+        if step % every == 0:
+            if told is not None:
+                target.take(told, now)
+                told = None
+            if target.sample is not None:
+                at, rate = target.at(now, smooth=p.law == "default")
+                sight = Sight(at, rate, on.angle, math.degrees(on.rate))
+                on.put(controller.step(p, sight, 1 / p.rate), p.duration)
+                exercise.at(time, at, on.angle)
+            angles.append(on.angle)
+        if step % REFERENCE == 0:
+            told = wanted(time)
+        on.run(1 / STEPS)
+    return Played(exercise, angles, on.efforts)
+
+
+def at_thirty(time: float) -> float:
+    return 30.0 if time >= 1.0 else 0.0
+
+
+def swing(time: float) -> float:
+    return 30.0 * math.sin(math.tau * 0.2 * time)
+
+
+@cache
+def stepped(law: str, rate: int, gravity: bool = False) -> StepFigures:
+    with stand() as on:
+        played = play(on, ArmParameters(law=law, rate=rate, gravity=gravity), at_thirty, 4.0)
+    (step,) = played.exercise.steps
+    return step
+
+
+@cache
+def swung(law: str, rate: int, gravity: bool = False) -> Played:
+    with stand() as on:
+        return play(on, ArmParameters(controller_type="tr", law=law, rate=rate, gravity=gravity), swing, 11.0)
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("law", LAWS)
+def test_a_step_of_30_degrees(law: str, rate: int) -> None:
+    step = stepped(law, rate)
+    assert step.final_deg == pytest.approx(29.63, abs=0.05)
+    assert step.overshoot_percent < 1.0
+    assert 0.12 <= step.rise_s <= 0.15
+    assert step.settling_s < 0.4
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("law", LAWS)
+def test_gravity_fed_forward_leaves_no_steady_error(law: str, rate: int) -> None:
+    step = stepped(law, rate, gravity=True)
+    assert step.steady_error_deg < 0.02
+    assert step.overshoot_percent < 1.0
+    assert 0.12 <= step.rise_s <= 0.15
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_a_sine_by_the_law_of_the_seed(rate: int) -> None:
+    tracking = swung("seed", rate).exercise.tracking
+    assert tracking.rms == pytest.approx(0.19, abs=0.02)
+    assert tracking.largest < 0.32
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("gravity", [False, True])
+def test_the_default_law_is_no_worse_anywhere(rate: int, gravity: bool) -> None:
+    ours, seed = stepped("default", rate, gravity), stepped("seed", rate, gravity)
+    assert ours.steady_error_deg <= seed.steady_error_deg + 1e-6
+    assert ours.overshoot_percent <= seed.overshoot_percent + 1e-6
+    assert ours.settling_s <= seed.settling_s + 0.025
+    ours_swing, seed_swing = swung("default", rate, gravity), swung("seed", rate, gravity)
+    assert ours_swing.exercise.tracking.rms == pytest.approx(seed_swing.exercise.tracking.rms, abs=0.002)
+    assert ours_swing.exercise.tracking.largest <= seed_swing.exercise.tracking.largest + 0.002
+    assert _hardest(ours_swing) < 11.2, "what the motion takes: the stairs of the reference do not reach the motor"
+    assert rate == 50 or _hardest(seed_swing) > 50.0, "as they do by the law of the seed, where it acts more often"
+
+
+def _hardest(played: Played) -> float:
+    return max(map(abs, played.efforts[STEPS:]))
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_changing_the_controller_is_no_bump(rate: int) -> None:
+    """By the default law the effort goes on where it was; by the law of the seed it jumps."""
+    jumps = {}
+    for law in LAWS:
+        p = ArmParameters(law=law, rate=rate, controller_type="tr", tr_Ki=20.0)
+        with stand() as on:
+            other = ArmParameters(law=law, rate=rate, controller_type="ss")
+            efforts = play(on, p, at_thirty, 4.0, change=(3.0, other)).efforts
+        jumps[law] = abs(efforts[3 * STEPS] - efforts[3 * STEPS - 1])
+    assert jumps["default"] < 0.5
+    assert jumps["seed"] > 5.0

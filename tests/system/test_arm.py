@@ -1,0 +1,87 @@
+"""The arm in real processes: its exercise graded in lockstep, at three rates and by both laws, twice the same."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import matplotlib.image
+import pytest
+
+from deploy.fleet_file import find_fleet
+from deploy.report.schema import SCHEMA_FILE
+from tests.system.terminal import Ended, Terminal
+
+
+class Run:
+    """A fleet's run to its report."""
+
+    def __init__(self, terminal: Terminal, fleet: str | Path, name: str) -> None:
+        self.results = terminal.folder / name
+        self.ended: Ended = terminal.up(fleet, self.results, "--json")
+        assert self.ended.out, self.ended.err
+        self.report: dict[str, Any] = json.loads(self.ended.out)
+        self.arm: dict[str, Any] = self.report["robots"]["arm"]
+
+
+@pytest.fixture(scope="module")
+def terminal(tmp_path_factory: pytest.TempPathFactory) -> Terminal:
+    return Terminal(tmp_path_factory.mktemp("arm"))
+
+
+@pytest.fixture(scope="module")
+def first(terminal: Terminal) -> Run:
+    return Run(terminal, "arm", "first")
+
+
+def holds(run: Run) -> None:
+    """What the fleet promises."""
+    assert run.ended.status == 0, run.ended.err
+    arm = run.arm
+    assert run.report["run"]["ended"] == "goals"
+    assert arm["step_final_deg"] == pytest.approx(29.63, abs=0.05)
+    assert arm["step_overshoot_percent"] < 1.0
+    assert 0.12 <= arm["step_rise_s"] <= 0.15
+    assert arm["tracking_rms_deg"] == pytest.approx(0.19, abs=0.02)
+    assert arm["messages_lost"] == 0
+    whole, weightless = arm["steps"]
+    assert (whole["from_deg"], whole["to_deg"]) == (0.0, 30.0)
+    assert weightless["to_deg"] == 20.0
+    assert weightless["steady_error_deg"] < 0.02, "its weight is fed forward by then"
+    assert 23 < arm["time_s"] < 24
+
+
+def test_step_sine_and_weight_by_the_default_law(first: Run) -> None:
+    holds(first)
+    assert first.arm["control_gap_s"] == pytest.approx(0.01)
+
+
+def test_its_report_fits_the_schema_and_has_a_picture(first: Run) -> None:
+    jsonschema.validate(first.report, json.loads(SCHEMA_FILE.read_text()))
+    assert matplotlib.image.imread(first.results / "report.png").shape[1] >= 1200
+
+
+def test_it_repeats_bit_for_bit(terminal: Terminal, first: Run) -> None:
+    again = Run(terminal, "arm", "again")
+    assert again.report["run"]["trajectory_hash"] == first.report["run"]["trajectory_hash"]
+    assert again.arm == first.arm
+
+
+@pytest.mark.parametrize(("fleet", "rate"), [("arm", 200), ("arm_seed", 50)])
+def test_other_rates_and_the_laws_of_the_seed(terminal: Terminal, first: Run, fleet: str, rate: int) -> None:
+    """The seed's laws are no better than the default; tests/physics compares both at every rate."""
+    text = find_fleet(fleet).read_text()
+    own = '{ kind = "arm", parameters = { law = "seed" } }' if fleet == "arm_seed" else '{ kind = "arm" }'
+    law = fleet.removeprefix("arm_") if fleet != "arm" else "default"
+    assert own in text
+    path = terminal.folder / f"{fleet}_{rate}.toml"
+    path.write_text(text.replace(own, f'{{ kind = "arm", parameters = {{ law = "{law}", rate = {rate} }} }}'))
+    run = Run(terminal, path, path.stem)
+    holds(run)
+    assert run.arm["control_gap_s"] == pytest.approx(1 / rate)
+    if law == "seed":
+        assert first.arm["step_steady_error_deg"] <= run.arm["step_steady_error_deg"] + 0.001
+        assert first.arm["tracking_rms_deg"] <= run.arm["tracking_rms_deg"] + 0.002
+        assert first.arm["effort_rms_nm"] <= run.arm["effort_rms_nm"] + 0.1
