@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from deploy.commands.ask import Asker, asks, assignments, table
+from deploy.commands.sim.ask import Asker, asks, assignments, table
 
 if TYPE_CHECKING:
     from messages.joints import JointProperties

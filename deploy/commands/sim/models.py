@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from deploy.commands.ask import Asker, asks, assignments, table
+from deploy.commands.sim.ask import Asker, asks, assignments, table
 
 if TYPE_CHECKING:
     from messages.elea import ModelState
