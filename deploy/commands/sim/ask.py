@@ -5,7 +5,8 @@ from __future__ import annotations
 import functools
 import sys
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, TypeVar
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import click
 
@@ -14,6 +15,7 @@ from deploy.commands.options import Place, json_option, place_options
 if TYPE_CHECKING:
     from messages.base import Message
     from messages.requests import Request
+    from services.runtime.transport import Transport
 
 R = TypeVar("R", bound="Message")
 
@@ -22,10 +24,18 @@ TIMEOUT_S = 5.0
 
 
 class Asker:
-    """Asks the services of one fleet, and prints what they say, in words or as JSON."""
+    """Asks the services of one fleet, which it joins at the first question, and prints what they say."""
 
     def __init__(self, place: Place, timeout: float, as_json: bool) -> None:
         self._place, self._timeout, self._as_json = place, timeout, as_json
+        self._visit = ExitStack()
+        self._transport: Transport | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._visit.close()
 
     def ask(self, request: Request[Any, R], message: Message) -> R:
         """The reply to one request; raises CallFailed with the reason, BadInput when no router is there."""
@@ -33,8 +43,9 @@ class Asker:
         from messages.names import key
         from services.runtime.calls import call
 
-        with visit(self._place.router, self._place.domain) as transport:
-            return call(transport, request, key(request.name), message, self._timeout)
+        if self._transport is None:
+            self._transport = self._visit.enter_context(visit(self._place.router, self._place.domain))
+        return call(self._transport, request, key(request.name), message, self._timeout)
 
     def show(self, reply: Message | Iterable[Message], text: str) -> None:
         """Print the reply as JSON, or the text that says it."""
@@ -57,7 +68,8 @@ def asks(command: Callable[..., Any]) -> Callable[..., Any]:
     @json_option
     @functools.wraps(command)
     def wrapped(place: Place, timeout: float, as_json: bool, **given: Any) -> Any:
-        return command(Asker(place, timeout, as_json), **given)
+        with Asker(place, timeout, as_json) as asker:
+            return command(asker, **given)
 
     return wrapped
 
