@@ -136,4 +136,8 @@ class BaseParameters(Parameters, frozen=True, kw_only=True):
         Annotated[float, Meta(ge=0, le=FASTEST_RATE, description="live; the model's", extra={"unit": "Hz"})] | None
     ) = None
     enable_odom_tf: Annotated[bool, Meta(description="live; odometry on /tf; on")] | None = None
+    enable_link_tf: (
+        Annotated[bool, Meta(description="links on /tf and /tf_static; false leaves them to the service state; on")]
+        | None
+    ) = None
     wheel_pid: Annotated[PidParameters, Meta(description="drive the wheels by torque; off")] | None = None
