@@ -11,15 +11,15 @@ from services.runtime.transport import Transport
 
 
 @contextmanager
-def visit(router: str, domain: str = "") -> Iterator[Transport]:
-    """A transport through the router at an endpoint; raises BadInput when nobody listens there."""
+def visit(router: str, domain: str = "", patience: float = 2.0) -> Iterator[Transport]:
+    """A transport through the router at an endpoint; raises BadInput when nobody listens there for ``patience`` [s]."""
     from services.runtime.zenoh_config import configuration, endpoint
     from services.runtime.zenoh_transport import ZenohTransport
 
     where = endpoint(router)
     host, _, port = where.partition("/")[2].rpartition(":")
     try:
-        socket.create_connection((host.strip("[]"), int(port)), timeout=2.0).close()
+        socket.create_connection((host.strip("[]"), int(port)), timeout=patience).close()
     except OSError as error:
         raise BadInput(f"no router at {where} ({error.strerror or error}): is a fleet up?") from None
     with ZenohTransport(configuration("star", (where,), domain=domain)) as transport:

@@ -1,0 +1,59 @@
+"""Standard output that its reader may close at any time, as ``head`` does: then the verb ends, quietly."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, NoReturn
+
+
+def say(text: str, *, flush: bool = False) -> None:
+    """Write text as it stands."""
+    with _quietly():
+        sys.stdout.write(text)
+        if flush:
+            sys.stdout.flush()
+
+
+def say_json(value: Any, *, lines: bool = False) -> None:
+    """Write a JSON document, on one line and at once for ``lines``. NaN and infinities are null, bytes are base64."""
+    import msgspec
+
+    written = msgspec.json.encode(value)
+    say((written if lines else msgspec.json.format(written, indent=2)).decode() + "\n", flush=lines)
+
+
+def note(text: str) -> None:
+    """A remark beside the output, on standard error."""
+    sys.stderr.write(f"elea: {text}\n")
+    sys.stderr.flush()
+
+
+def reader_gone() -> bool:
+    """Whether nobody can read any more what would be written."""
+    if sys.stdout.closed:
+        return True
+    poll = select.poll()
+    poll.register(sys.stdout.fileno(), 0)
+    return any(event & (select.POLLERR | select.POLLNVAL) for _, event in poll.poll(0))
+
+
+def leave_quietly(status: int = 0) -> NoReturn:
+    """End the process after its reader; nothing that is still in the buffers may complain."""
+    nothing = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, sys.stdout.fileno())
+    raise SystemExit(status)
+
+
+@contextmanager
+def _quietly() -> Iterator[None]:
+    try:
+        yield
+    except BrokenPipeError:
+        leave_quietly()
+    except OSError as error:
+        note(f"the output cannot be written: {error.strerror}")
+        leave_quietly(1)
