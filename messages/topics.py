@@ -66,7 +66,9 @@ GOAL_POSE = Topic("goal_pose", PoseStamped, 0, Quality.EVENT, "a goal to drive t
 PLAN = Topic("plan", Path, 0, Quality.LATCHED, "the goals of a robot, in order")
 STATUS = Topic("status", GoalStatus, 0, Quality.LATCHED, "progress on the plan")
 TF = Topic("/tf", TFMessage, 25, Quality.SENSOR, "moving transforms of all robots")
-TF_STATIC = Topic("/tf_static", TFMessage, 0, Quality.LATCHED, "fixed transforms, all of a publisher's in one message")
+TF_STATIC = Topic(
+    "/tf_static", TFMessage, 0, Quality.LATCHED, "fixed transforms, all of a publisher's in one message", 1 << 20
+)
 ROBOT_DESCRIPTION = Topic("robot_description", String, 0, Quality.LATCHED, "the URDF of a robot", 1 << 20)
 JOINT_EFFORT = Topic("joint_effort", JointEffort, 100, Quality.COMMAND, "effort on a joint, for a time")
 REFERENCE = Topic("/robot_control/reference", Float32, 50, Quality.SENSOR, "where the arm should be, degrees")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -48,7 +49,16 @@ class Joint:
             w * c - x * i - y * j - z * k,
         )
 
+    def placement(self, position: float = 0.0) -> tuple[Vector, tuple[float, float, float, float]]:
+        """Where the child lies in the parent, m and quaternion, the joint at ``position`` [rad; m if it slides]."""
+        if self.kind != "prismatic" or not position:
+            return self.xyz, self.rotation(0.0 if self.kind == "prismatic" else position)
+        turn = self.rotation()
+        x, y, z = rotated(turn, self.axis)
+        return (self.xyz[0] + position * x, self.xyz[1] + position * y, self.xyz[2] + position * z), turn
 
+
+@cache
 def read_joints(name: str) -> tuple[Joint, ...]:
     """All joints of the robot ``name`` in the URDF's order; raises ``models.UnknownModel``."""
     return joints_in(model_path(name))

@@ -12,6 +12,7 @@ from messages.topics import Topic
 from services.runtime.calls import DEADLINE_S
 from services.runtime.errors import BadInput
 from services.runtime.followed import Followed
+from services.runtime.frame_buffer import CACHE_S
 from services.runtime.graph import ROOT
 from services.runtime.log import Log
 from services.runtime.node import Node
@@ -19,6 +20,7 @@ from services.runtime.outputs import Output
 from services.runtime.pacing import ClockPacer, Instant, LockstepPacer, Pacer
 from services.runtime.parameters import ALL
 from services.runtime.service import Parameters, period_of
+from services.runtime.transforms import Transforms
 from services.runtime.transport import Inlet
 from services.runtime.views import Latest, Stream
 
@@ -61,7 +63,7 @@ class Context(Generic[P]):
         self._looked = 0.0
         self._node = node
         self._rate, self._lockstep, self._observer = rate, lockstep, observer
-        self._views: list[Latest[Any] | Stream[Any]] = []
+        self._views: list[Latest[Any] | Stream[Any] | Transforms] = []
         self._writing: dict[str, Output[Any]] = {}
         self._resting: Inlet | None = None
         node.log.now = lambda: self.now
@@ -104,6 +106,12 @@ class Context(Generic[P]):
     def stream(self, topic: Topic[M], name: str | None = None) -> Stream[M]:
         """Every message of a topic."""
         view = Stream(self._node.read(topic, name))
+        self._views.append(view)
+        return view
+
+    def transforms(self, cache: float = CACHE_S) -> Transforms:
+        """Where any frame lies in any other, over the last ``cache`` seconds, as told on ``/tf`` and ``/tf_static``."""
+        view = Transforms(self._node, cache)
         self._views.append(view)
         return view
 

@@ -3,6 +3,11 @@
 EleaError
 ├── BadInput (ValueError)        a file, flag, name or value from outside is wrong       -> exit status 2
 ├── CallFailed (RuntimeError)    a request was refused, or nobody answered in time
+├── NoTransform (LookupError)    where one frame lies in another cannot be told
+│   ├── UnknownFrame             nobody has told of a frame of this name
+│   ├── NotConnected             the two frames lie in different trees
+│   ├── Extrapolation            the time lies outside what is known
+│   └── FrameLoop                a frame lies above itself
 └── Stopped                      the process was asked to end; unwinds the loop          -> exit status 0
 """
 
@@ -22,6 +27,26 @@ class BadInput(EleaError, ValueError):
 
 class CallFailed(EleaError, RuntimeError):
     """A request got an error reply, or none within its deadline."""
+
+
+class NoTransform(EleaError, LookupError):
+    """Where one frame lies in another cannot be told; the text says why, and what there is instead."""
+
+
+class UnknownFrame(NoTransform):
+    """Nobody has told of a frame of this name."""
+
+
+class NotConnected(NoTransform):
+    """No chain of transforms leads from one frame to the other."""
+
+
+class Extrapolation(NoTransform):
+    """The time lies before or after what is known of a frame."""
+
+
+class FrameLoop(NoTransform):
+    """A frame lies above itself, so nobody can say where it is."""
 
 
 class Stopped(EleaError):

@@ -153,4 +153,8 @@ class BaseParameters(Parameters, frozen=True, kw_only=True):
         | None
     ) = None
     enable_odom_tf: Annotated[bool, Meta(description="odometry on /tf; on")] | None = None
+    enable_link_tf: (
+        Annotated[bool, Meta(description="links on /tf; false leaves them to the service state; on", extra=_FIXED)]
+        | None
+    ) = None
     wheel_pid: Annotated[PidParameters, Meta(description="drive the wheels by torque; off")] | None = None

@@ -28,7 +28,7 @@ def fixed(robots: Iterable[tuple[Robot, Placement]], now: int) -> TFMessage:
         child = f"{robot.name}/{robot.model.base_frame if fixed_base else 'odom'}"
         header = Header(stamp=Time.of(now), frame_id="world")
         transforms.append(_stamped(header, child, origin.position, origin.orientation))
-        for joint in read_joints(robot.entry.model):
+        for joint in _links(robot):
             if joint.kind == "fixed":
                 transforms.append(_of_joint(robot.name, joint, 0.0, now))
     return TFMessage(transforms=tuple(transforms))
@@ -51,11 +51,21 @@ def moving(robots: Iterable[Robot], world: World, now: int) -> TFMessage:
                     ),
                 )
             )
+        joints = _links(robot)
+        if not joints:
+            continue
         angles = dict(zip(world.joints(robot.name), world.joint_readings(robot.name).position, strict=True))
-        for joint in read_joints(robot.entry.model):
+        for joint in joints:
             if joint.name in angles:
                 transforms.append(_of_joint(robot.name, joint, angles[joint.name], now))
     return TFMessage(transforms=tuple(transforms))
+
+
+def _links(robot: Robot) -> tuple[Joint, ...]:
+    """The joints whose transforms the simulation tells: all, or none when the service ``state`` does."""
+    entry = robot.entry
+    terms = entry.parameters if robot.base is not None else entry.joint_parameters
+    return () if terms.enable_link_tf is False else read_joints(entry.model)
 
 
 def _origin(robot: Robot, spawned: Placement) -> Placement:
@@ -76,7 +86,7 @@ def _origin(robot: Robot, spawned: Placement) -> Placement:
 
 def _of_joint(robot: str, joint: Joint, angle: float, now: int) -> TransformStamped:
     header = Header(stamp=Time.of(now), frame_id=f"{robot}/{joint.parent}")
-    return _stamped(header, f"{robot}/{joint.child}", joint.xyz, joint.rotation(angle))
+    return _stamped(header, f"{robot}/{joint.child}", *joint.placement(angle))
 
 
 def _stamped(

@@ -35,3 +35,6 @@ class JointParameters(Parameters, frozen=True, kw_only=True):
         | None
     ) = None
     noise: Annotated[bool, Meta(description="sensors have the noise of the real ones")] = True
+    enable_link_tf: Annotated[
+        bool, Meta(description="links on /tf and /tf_static; false leaves them to the service state")
+    ] = True

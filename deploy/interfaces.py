@@ -1,0 +1,161 @@
+"""The types of messages and requests as a person reads them: fields, types, units, bounds and texts."""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+from typing import Any, ClassVar, NamedTuple, get_origin, get_type_hints
+
+from msgspec import inspect as shapes
+
+from messages.base import LARGEST, Array, Message
+from messages.records import RECORDS
+from messages.requests import REQUESTS, Request
+from messages.topics import TOPICS
+from services.runtime.errors import BadInput
+
+
+class Shape(NamedTuple):
+    """The type of a field: its name as ROS writes it, the record that it holds, and what bounds it."""
+
+    name: str
+    record: type[Message] | None = None
+    unit: str = ""
+    bounds: str = ""
+    choices: tuple[Any, ...] = ()
+    optional: bool = False
+
+
+def find(name: str) -> type[Message] | Request[Any, Any]:
+    """The record of a ROS type (``geometry_msgs/msg/Twist`` as well), or a request by its name; raises BadInput."""
+    wanted = name.replace("/msg/", "/", 1).replace("/srv/", "/", 1)
+    if (record := RECORDS.get(wanted)) is not None:
+        return record
+    own = {each.name: each for each in REQUESTS}
+    if (request := own.get(f"/{name.lstrip('/')}")) is not None:
+        return request
+    short: dict[str, list[str]] = {}
+    for each in RECORDS:
+        short.setdefault(each.rpartition("/")[2], []).append(each)
+    near = short.get(name) or difflib.get_close_matches(wanted, [*RECORDS, *own], 3, cutoff=0.5)
+    near = near or [whole for each in difflib.get_close_matches(name, short, 2) for whole in short[each]]
+    hint = f"did you mean {' or '.join(map(repr, near))}?" if near else "./elea interface list shows all"
+    raise BadInput(f"unknown type {name[:80]!r}; {hint}")
+
+
+def about(record: type[Message]) -> str:
+    """What a record is, in the words of its own text."""
+    return inspect.getdoc(record) or ""
+
+
+def fields(record: type[Message]) -> list[dict[str, Any]]:
+    """Every field of a record with type, unit, bounds and default, and those of the records within."""
+    info = shapes.type_info(record)
+    assert isinstance(info, shapes.StructType)
+    rows = []
+    for each in info.fields:
+        shape = _shape(each.type)
+        rows.append(
+            {
+                "name": each.encode_name,
+                "type": shape.name,
+                "unit": shape.unit,
+                "bounds": shape.bounds,
+                "choices": list(shape.choices),
+                "optional": shape.optional,
+                "default": None if shape.record or shape.name.endswith("]") else _plain(each.default),
+                "about": about(shape.record) if shape.record else "",
+                "fields": fields(shape.record) if shape.record else [],
+            }
+        )
+    return rows
+
+
+def constants(record: type[Message]) -> dict[str, Any]:
+    """The named values that a record brings, as ULTRASOUND of sensor_msgs/Range."""
+    hints = get_type_hints(record, include_extras=True)
+    names = [name for name, hint in hints.items() if get_origin(hint) is ClassVar or hint is ClassVar]
+    return {name: getattr(record, name) for name in names if name.isupper() and name != "ROS_TYPE"}
+
+
+def described(record: type[Message]) -> dict[str, Any]:
+    """A record whole, with the topics that carry it and the requests that ask or reply it."""
+    return {
+        "type": record.ROS_TYPE,
+        "about": about(record),
+        "constants": constants(record),
+        "fields": fields(record),
+        "topics": [each.name for each in TOPICS if each.record is record],
+        "requests": [each.name for each in REQUESTS if record in (each.asks, each.replies)],
+    }
+
+
+def listed(package: str = "") -> dict[str, list[dict[str, str]]]:
+    """All records and all requests, or those of a package; raises BadInput for a package that has none."""
+    records = {name: each for name, each in sorted(RECORDS.items()) if not package or name.startswith(f"{package}/")}
+    if not records:
+        packages = sorted({name.partition("/")[0] for name in RECORDS})
+        raise BadInput(f"no type is of the package {package!r} (known: {', '.join(packages)})")
+    messages = [{"type": name, "about": about(each).partition("\n")[0]} for name, each in records.items()]
+    requests = [
+        {"name": each.name, "asks": each.asks.ROS_TYPE, "replies": each.replies.ROS_TYPE, "about": each.about}
+        for each in REQUESTS
+        if not package or each.asks.ROS_TYPE in records or each.replies.ROS_TYPE in records
+    ]
+    return {"messages": messages, "requests": requests}
+
+
+def _shape(kind: shapes.Type) -> Shape:
+    """A type taken apart."""
+    match kind:
+        case shapes.Metadata(type=bare, extra=extra):
+            return _shape(bare)._replace(unit=(extra or {}).get("unit", ""))
+        case shapes.BoolType():
+            return Shape("bool")
+        case shapes.IntType() | shapes.FloatType():
+            return Shape("int" if isinstance(kind, shapes.IntType) else "float", bounds=_bounds(kind))
+        case shapes.StrType(max_length=longest):
+            return Shape("string", bounds=f"at most {longest} characters" if longest is not None else "")
+        case shapes.BytesType():
+            return Shape("uint8[]")
+        case shapes.LiteralType(values=values):
+            return Shape("string", choices=tuple(values))
+        case shapes.StructType(cls=record) if issubclass(record, Message):
+            return Shape(record.ROS_TYPE, record)
+        case shapes.CustomType(cls=array) if issubclass(array, Array):
+            return Shape({"<f8": "float64[]", "<f4": "float32[]"}[array.DTYPE])
+        case shapes.VarTupleType(item_type=item, min_length=least, max_length=most):
+            element = _shape(item)
+            count = f"{most}" if least == most and most else ""
+            name = f"({element.name})" if " or " in element.name else element.name
+            return element._replace(name=f"{name}[{count}]")
+        case shapes.UnionType(types=types):
+            return _union(types)
+        case _:
+            return Shape("any")
+
+
+def _union(types: tuple[shapes.Type, ...]) -> Shape:
+    """One of several: null makes it optional; a packed array is the list that it stands for."""
+    said = [_shape(each) for each in types if not isinstance(each, shapes.NoneType | shapes.ExtType)]
+    names = dict.fromkeys(each.name for each in said)
+    whole = said[0] if len(said) == 1 else Shape(" or ".join(names))
+    return whole._replace(optional=any(isinstance(each, shapes.NoneType) for each in types))
+
+
+def _bounds(kind: shapes.IntType | shapes.FloatType) -> str:
+    low = kind.ge if kind.ge is not None else kind.gt
+    high = kind.le if kind.le is not None else kind.lt
+    if (low, high) == (-LARGEST, LARGEST):
+        return "finite"
+    if low is not None and high is not None:
+        over, under = " (exclusive)" if kind.gt is not None else "", " (exclusive)" if kind.lt is not None else ""
+        return f"{low}{over} to {high}{under}"
+    if low is not None:
+        return f"{'above' if kind.gt is not None else 'at least'} {low}"
+    return f"{'below' if kind.lt is not None else 'at most'} {high}" if high is not None else ""
+
+
+def _plain(value: Any) -> Any:
+    """A default as it may be written; None where there is none to write."""
+    return value if isinstance(value, bool | int | float | str) else None

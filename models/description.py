@@ -1,0 +1,236 @@
+"""A URDF from anywhere, read and checked: the tree of its links, and limits and mimicry of its joints."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+from models.frames import Joint, Vector
+
+LARGEST = 1 << 20
+"""Characters of a URDF; a longer one is refused unread."""
+MOST_LINKS = 2000
+"""Links of a robot."""
+
+FARTHEST = 1e6
+"""Bound of every number in a URDF, m or rad."""
+
+KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+
+
+class BadDescription(ValueError):
+    """A URDF is not one, or describes no tree; the text says what and where."""
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """A joint that follows another: position = ``factor`` * the other's + ``offset``."""
+
+    joint: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class DescribedJoint:
+    """A joint, with what a controller must know of it.
+
+    ``lower`` and ``upper`` bound its position [rad or m], None without a limit; the ``soft`` ones are those of its
+    safety controller.
+    """
+
+    frame: Joint
+    lower: float | None = None
+    upper: float | None = None
+    soft_lower: float | None = None
+    soft_upper: float | None = None
+    mimic: Mimic | None = None
+
+    @property
+    def name(self) -> str:
+        """The joint's name."""
+        return self.frame.name
+
+    @property
+    def kind(self) -> str:
+        """One of KINDS."""
+        return self.frame.kind
+
+    @property
+    def told(self) -> bool:
+        """Whether one number tells where it stands, as a JointState does."""
+        return self.kind in ("revolute", "continuous", "prismatic")
+
+
+@dataclass(frozen=True)
+class Description:
+    """A robot: its name, the link that is in no other, and all joints in the order of the URDF."""
+
+    name: str
+    root: str
+    joints: tuple[DescribedJoint, ...]
+
+
+def describe(urdf: str) -> Description:
+    """The robot that a URDF describes; raises BadDescription."""
+    if len(urdf) > LARGEST:
+        raise BadDescription(f"the URDF has {len(urdf)} characters, the limit is {LARGEST}")
+    if "<!DOCTYPE" in urdf or "<!ENTITY" in urdf:
+        raise BadDescription("the URDF declares a document type or entities: a URDF needs none")
+    try:
+        robot = ElementTree.fromstring(urdf.strip())
+    except ElementTree.ParseError as error:
+        hint = ": is it a xacro or a path? Convert a xacro with the command xacro" if "<robot" not in urdf else ""
+        raise BadDescription(f"the URDF is not XML: {error}{hint}") from None
+    if robot.tag != "robot":
+        raise BadDescription(f"the URDF's root is <{robot.tag[:40]}>, not <robot>")
+    links = [each.get("name", "") for each in robot.findall("link")]
+    joints = tuple(_joint(each) for each in robot.findall("joint"))
+    root = _root(links, joints)
+    _check_mimics(joints)
+    return Description(robot.get("name", ""), root, joints)
+
+
+def _joint(element: ElementTree.Element) -> DescribedJoint:
+    name, kind = element.get("name", ""), element.get("type", "")
+    if not name:
+        raise BadDescription("a joint has no name")
+    if kind not in KINDS:
+        raise BadDescription(f"joint {name!r} is of the type {kind!r}; there are {', '.join(KINDS)}")
+    frame = Joint(
+        name=name,
+        kind=kind,
+        parent=_end(element, "parent", name),
+        child=_end(element, "child", name),
+        xyz=_vector(element, "origin", "xyz", (0.0, 0.0, 0.0), name),
+        rpy=_vector(element, "origin", "rpy", (0.0, 0.0, 0.0), name),
+        axis=_axis(element, name, kind),
+    )
+    limited = kind in ("revolute", "prismatic")
+    limit = element.find("limit")
+    if limited and limit is None:
+        raise BadDescription(f"joint {name!r} is {kind} and has no <limit>; a joint that turns for ever is continuous")
+    lower = _number(limit, "lower", name) if limited else None
+    upper = _number(limit, "upper", name) if limited else None
+    if lower is not None and upper is not None and lower > upper:
+        raise BadDescription(f"joint {name!r}: its lower limit {lower:g} lies above the upper one {upper:g}")
+    safety = element.find("safety_controller")
+    follows = element.find("mimic")
+    return DescribedJoint(
+        frame=frame,
+        lower=lower,
+        upper=upper,
+        soft_lower=_number(safety, "soft_lower_limit", name, None),
+        soft_upper=_number(safety, "soft_upper_limit", name, None),
+        mimic=_mimic(follows, name) if follows is not None else None,
+    )
+
+
+def _mimic(element: ElementTree.Element, name: str) -> Mimic:
+    followed = element.get("joint", "")
+    if not followed:
+        raise BadDescription(f"joint {name!r}: its <mimic> names no joint")
+    factor, offset = _number(element, "multiplier", name, 1.0), _number(element, "offset", name, 0.0)
+    assert factor is not None
+    assert offset is not None
+    return Mimic(followed, factor, offset)
+
+
+def _axis(element: ElementTree.Element, name: str, kind: str) -> Vector:
+    """The unit vector of the axis; x when none is given."""
+    axis = _vector(element, "axis", "xyz", (1.0, 0.0, 0.0), name)
+    length = math.hypot(*axis)
+    if length < 1e-9:
+        if kind in ("revolute", "continuous", "prismatic"):
+            raise BadDescription(f"joint {name!r}: its axis is 0 0 0")
+        return 1.0, 0.0, 0.0
+    if abs(length - 1) < 1e-12:
+        return axis
+    return axis[0] / length, axis[1] / length, axis[2] / length
+
+
+def _end(element: ElementTree.Element, tag: str, name: str) -> str:
+    found = element.find(tag)
+    link = found.get("link", "") if found is not None else ""
+    if not link:
+        raise BadDescription(f"joint {name!r} has no <{tag} link=...>")
+    return link
+
+
+def _vector(element: ElementTree.Element, tag: str, attribute: str, default: Vector, name: str) -> Vector:
+    found = element.find(tag)
+    text = found.get(attribute) if found is not None else None
+    if text is None:
+        return default
+    try:
+        x, y, z = (float(part) for part in text.split())
+    except ValueError:
+        raise BadDescription(f"joint {name!r}: {tag} {attribute}={text[:60]!r} is not three numbers") from None
+    if not all(abs(each) <= FARTHEST for each in (x, y, z)):
+        raise BadDescription(f"joint {name!r}: {tag} {attribute}={text[:60]!r} exceeds {FARTHEST:g}")
+    return x, y, z
+
+
+def _number(
+    element: ElementTree.Element | None, attribute: str, name: str, default: float | None = 0.0
+) -> float | None:
+    text = element.get(attribute) if element is not None else None
+    if text is None:
+        return default
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not abs(value) <= FARTHEST:
+        raise BadDescription(f"joint {name!r}: {attribute}={text[:60]!r} is not a number up to {FARTHEST:g}")
+    return value
+
+
+def _root(links: list[str], joints: tuple[DescribedJoint, ...]) -> str:
+    """The one link that no joint moves; raises BadDescription when the links are no tree."""
+    if not links:
+        raise BadDescription("the URDF has no link")
+    if len(links) > MOST_LINKS:
+        raise BadDescription(f"the URDF has {len(links)} links, the limit is {MOST_LINKS}")
+    for kind, names in (("link", links), ("joint", [each.name for each in joints])):
+        if twice := sorted(name for name, count in Counter(names).items() if count > 1):
+            raise BadDescription(f"the {kind} {twice[0]!r} is there twice")
+    above: dict[str, str] = {}
+    for each in joints:
+        for link in (each.frame.parent, each.frame.child):
+            if link not in links:
+                raise BadDescription(f"joint {each.name!r}: there is no link {link!r} (known: {', '.join(links)})")
+        if each.frame.child in above:
+            raise BadDescription(
+                f"link {each.frame.child!r} has two parents, {above[each.frame.child]!r} and {each.frame.parent!r}"
+            )
+        above[each.frame.child] = each.frame.parent
+    roots = [each for each in links if each not in above]
+    if len(roots) > 1:
+        raise BadDescription(f"the links are no tree: {', '.join(map(repr, roots))} hang on nothing")
+    for link in links:
+        seen = {link}
+        while (parent := above.get(link)) is not None:
+            if parent in seen:
+                raise BadDescription(f"the links are in a loop through {parent!r}")
+            seen.add(parent)
+            link = parent
+    return roots[0]
+
+
+def _check_mimics(joints: tuple[DescribedJoint, ...]) -> None:
+    """Whoever is followed exists and moves, and nobody follows himself."""
+    own = {each.name: each for each in joints}
+    for each in joints:
+        seen, follower = {each.name}, each
+        while follower.mimic is not None:
+            followed = own.get(follower.mimic.joint)
+            if followed is None or not followed.told:
+                what = "does not exist" if followed is None else f"is {followed.kind}"
+                raise BadDescription(f"joint {follower.name!r} mimics {follower.mimic.joint!r}, which {what}")
+            if followed.name in seen:
+                raise BadDescription(f"joints mimic each other in a circle, {followed.name!r} for one")
+            seen.add(followed.name)
+            follower = followed

@@ -1,0 +1,110 @@
+"""A loop sees the frames as they stood at the start of its tick, those of all publishers, and anew after a reset."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from messages.geometry import TransformStamped
+from messages.std import Header, Time
+from messages.tf import TFMessage
+from messages.topics import TF, TF_STATIC
+from services.runtime.context import Context, Tick
+from services.runtime.errors import NoTransform
+from services.runtime.memory_transport import MemoryBus
+from services.runtime.node import Node
+from services.runtime.rigid import Rigid
+from services.runtime.service import Parameters
+from tests.runtime.bench import HandClock, node
+
+MS = 1_000_000
+
+
+def told(parent: str, child: str, x: float, ns: int = 0) -> TFMessage:
+    header = Header(stamp=Time.of(ns), frame_id=parent)
+    transform = Rigid((x, 0.0, 0.0)).message
+    return TFMessage(transforms=(TransformStamped(header=header, child_frame_id=child, transform=transform),))
+
+
+@contextmanager
+def three(bus: MemoryBus) -> Iterator[tuple[Node, Node, Context[Parameters]]]:
+    """Two that publish, and the context of one that looks up."""
+    with node(bus, "sim") as sim, node(bus, "state") as state, node(bus, "reader") as reader:
+        yield sim, state, Context(reader, Parameters(), 10.0)
+
+
+def step(ticks: Iterator[Tick], clock: HandClock, ns: int, epoch: int = 0) -> Tick:
+    """The next tick; the clock is told until the loop, which subscribes as late as it can, has heard it."""
+    came = threading.Event()
+
+    def tell() -> None:
+        while not came.is_set():
+            clock.tell(ns, epoch)
+            came.wait(0.01)
+
+    teller = threading.Thread(target=tell)
+    teller.start()
+    try:
+        return next(ticks)
+    finally:
+        came.set()
+        teller.join()
+
+
+def test_it_follows_the_snapshot(bus: MemoryBus, clock: HandClock) -> None:
+    with three(bus) as (sim, state, ctx):
+        frames = ctx.transforms()
+        moving, fixed, other = sim.write(TF), sim.write(TF_STATIC), state.write(TF_STATIC)
+        fixed.publish(told("world", "odom", 1.0))
+        other.publish(told("base", "laser", 0.1))
+        moving.publish(told("odom", "base", 2.0, 0))
+        ticks = ctx.ticks()
+        step(ticks, clock, 0)
+        first = frames.lookup("world", "laser")
+        assert first.transform.translation.x == pytest.approx(3.1)
+        assert (first.header.frame_id, first.child_frame_id, first.header.stamp.ns) == ("world", "laser", 0)
+        moving.publish(told("odom", "base", 4.0, 100 * MS))
+        assert frames.lookup("world", "laser") == first, "what comes during a tick is for the next one"
+        step(ticks, clock, 100 * MS)
+        assert frames.lookup("world", "laser").transform.translation.x == pytest.approx(5.1)
+        assert frames.lookup("world", "laser", 50 * MS).transform.translation.x == pytest.approx(4.1)
+        assert frames.can("laser", "world")
+        assert not frames.can("laser", "nowhere")
+        assert frames.frames() == ["base", "laser", "odom", "world"]
+
+
+def test_a_new_epoch_clears_it(bus: MemoryBus, clock: HandClock) -> None:
+    with three(bus) as (sim, _, ctx):
+        frames = ctx.transforms()
+        moving, fixed = sim.write(TF), sim.write(TF_STATIC)
+        fixed.publish(told("world", "odom", 1.0))
+        moving.publish(told("odom", "base", 2.0, 5000 * MS))
+        ticks = ctx.ticks()
+        step(ticks, clock, 5000 * MS)
+        assert frames.can("world", "base")
+        fixed.publish(told("world", "odom", 7.0))
+        assert step(ticks, clock, 0, 1).reset
+        with pytest.raises(NoTransform):
+            frames.lookup("world", "base")
+        assert frames.lookup("world", "odom").transform.translation.x == 7.0
+        moving.publish(told("odom", "base", 3.0, 100 * MS))
+        step(ticks, clock, 100 * MS, 1)
+        assert frames.lookup("world", "base").transform.translation.x == 10.0
+
+
+def test_two_publishers_of_a_frame_are_told_once(bus: MemoryBus, clock: HandClock) -> None:
+    with three(bus) as (sim, state, ctx):
+        said: list[str] = []
+        ctx.transforms()
+        ctx.log.publish = lambda line: said.append(line.msg)
+        for each in (sim, state):
+            each.write(TF).publish(told(each.identity.node, "base", 1.0))
+        ticks = ctx.ticks()
+        step(ticks, clock, 0)
+        step(ticks, clock, 100 * MS)
+        assert [each for each in said if "parents" in each] == [
+            "frame 'base' has 2 parents, 'sim' and 'state': a frame has one publisher, see ./elea tf tree"
+        ]

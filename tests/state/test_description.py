@@ -1,0 +1,94 @@
+"""A URDF from anywhere is read, or refused with what is wrong and where."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from models import MODELS, model_path
+from models.description import BadDescription, describe
+from models.frames import read_joints
+from tests.state.urdfs import GRIPPER, LIMIT, joint, robot
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_the_models_are_read_as_the_simulation_reads_them(name: str) -> None:
+    described = describe(model_path(name).read_text())
+    assert tuple(each.frame for each in described.joints) == read_joints(name)
+    assert described.root == "base_footprint"
+
+
+def test_limits_mimicry_and_axes_are_read() -> None:
+    found = {each.name: each for each in describe(GRIPPER).joints}
+    assert (found["shoulder"].lower, found["shoulder"].upper) == (-1, 2)
+    assert found["right"].frame.axis == (0, 1, 0), "an axis has length 1"
+    assert found["wrist"].frame.axis == (1, 0, 0)
+    mimic = found["left"].mimic
+    assert mimic is not None
+    assert (mimic.joint, mimic.factor, mimic.offset) == ("right", -1, 0.001)
+
+
+def test_a_sliding_joint_goes_along_its_axis_and_a_turning_one_about_it() -> None:
+    found = {each.name: each.frame for each in describe(GRIPPER).joints}
+    assert found["right"].placement(0.02) == ((0, 0.02, 0), (0, 0, 0, 1))
+    turned = joint("j", "prismatic", "a", "b", '<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/><limit upper="1"/>')
+    place, turn = describe(robot(turned)).joints[0].frame.placement(0.5)
+    assert place == pytest.approx((1, 0.5, 0))
+    assert turn == pytest.approx((0, 0, math.sqrt(0.5), math.sqrt(0.5)))
+    assert found["wrist"].placement(math.pi)[1] == pytest.approx((math.sqrt(0.5), math.sqrt(0.5), 0, 0), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("urdf", "told"),
+    [
+        ("", "not XML"),
+        ("package://robot/urdf/robot.urdf", "is it a xacro or a path"),
+        ("<sdf/>", "root is <sdf>"),
+        ("<robot name='x'/>", "has no link"),
+        ("<!DOCTYPE r [<!ENTITY a 'b'>]><robot><link name='&a;'/></robot>", "document type"),
+        ("<robot>" + " " * (1 << 20) + "</robot>", "the limit is 1048576"),
+        (robot(joint("j", "hinge", "a", "b")), "'hinge'; there are revolute"),
+        (robot(joint("", "fixed", "a", "b")), "has no name"),
+        (robot(joint("j", "fixed", "a", "b").replace('<child link="b"/>', "")), "no <child"),
+        (robot(joint("j", "fixed", "a", "b")).replace('<link name="b"/>', ""), "there is no link 'b'"),
+        (robot(joint("j", "revolute", "a", "b")), "has no <limit>"),
+        (robot(joint("j", "revolute", "a", "b", '<limit lower="2" upper="1"/>')), "lies above"),
+        (robot(joint("j", "fixed", "a", "b", '<origin xyz="0 0"/>')), "not three numbers"),
+        (robot(joint("j", "fixed", "a", "b", '<origin xyz="nan 0 0"/>')), "exceeds"),
+        (robot(joint("j", "fixed", "a", "b", '<origin rpy="0 1e300 0"/>')), "exceeds"),
+        (robot(joint("j", "continuous", "a", "b", '<axis xyz="0 0 0"/>')), "axis is 0 0 0"),
+        (robot(joint("j", "fixed", "a", "b"), joint("j", "fixed", "b", "c")), "joint 'j' is there twice"),
+        (robot(joint("j", "fixed", "a", "c"), joint("k", "fixed", "b", "c")), "'c' has two parents, 'a' and 'b'"),
+        (robot(joint("j", "fixed", "a", "b"), joint("k", "fixed", "b", "a")), "in a loop"),
+        (robot(joint("j", "fixed", "a", "b"), links="c"), "'a', 'c' hang on nothing"),
+        (robot(joint("j", "continuous", "a", "b", '<mimic joint="k"/>')), "'k', which does not exist"),
+        (robot(joint("j", "continuous", "a", "b", "<mimic/>")), "names no joint"),
+        (
+            robot(joint("j", "continuous", "a", "b", '<mimic joint="k" multiplier="much"/>')),
+            "multiplier='much' is not a number",
+        ),
+        (
+            robot(joint("j", "fixed", "a", "b"), joint("k", "continuous", "b", "c", '<mimic joint="j"/>')),
+            "'j', which is fixed",
+        ),
+        (
+            robot(
+                joint("j", "revolute", "a", "b", f'{LIMIT}<mimic joint="k"/>'),
+                joint("k", "revolute", "b", "c", f'{LIMIT}<mimic joint="j"/>'),
+            ),
+            "in a circle",
+        ),
+    ],
+)
+def test_what_is_no_robot_is_refused(urdf: str, told: str) -> None:
+    with pytest.raises(BadDescription, match=told.replace("(", r"\(")):
+        describe(urdf)
+
+
+def test_a_long_chain_is_read_in_no_time() -> None:
+    chain = [
+        joint(f"j{n}", "continuous", f"l{n}", f"l{n + 1}", f'<mimic joint="j{n + 1}"/>' if n < 998 else "")
+        for n in range(999)
+    ]
+    assert len(describe(robot(*chain)).joints) == 999
