@@ -99,7 +99,7 @@ def test_the_grader_knows_how_each_base_stops() -> None:
 
 
 def test_who_starts_after_the_parameters_waits_for_them_and_they_are_kept_in_the_file_of_the_terms() -> None:
-    plan = expand(read_fleet(find_fleet("lab")))
+    plan = expand(read_fleet(find_fleet("square")))
     assert {name for name, each in plan.items() if "--await-params" not in each.argv} == {"router", "params"}
     assert read_assignments(options(plan["params"], "--fleet-param")) == {"file": "", "schedule": []}
     terms = Terms(folder=Path("/tmp/run"), saved=Path("/tmp/params/lab.db"))

@@ -134,7 +134,7 @@ def test_properties(line: Line) -> None:
         (("spawn", "burger", "tb3"), 1, "already there"),
         (("delete", "nobody"), 1, "unknown model 'nobody'"),
         (("step", "0"), 2, "0 is not in the range"),
-        (("stepp",), 2, "unknown doing 'stepp'; did you mean 'step'"),
+        (("stepp",), 2, "unknown verb 'stepp'; did you mean 'step'"),
     ],
 )
 def test_what_is_refused(line: Line, words: tuple[str, ...], status: int, says: str) -> None:

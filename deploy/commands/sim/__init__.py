@@ -2,54 +2,34 @@
 
 from __future__ import annotations
 
-import difflib
-
 import click
 
-from deploy.commands.sim import joints, models, time
+from deploy.commands.table import Verb, Verbs
+
+VERBS = {
+    "list": Verb("sim.models:list_", "List the models with their poses."),
+    "spawn": Verb("sim.models:spawn", "Put a model into the world."),
+    "delete": Verb("sim.models:delete", "Take a model out of the world."),
+    "state": Verb("sim.models:state", "Tell pose and twist of a model or a link."),
+    "set-state": Verb("sim.models:set_state", "Move a model."),
+    "properties": Verb("sim.models:properties", "Tell what the world, a model or a link is made of."),
+    "joints": Verb("sim.joints:joints", "Tell what joints are and do."),
+    "effort": Verb("sim.joints:effort", "Put an effort on a joint for a time."),
+    "wrench": Verb("sim.joints:wrench", "Push and twist a link."),
+    "clear": Verb("sim.joints:clear", "Drop the efforts on a joint."),
+    "configure": Verb("sim.joints:configure", "Put joints at positions, at rest."),
+    "pause": Verb("sim.time:pause", "Stop simulation time."),
+    "resume": Verb("sim.time:resume", "Let simulation time go on."),
+    "step": Verb("sim.time:step", "Run physics steps of 5 ms while time is paused."),
+    "reset": Verb("sim.time:reset", "Time to zero, all models to where they were spawned."),
+    "reset-world": Verb("sim.time:reset_world", "As reset, but time goes on."),
+}
 
 
-class Doings(click.Group):
-    """A wrong name is answered with the nearest right one."""
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        if args and args[0] not in self.commands and not args[0].startswith("-"):
-            near = difflib.get_close_matches(args[0], self.commands, 1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            ctx.fail(f"unknown doing {args[0]!r}{hint} (known: {', '.join(self.commands)})")
-        return super().resolve_command(ctx, args)
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(self.commands)
-
-
-COMMANDS = (
-    models.list_,
-    models.spawn,
-    models.delete,
-    models.state,
-    models.set_state,
-    models.properties,
-    joints.joints,
-    joints.effort,
-    joints.wrench,
-    joints.clear,
-    joints.configure,
-    time.pause,
-    time.resume,
-    time.step,
-    time.reset,
-    time.reset_world,
-)
-
-command = Doings(
-    "sim",
-    {each.name: each for each in COMMANDS if each.name},
-    help="""Ask the running simulation: its models, joints, forces and time.
+@click.command(cls=Verbs, name="sim", table=VERBS)
+def command() -> None:
+    """Ask the running simulation: its models, joints, forces and time.
 
     A joint or link is named alone where one model only has it, or as model::name or model/name. All times are of the
     simulation.
-    """,
-)
+    """
