@@ -106,6 +106,8 @@ def _arguments(
         arguments += ["--domain", terms.domain]
     if fleet.run.mode == "lockstep" and (node in members or member.kind == "sim"):
         arguments.append("--lockstep")
+    if "params" in _NEEDS.get(member.kind, ("params",)):
+        arguments.append("--await-params")
     for origin, target in member.remap.items():
         arguments += ["--remap", f"{origin}:={target}"]
     for name, value in parameters.items():

@@ -42,6 +42,8 @@ class Topic(Generic[M_co]):
     about: str
     largest: int = 1 << 16
     """Bytes; a larger payload is refused unread."""
+    only: str = ""
+    """The node that alone may publish it, where there is one: samples of others are refused."""
 
 
 CLOCK = Topic("/clock", Clock, 50, Quality.SENSOR, "simulation time, step, epoch, pause")
@@ -75,9 +77,17 @@ CONTROL_STATE = Topic(
     "/robot_control/state", JointControllerState, 100, Quality.SENSOR, "all of these at one tick, with its time"
 )
 DESCRIPTIONS = Topic(
-    "~parameter_descriptions", ParameterSchema, 0, Quality.LATCHED, "a set's parameters, bounds and texts", 1 << 20
+    "~parameter_descriptions",
+    ParameterSchema,
+    0,
+    Quality.LATCHED,
+    "a set's parameters, bounds and texts",
+    1 << 20,
+    "/params",
 )
-UPDATES = Topic("~parameter_updates", ParameterValues, 0, Quality.LATCHED, "a set's values, after each change", 1 << 20)
+UPDATES = Topic(
+    "~parameter_updates", ParameterValues, 0, Quality.LATCHED, "a set's values, after each change", 1 << 20, "/params"
+)
 ROSOUT = Topic("/rosout", Log, 0, Quality.EVENT, "the log of every node")
 HEALTH = Topic("/health", Health, 0, Quality.SENSOR, "heartbeat of every node, once a second of wall time")
 FLEET_STATE = Topic("/supervisor/state", FleetState, 0, Quality.LATCHED, "the processes of the fleet")

@@ -122,11 +122,11 @@ class Network:
         return self._stack.enter_context(Process(command, _unused(self._logs, file.stem)))
 
     @contextmanager
-    def node(self, name: str = "tester") -> Iterator[Node]:
+    def node(self, name: str = "tester", domain: str = "") -> Iterator[Node]:
         """A node in the test itself; ``node.read(TOPIC, "/name")`` gives an input to ``admit`` and look at."""
         identity = Identity.of(name)
         with (
-            ZenohTransport(configuration("direct", (self.endpoint,))) as transport,
+            ZenohTransport(configuration("direct", (self.endpoint,), domain=domain)) as transport,
             Node(transport, identity, "tester", Log(identity.node)) as node,
         ):
             yield node

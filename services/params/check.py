@@ -123,7 +123,7 @@ def _number(description: ParameterDescription, value: float, where: str, notes: 
     refusal = f"{where} = {value!r} is out of bounds: {within(description)}"
     if notes is None:
         raise BadInput(refusal)
-    nearest: float = bound
+    nearest = float(bound)
     if type(value) is int:
         inward = 1 if bound == low else -1
         whole = math.ceil(bound) if inward > 0 else math.floor(bound)

@@ -60,8 +60,8 @@ class Desk:
         asked = checked(asked)
         state = self._sets.get(asked.set)
         if state is None:
-            if len(self._sets) >= MOST_SETS:
-                raise BadInput(f"{asked.set}: there are {len(self._sets)} sets of parameters, no more are taken")
+            if sum(bool(each.schema.announced or each.saved) for each in self._sets.values()) >= MOST_SETS:
+                raise BadInput(f"{asked.set}: there are {MOST_SETS} sets of parameters, no more are taken")
             state = State(asked.set)
         arrival = announced(state, self._joined(state, asked), asked, self._owners.get(asked.set, {}))
         self._owners[asked.set] = dict(arrival.owners)

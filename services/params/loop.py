@@ -24,8 +24,8 @@ from messages.requests import (
 from messages.topics import DESCRIPTIONS, UPDATES
 from services.params import ParamsParameters, Scheduled
 from services.params.desk import Desk
-from services.params.schedule import Schedule
-from services.params.store import MEMORY, opened
+from services.params.schedule import Schedule, this_run
+from services.params.store import MEMORY, NotSaved, Store, opened
 from services.runtime.context import Context
 from services.runtime.errors import BadInput, EleaError
 from services.runtime.graph import pattern
@@ -59,18 +59,24 @@ def run(ctx: Context[ParamsParameters]) -> None:
         ctx.serve(PARAMS_RESET, desk.reset)
         ctx.serve(PARAMS_UNDO, desk.undo)
         ctx.serve(PARAMS_HISTORY, desk.history)
-        _keep(ctx, desk)
+        _keep(ctx, desk, store)
 
 
-def _keep(ctx: Context[ParamsParameters], desk: Desk) -> None:
-    schedule, warned = Schedule(ctx.params.schedule), False
+def _keep(ctx: Context[ParamsParameters], desk: Desk, store: Store) -> None:
+    schedule, run, warned, first = Schedule(ctx.params.schedule), this_run(), False, True
     for tick in ctx.ticks():
+        if first and run:
+            schedule.start(store.progress(run, tick.epoch))
         if tick.reset:
             desk.new_run()
             schedule.start()
             warned = False
-        for each in schedule.due(tick.time, desk.present):
+        first = False
+        due = schedule.due(tick.time, desk.present)
+        for each in due:
             _apply(ctx, desk, each)
+        if run and (due or tick.reset):
+            _proceed(ctx, store, run, tick.epoch, schedule.done)
         if not warned and (late := schedule.late(tick.time, PATIENCE_NS)):
             warned = True
             sets = ", ".join(sorted({each.set for each in late}))
@@ -83,6 +89,16 @@ def _apply(ctx: Context[ParamsParameters], desk: Desk, due: Scheduled) -> None:
         desk.set(SetParameters(set=due.set, values=values, run=True, who=f"schedule at {due.at:g} s"))
     except EleaError as error:
         ctx.log.error(f"the change of {due.set} scheduled at {due.at:g} s was not made: {error}")
+    else:
+        said = ", ".join(f"{name} = {value!r}" for name, value in due.values.items())
+        ctx.log.info(f"{due.set}: {said}, as scheduled")
+
+
+def _proceed(ctx: Context[ParamsParameters], store: Store, run: str, epoch: int, done: frozenset[int]) -> None:
+    try:
+        store.proceed(run, epoch, done)
+    except NotSaved as error:
+        ctx.log.warn(f"after a restart of this service, its scheduled changes would come again: {error}")
 
 
 def _check(schedule: tuple[Scheduled, ...]) -> None:

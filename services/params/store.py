@@ -140,30 +140,42 @@ class Store:
 
     def write(self, entry: Entry) -> None:
         """Write a change; raises NotSaved, and then nothing of it counts."""
-        try:
-            self._db.execute("BEGIN IMMEDIATE")
+        with self._whole(entry.set):
             self._write(entry)
-            self._db.execute("COMMIT")
-        except sqlite3.Error as error:
-            if self._db.in_transaction:
-                self._db.execute("ROLLBACK")
-            raise NotSaved(
-                f"{entry.set}: not saved ({error}), so nothing was changed: is the disk full or read-only?"
-            ) from None
-        self._into_file()
 
     def forget_run(self) -> None:
         """What was for one run alone is over: it is neither taken back nor counted as carried out."""
-        try:
-            self._db.execute("BEGIN IMMEDIATE")
+        with self._whole("the end of a run"):
             self._db.execute("UPDATE history SET lasting = 0 WHERE run AND lasting")
             self._db.execute("DELETE FROM requests WHERE run")
+        (self._run_since,) = self._db.execute("SELECT coalesce(max(id), 0) FROM history").fetchone()
+
+    def progress(self, run: str, epoch: int) -> frozenset[int]:
+        """The numbers of the scheduled changes that this run has had since its last reset."""
+        row = self._db.execute("SELECT done FROM progress WHERE run = ? AND epoch = ?", (run, epoch)).fetchone()
+        return frozenset() if row is None else msgspec.json.decode(row[0], type=frozenset[int])
+
+    def proceed(self, run: str, epoch: int, done: frozenset[int]) -> None:
+        """Note the scheduled changes that this run has had; raises NotSaved."""
+        row = (run, epoch, msgspec.json.encode(sorted(done)).decode())
+        with self._whole("the progress of a run"):
+            self._db.execute("DELETE FROM progress")
+            self._db.execute("INSERT INTO progress VALUES (?, ?, ?, ?)", (*row, seal(*row)))
+
+    @contextmanager
+    def _whole(self, what: str) -> Iterator[None]:
+        """One transaction, on the disk at the end; raises NotSaved, and then nothing of it counts."""
+        try:
+            self._db.execute("BEGIN IMMEDIATE")
+            yield
             self._db.execute("COMMIT")
         except sqlite3.Error as error:
+            raise NotSaved(
+                f"{what}: not saved ({error}), so nothing was changed: is the disk full or read-only?"
+            ) from None
+        finally:
             if self._db.in_transaction:
                 self._db.execute("ROLLBACK")
-            raise NotSaved(f"the end of a run was not written: {error}") from None
-        (self._run_since,) = self._db.execute("SELECT coalesce(max(id), 0) FROM history").fetchone()
         self._into_file()
 
     def _write(self, entry: Entry) -> None:

@@ -39,10 +39,11 @@ CREATE TABLE requests (
     id TEXT PRIMARY KEY, digest TEXT NOT NULL, reply BLOB NOT NULL,
     run INTEGER NOT NULL CHECK (run IN (0, 1)), seal TEXT NOT NULL
 );
+CREATE TABLE progress (run TEXT PRIMARY KEY, epoch INTEGER NOT NULL, done TEXT NOT NULL, seal TEXT NOT NULL);
 PRAGMA application_id = {APPLICATION};
 PRAGMA user_version = {FORMAT};
 """
-"""``lasting`` marks what an undo may take back; ``change`` and ``back`` are JSON."""
+"""``lasting`` marks what an undo may take back; ``change``, ``back`` and ``done`` are JSON."""
 
 _SEALED = {
     "sets": ("name", "revision"),
@@ -50,6 +51,7 @@ _SEALED = {
     "owners": ('"set"', "name", "node"),
     "history": ('"set"', "change", "back"),
     "requests": ("id", "digest", "reply", "run"),
+    "progress": ("run", "epoch", "done"),
 }
 
 _read_value = msgspec.json.Decoder(Value).decode

@@ -70,6 +70,8 @@ class Followed(Generic[P]):
 
     def begin(self, wait: bool = True) -> None:
         """Announce the set; with ``wait``, ``params`` is what the parameter service says when this returns."""
+        if wait and self._node.expects_params:
+            self._following.expect(lambda: self._node.stopping)
         self._following.begin(self, wait)
 
     def close(self) -> None:
@@ -84,7 +86,11 @@ class Followed(Generic[P]):
 
     def told(self, values: ParameterValues, source: bytes) -> None:
         """Take what the parameter service says as the node starts; what contradicts itself is not taken."""
+        before = self._flat
         self._take(values, source, undo=False)
+        if news := differing(self._flat, before):
+            told = ", ".join(f"{name} = {self._flat[name]} ({self.origins[name]})" for name in news)
+            self._node.log.info(f"parameters {self.set}: {told}")
 
     def hear(self, values: ParameterValues, source: bytes) -> None:
         """Keep what it says until the next ``refresh``."""
@@ -102,7 +108,7 @@ class Followed(Generic[P]):
         levels = 0
         for values, origin in self._input.batch:
             if origin is None or not self._following.trusts(origin.publisher, self._input.key):
-                self._refuse(f"not from the node {AUTHORITY}, which alone may change parameters")
+                self._refuse(f"not from the node {AUTHORITY} that is there")
             else:
                 self._heard.append((values, origin.publisher[:MEMBER_BYTES]))
         heard, self._heard, self._input.batch = self._heard, [], []
@@ -116,6 +122,8 @@ class Followed(Generic[P]):
         Raises BadInput for values that are out of bounds or contradict each other, CallFailed when the parameter
         service is there and does not agree.
         """
+        if not values:
+            return
         params = self._checked({**self._flat, **values})
         if not self._following.there:
             self._replace(params, {**self.origins, **dict.fromkeys(values, "run")})
@@ -145,10 +153,13 @@ class Followed(Generic[P]):
         try:
             params = self._checked(flat)
         except BadInput as error:
-            self._refuse(str(error))
-            if undo and not self._taken_back:
-                self._taken_back = True
-                self._following.take_back(self, str(error))
+            if not undo:
+                self._refuse(f"{error}; its own values stay. ./elea param reset {self.set} forgets what was saved")
+            else:
+                self._refuse(str(error))
+                if not self._taken_back:
+                    self._following.take_back(self, str(error))
+            self._taken_back = True  # once, until something fits again
             return 0
         self._taken_back = False
         return self._replace(params, origins)

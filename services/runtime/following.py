@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from messages.base import encode
@@ -26,6 +26,8 @@ AUTHORITY = PARAMS_ANNOUNCE.name.rpartition("/")[0]
 
 START_S = 2.0
 """Wall time that a starting node waits for the parameter service's answer, when that is there."""
+AWAIT_S = 10.0
+"""Wall time that a node waits for a parameter service that it is told to expect: links may take a while to come up."""
 ANSWER_S = 5.0
 """The same later, when it goes on meanwhile."""
 RETRY_S = 3.0
@@ -56,12 +58,19 @@ class Following:
         """Whether a parameter service is there."""
         return bool(self._sessions)
 
+    def expect(self, stopping: Callable[[], bool]) -> None:
+        """Block until the parameter service is there, AWAIT_S have passed, or the process is to stop."""
+        deadline = time.monotonic() + AWAIT_S
+        while not self.there and time.monotonic() < deadline and not stopping():
+            self._look()
+            time.sleep(0.01)
+
     def begin(self, followed: Followed[Any], wait: bool = True) -> None:
         """Announce a set; with ``wait``, block until the answer or START_S have passed."""
+        if not self.there:
+            self._look()
         self._sets.append(followed)
-        present = {each.session for each in map(Entity.parse, self._transport.tokens(_TOKENS)) if each is not None}
-        self._sessions |= present
-        if not present:
+        if not self.there:
             self._miss("no parameter service is there: running on its own values; it is followed when it comes")
         elif not wait or self._quiet:
             self._ask(followed)
@@ -99,6 +108,11 @@ class Following:
         member, own = publisher[:MEMBER_BYTES], publisher_id(AUTHORITY, "", key)
         same = publisher[:NODE_BYTES] == own[:NODE_BYTES] and publisher[MEMBER_BYTES:] == own[MEMBER_BYTES:]
         return same and self.marks is not None and member in self.marks.members
+
+    def _look(self) -> None:
+        """Ask the network who is there now; the watch may tell a moment later."""
+        for key in self._transport.tokens(_TOKENS):
+            self._note(key, True)
 
     def _note(self, key: str, alive: bool) -> None:
         entity = Entity.parse(key)

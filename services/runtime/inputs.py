@@ -12,7 +12,7 @@ from messages.elea import InputHealth
 from messages.topics import Quality, Topic
 from services.runtime.marks import Marks
 from services.runtime.transport import Inlet, Sample, Transport
-from services.runtime.wire import MEMBER_BYTES, NODE_BYTES, Origin, detach, encoding
+from services.runtime.wire import MEMBER_BYTES, NODE_BYTES, Origin, detach, encoding, member_id
 
 M = TypeVar("M", bound=Message)
 
@@ -41,6 +41,7 @@ class Input(Generic[M]):
         self.received = self.lost = self.refused = self.foreign = 0
         self.reason = ""
         self._largest = topic.largest
+        self._only = member_id(topic.only, "")[:NODE_BYTES] if topic.only else b""
         self._strict = topic.quality in (Quality.COMMAND, Quality.LATCHED)
         self._decode: Callable[[bytes], M] = bare_decoder(topic.record)
         self._last: dict[bytes, int] = {}
@@ -114,7 +115,7 @@ class Input(Generic[M]):
         payload, attachment, source = sample
         origin = detach(attachment)
         last = None if origin is None else self._last.get(origin.publisher)
-        if (last is None or self._strict) and not self._meant(source):
+        if (last is None or self._strict) and not self._meant(source, origin):
             return None
         if origin is None:
             self.foreign += 1
@@ -139,13 +140,18 @@ class Input(Generic[M]):
         self.received += 1
         return message, origin
 
-    def _meant(self, source: Any) -> bool:
-        """A put to a wildcard reaches every topic that it covers, and is meant for none of them."""
+    def _meant(self, source: Any, origin: Origin | None) -> bool:
+        """A put to a wildcard reaches every topic that it covers, and is meant for none of them.
+
+        A topic of one node's alone takes nothing from others.
+        """
         key, kind = self.inlet.key(source), self.inlet.encoding(source)
         if key != self.key:
             self.refuse(f"sent to {key[:80]!r}, not to this topic alone")
         elif kind and kind != self.encoding:
             self.refuse(f"expected {self.encoding}, got {kind[:80]}")
+        elif self._only and (origin is None or origin.publisher[:NODE_BYTES] != self._only):
+            self.refuse(f"not from the node {self.topic.only}, which alone may publish it")
         else:
             return True
         return False

@@ -93,6 +93,7 @@ def _command(service: Service) -> click.Command:
             option(["--domain"], default="", help="Isolates fleets of one network from each other."),
             option(["--topology"], type=click.Choice(["direct", "star"]), default="direct", help="Peers, or clients."),
             option(["--lockstep"], is_flag=True, help="Step with the simulation, which waits for this node."),
+            option(["--await-params"], is_flag=True, help="Wait for the parameter service, which runs or is to come."),
             option(
                 ["--log-level"],
                 type=click.Choice(["debug", "info", "warn", "error"]),

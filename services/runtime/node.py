@@ -45,6 +45,7 @@ class Node:
         self.outputs: list[Output[Any]] = []
         self.served: list[Served[Any, Any]] = []
         self.following: Following | None = None
+        self.expects_params = False
         self.clock_patience_s = CLOCK_PATIENCE_S
         self.stopping = False
         self._tokens: dict[tuple[Kind, str], Token] = {}

@@ -52,6 +52,7 @@ def _followed(service: Service, node: Node, options: dict[str, Any]) -> Followed
         node.clock_patience_s = FIRST_PATIENCE_S  # it starts before the simulation
     if PARAMS_ANNOUNCE in service.serves or not options["params"].__struct_fields__:
         return None
+    node.expects_params = options["await_params"]
     name = node.identity.resolve(service.parameter_set or node.identity.node)
     followed: Followed[Any] = Followed(
         node,

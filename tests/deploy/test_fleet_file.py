@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from deploy.fleet_file import find_fleet, fleet_names, parse_fleet, read_fleet
+from deploy.wiring import Terms, wired
 from services.runtime.errors import BadInput
 
 FILE = """\
@@ -122,6 +123,53 @@ def test_contradiction(old: str, new: str, place: int, what: str) -> None:
     text = refusal(old, new)
     assert f"pair.toml:{place}: " in text
     assert what in text
+
+
+CHANGE = """[[change]]
+at = 2.5
+set = "/b/driver"
+values = { max_linear = 0.2, goals = [[1, 1]] }
+[[change]]
+at = 3
+set = "/a/base"
+values = { "linear.max_velocity" = 0.2, brake = 1 }
+[bounds]"""
+
+
+def test_changes_arrive_and_become_the_schedule_of_the_parameter_service() -> None:
+    fleet = parse_fleet(Path("pair.toml"), FILE.replace("[bounds]", CHANGE))
+    assert [(each.at, each.set) for each in fleet.change] == [(2.5, "/b/driver"), (3.0, "/a/base")]
+    assert wired("params", fleet, Terms(folder=Path("/tmp/run")), ()) == {
+        "file": "",
+        "schedule": [
+            {"at": 2.5, "set": "/b/driver", "values": {"max_linear": 0.2, "goals": [[1, 1]]}},
+            {"at": 3.0, "set": "/a/base", "values": {"linear.max_velocity": 0.2, "brake": 1}},
+        ],
+    }
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place", "what"),
+    [
+        ("at = 2.5", "at = -1", 29, "change[0].at"),
+        ("at = 2.5", "att = 1", 29, "did you mean 'at'"),
+        ('"/b/driver"', '"/b/drive"', 30, "unknown set of parameters '/b/drive'; did you mean '/b/driver'"),
+        ("{ max_linear = 0.2, goals = [[1, 1]] }", "{}", 28, "a change without values"),
+        ("max_linear = 0.2", "max_liner = 0.2", 31, "did you mean 'max_linear'"),
+        ("max_linear = 0.2", "max_linear = 9", 31, "max_linear = 9: Expected `float` <= 2.0"),
+        ("max_linear = 0.2", "max_linear = nan", 31, "max_linear = nan: a number that is not finite"),
+        ("[[1, 1]]", '[[1, "x"]]', 31, "goals"),
+        ('"linear.max_velocity" = 0.2', '"linear.max_velocty" = 0.2', 35, "did you mean 'linear.max_velocity'"),
+        ("brake = 1", "wheel_radius = 1", 35, "wheel_radius does not change while its service runs"),
+        ("brake = 1", "brake = 0", 35, "brake = 0"),
+    ],
+)
+def test_a_change_that_no_set_can_take(old: str, new: str, place: int, what: str) -> None:
+    assert old in CHANGE
+    with pytest.raises(BadInput) as caught:
+        parse_fleet(Path("pair.toml"), FILE.replace("[bounds]", CHANGE.replace(old, new, 1)))
+    assert str(caught.value).startswith(f"pair.toml:{place}: ")
+    assert what in str(caught.value)
 
 
 def test_unknown_fleet_names_the_nearest() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import msgspec
 
-from deploy.fleet import Fleet, Member, Robot, Run
+from deploy.fleet import Change, Fleet, Member, Robot, Run
 from deploy.fleet_file import FLEETS, fleet_names, parse_fleet
 from deploy.policy import Policy
 
@@ -15,11 +15,15 @@ README = (FLEETS / "README.md").read_text()
 
 
 def test_its_example_is_a_fleet() -> None:
-    (example,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    example, changes = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
     assert parse_fleet(Path("example.toml"), example).name == "pair"
+    lab = (FLEETS / "lab.toml").read_text()
+    assert len(parse_fleet(Path("lab.toml"), f"{lab}\n{changes}").change) == 2
 
 
 def test_it_names_every_key_and_every_fleet() -> None:
-    keys = {each.name for record in (Fleet, Run, Robot, Member, Policy) for each in msgspec.structs.fields(record)}
+    keys = {
+        each.name for record in (Fleet, Run, Robot, Member, Change, Policy) for each in msgspec.structs.fields(record)
+    }
     missing = [name for name in (*keys, *fleet_names()) if not re.search(rf"(`|\[){name}\b|{name} = ", README)]
     assert missing == []

@@ -116,6 +116,17 @@ def test_an_arm_its_reference_and_the_grader_are_told_of_its_joint() -> None:
     assert told["grader"]["not_before"] > 3.0
 
 
+def test_who_starts_after_the_parameters_waits_for_them_and_they_are_kept_in_the_file_of_the_terms() -> None:
+    plan = expand(read_fleet(find_fleet("lab")))
+    assert {name for name, each in plan.items() if "--await-params" not in each.argv} == {"router", "params"}
+    told = read_assignments(options(plan["params"], "--fleet-param"))
+    assert told["file"] == ""
+    assert [(each["at"], each["set"]) for each in told["schedule"]] == [(at, "/robot_control") for at in (1, 4, 20.2)]
+    terms = Terms(folder=Path("/tmp/run"), saved=Path("/tmp/params/lab.db"))
+    (params,) = (each for each in processes(read_fleet(find_fleet("lab")), terms) if each.kind == "params")
+    assert read_assignments(options(params, "--fleet-param"))["file"] == "/tmp/params/lab.db"
+
+
 def test_stated_beats_implied() -> None:
     fleet = Fleet(
         name="own",

@@ -132,7 +132,7 @@ def test_life_in_the_background(desk: Desk, topology: str) -> None:
     before = desk.processes()
     pids = [started["pid"], *(each["pid"] for each in before.values())]
     assert {name: each["state"] for name, each in before.items()} == dict.fromkeys(
-        ("router", "sim", "grader", "r/waypoint"), "ready"
+        ("router", "params", "sim", "grader", "r/waypoint"), "ready"
     )
     assert all(each["memory_mib"] > 5 for each in before.values())
 

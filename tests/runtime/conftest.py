@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+
 import pytest
 
-from services.runtime.memory_transport import MemoryBus
+from services.runtime.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.transport import Transport
+from services.runtime.zenoh_config import configuration
+from services.runtime.zenoh_transport import ZenohTransport
+from tests.ports import free_port
 from tests.runtime.bench import HandClock
 
 
@@ -16,3 +23,15 @@ def bus() -> MemoryBus:
 @pytest.fixture
 def clock(bus: MemoryBus) -> HandClock:
     return HandClock(bus)
+
+
+@pytest.fixture(params=["memory", "zenoh"])
+def connect(request: pytest.FixtureRequest) -> Iterator[Callable[[], Transport]]:
+    with ExitStack() as stack:
+        if request.param == "memory":
+            bus = MemoryBus()
+            yield lambda: MemoryTransport(bus)
+            return
+        router = f"tcp/127.0.0.1:{free_port()}"
+        stack.enter_context(ZenohTransport(configuration("router", listen=(router,))))
+        yield lambda: ZenohTransport(configuration("direct", (router,), reliable=True))

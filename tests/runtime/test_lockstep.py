@@ -5,8 +5,8 @@ from __future__ import annotations
 import random
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from itertools import pairwise
 from typing import Any
 
@@ -18,32 +18,17 @@ from services.runtime.barrier import Barrier
 from services.runtime.context import Context
 from services.runtime.errors import BadInput, Stopped
 from services.runtime.lockstep import Go
-from services.runtime.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.memory_transport import MemoryBus
 from services.runtime.node import Node
 from services.runtime.service import STEP_NS, Parameters, period_of
 from services.runtime.transport import Transport
 from services.runtime.wire import member_id
-from services.runtime.zenoh_config import configuration
-from services.runtime.zenoh_transport import ZenohTransport
-from tests.ports import free_port
 from tests.runtime.bench import node
 from tests.waiting import until
 
 TRUTH = Topic("/truth", Float64, 50, Quality.SENSOR, "what the simulation tells")
 SHARED = Topic("/shared", Float64, 50, Quality.EVENT, "what all members write and read")
 EFFORT = Topic("/effort", Float64, 50, Quality.COMMAND, "what the simulation obeys")
-
-
-@pytest.fixture(params=["memory", "zenoh"])
-def connect(request: pytest.FixtureRequest) -> Iterator[Callable[[], Transport]]:
-    with ExitStack() as stack:
-        if request.param == "memory":
-            bus = MemoryBus()
-            yield lambda: MemoryTransport(bus)
-            return
-        router = f"tcp/127.0.0.1:{free_port()}"
-        stack.enter_context(ZenohTransport(configuration("router", listen=(router,))))
-        yield lambda: ZenohTransport(configuration("direct", (router,), reliable=True))
 
 
 class Member:

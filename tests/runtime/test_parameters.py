@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
+import msgspec
 import pytest
 from msgspec import Meta
 
+from messages.base import decoder, encode
+from messages.parameters import ParameterDescription
 from services.runtime.errors import BadInput
-from services.runtime.parameters import bounds, build, describe, read_assignments, read_value
+from services.runtime.leaves import flatten, nest
+from services.runtime.parameters import bounds, build, check_value, describe, read_assignments, read_value, stated
 from services.runtime.service import Parameters
 
 
@@ -68,6 +72,66 @@ def test_what_is_wrong_is_refused_with_name_value_and_bound(values: dict[str, An
     with pytest.raises(BadInput, match=text) as caught:
         build(Gains, values, "fleet.toml")
     assert str(caught.value).startswith("fleet.toml: ")
+
+
+class Limits(Parameters, frozen=True, kw_only=True):
+    top: Annotated[float, Meta(gt=0, lt=2, extra={"unit": "m/s"})] | None = None
+    must: Annotated[int, Meta(ge=1)]
+
+
+class Entry(msgspec.Struct, frozen=True):
+    name: str
+    at: float | None = None
+
+
+class All(Parameters, frozen=True, kw_only=True):
+    limits: Annotated[Limits, Meta(extra={"level": 8})] | None = None
+    law: Annotated[Literal["a", "b"] | None, Meta(description="which", extra={"level": 2})] = None
+    path: tuple[tuple[Annotated[float, Meta(ge=-1, le=1)], float], ...] = ((0.5, 0.5),)
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1, extra={"live": False})] = 0
+    entries: tuple[Entry, ...] = (Entry("x"),)
+
+
+def test_descriptions_of_tables_choices_lists_and_what_is_fixed() -> None:
+    top, must, law, path, seed, entries = describe(All)
+    assert (top.name, top.type, top.optional, top.low, top.above, top.below) == (
+        "limits.top",
+        "float",
+        True,
+        0,
+        True,
+        True,
+    )
+    assert (bounds(top), top.unit, top.level) == ("above 0, below 2", "m/s", 8)
+    assert (must.name, must.default, must.optional, must.level) == ("limits.must", None, True, 8)
+    assert (law.type, law.choices, law.optional, law.text, law.level) == ("str", ("a", "b"), True, "which", 2)
+    assert (path.type, path.default, path.low, path.high) == ("float[][]", ((0.5, 0.5),), -1, 1)
+    assert (seed.live, seed.high, law.live) == (False, None, True), "a bound that no float holds is none"
+    assert (entries.type, entries.default, entries.live) == ("str", '[{"name": "x"}]', False)
+    given = next(describe(All, All(limits=Limits(top=1.5, must=2))))
+    assert given.default == 1.5
+    for each in describe(All):
+        assert decoder(ParameterDescription)(encode(each)) == each
+
+
+@pytest.mark.parametrize("record", [All(), All(limits=Limits(must=3), law="b", path=((1.0, 0.0), (0.0, 1.0)))])
+def test_a_record_taken_apart_is_put_together_again(record: All) -> None:
+    assert build(All, nest(All, flatten(record))) == record
+
+
+def test_what_a_table_states_is_told_by_dotted_names() -> None:
+    assert stated(All, {"limits": {"must": 2}, "law": "a"}) == {"limits.must": 2, "law": "a"}
+    for name, value, says in (
+        ("limits.top", 2.5, "< 2"),
+        ("limits.topp", 1.0, "did you mean 'limits.top'"),
+        ("law", "c", "law = 'c'"),
+        ("seed", 1, "does not change while"),
+        ("entries", "[]", "does not change while"),
+        ("limits.top", math.inf, "not finite"),
+    ):
+        with pytest.raises(BadInput, match=says):
+            check_value(All, name, value, "here")
+    check_value(All, "limits.top", None)
 
 
 def test_descriptions_tell_bounds_units_and_text() -> None:

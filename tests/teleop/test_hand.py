@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from services.teleop import SLOWEST, TeleopParameters
 from services.teleop.bindings import MOVES, SCALES
-from services.teleop.hand import Hand, Motion, stops, strike
+from services.teleop.hand import Hand, Motion, retuned, stops, strike
 from services.teleop.keys import Press
 
 P = TeleopParameters(speed=0.4, turn=0.8)
@@ -49,6 +49,18 @@ def typed(keys: str, p: TeleopParameters = P, pause: float = 0.2) -> tuple[Hand,
 def test_a_key_moves(key: str, motion: tuple[float, ...]) -> None:
     hand, now = typed(key)
     assert hand.wants(now) == Motion(*motion)
+
+
+def test_other_parameters_count_for_the_hand_that_is_there() -> None:
+    hand, now = typed("qi")
+    assert hand.speed == pytest.approx(0.44)
+    p = TeleopParameters(speed=0.4, turn=0.5, speed_limit=0.42)
+    after = retuned(hand, P, p)
+    assert (after.speed, after.turn) == (0.42, 0.5)
+    assert after.wants(now) == Motion(0.42)
+    slow = retuned(after, p, TeleopParameters(speed=0.1, turn=0.5, key_timeout=2.0))
+    assert (slow.speed, slow.man.first) == (0.1, 2.0)
+    assert slow.wants(now) == Motion(0.1)
 
 
 def test_no_other_key_moves() -> None:

@@ -38,6 +38,17 @@ def test_a_motion_goes_out_at_once_and_then_twenty_times_a_second() -> None:
     assert {motion for _, motion in words} == {AHEAD}
 
 
+def test_it_repeats_at_another_rate_when_told() -> None:
+    voice = Voice(20.0, 3.0)
+    ahead = Motion(0.5)
+    assert voice.say(ahead, 0.0, 0.0) == ahead
+    voice.retune(100.0, 1.0)
+    assert voice.say(ahead, 0.02, 0.02) == ahead
+    assert voice.say(None, 0.1, 0.1) == STILL
+    assert voice.say(None, 1.2, 1.2) is None
+    assert voice.state == "silent"
+
+
 def test_a_change_goes_out_at_once() -> None:
     voice = Voice(20, GIVE_WAY)
     assert voice.say(AHEAD, 0, 0) == AHEAD

@@ -21,6 +21,21 @@ def test_nobody_ever_spoke_means_brake() -> None:
     assert Arbiter().decide(5_000 * MS) == BRAKE
 
 
+def test_another_timeout_counts_for_the_commands_that_came() -> None:
+    arbiter = Arbiter(0.25)
+    arbiter.offer(A, CONTROLLER, 0.2, 0.1, None, 100 * MS)
+    arbiter.retune(0.5, False, 200 * MS)
+    assert arbiter.decide(600 * MS) == Decision(0.2, 0.1, False, A)
+    arbiter.retune(0.4, False, 600 * MS)
+    assert arbiter.decide(600 * MS) == BRAKE
+    assert arbiter.commands_timed_out == 1
+    arbiter.retune(0.0, True, 700 * MS)
+    arbiter.offer(A, CONTROLLER, 0.2, 0.1, None, 800 * MS)
+    assert arbiter.decide(10**15) == Decision(0.2, 0.1, False, A)
+    arbiter.offer(B, CONTROLLER, 0.1, 0.1, None, 900 * MS)
+    assert arbiter.contested
+
+
 def test_a_command_holds_until_it_is_older_than_the_timeout() -> None:
     arbiter = Arbiter(0.25)
     assert arbiter.offer(A, CONTROLLER, 0.2, 0.1, None, 100 * MS)

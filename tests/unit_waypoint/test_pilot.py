@@ -118,6 +118,31 @@ def test_a_new_goal_on_the_way_replaces_the_plan_without_a_jerk() -> None:
     assert max(abs(b.v - a.v) for a, b in itertools.pairwise(commands[:-1])) <= 0.5 * CONTROL + 1e-9
 
 
+def test_other_gains_on_the_way_keep_the_plan_and_make_no_jerk() -> None:
+    p = WaypointParameters(goals=((3.0, 0.0), (3.0, 1.0)))
+    pilot, base = Pilot(p), IdealBase(Planar(0, 0))
+    commands, speeds = [], {}
+    changes = {
+        100: {"max_linear": 0.1, "lookahead": 0.5},
+        200: {"max_linear": 0.4, "acceleration": 0.2, "tolerance": 0.03},
+    }
+    for tick in range(900):
+        if tick in changes:
+            p = msgspec.structs.replace(p, **changes[tick])
+            plan = pilot.plan
+            pilot.retune(p)
+            assert pilot.plan is plan
+        command = pilot.step(base.here, base.moving, CONTROL).command or STILL
+        commands.append(command)
+        speeds[tick] = command.v
+        base.run(command)
+    assert (speeds[99], speeds[199], max(speeds.values())) == (0.22, 0.1, pytest.approx(0.4, abs=0.05))
+    assert math.hypot(base.here.x - 3, base.here.y - 1) < 0.03
+    steps = [b.v - a.v for a, b in itertools.pairwise(commands)]
+    assert min(steps) >= -0.5 * CONTROL - 1e-9
+    assert max(steps) <= 0.5 * CONTROL + 1e-9
+
+
 def test_without_odometry_it_stands_and_then_goes_on() -> None:
     pilot = Pilot(WaypointParameters(goals=((2.0, 0.0),)))
     half = list(drive(pilot, Planar(0, 0), 5))[-1]

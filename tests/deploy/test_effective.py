@@ -1,0 +1,66 @@
+"""What is said of the parameters of a run: those that are not the fleet's, and where they come from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from deploy.effective import Saved, effective, note
+from deploy.fleet import Change, Fleet, Member, Robot
+from deploy.parameter_sets import own_values
+from deploy.process import processes
+from deploy.report.record import Effective
+from deploy.wiring import Terms
+from messages.parameters import Origin, Parameter, ParameterValues
+
+SET = "/r/waypoint"
+FLEET = Fleet(
+    name="own",
+    robot=(
+        Robot(
+            name="r",
+            model="burger",
+            parameters={"brake": 1.0},
+            services=(Member(kind="waypoint", parameters={"max_linear": 0.2, "goals": [[1, 0]]}),),
+        ),
+    ),
+    change=(Change(at=1.0, set=SET, values={"tolerance": 0.1}),),
+)
+OWN = own_values(FLEET, processes(FLEET, Terms(folder=Path("/tmp/run"))))
+
+
+def told(**values: tuple[Any, Origin]) -> dict[str, ParameterValues]:
+    made = tuple(Parameter(name=name, value=value, origin=origin) for name, (value, origin) in values.items())
+    return {SET: ParameterValues(set=SET, values=made)}
+
+
+def test_the_fleet_s_own_values_are_those_of_its_services_and_bases() -> None:
+    assert (OWN[SET]["max_linear"], OWN[SET]["goals"], OWN[SET]["lag"]) == (0.2, ((1.0, 0.0),), 0.2)
+    assert (OWN["/r/base"]["brake"], OWN["/r/base"]["cmd_vel_timeout"]) == (1.0, 0.25)
+    assert "wheel_radius" not in OWN["/r/base"]
+    assert set(OWN) == {"/router", "/sim", "/grader", SET, "/r/base"}
+
+
+def test_a_run_on_the_fleet_s_values_says_nothing() -> None:
+    same = told(max_linear=(0.2, "saved"), goals=(((1.0, 0.0),), "fleet"), lag=(0.2, "default"), tolerance=(0.1, "run"))
+    assert note(same, OWN, FLEET) == ()
+    assert list(Saved(lambda: same, OWN).news()) == []
+    assert effective(same, OWN) == {
+        SET: {
+            "max_linear": Effective(value=0.2, origin="saved"),
+            "goals": Effective(value=((1.0, 0.0),), origin="fleet"),
+            "tolerance": Effective(value=0.1, origin="run"),
+        }
+    }
+
+
+def test_a_run_on_other_values_names_each_with_its_origin_and_the_fleet_s() -> None:
+    other = told(max_linear=(0.3, "saved"), lag=(0.5, "run"), law=("seed", "command line"))
+    (text,) = note(other, OWN, FLEET)
+    assert f"{SET} max_linear = 0.3 (saved; the fleet's is 0.2)" in text
+    assert f"{SET} lag = 0.5 (run; the fleet's is 0.2)" in text
+    assert f"{SET} law = seed (command line; the fleet's is steady)" in text
+    saved = Saved(lambda: other, OWN)
+    (line,) = saved.news()
+    assert f"{SET} max_linear = 0.3 (saved; the fleet's is 0.2); --no-saved leaves them out" in line
+    assert list(saved.news()) == []

@@ -1,0 +1,151 @@
+"""The set of a base while it drives: what changes at once, what is refused whole, and who owns the values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from messages.base import unpack36
+from messages.requests import DELETE, SET_DRIVE, DriveSettings, Name
+from messages.topics import ODOM
+from services.runtime.errors import CallFailed
+from tests.drive.rehearsal import NAME, Rehearsal, rehearsal
+from tests.runtime.authority import Authority
+from tests.waiting import until
+
+SET = f"/{NAME}/base"
+
+
+@contextmanager
+def tuned(**parameters: Any) -> Iterator[tuple[Rehearsal, Authority]]:
+    """A robot whose set a parameter service by hand knows."""
+    with rehearsal(**parameters) as world, Authority(world.bus) as params:
+        until(lambda: world.node.turn() or params.announced)
+        yield world, params
+
+
+def tell(world: Rehearsal, params: Authority, **values: Any) -> None:
+    params.publish(SET, {name.replace("__", "."): value for name, value in values.items()})
+    world.run(0.02)
+
+
+def test_the_set_is_told_with_the_figures_of_its_model_and_fleet() -> None:
+    with tuned(brake=2.0, linear={"max_velocity": 0.5}) as (_, params):
+        (asked,) = params.announced
+        described = {each.name: each for each in asked.parameters}
+        assert (asked.set, asked.node) == (SET, "/sim")
+        assert {each.name: each.value for each in asked.fleet} == {"brake": 2.0, "linear.max_velocity": 0.5}
+        assert described["brake"].default == 1.5
+        assert described["wheel_radius"].default == 0.0975
+        assert described["linear.max_acceleration"].default == 0.3
+        assert not any(described[each].live for each in ("wheel_radius", "left_wheel", "odometry", "open_loop", "ramp"))
+        assert all(described[each].live for each in ("brake", "cmd_vel_timeout", "publish_rate", "wheel_pid.p"))
+
+
+def test_limits_time_out_and_brake_change_while_it_drives() -> None:
+    with tuned() as (world, params):
+        world.drive(0.4, 0.0, 2.0)
+        assert world.base.motion[0] == pytest.approx(0.4)
+        tell(world, params, linear__max_velocity=0.2, cmd_vel_timeout=1.0, brake=0.5)
+        world.drive(0.4, 0.0, 0.4)
+        assert world.base.motion[0] == pytest.approx(0.2)
+        world.run(0.9)
+        assert not world.base.arbiter.timed_out
+        world.run(0.14)
+        assert world.base.arbiter.timed_out
+        before = world.base.motion[0]
+        world.run(0.1)
+        assert before - world.base.motion[0] == pytest.approx(0.05, abs=1e-9)
+
+
+def test_a_shorter_time_out_counts_for_the_command_that_is_there() -> None:
+    with tuned(cmd_vel_timeout=10) as (world, params):
+        world.drive(0.2, 0.0, 1.0)
+        world.run(1.0)
+        assert world.base.motion[0] == pytest.approx(0.2)
+        tell(world, params, cmd_vel_timeout=0.25)
+        assert world.base.arbiter.timed_out
+
+
+def test_what_odometry_tells_changes_its_source_does_not() -> None:
+    with tuned() as (world, params):
+        world.run(0.2)
+        tell(
+            world,
+            params,
+            pose_covariance_diagonal=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
+            publish_rate=10.0,
+            velocity_rolling_window_size=5,
+            odometry="world",
+        )
+        world.heard(ODOM).clear()
+        world.run(1.0)
+        told = world.heard(ODOM)
+        assert len(told) == 10
+        assert unpack36(told[-1].pose.packed)[::7] == (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+        settings = world.robot.telemetry.odometer.settings
+        assert (settings.source, settings.window) == ("encoder", 5)
+
+
+def test_gains_change_but_a_wheel_is_not_switched_to_torque() -> None:
+    with tuned(wheel_pid={"p": 1.0}) as (world, params):
+        tell(world, params, wheel_pid__p=3.0, wheel_pid__i_clamp=0.5)
+        gains = world.base.settings.gains
+        assert gains is not None
+        assert (gains.p, gains.i_max) == (3.0, 0.5)
+    with tuned() as (world, params):
+        tell(world, params, wheel_pid__p=3.0)
+        assert world.base.settings.gains is None
+        until(lambda: world.node.turn() or params.undone)
+        assert "only gains change" in params.undone[0].who
+
+
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        ({"linear.min_velocity": 0.1, "brake": 1.0}, "hold no standstill"),
+        ({"linear.max_acceleration": 0.0, "brake": 1.0}, "above 0"),
+        ({"keep_curvature": True, "linear.max_jerk": 1.0, "brake": 1.0}, "does not allow"),
+        ({"pose_covariance_diagonal": (1.0, 2.0), "brake": 1.0}, "length"),
+    ],
+)
+def test_what_contradicts_itself_changes_nothing_and_is_taken_back(values: dict[str, Any], says: str) -> None:
+    with tuned() as (world, params):
+        before = world.base.settings
+        params.publish(SET, values)
+        world.run(0.1)
+        assert world.base.settings is before
+        until(lambda: world.node.turn() or params.undone)
+        assert says in params.undone[0].who
+        assert says in world.log
+        world.drive(0.2, 0.0, 1.0)
+        assert world.base.motion[0] == pytest.approx(0.2)
+
+
+def test_who_sets_the_drive_sets_the_parameters() -> None:
+    with tuned(wheel_radius_multiplier=1.2) as (world, params):
+        told = world.ask(SET_DRIVE, DriveSettings(name=NAME, left_wheel_radius_multiplier=1.1, publish_rate=5))
+        assert (told.left_wheel_radius_multiplier, told.right_wheel_radius_multiplier) == (1.1, 1.2)
+        assert told.publish_rate == 5
+        assert {each.name: each.value for each in params.asked[0].values} == {
+            "wheel_radius_multiplier": None,
+            "left_wheel_radius_multiplier": 1.1,
+            "right_wheel_radius_multiplier": 1.2,
+            "publish_rate": 5.0,
+        }
+        tell(world, params, publish_rate=20.0)
+        assert world.ask(SET_DRIVE, DriveSettings(name=NAME)).publish_rate == 20.0
+        assert len(params.asked) == 1
+
+
+def test_a_robot_that_is_gone_follows_nothing_and_one_of_its_name_begins_anew() -> None:
+    with tuned() as (world, params):
+        world.ask(DELETE, Name(name=NAME))
+        params.publish(SET, {"brake": 1.0})
+        world.stage.listen(None, 0.0)
+        with pytest.raises(CallFailed, match="unknown model"):
+            world.ask(SET_DRIVE, DriveSettings(name=NAME))
+        assert not any(each.name.startswith(SET) for each in world.node.inputs)

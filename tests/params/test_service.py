@@ -1,0 +1,106 @@
+"""The parameter service as a process: many clients at once, files that it refuses, and a disk that is full."""
+
+from __future__ import annotations
+
+import resource
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+from messages.topics import UPDATES
+from services.runtime.errors import CallFailed
+from tests.params.sets import arm, asking, plain, serving, start
+from tests.processes import Network
+from tests.system.watched import Watched
+from tests.waiting import until
+
+CLIENTS, EACH = 4, 250
+SET = "/robot_control"
+
+
+@pytest.fixture(scope="module")
+def network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Network]:
+    with Network(tmp_path_factory.mktemp("logs")) as made:
+        yield made
+
+
+def crowd(network: Network, client: int) -> list[float]:
+    """One client's sets: a parameter of all clients, and one of its own; what was acknowledged."""
+    own = ("ss_Kp", "tr_Kp", "ref_angle", "offset")[client]
+    acknowledged = []
+    with asking(network, "crowd", timeout=30.0) as me:
+        for index in range(EACH):
+            value = client + index / 1000
+            answer = plain(me.set(request=f"{client}-{index}", window=index + 1, **{own: value}))
+            assert answer[own] == value
+            assert answer["window"] == index + 1
+            acknowledged.append(value)
+    return acknowledged
+
+
+def test_1000_sets_of_four_clients_at_once_lose_none_and_end_in_one_state(network: Network, tmp_path: Path) -> None:
+    file = tmp_path / "params.db"
+    with asking(network, "crowd") as client, network.node(domain="crowd") as early, ThreadPoolExecutor(CLIENTS) as pool:
+        process = serving(network, client, file, "--domain", "crowd")
+        client.announce(arm())
+        follower = Watched(early.read(UPDATES, f"{SET}/parameter_updates"))
+        asked = [pool.submit(crowd, network, index) for index in range(CLIENTS)]
+        acknowledged = [each.result() for each in asked]
+        changes = client.history()
+        assert len(changes) == CLIENTS * EACH
+        assert len({each.revision for each in changes}) == CLIENTS * EACH
+        for own, values in zip(("ss_Kp", "tr_Kp", "ref_angle", "offset"), acknowledged, strict=True):
+            kept = [one.value for each in reversed(changes) for one in each.after if one.name == own]
+            assert kept == values
+        state = client.get()
+        until(lambda: follower.all() and follower.all()[-1].revision == state.revision, what="the last update")
+        assert follower.all()[-1].values == state.values
+        assert {each.name: each.value for each in changes[0].after}.items() <= plain(state).items()
+        with network.node("late", domain="crowd") as late:
+            latched = Watched(late.read(UPDATES, f"{SET}/parameter_updates"))
+            assert latched.next() == follower.all()[-1]
+        process.kill()
+        process = serving(network, client, file, "--domain", "crowd")
+        assert client.announce(arm()).values == state.values
+        process.kill()
+
+
+def test_a_file_that_is_not_fit_ends_the_service_with_status_2(network: Network, tmp_path: Path) -> None:
+    file = tmp_path / "params.db"
+    file.write_bytes(b"SQLite format 3\0" + b"x" * 4000)
+    refused = start(network, file, "--domain", "unfit")
+    assert refused.wait(20.0) == 2
+    assert "it was left as it is" in refused.text
+    assert file.read_bytes() == b"SQLite format 3\0" + b"x" * 4000
+
+    shared = tmp_path / "shared.db"
+    with asking(network, "unfit") as client:
+        first = serving(network, client, shared, "--domain", "unfit")
+        second = start(network, shared, "--domain", "elsewhere")
+        assert second.wait(20.0) == 2
+        assert "another parameter service uses" in second.text
+        assert first.status is None
+        assert first.stop() == 0
+
+
+def test_a_full_disk_refuses_and_the_service_lives(network: Network, tmp_path: Path) -> None:
+    file = tmp_path / "params.db"
+    with asking(network, "full") as client:
+        process = serving(network, client, file, "--domain", "full")
+        client.announce(arm())
+        before = client.set(ref_angle=10)
+        free = resource.prlimit(process.pid, resource.RLIMIT_FSIZE)
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (5000, free[1]))
+        for _ in range(3):
+            with pytest.raises(CallFailed, match=r"not saved .*nothing was changed: is the disk full"):
+                client.set(ref_angle=11)
+        assert client.get() == before.__class__(set=SET, revision=before.revision, values=before.values)
+        resource.prlimit(process.pid, resource.RLIMIT_FSIZE, free)
+        assert plain(client.set(ref_angle=12))["ref_angle"] == 12.0
+        process.kill()
+        process = serving(network, client, file, "--domain", "full")
+        assert plain(client.announce(arm()))["ref_angle"] == 12.0
+        assert [each.after[0].value for each in client.history()] == [12.0, 10.0]
+        process.kill()

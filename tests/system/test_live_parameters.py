@@ -1,0 +1,238 @@
+"""Parameters of a whole fleet while it runs, in real processes: followed, kept, given back, refused, and repeatable."""
+
+from __future__ import annotations
+
+import json
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from messages.elea import Health
+from messages.parameters import Assignment, HistoryOf, ParameterSet, ParameterValues, SetParameters
+from messages.requests import (
+    PARAMS_GET,
+    PARAMS_HISTORY,
+    PARAMS_SET,
+    SET_DRIVE,
+    SUPERVISOR_RESTART,
+    DriveSettings,
+    Name,
+)
+from messages.topics import CMD_VEL, HEALTH, PLAN, UPDATES
+from services.runtime.errors import CallFailed
+from services.runtime.identity import Identity
+from services.runtime.log import Log
+from services.runtime.node import Node
+from services.runtime.zenoh_config import configuration
+from services.runtime.zenoh_transport import ZenohTransport
+from tests.processes import Network
+from tests.system.terminal import Terminal
+from tests.waiting import until
+
+PILOT, BASE = "/r/waypoint", "/r/base"
+
+FLEET = """
+name = "tuned"
+[run]
+mode = "{mode}"
+ends = "{ends}"
+duration = {duration}
+[[robot]]
+name = "r"
+model = "burger"
+parameters = {{ cmd_vel_timeout = 0.4 }}
+services = [{{ kind = "waypoint", parameters = {{ goals = [[100, 0]], max_linear = 0.2 }} }}]
+"""
+CHANGES = """
+[[change]]
+at = 3.0
+set = "/r/waypoint"
+values = { max_linear = 0.1 }
+[[change]]
+at = 4.0
+set = "/r/base"
+values = { "linear.max_velocity" = 0.05 }
+"""
+
+
+class Tuner:
+    """A node beside a running fleet that sets, gets, and listens."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self._commands, self._health = node.read(CMD_VEL, "/r/cmd_vel"), node.read(HEALTH)
+        self._speed = 0.0
+        self._beats: dict[str, Health] = {}
+
+    def set(self, name: str, run: bool = False, **values: Any) -> ParameterValues:
+        stated = tuple(Assignment(name=each.replace("__", "."), value=value) for each, value in values.items())
+        return self.node.call(PARAMS_SET, SetParameters(set=name, values=stated, run=run, who="test"))
+
+    def get(self, name: str) -> dict[str, tuple[Any, str]]:
+        told = self.node.call(PARAMS_GET, ParameterSet(set=name))
+        return {each.name: (each.value, each.origin) for each in told.values}
+
+    def until(self, name: str, **expected: tuple[Any, str]) -> None:
+        def there() -> bool:
+            try:
+                return expected.items() <= self.get(name).items()
+            except CallFailed:
+                return False
+
+        until(there, 30, f"{name} {expected}")
+
+    def until_speed(self, wanted: float) -> None:
+        """Until the waypoint service commands this speed."""
+
+        def there() -> bool:
+            self.node.admit()
+            for command, _ in self._commands.batch:
+                self._speed = command.linear.x
+            return abs(self._speed - wanted) < 1e-6
+
+        until(there, 20, f"{wanted} m/s commanded")
+
+    def refused(self, node: str, topic: str) -> int:
+        """How many samples of a topic a node has refused, by its heartbeat."""
+        self.node.admit()
+        for beat, _ in self._health.batch:
+            self._beats[beat.node] = beat
+        known = self._beats.get(node, Health())
+        return sum(each.refused for each in known.inputs if each.topic == topic)
+
+
+@contextmanager
+def tuner(port: int) -> Iterator[Tuner]:
+    identity = Identity.of("tuner")
+    with (
+        ZenohTransport(configuration("direct", (f"tcp/127.0.0.1:{port}",))) as transport,
+        Node(transport, identity, "tester", Log(identity.node)) as node,
+    ):
+        yield Tuner(node)
+
+
+@pytest.fixture
+def terminal(tmp_path: Path) -> Iterator[Terminal]:
+    terminal = Terminal(tmp_path)
+    yield terminal
+    terminal.do("down")
+
+
+def fleet(folder: Path, mode: str, ends: str, duration: float = 0, changes: str = "") -> str:
+    path = folder / "tuned.toml"
+    path.write_text(FLEET.format(mode=mode, ends=ends, duration=duration) + changes)
+    return str(path)
+
+
+def processes(results: Path) -> dict[str, int]:
+    state = json.loads((results / "processes.json").read_text())
+    return {each["name"]: each["pid"] for each in state["processes"]}
+
+
+def log(results: Path) -> str:
+    """What the waypoint service has written."""
+    file = results / "logs" / "r.waypoint.log"
+    return file.read_text() if file.exists() else ""
+
+
+def test_a_fleet_is_tuned_while_it_drives_and_keeps_what_was_saved(terminal: Terminal) -> None:
+    file, results = fleet(terminal.folder, "real", "never"), terminal.folder / "results"
+    started = terminal.up(file, results, "--detach")
+    assert started.status == 0, started.err
+    with tuner(terminal.port) as t:
+        assert t.get(PILOT)["max_linear"] == (0.2, "fleet")
+        assert t.get(BASE)["cmd_vel_timeout"] == (0.4, "fleet")
+        assert t.get(BASE)["wheel_radius"] == (0.033, "default")
+        t.until_speed(0.2)
+        t.set(PILOT, max_linear=0.1)
+        t.until_speed(0.1)
+        t.set(PILOT, run=True, max_linear=0.15)
+        t.until_speed(0.15)
+
+        # A service that comes back gets the values of its run; the parameter service gets them back from it.
+        t.node.call(SUPERVISOR_RESTART, Name(name="r/waypoint"))
+        until(lambda: "max_linear = 0.15 (run)" in log(results), 30)
+        t.until_speed(0.15)
+        psutil.Process(processes(results)["params"]).send_signal(signal.SIGKILL)
+        until(lambda: "the parameter service is gone" in log(results), 20)
+        t.until(PILOT, max_linear=(0.15, "run"))
+        t.until_speed(0.15)
+        t.set(PILOT, max_linear=0.12)
+        t.until_speed(0.12)
+        plans = t.node.read(PLAN, "/r/plan")
+        t.set(PILOT, run=True, goals=((50.0, 50.0), (0.0, 0.0)))
+        until(lambda: t.node.admit() or any(len(plan.poses) == 2 for plan, _ in plans.batch), 20, "a new plan")
+
+        # What contradicts itself is taken back for all; so is nothing of a stranger's.
+        t.set(BASE, linear__min_velocity=0.1)
+        t.until(BASE, **{"linear.min_velocity": (None, "default")})
+        newest = t.node.call(PARAMS_HISTORY, HistoryOf(set=BASE, limit=1)).changes[0]
+        assert newest.kind == "undo"
+        assert "hold no standstill" in newest.who
+        t.node.write(UPDATES, f"{PILOT}/parameter_updates").publish(ParameterValues(set=PILOT, revision=999, values=()))
+        until(lambda: t.refused(PILOT, f"{PILOT}/parameter_updates"), 10)
+
+        # One owner of a base's values, whoever asks.
+        t.node.call(SET_DRIVE, DriveSettings(name="r", wheel_separation_multiplier=1.1))
+        assert t.get(BASE)["wheel_separation_multiplier"] == (1.1, "run")
+        t.set(BASE, run=True, wheel_separation_multiplier=1.2)
+        until(
+            lambda: t.node.call(SET_DRIVE, DriveSettings(name="r")).wheel_separation_multiplier == 1.2,
+            10,
+            "the base's multiplier",
+        )
+        with pytest.raises(CallFailed, match="cannot change while"):
+            t.set(BASE, wheel_radius=0.1)
+    terminal.do("down")
+    note = "/r/waypoint max_linear = 0.12 (saved; the fleet's is 0.2)"
+    report = json.loads((results / "report.json").read_text())
+    assert any(note in each for each in report["notes"])
+    assert report["parameters"][BASE]["wheel_separation_multiplier"] == {"value": 1.2, "origin": "run"}
+
+    again = terminal.up(file, terminal.folder / "again", "--detach")
+    assert again.status == 0, again.err
+    with tuner(terminal.port) as t:
+        assert t.get(PILOT)["max_linear"] == (0.12, "saved")
+        assert t.get(BASE)["wheel_separation_multiplier"] == (1.0, "default")
+        t.until_speed(0.12)
+    terminal.do("down")
+    told = (terminal.folder / "again" / "supervisor.log").read_text()
+    assert f"saved parameters win over the fleet's: {note}; --no-saved leaves them out" in told
+    assert [each.name for each in (terminal.folder / "params").glob("*.db")] == ["tuned.db"]
+
+
+def test_a_run_in_lockstep_repeats_with_its_changes_and_without_what_is_saved(terminal: Terminal) -> None:
+    file = fleet(terminal.folder, "lockstep", "duration", 6, CHANGES)
+    reports = []
+    for number, options in enumerate((["--no-saved"], ["--params", "own.db"])):
+        ended = terminal.up(file, terminal.folder / str(number), "--json", *options)
+        reports.append(json.loads(ended.out))
+    one, other = reports
+    assert one["run"]["trajectory_hash"] == other["run"]["trajectory_hash"]
+    assert one["parameters"] == other["parameters"]
+    assert one["parameters"][PILOT]["max_linear"] == {"value": 0.1, "origin": "run"}
+    assert one["notes"] == other["notes"] == []
+    # 0.2 m/s from 0 to 3 s, 0.1 to 4 s, then 0.05; within what it takes to set off.
+    assert 0.70 < one["robots"]["r"]["path_length_m"] < 0.80
+    assert (terminal.folder / "own.db").exists()
+    assert not (terminal.folder / "params").exists()
+
+
+def test_a_service_starts_without_the_parameter_service_and_follows_it_when_it_comes(tmp_path: Path) -> None:
+    with Network(tmp_path) as network:
+        waypoint = network.start("waypoint", "--namespace", "r", "--fleet-param", "max_linear=0.2")
+        until(lambda: "no parameter service is there" in waypoint.text, 20, "the word of the waypoint service")
+        params = network.start("params")
+        until(lambda: "the parameter service is there: following it" in waypoint.text, 20)
+        with network.node("tuner") as node:
+            t = Tuner(node)
+            t.until(PILOT, max_linear=(0.2, "fleet"))
+        assert waypoint.text.count("parameter service") == 2
+        assert params.stop() == 0
+        until(lambda: "the parameter service is gone: the present values stay" in waypoint.text, 20)
+        assert waypoint.status is None
