@@ -76,8 +76,8 @@ class LinkState(Message, frozen=True, kw_only=True):
 
 
 class LinkProperties(Message, frozen=True, kw_only=True):
-    """What a link weighs [kg], where its centre of mass is in its own frame, its principal moments [kg m2] about the
-    axes of ``com``, and its friction."""
+    """What a link weighs [kg; 0 when it is held in the world], where its centre of mass is in its own frame, its
+    principal moments [kg m2] about the axes of ``com``, its friction, and how many wrenches wait or act on it."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/LinkProperties"
     link_name: str = ""
@@ -89,7 +89,7 @@ class LinkProperties(Message, frozen=True, kw_only=True):
 
 
 class ModelProperties(Message, frozen=True, kw_only=True):
-    """What a model is made of. ``is_static`` tells that its root is held in the world."""
+    """What a model is made of. ``is_static`` tells that its root is held in the world; ``mass`` [kg] is what moves."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ModelProperties"
     name: str = ""

@@ -118,9 +118,7 @@ class JointDesk:
     def _actuators(self, joint: Part) -> Actuators:
         robot = self._stage.find(joint.body)
         if robot.actuators is None:
-            raise BadInput(
-                f"{joint} is a wheel that the base of {joint.body} drives: command it by {robot.namespace}/cmd_vel"
-            )
+            raise BadInput(f"{joint} is a wheel, which its base drives: command {robot.namespace}/cmd_vel instead")
         return robot.actuators
 
     def _when(self, start: int, duration: float, note: str) -> str:

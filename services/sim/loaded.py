@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from services.runtime.errors import unknown
 from services.sim.engine import load_body
 from services.sim.quiet import pybullet
-from services.sim.world import Body, BodyState, Inertia, JointReadings, Placement, Vector
+from services.sim.world import Body, BodyState, Inertia, JointReadings, Placement, Rotation, Vector
 
 
 @dataclass(frozen=True)
@@ -63,14 +63,14 @@ class Loaded:
         (cx, cy, cz), (x, y, z), (vx, vy, vz), (wx, wy, wz) = row[0], row[4], row[6], row[7]
         dx, dy, dz = x - cx, y - cy, z - cz  # PyBullet tells the velocity of the centre of mass
         linear = (vx + wy * dz - wz * dy, vy + wz * dx - wx * dz, vz + wx * dy - wy * dx)
-        return BodyState(row[4], row[5], linear, row[7])
+        return BodyState(row[4], _unit(row[5]), linear, row[7])
 
     def link_placement(self, link: str) -> Placement:
         """Where the frame of a link is."""
         if (index := self._link(link)) < 0:
             return Placement(*pybullet.getBasePositionAndOrientation(self.number, self.client))
         row = pybullet.getLinkState(self.number, index, computeForwardKinematics=1, physicsClientId=self.client)
-        return Placement(row[4], row[5])
+        return Placement(row[4], _unit(row[5]))
 
     def inertia(self, link: str) -> Inertia:
         """What a link weighs and how."""
@@ -112,6 +112,13 @@ def load(client: int, body: Body) -> Loaded:
     _resist(loaded)
     loaded.set_joints(dict(body.start))
     return loaded
+
+
+def _unit(turn: Rotation) -> Rotation:
+    """Of length 1 again: PyBullet tells how links lie in single precision."""
+    x, y, z, w = turn
+    length = (x * x + y * y + z * z + w * w) ** 0.5
+    return x / length, y / length, z / length, w / length
 
 
 def _resist(loaded: Loaded) -> None:

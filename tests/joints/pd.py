@@ -1,4 +1,4 @@
-"""A controller of the test: the seed's PD on the arm, toward 30 degrees, at the rate and with the jobs it is told."""
+"""A controller of the test: the seed's PD on the arm, toward 30 degrees; no two of its jobs have the same effort."""
 
 from __future__ import annotations
 
@@ -15,10 +15,9 @@ from services.runtime.context import Context
 
 
 class PdParameters(Parameters, frozen=True, kw_only=True):
-    """How long its jobs last, and whether it falls silent."""
+    """How long its jobs last."""
 
     job: Annotated[float, Meta(description="duration of a job, s")] = 0.1
-    until: Annotated[float, Meta(description="falls silent at this time, s; 0 never")] = 0.0
 
 
 def run(ctx: Context[PdParameters]) -> None:
@@ -27,12 +26,12 @@ def run(ctx: Context[PdParameters]) -> None:
     before: float | None = None
     for tick in ctx.ticks():
         state = joints.value
-        if state is None or tick.dt <= 0 or (ctx.params.until and tick.time / 1e9 >= ctx.params.until):
+        if state is None or tick.dt <= 0:
             continue
         error = 30.0 - math.degrees(state.position[0])
         rate = 0.0 if before is None else (error - before) / tick.dt
         before = error
-        effort = max(-200.0, min(200.0, 37.5 * error + 2.8 * rate))
+        effort = max(-200.0, min(200.0, 37.5 * error + 2.8 * rate)) + 1e-13 * tick.time
         ctx.publish(
             JOINT_EFFORT,
             JointEffort(joint_name="bear_link", effort=effort, start_time=Time.of(tick.time), duration=ctx.params.job),

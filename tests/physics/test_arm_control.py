@@ -75,3 +75,10 @@ def test_a_controller_that_falls_silent_lets_go_after_its_last_job() -> None:
     acting = [number for number, effort in enumerate(on.efforts) if effort]
     assert acting[-1] == held + 20, "0.1 s, both ends included"
     assert on.angles[-1] < 20.0
+
+
+def test_the_velocity_rule_alone_makes_one_job_at_a_time_slow() -> None:
+    with stand(rule=Rule("replace", "total", "gazebo")) as on:
+        on.control(set_point(), step, 100, 6.0)
+    assert not [angle for angle in on.angles[: round(2.0 / DT)] if angle >= 27.0]
+    assert on.angles[-1] == pytest.approx(29.2, abs=0.3)

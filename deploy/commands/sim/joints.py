@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from deploy.commands.ask import Asker, asks, assignments, table
+from deploy.commands.sim.ask import Asker, asks, assignments, table
 
 if TYPE_CHECKING:
     from messages.joints import JointProperties
@@ -144,9 +144,9 @@ def _table(found: list[JointProperties]) -> str:
             (
                 f"{each.model}::{each.joint_name}",
                 each.type,
-                f"{each.position:.4f}",
-                f"{each.rate:.4f}",
-                f"{each.applied_effort:.3f}",
+                f"{each.position:z.4f}",
+                f"{each.rate:z.4f}",
+                f"{each.applied_effort:z.3f}",
                 str(each.jobs),
                 ends,
                 _limit(each.effort_limit),

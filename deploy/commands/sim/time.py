@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from deploy.commands.ask import Asker, asks
+from deploy.commands.sim.ask import Asker, asks
 
 if TYPE_CHECKING:
     from messages.requests import Request

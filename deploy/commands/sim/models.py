@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from deploy.commands.ask import Asker, asks, assignments, table
+from deploy.commands.sim.ask import Asker, asks, assignments, table
 
 if TYPE_CHECKING:
     from messages.elea import ModelState
@@ -198,7 +198,8 @@ def _angles(q: Quaternion) -> tuple[float, float, float]:
 
 def _shown(model: ModelState) -> tuple[str, str, str, str]:
     place = model.pose.position
-    return f"{place.x:.3f}", f"{place.y:.3f}", f"{place.z:.3f}", f"{model.pose.orientation.yaw:.3f}"
+    x, y, z, yaw = (f"{value:z.3f}" for value in (place.x, place.y, place.z, model.pose.orientation.yaw))
+    return x, y, z, yaw
 
 
 def _words(model: ModelState) -> list[str]:
@@ -214,7 +215,7 @@ def _told(pose: Pose, twist: Twist) -> str:
         ("velocity m/s", (twist.linear.x, twist.linear.y, twist.linear.z)),
         ("turn rate rad/s", (twist.angular.x, twist.angular.y, twist.angular.z)),
     ):
-        rows.append((name, f"{a:.4f}", f"{b:.4f}", f"{c:.4f}"))
+        rows.append((name, f"{a:z.4f}", f"{b:z.4f}", f"{c:z.4f}"))
     return table(rows)
 
 

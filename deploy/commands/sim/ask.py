@@ -5,31 +5,37 @@ from __future__ import annotations
 import functools
 import sys
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, TypeVar
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import click
 
-from deploy.claim import running
-from deploy.commands.options import chosen, json_option, port_option
-from deploy.fleet import PORT
+from deploy.commands.options import Place, json_option, place_options
 
 if TYPE_CHECKING:
     from messages.base import Message
     from messages.requests import Request
+    from services.runtime.transport import Transport
 
 R = TypeVar("R", bound="Message")
-F = TypeVar("F", bound=Callable[..., Any])
 
 TIMEOUT_S = 5.0
 """Wall time that a request may take unless told otherwise."""
 
 
 class Asker:
-    """Asks the services of one fleet; ``as_json`` tells how the answer is to be printed."""
+    """Asks the services of one fleet, which it joins at the first question, and prints what they say."""
 
-    def __init__(self, endpoint: str, domain: str, timeout: float, as_json: bool) -> None:
-        self.as_json = as_json
-        self._endpoint, self._domain, self._timeout = endpoint, domain, timeout
+    def __init__(self, place: Place, timeout: float, as_json: bool) -> None:
+        self._place, self._timeout, self._as_json = place, timeout, as_json
+        self._visit = ExitStack()
+        self._transport: Transport | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._visit.close()
 
     def ask(self, request: Request[Any, R], message: Message) -> R:
         """The reply to one request; raises CallFailed with the reason, BadInput when no router is there."""
@@ -37,12 +43,13 @@ class Asker:
         from messages.names import key
         from services.runtime.calls import call
 
-        with visit(self._endpoint, self._domain) as transport:
-            return call(transport, request, key(request.name), message, self._timeout)
+        if self._transport is None:
+            self._transport = self._visit.enter_context(visit(self._place.router, self._place.domain))
+        return call(self._transport, request, key(request.name), message, self._timeout)
 
     def show(self, reply: Message | Iterable[Message], text: str) -> None:
         """Print the reply as JSON, or the text that says it."""
-        if not self.as_json:
+        if not self._as_json:
             sys.stdout.write(f"{text}\n" if text else "")
             return
         import msgspec
@@ -51,24 +58,20 @@ class Asker:
         sys.stdout.write(msgspec.json.format(msgspec.json.encode(plain), indent=2).decode() + "\n")
 
 
-def asks(command: F) -> F:
+def asks(command: Callable[..., Any]) -> Callable[..., Any]:
     """Gives a command ``--connect``, ``--domain``, ``--port``, ``--timeout`` and ``--json``, and itself an Asker."""
 
-    @click.option("--connect", metavar="ENDPOINT", default="", help="Router to ask; the running fleet's by default.")
-    @click.option("--domain", default="", help="Domain of the fleet.")
     @click.option(
         "--timeout", type=click.FloatRange(0, min_open=True), default=TIMEOUT_S, help="Wall time to wait, s; 5."
     )
-    @port_option
+    @place_options
     @json_option
     @functools.wraps(command)
-    def wrapped(connect: str, domain: str, port: int | None, timeout: float, as_json: bool, **given: Any) -> Any:
-        if not connect and running():
-            fleet = chosen(port)
-            connect, domain = f"tcp/127.0.0.1:{fleet.port}", domain or fleet.domain
-        return command(Asker(connect or f"tcp/127.0.0.1:{port or PORT}", domain, timeout, as_json), **given)
+    def wrapped(place: Place, timeout: float, as_json: bool, **given: Any) -> Any:
+        with Asker(place, timeout, as_json) as asker:
+            return command(asker, **given)
 
-    return wrapped  # type: ignore[return-value]
+    return wrapped
 
 
 def table(rows: Iterable[Iterable[str]]) -> str:

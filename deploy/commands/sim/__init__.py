@@ -6,7 +6,7 @@ import difflib
 
 import click
 
-from deploy.commands import sim_joints, sim_models, sim_time
+from deploy.commands.sim import joints, models, time
 
 
 class Doings(click.Group):
@@ -26,22 +26,22 @@ class Doings(click.Group):
 
 
 COMMANDS = (
-    sim_models.list_,
-    sim_models.spawn,
-    sim_models.delete,
-    sim_models.state,
-    sim_models.set_state,
-    sim_models.properties,
-    sim_joints.joints,
-    sim_joints.effort,
-    sim_joints.wrench,
-    sim_joints.clear,
-    sim_joints.configure,
-    sim_time.pause,
-    sim_time.resume,
-    sim_time.step,
-    sim_time.reset,
-    sim_time.reset_world,
+    models.list_,
+    models.spawn,
+    models.delete,
+    models.state,
+    models.set_state,
+    models.properties,
+    joints.joints,
+    joints.effort,
+    joints.wrench,
+    joints.clear,
+    joints.configure,
+    time.pause,
+    time.resume,
+    time.step,
+    time.reset,
+    time.reset_world,
 )
 
 command = Doings(
