@@ -153,10 +153,13 @@ class Followed(Generic[P]):
         try:
             params = self._checked(flat)
         except BadInput as error:
-            self._refuse(str(error))
-            if undo and not self._taken_back:
-                self._taken_back = True
-                self._following.take_back(self, str(error))
+            if not undo:
+                self._refuse(f"{error}; its own values stay. ./elea param reset {self.set} forgets what was saved")
+            else:
+                self._refuse(str(error))
+                if not self._taken_back:
+                    self._following.take_back(self, str(error))
+            self._taken_back = True  # once, until something fits again
             return 0
         self._taken_back = False
         return self._replace(params, origins)

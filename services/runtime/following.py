@@ -67,7 +67,8 @@ class Following:
 
     def begin(self, followed: Followed[Any], wait: bool = True) -> None:
         """Announce a set; with ``wait``, block until the answer or START_S have passed."""
-        self._look()
+        if not self.there:
+            self._look()
         self._sets.append(followed)
         if not self.there:
             self._miss("no parameter service is there: running on its own values; it is followed when it comes")

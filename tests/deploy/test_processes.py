@@ -98,15 +98,6 @@ def test_the_grader_knows_how_each_base_stops() -> None:
     assert told == [{"name": "a", "timeout": 0.5, "brake": 0.3}, {"name": "b", "timeout": 0.25, "brake": 1.5}]
 
 
-def test_who_starts_after_the_parameters_waits_for_them_and_they_are_kept_in_the_file_of_the_terms() -> None:
-    plan = expand(read_fleet(find_fleet("square")))
-    assert {name for name, each in plan.items() if "--await-params" not in each.argv} == {"router", "params"}
-    assert read_assignments(options(plan["params"], "--fleet-param")) == {"file": "", "schedule": []}
-    terms = Terms(folder=Path("/tmp/run"), saved=Path("/tmp/params/lab.db"))
-    (params,) = (each for each in processes(read_fleet(find_fleet("lab")), terms) if each.kind == "params")
-    assert read_assignments(options(params, "--fleet-param"))["file"] == "/tmp/params/lab.db"
-
-
 def test_an_arm_its_reference_and_the_grader_are_told_of_its_joint() -> None:
     own = (Member(kind="arm", parameters={"saturation": 150.0}), Member(kind="reference"))
     changes = (Change(at=3.0, set="/robot_control", values={"ref_angle": 30.0}),)
@@ -123,6 +114,17 @@ def test_an_arm_its_reference_and_the_grader_are_told_of_its_joint() -> None:
     assert told["grader"]["arms"] == [state]
     assert [each["name"] for each in told["grader"]["halting"]] == ["b"]
     assert told["grader"]["not_before"] > 3.0
+
+
+def test_who_starts_after_the_parameters_waits_for_them_and_they_are_kept_in_the_file_of_the_terms() -> None:
+    plan = expand(read_fleet(find_fleet("lab")))
+    assert {name for name, each in plan.items() if "--await-params" not in each.argv} == {"router", "params"}
+    told = read_assignments(options(plan["params"], "--fleet-param"))
+    assert told["file"] == ""
+    assert [(each["at"], each["set"]) for each in told["schedule"]] == [(at, "/robot_control") for at in (1, 4, 20.2)]
+    terms = Terms(folder=Path("/tmp/run"), saved=Path("/tmp/params/lab.db"))
+    (params,) = (each for each in processes(read_fleet(find_fleet("lab")), terms) if each.kind == "params")
+    assert read_assignments(options(params, "--fleet-param"))["file"] == "/tmp/params/lab.db"
 
 
 def test_stated_beats_implied() -> None:

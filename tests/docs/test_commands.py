@@ -18,7 +18,7 @@ from tests.tree import files
 
 LINE = re.compile(r"\./elea ([^`\n#|]+)")
 OF_SERVICES = {"--namespace", "--name", "--remap", "--param", "--connect", "--domain", "--topology", "--lockstep"}
-OF_SERVICES |= {"--log-level", "--print-config", "--help"}
+OF_SERVICES |= {"--fleet-param", "--await-params", "--log-level", "--print-config", "--help"}
 
 
 def lines() -> list[tuple[str, str]]:

@@ -13,6 +13,9 @@ import pytest
 from messages.elea import BaseStatus, GoalStatus, Health, InputHealth
 from messages.geometry import PoseStamped
 from messages.nav import Path
+from messages.parameters import Parameter, ParameterValues
+from services.grader import Halting
+from services.grader.loop import halted
 from services.grader.measure import Kind, Run
 from services.grader.records import RobotFigures
 from services.grader.reference import Reference, segment_distance
@@ -126,6 +129,26 @@ def test_losses_are_summed_over_readers_and_survive_a_restart() -> None:
     assert measured.messages_lost == 3 + 1 + 1 + 1
     assert measured.robots["tb3_0"].messages_lost == 4
     assert measured.robots["tb3_1"].messages_lost == 0
+
+
+def test_how_a_base_stops_follows_its_parameters_in_their_time() -> None:
+    def values(**told: float | str | None) -> ParameterValues:
+        return ParameterValues(values=tuple(Parameter(name=name, value=value) for name, value in told.items()))
+
+    before, after = Halting(name="a", timeout=0.25, brake=2.0), Halting(name="a", timeout=0.5, brake=1.0)
+    assert halted("a", values(cmd_vel_timeout=0.5, brake=1.0, jump=0.0)) == after
+    for bad in (
+        {"cmd_vel_timeout": 0.5},
+        {"cmd_vel_timeout": -1.0, "brake": 1.0},
+        {"cmd_vel_timeout": "x", "brake": 1},
+    ):
+        assert halted("a", values(**bad)) is None
+    run = Run(("a",), 0.05, {"a": before})
+    run.halting(2 * 10**9, "a", after)
+    run.advance(10**9)
+    assert run.robots["a"].stops.halting == before
+    run.advance(2 * 10**9)
+    assert run.robots["a"].stops.halting == after
 
 
 def test_counts_of_the_base_are_passed_on() -> None:

@@ -75,9 +75,8 @@ def test_the_schema_file_is_that_of_the_records_and_every_key_is_documented() ->
     text = schema.SCHEMA_FILE.with_name("README.md").read_text()
     definitions = schema.schema()["$defs"]
     records = {"RunFigures": "run.", "RobotFigures": "robots.*.", "CornerFigures": "robots.*.corners.*."}
-    arms = {"ArmFigures": "robots.*.", "StepFigures": "robots.*.steps.*."}
-    others = {"Check": "checks.*.", "Effective": "parameters.*.*.", "Report": ""}
-    for record, prefix in {**records, **arms, **others}.items():
+    records |= {"ArmFigures": "robots.*.", "StepFigures": "robots.*.steps.*."}
+    for record, prefix in {**records, "Check": "checks.*.", "Effective": "parameters.*.*.", "Report": ""}.items():
         for key in definitions[record]["properties"]:
             assert re.search(rf"`{re.escape(prefix + key)}[`.]", text), prefix + key
 

@@ -133,6 +133,25 @@ def test_values_that_contradict_each_other_are_refused(bus: MemoryBus) -> None:
             followed.change({"d": 2.0})
 
 
+def test_saved_values_that_contradict_each_other_are_left_for_a_person_to_mend(
+    bus: MemoryBus,
+) -> None:
+    def fits(gains: Gains) -> None:
+        if gains.d > gains.p:
+            raise BadInput("it rings")
+
+    bad = {"p": 0.1, "d": 1.0}
+    with Authority(bus, lambda asked: told(asked.set, bad)) as params, pilot(bus, fits=fits) as (made, followed):
+        followed.begin()
+        params.publish(SET, bad)
+        assert follow(made, followed) == 0
+        assert followed.params == Gains()
+        assert f"./elea param reset {SET} forgets what was saved" in log_of(made)
+        for _ in range(5):
+            made.turn()
+        assert params.undone == []
+
+
 def test_only_the_parameter_service_changes_parameters(bus: MemoryBus) -> None:
     with Authority(bus) as params, pilot(bus) as (made, followed), node(bus, "stranger") as stranger:
         followed.begin()

@@ -1,0 +1,35 @@
+"""What holds an arm against its weight, from its URDF, is what holds it in the engine."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import pytest
+
+from models import ARMS
+from models.pendulum import pendulum
+from tests.physics.arm import JOINT, stand
+from tests.physics.rig import DT
+
+
+def test_the_figures_of_the_seed() -> None:
+    weight = pendulum("arm", JOINT)
+    assert weight.torque == pytest.approx(27.15, abs=0.01)
+    assert math.degrees(weight.rest) == pytest.approx(-1.4635, abs=0.001)
+
+
+@pytest.mark.parametrize("model", ARMS)
+@pytest.mark.parametrize("degrees", [-60.0, 0.0, 30.0, 85.0])
+def test_the_holding_torque_holds(model: Literal["arm", "arm_corrected"], degrees: float) -> None:
+    weight = pendulum(model, JOINT)
+    with stand(model, start=degrees) as on:
+        effort = weight.torque * math.sin(math.radians(degrees) - weight.rest)
+        on.world.set_efforts("arm", {JOINT: effort})
+        on.world.step()
+        assert abs(on.rate / DT) < 2e-3, "rad/s2; gravity alone makes up to 7"
+
+
+def test_a_joint_that_there_is_not() -> None:
+    with pytest.raises(KeyError, match="elbow"):
+        pendulum("arm", "elbow")
