@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from models import MODELS, model_path
+from models import MODELS, WHEELED, model_path
 from models.description import BadDescription, describe
 from models.frames import read_joints
 from tests.state.urdfs import GRIPPER, LIMIT, joint, robot
