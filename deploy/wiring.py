@@ -16,6 +16,9 @@ from services.sim.settings import effective
 IMPLIED = ("router", "sim", "grader")
 """Services that every fleet has; a fleet file states one only to set its parameters."""
 
+BAG_FOLDER = "bag"
+"""Where a run's recorder writes, in the folder of the run."""
+
 
 class Terms(msgspec.Struct, frozen=True, kw_only=True):
     """What the command line adds to a fleet file: where results go, the network, whether to open a viewer."""
@@ -62,6 +65,8 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
                 "file": str(terms.folder / "run.rrd"),
                 **viewer,
             }
+        case "recorder":
+            return {"output": str(terms.folder / BAG_FOLDER), "members": list(members), "resume": True}
         case _:
             return {}
 

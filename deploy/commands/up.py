@@ -8,7 +8,7 @@ from typing import Any
 import click
 import msgspec
 
-from deploy.fleet import Fleet, Run
+from deploy.fleet import Fleet, Member, Run
 from deploy.fleet_file import find_fleet, read_fleet
 from services.runtime.errors import BadInput
 
@@ -24,6 +24,7 @@ from services.runtime.errors import BadInput
 @click.option("--domain", default="", help="Isolates fleets of one network from each other.")
 @click.option("--connect", multiple=True, metavar="ENDPOINT", help="Router of another machine, as tcp/host:7447.")
 @click.option("--port", type=int, help="Port of the fleet's router on the loopback.")
+@click.option("--record", is_flag=True, help="Record all topics into a bag beside the report.")
 @click.option("--no-view", is_flag=True, help="Do not open the viewer.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 def command(fleet: str, detach: bool, report: str, as_json: bool, **options: Any) -> None:
@@ -52,6 +53,8 @@ def overridden(fleet: Fleet, options: dict[str, Any]) -> Fleet:
     except msgspec.ValidationError as error:
         text, _, name = str(error).partition(" - at `$.")
         raise BadInput(f"--{name.rstrip('`')}: {text}") from None
+    if options.get("record") and not any(each.kind == "recorder" for each in fleet.service):
+        fleet = msgspec.structs.replace(fleet, service=(*fleet.service, Member(kind="recorder")))
     return msgspec.structs.replace(fleet, run=run)
 
 

@@ -104,10 +104,16 @@ class Context(Generic[P]):
         """Answer a request in this loop; the handler raises BadInput to refuse with a reason."""
         self._node.serve(request, handler, name)
 
-    def ticks(self) -> Iterator[Tick]:
+    @property
+    def lockstep(self) -> bool:
+        """Whether the node steps with the simulation."""
+        return self._lockstep
+
+    def ticks(self, meanwhile: Callable[[], None] | None = None) -> Iterator[Tick]:
         """The loop's steps at the service's rate of simulation time, until the process is asked to end (Stopped).
 
         Inputs are a snapshot taken as the tick starts. At a reset they are empty but for what is latched.
+        ``meanwhile`` is called again and again, ten times a second at least, while the next tick is waited for.
         """
         if self._rate is None:
             raise BadInput("a service without a rate has no ticks")
@@ -115,7 +121,7 @@ class Context(Generic[P]):
         pacer: Pacer = (LockstepPacer if self._lockstep else ClockPacer)(self._node, period)
         pacer.start()
         try:
-            yield from self._follow(pacer)
+            yield from self._follow(pacer, meanwhile)
         finally:
             pacer.leave()
 
@@ -137,12 +143,14 @@ class Context(Generic[P]):
         self._node.wait(self._resting)
         self._resting.take()
 
-    def _follow(self, pacer: Pacer) -> Iterator[Tick]:
+    def _follow(self, pacer: Pacer, meanwhile: Callable[[], None] | None) -> Iterator[Tick]:
         last: Instant | None = None
         while True:
             self._node.turn()
             instant = pacer.next()
             if instant is None:
+                if meanwhile is not None:
+                    meanwhile()
                 self._node.transport.wait(pacer.inlet)
                 continue
             reset = last is not None and (instant.epoch, instant.simulation) != (last.epoch, last.simulation)
