@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from pathlib import Path
 
 import msgspec
 
@@ -113,8 +112,3 @@ def _table(notes: Mapping[str, str], name: str) -> dict[str, int]:
         return msgspec.convert(json.loads(notes.get(name, "{}")), dict[str, int])
     except (ValueError, msgspec.ValidationError):
         return {}
-
-
-def newest(folder: Path) -> Path | None:
-    """The bag in the newest run below ``folder``."""
-    return max(folder.glob("*/bag"), default=None)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import msgspec
+
 from messages.base import Message, WrongPayload
 from messages.cdr.definition import BadDefinition, parse
 from messages.cdr.extras import EXTRAS, ROS_RECORDS, join
@@ -22,6 +24,13 @@ Reader = Callable[[bytes], Any]
 def record_of(channel: Channel) -> type[Message] | None:
     """The record that the messages of a channel become; None for types that are unknown here."""
     return _OURS.get(channel.type) or RECORDS.get(channel.type)
+
+
+def unknown_record(ros_type: str) -> type[Message]:
+    """A record without fields that stands for a type which is unknown here."""
+    made = msgspec.defstruct("Unknown", [], bases=(Message,), namespace={"ROS_TYPE": ros_type}, frozen=True)
+    assert issubclass(made, Message)
+    return made
 
 
 def beside(channel: Channel) -> bool:

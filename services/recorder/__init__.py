@@ -16,8 +16,10 @@ class RecorderParameters(Parameters, frozen=True, kw_only=True):
     topics: Annotated[
         tuple[str, ...], Meta(description="names of the topics to record; all of them when nothing else is chosen")
     ] = ()
-    regex: Annotated[str, Meta(description="record the topics whose whole name this regular expression matches")] = ""
-    exclude: Annotated[str, Meta(description="do not record topics whose whole name this matches, chosen or not")] = ""
+    regex: Annotated[str, Meta(description="regular expression: record the topics in whose names it is found")] = ""
+    exclude: Annotated[str, Meta(description="regular expression: do not record topics in whose names it is found")] = (
+        ""
+    )
     max_size: Annotated[
         int,
         Meta(ge=0, le=2**50, description="begin a new file at this size; 0 is no limit", extra={"unit": "byte"}),

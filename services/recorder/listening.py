@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import msgspec
-
 from messages.base import Message
 from messages.records import RECORDS
 from messages.topics import CLOCK, TOPICS, Quality, Topic
+from services.bag.typed import unknown_record
 from services.recorder.selection import Selection
 from services.runtime.graph import Entity, pattern
 from services.runtime.inputs import Input
@@ -54,7 +53,7 @@ class Listening:
         if record is None:
             self.raw.add(topic)
             self._node.log.warn(f"{topic} is {entity.record}, which is unknown here: it is kept as MessagePack")
-        described = _topic(topic, record or _unknown(entity.record), entity.detail)
+        described = _topic(topic, record or unknown_record(entity.record), entity.detail)
         self.heard[topic] = self._node.read(described, topic, raw=record is None)
 
 
@@ -62,10 +61,3 @@ def _topic(name: str, record: type[Message], quality: str) -> Topic[Any]:
     largest = [each.largest for each in TOPICS if each.record is record]
     kind = Quality[quality] if quality in Quality.__members__ else Quality.SENSOR
     return Topic(name, record, 0, kind, "", max(largest, default=LARGEST_MESSAGE))
-
-
-def _unknown(ros_type: str) -> type[Message]:
-    """A record without fields that stands for a type."""
-    made = msgspec.defstruct("Unknown", [], bases=(Message,), namespace={"ROS_TYPE": ros_type}, frozen=True)
-    assert issubclass(made, Message)
-    return made

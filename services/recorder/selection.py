@@ -22,9 +22,9 @@ class Selection:
         self._all = not params.topics and self._regex is None
 
     def __contains__(self, topic: str) -> bool:
-        if self._exclude is not None and self._exclude.fullmatch(topic):
+        if self._exclude is not None and self._exclude.search(topic):
             return False
-        return self._all or topic in self.named or bool(self._regex is not None and self._regex.fullmatch(topic))
+        return self._all or topic in self.named or bool(self._regex is not None and self._regex.search(topic))
 
 
 def _pattern(name: str, text: str) -> re.Pattern[str] | None:
