@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 from messages.base import Message
 from messages.cdr.definition import long, text_of
@@ -10,7 +11,16 @@ from messages.cdr.derive import definitions
 from messages.topics import Quality
 
 CDR, RAW = "cdr", "msgpack"
-"""Encodings of messages: as ROS 2 has it; as they travelled, for types that nobody here knows."""
+"""Encodings of messages: as ROS 2 has it; as they travelled, for types that are unknown here."""
+
+
+class Raw(Message, frozen=True, kw_only=True):
+    """How a payload of an unknown type is kept, so that ROS 2's tools read the rest of the bag."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/Raw"
+    type: str = ""
+    data: bytes = b""
+
 
 BESIDE = "/_elea"
 """Ends the topic on which is recorded what ROS 2's type of another one lacks; hidden from ROS's own tools."""
@@ -48,9 +58,15 @@ class Channel:
         return long(self.type) if "/" in self.type else self.type
 
     @property
+    def stored(self) -> Channel:
+        """The channel as it stands in the file: what travelled as MessagePack is wrapped in a ``Raw``."""
+        return channel_of(self.topic, Raw, self.quality) if self.encoding == RAW else self
+
+    @property
     def metadata(self) -> dict[str, str]:
         """What stands beside the channel in the file."""
-        return {"offered_qos_profiles": qos_text(self.quality), "elea_quality": self.quality.name}
+        own = {"offered_qos_profiles": qos_text(self.quality), "elea_quality": self.quality.name}
+        return own | {"elea_type": self.type} if self.encoding == RAW else own
 
 
 def channel_of(topic: str, record: type[Message], quality: Quality) -> Channel:

@@ -90,7 +90,7 @@ def _write(bag: Bag, folder: Path, sheets: dict[Channel, _Sheet]) -> None:
             writers[channel].writerow(["time", "log_time", *sheet.columns])
         for entry in bag.entries():
             if (each := sheets.get(entry.channel)) is not None and (row := each.row(entry.data)) is not None:
-                times = [f"{time / 1e9:.9f}" for time in (entry.publish_time, entry.log_time)]
+                times = [f"{time // 10**9}.{time % 10**9:09}" for time in (entry.publish_time, entry.log_time)]
                 writers[entry.channel].writerow(times + [row.get(name, "") for name in each.columns])
                 each.rows += 1
 

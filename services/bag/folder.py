@@ -109,6 +109,11 @@ class BagFolder:
     def flush_due(self) -> None:
         """Write what has come, if it is time to; raises OSError."""
         if self._file is not None and self._file.due:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what has come; raises OSError."""
+        if self._file is not None:
             self._file.flush()
 
     def close(self) -> None:

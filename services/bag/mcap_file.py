@@ -14,7 +14,8 @@ from typing import Self
 import zstandard
 from mcap.records import Chunk, ChunkIndex, Header, MessageIndex
 
-from services.bag.channel import Channel
+from messages.cdr.write import writer
+from services.bag.channel import RAW, Channel, Raw
 from services.bag.mcap_records import LIBRARY, MAGIC, Declared, encoded, ending
 
 CHUNK = 1 << 20
@@ -85,6 +86,8 @@ class McapFile:
     def add(self, number: int, sequence: int, log_time: int, publish_time: int, data: bytes) -> None:
         """Add a message to the chunk in the making; times in ns."""
         pending = self._pending
+        if (channel := self._channels[number]).encoding == RAW:
+            data = writer(Raw)(Raw(type=channel.type, data=data))
         if not pending.count:
             pending.first = pending.last = log_time
             pending.since = time.monotonic()

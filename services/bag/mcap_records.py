@@ -40,7 +40,7 @@ class Declared:
 
     def add(self, channel: Channel) -> int:
         """The number of a new channel."""
-        self._schemas.setdefault((channel.ros_type, channel.form, channel.schema), len(self._schemas) + 1)
+        self._schemas.setdefault(_schema_of(channel), len(self._schemas) + 1)
         self._channels.append(channel)
         return len(self._channels)
 
@@ -69,15 +69,19 @@ class Declared:
             ChannelRecord(
                 id=number,
                 topic=channel.topic,
-                message_encoding=channel.encoding,
+                message_encoding=channel.stored.encoding,
                 metadata=channel.metadata,
                 schema_id=self._schema(number),
             )
         )
 
     def _schema(self, number: int) -> int:
-        channel = self._channels[number - 1]
-        return self._schemas[channel.ros_type, channel.form, channel.schema]
+        return self._schemas[_schema_of(self._channels[number - 1])]
+
+
+def _schema_of(channel: Channel) -> tuple[str, str, str]:
+    stored = channel.stored
+    return stored.ros_type, stored.form, stored.schema
 
 
 def ending(

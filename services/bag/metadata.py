@@ -74,8 +74,8 @@ def _topic(channel: Channel, count: int) -> dict[str, Any]:
     return {
         "topic_metadata": {
             "name": channel.topic,
-            "type": channel.ros_type,
-            "serialization_format": channel.encoding,
+            "type": channel.stored.ros_type,
+            "serialization_format": channel.stored.encoding,
             "offered_qos_profiles": yaml.safe_load(qos_text(channel.quality)),
             "type_description_hash": "",
         },

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from io import BytesIO
+from io import SEEK_END, BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
@@ -17,7 +17,9 @@ from mcap.records import Chunk, Header, Metadata, Schema
 from mcap.stream_reader import get_chunk_data_stream
 
 from messages.cdr.definition import short
-from services.bag.channel import Channel, quality_of
+from messages.cdr.derive import definitions
+from messages.cdr.read import record_reader
+from services.bag.channel import RAW, Channel, Raw, quality_of, raw_channel
 from services.bag.mcap_records import LIBRARY, MAGIC
 
 LARGEST = 1 << 30
@@ -25,10 +27,11 @@ LARGEST = 1 << 30
 
 _HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
+_unwrap = record_reader(Raw, definitions(Raw))
 _FAULTS = (McapError, struct.error, ValueError, zstandard.ZstdError, RuntimeError, EOFError, MemoryError)
 
 
-class Raw(NamedTuple):
+class Line(NamedTuple):
     """A message; ``channel`` is its number in the file."""
 
     channel: int
@@ -50,7 +53,7 @@ class Scan:
         self._stream, self._path = stream, path
         self._size = path.stat().st_size
 
-    def messages(self) -> Iterator[Raw]:
+    def messages(self) -> Iterator[Line]:
         """Every message, in the order of the file; those of a chunk by log time when the file is not ours."""
         self._stream.seek(len(MAGIC))
         at = len(MAGIC)
@@ -69,6 +72,7 @@ class Scan:
             except _FAULTS as error:
                 self.troubles.append(f"{self._path}: damaged at byte {at}: {error}")
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                self._check_end()
                 return
             at += _HEAD.size + length
 
@@ -78,7 +82,14 @@ class Scan:
             "file is cut; it is read up to there"
         )
 
-    def _record(self, opcode: int, data: bytes) -> Iterator[Raw]:
+    def _check_end(self) -> None:
+        self._stream.seek(-len(MAGIC), SEEK_END)
+        if self._stream.read() != MAGIC:
+            self.troubles.append(
+                f"{self._path} is torn in its table of contents: all messages are there, other tools may refuse it"
+            )
+
+    def _record(self, opcode: int, data: bytes) -> Iterator[Line]:
         match opcode:
             case Opcode.CHUNK:
                 yield from self._chunk(data)
@@ -105,6 +116,8 @@ class Scan:
 
     def _channel(self, record: ChannelRecord) -> Channel:
         schema = self._schemas.get(record.schema_id)
+        if (kept := record.metadata.get("elea_type")) is not None:
+            return raw_channel(record.topic, kept, quality_of(record.metadata))
         return Channel(
             topic=record.topic,
             type=short(schema.name) if schema is not None else "",
@@ -114,7 +127,7 @@ class Scan:
             quality=quality_of(record.metadata),
         )
 
-    def _chunk(self, data: bytes) -> Iterator[Raw]:
+    def _chunk(self, data: bytes) -> Iterator[Line]:
         records = _unpacked(Chunk.read(ReadDataStream(BytesIO(data))))
         found = []
         at = 0
@@ -133,11 +146,14 @@ class Scan:
             found.sort(key=lambda message: message.log_time)
         yield from found
 
-    def _message(self, data: bytes) -> Raw:
+    def _message(self, data: bytes) -> Line:
         number, sequence, log_time, publish_time = _MESSAGE.unpack_from(data)
         if number not in self.channels:
             raise ValueError(f"a message of channel {number}, which is not declared")
-        return Raw(number, sequence, log_time, publish_time, data[_MESSAGE.size :])
+        payload = data[_MESSAGE.size :]
+        if self.channels[number].encoding == RAW and self.ours:
+            payload = _unwrap(payload).data
+        return Line(number, sequence, log_time, publish_time, payload)
 
 
 def _unpacked(chunk: Chunk) -> bytes:
