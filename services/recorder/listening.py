@@ -16,11 +16,15 @@ from services.runtime.zenoh_config import LARGEST_MESSAGE
 
 
 class Listening:
-    """``heard`` are the inputs by topic. What is of a type that is unknown here is heard ``raw``."""
+    """``heard`` are the inputs by topic. What is of a type that is unknown here is heard ``raw``.
+
+    The ``clock`` is heard in any case, be it to be recorded or not.
+    """
 
     def __init__(self, node: Node, selection: Selection) -> None:
         self._node, self._selection = node, selection
         self._watches = [node.transport.watch(pattern(kind)) for kind in ("pub", "sub")]
+        self.clock: Input[Any] = node.read(CLOCK)
         self.heard: dict[str, Input[Any]] = {}
         self.raw: set[str] = set()
         self.timed = False

@@ -59,6 +59,7 @@ def _with_messages(ctx: Context[RecorderParameters], listening: Listening, tape:
         ctx.kernel.admit()
         listening.update()
         tape.take()
+        ctx.now = tape.now
         tape.rest()
 
 

@@ -50,7 +50,8 @@ class Tape:
         """What has come since the last call, in the order in which it was sent."""
         wall, since = time.time_ns(), self._since
         heard: list[tuple[int, Heard]] = []
-        for source in self._listening.heard.values():
+        sources = {**self._listening.heard, CLOCK.name: self._listening.clock}
+        for source in sources.values():
             for message, origin in source.batch:
                 at = arrival(origin.source_ns if origin is not None else None, since, wall)
                 heard.append((at, (source, message, origin)))
@@ -58,7 +59,13 @@ class Tape:
         self._since = wall
         for log_time, (source, message, origin) in heard:
             publish_time = self._times.of(message, log_time, self._listening.timed)
-            self._write(source, message, origin, log_time, publish_time)
+            if source.name in self._listening.heard:
+                self._write(source, message, origin, log_time, publish_time)
+
+    @property
+    def now(self) -> int:
+        """Simulated time [ns], as far as the clock has told it; 0 without one."""
+        return self._times.clock or 0
 
     def rest(self) -> None:
         """Write a chunk if it is time to, and tell what was lost."""

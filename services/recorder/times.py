@@ -15,7 +15,7 @@ class Times:
     """Follows ``/clock``, message by message; without one, simulated time is that on the wall."""
 
     def __init__(self) -> None:
-        self._clock: int | None = None
+        self.clock: int | None = None
 
     def of(self, message: object, log_time: int, timed: bool) -> int:
         """The simulated time [ns] of a message: its stamp if it is near the clock, else the clock.
@@ -23,11 +23,11 @@ class Times:
         ``timed`` tells whether there is a clock, though it may not have spoken yet.
         """
         if isinstance(message, Clock):
-            self._clock = message.clock.ns
-        if self._clock is None:
+            self.clock = message.clock.ns
+        if self.clock is None:
             return 0 if timed else log_time
         stamp = stamp_of(message) if isinstance(message, Message) else None
-        return stamp if stamp is not None and abs(stamp - self._clock) <= NEAR_NS and stamp >= 0 else self._clock
+        return stamp if stamp is not None and abs(stamp - self.clock) <= NEAR_NS and stamp >= 0 else self.clock
 
 
 def arrival(source_ns: int | None, since: int, now: int) -> int:
