@@ -14,6 +14,8 @@ from services.player.timeline import Moment
 from services.runtime.context import Context
 from services.runtime.node import Node
 
+SILENCE_S = 2.0
+"""Wall time without the clock of others after which it is told that the bag waits for it."""
 NAP_S = 0.02
 """Wall time between two looks at what else there is to do."""
 
@@ -87,7 +89,7 @@ class Following:
         self._node, self._rate = ctx.kernel, rate
         self._clock = ctx.kernel.read(CLOCK)
         self._last: Clock | None = None
-        self._elapsed, self._origin = 0, -1
+        self._elapsed, self._origin, self._heard = 0, -1, time.monotonic()
 
     def begin(self) -> None:
         self._elapsed, self._origin = 0, -1
@@ -98,6 +100,10 @@ class Following:
         while self._rate and self._elapsed * self._rate < moment.position - self._origin:
             self._node.wait(self._clock.inlet)
             self._clock.admit()
+            if self._clock.batch:
+                self._heard = time.monotonic()
+            elif time.monotonic() - self._heard > SILENCE_S:
+                self._node.log.warn("waiting for /clock: is the simulation that publishes it paused?", every=10.0)
             for clock, _ in self._clock.batch:
                 if self._last is not None and clock.epoch == self._last.epoch:
                     self._elapsed += max(0, clock.clock.ns - self._last.clock.ns)

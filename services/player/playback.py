@@ -29,6 +29,7 @@ class Playback:
     def __init__(self, bag: Bag, choice: Choice, start: float, duration: float) -> None:
         self._bag, self._choice = bag, choice
         self._start, self._end = round(start * 1e9), round((start + duration) * 1e9) if duration else None
+        self._passed = False
         self.unread: Counter[str] = Counter()
 
     def cues(self) -> Iterator[Cue]:
@@ -46,7 +47,7 @@ class Playback:
                 first = cue.moment
                 yield from (each._replace(moment=first) for each in latched.values())
             yield cue
-        if first is None:
+        if first is None and self._passed:
             yield from latched.values()
 
     def _all(self) -> Iterator[Cue]:
@@ -54,7 +55,7 @@ class Playback:
         chosen, needed = set(self._choice.played), {*self._choice.played, *self._choice.beside}
         for entry in self._bag.entries():
             if entry.channel not in needed:
-                timeline.place(entry.publish_time)
+                self._passed = timeline.place(entry.publish_time).position >= self._start
                 continue
             message: Message | bytes | None = entry.data
             if entry.channel.encoding != RAW:
