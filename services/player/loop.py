@@ -27,6 +27,10 @@ _LINGER = 3
 """Tenths of a second that the last messages have to leave."""
 
 
+_LOOK_S = 1.5
+"""Wall time in which a simulation that runs must have come in sight: two clocks would tear time apart for everybody."""
+
+
 class NotPlayed(EleaError):
     """Something of the bag was not played, or nobody listened."""
 
@@ -99,9 +103,15 @@ def _output(node: Node, channel: Channel) -> Output[Any]:
 
 
 def _clock_of_others(node: Node) -> str:
-    """The node that publishes simulation time already; empty when none does."""
-    found = (Entity.parse(key) for key in node.transport.tokens(pattern("pub", name=CLOCK.name)))
-    return next((each.node for each in found if each is not None and each.node != node.identity.node), "")
+    """The node that publishes simulation time already; empty when none does within _LOOK_S."""
+    deadline = time.monotonic() + _LOOK_S
+    while True:
+        found = (Entity.parse(key) for key in node.transport.tokens(pattern("pub", name=CLOCK.name)))
+        others = [each.node for each in found if each is not None and each.session != node.transport.session]
+        if others or time.monotonic() > deadline:
+            return next(iter(others), "")
+        node.turn()
+        time.sleep(0.05)
 
 
 def _await_subscribers(ctx: Context[PlayerParameters], outputs: dict[Channel, Output[Any]]) -> None:
