@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 
 from deploy.fleet import Fleet, Robot
+from deploy.run_folder import BAG_FOLDER
 from models.figures import read_model
 from services.runtime.parameters import build
 from services.sim import BaseParameters
@@ -15,9 +16,6 @@ from services.sim.settings import effective
 
 IMPLIED = ("router", "sim", "grader")
 """Services that every fleet has; a fleet file states one only to set its parameters."""
-
-BAG_FOLDER = "bag"
-"""Where a run's recorder writes, in the folder of the run."""
 
 
 class Terms(msgspec.Struct, frozen=True, kw_only=True):

@@ -90,6 +90,9 @@ def play(bag: Path, lockstep: str, connect: str, domain: str, port: int | None, 
     nodes named see each message at the tick at which it was recorded, however fast the machine is: what they answer is
     the same every time. The status is 1 when something could not be played.
     """
+    from services.bag.reading import open_bag
+
+    open_bag(bag)
     members = [each if each.startswith("/") else f"/{each}" for each in lockstep.split(",") if each]
     rate = given["rate"] if given["rate"] is not None else 0.0 if members else 1.0
     names = ("loop", "exclude", "start", "duration", "clock", "wait")

@@ -47,7 +47,7 @@ def command(run: Path, picture: bool, times: tuple[float, ...], output: str, as_
 
 def _recording(run: Path) -> Path:
     """The recording to show; one of a bag is made beside it, anew when the bag is newer."""
-    from deploy.wiring import BAG_FOLDER
+    from deploy.run_folder import BAG_FOLDER
 
     if not run.exists():
         raise BadInput(f"there is no run {run}: give the folder of a run, an .rrd, or a bag")
