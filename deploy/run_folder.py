@@ -16,6 +16,9 @@ from services.runtime.process import ROOT
 from services.square import LOG_FILE
 
 RUNS = ROOT / "runs"
+BAG_FOLDER = "bag"
+"""Where a run's recorder writes, in the folder of the run."""
+METADATA_FILE = "metadata.yaml"
 STATE_FILE = "processes.json"
 
 
@@ -32,6 +35,9 @@ def make_folder(fleet: str, report: str = "", now: datetime | None = None) -> Pa
             pass
         for name in (MEASUREMENTS_FILE, TRAJECTORIES_FILE, REPORT_FILE, PICTURE_FILE, STATE_FILE, LOG_FILE):
             (path / name).unlink(missing_ok=True)
+        for part in (path / BAG_FOLDER).glob("*"):
+            if part.name == METADATA_FILE or part.suffix == ".mcap":
+                part.unlink()
         for log in (path / "logs").glob("*.log*"):
             log.unlink()
     except OSError as error:

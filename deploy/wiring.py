@@ -9,6 +9,7 @@ import msgspec
 
 from deploy.arm_wiring import graded_arms, not_before, states
 from deploy.fleet import Fleet, Robot
+from deploy.run_folder import BAG_FOLDER
 from models.figures import read_model
 from services.runtime.parameters import build
 from services.runtime.service import Parameters
@@ -76,6 +77,8 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
                 "file": str(terms.folder / "run.rrd"),
                 **viewer,
             }
+        case "recorder":
+            return {"output": str(terms.folder / BAG_FOLDER), "members": list(members), "resume": True}
         case _:
             return {}
 

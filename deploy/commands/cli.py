@@ -28,6 +28,8 @@ VERBS = {
     "doctor": Verb("doctor", "Check the machine, the installation and the network."),
     "run": Verb("run", "Run one service, or a Python file of your own."),
     "teleop": Verb("teleop", "Drive a robot from the keyboard."),
+    "bag": Verb("bag", "Record, play, inspect and export bags."),
+    "view": Verb("view", "Open a run, a recording or a bag in the viewer, or make its pictures."),
     "test": Verb("test", "Run the tests."),
     "bench": Verb("bench", "Measure the middleware against raw Zenoh and raw PyBullet."),
 }

@@ -10,7 +10,7 @@ import click
 import msgspec
 
 from deploy.commands.completion import FLEET
-from deploy.fleet import Fleet, Run
+from deploy.fleet import Fleet, Member, Run
 from deploy.fleet_file import find_fleet, read_fleet
 from services.runtime.errors import BadInput
 
@@ -28,6 +28,7 @@ from services.runtime.errors import BadInput
 @click.option("--port", type=int, help="Port of the fleet's router on the loopback.")
 @click.option("--params", metavar="FILE", default="", help="File of saved parameters; params/FLEET.db by default.")
 @click.option("--no-saved", is_flag=True, help="Leave saved parameters out, and save none.")
+@click.option("--record", is_flag=True, help="Record all topics into a bag beside the report.")
 @click.option("--no-view", is_flag=True, help="Do not open the viewer.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 def command(fleet: str, detach: bool, report: str, as_json: bool, **options: Any) -> None:
@@ -56,6 +57,8 @@ def overridden(fleet: Fleet, options: dict[str, Any]) -> Fleet:
     except msgspec.ValidationError as error:
         text, _, name = str(error).partition(" - at `$.")
         raise BadInput(f"--{name.rstrip('`')}: {text}") from None
+    if options.get("record") and not any(each.kind == "recorder" for each in fleet.service):
+        fleet = msgspec.structs.replace(fleet, service=(*fleet.service, Member(kind="recorder")))
     return msgspec.structs.replace(fleet, run=run)
 
 

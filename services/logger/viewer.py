@@ -27,9 +27,18 @@ def open_viewer(url: str, environment: Mapping[str, str], log: Path) -> None:
 
     What it prints goes to ``log``. Raises OSError when it cannot be started.
     """
+    _start(["--connect", url], environment, log)
+
+
+def open_recording(file: Path, environment: Mapping[str, str], log: Path) -> None:
+    """Start a viewer on a file, as ``open_viewer`` does."""
+    _start(["--port", "0", str(file)], environment, log)
+
+
+def _start(arguments: list[str], environment: Mapping[str, str], log: Path) -> None:
     with log.open("ab") as out:
         subprocess.Popen(
-            [PROGRAM, "--hide-welcome-screen", "--connect", url, "--bind", "127.0.0.1"],
+            [PROGRAM, "--hide-welcome-screen", "--bind", "127.0.0.1", *arguments],
             env={**environment, **QUIET},
             stdin=subprocess.DEVNULL,
             stdout=out,

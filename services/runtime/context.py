@@ -135,11 +135,17 @@ class Context(Generic[P]):
         """Answer a request in this loop; the handler raises BadInput to refuse with a reason."""
         self._node.serve(request, handler, name)
 
-    def ticks(self, rate: float | None = None) -> Iterator[Tick]:
+    @property
+    def lockstep(self) -> bool:
+        """Whether the node steps with the simulation."""
+        return self._lockstep
+
+    def ticks(self, rate: float | None = None, meanwhile: Callable[[], None] | None = None) -> Iterator[Tick]:
         """The loop's steps at the service's rate of simulation time, until the process is asked to end (Stopped).
 
         Inputs are a snapshot taken as the tick starts. At a reset they are empty but for what is latched. ``rate`` [Hz]
-        takes the place of the declared one, for services that make it a parameter.
+        takes the place of the declared one, for services that make it a parameter. ``meanwhile`` is called again and
+        again, ten times a second at least, while the next tick is waited for.
         """
         if (chosen := rate or self._rate) is None:
             raise BadInput("a service without a rate has no ticks")
@@ -149,7 +155,7 @@ class Context(Generic[P]):
             self._node.following.marks = pacer.marks
         pacer.start()
         try:
-            yield from self._follow(pacer)
+            yield from self._follow(pacer, meanwhile)
         finally:
             pacer.leave()
 
@@ -199,12 +205,14 @@ class Context(Generic[P]):
             self._looked = now
             self.follow()
 
-    def _follow(self, pacer: Pacer) -> Iterator[Tick]:
+    def _follow(self, pacer: Pacer, meanwhile: Callable[[], None] | None) -> Iterator[Tick]:
         last: Instant | None = None
         while True:
             self._node.turn()
             instant = pacer.next()
             if instant is None:
+                if meanwhile is not None:
+                    meanwhile()
                 self._node.transport.wait(pacer.inlet)
                 continue
             reset = last is not None and (instant.epoch, instant.simulation) != (last.epoch, last.simulation)

@@ -29,10 +29,10 @@ class Input(Generic[M]):
     """One subscription. Its owner calls ``admit`` once a tick; ``batch`` then holds what is new, oldest first.
 
     Refused (wrong type, undecodable, too large) and lost samples (gaps in the numbers) are counted, never passed on.
-    A sample without our attachment is foreign: it is taken if it decodes.
+    A sample without our attachment is foreign: it is taken if it decodes. A ``raw`` input gives bare payloads.
     """
 
-    def __init__(self, topic: Topic[M], name: str, key: str, transport: Transport) -> None:
+    def __init__(self, topic: Topic[M], name: str, key: str, transport: Transport, raw: bool = False) -> None:
         self.topic, self.name, self.key = topic, name, key
         self.encoding = encoding(topic.record.ROS_TYPE)
         capacity = EVENTS if topic.quality is Quality.EVENT else CAPACITY
@@ -43,7 +43,7 @@ class Input(Generic[M]):
         self._largest = topic.largest
         self._only = member_id(topic.only, "")[:NODE_BYTES] if topic.only else b""
         self._strict = topic.quality in (Quality.COMMAND, Quality.LATCHED)
-        self._decode: Callable[[bytes], M] = bare_decoder(topic.record)
+        self._decode: Callable[[bytes], Any] = bytes if raw else bare_decoder(topic.record)
         self._last: dict[bytes, int] = {}
         self._held: deque[tuple[M, Origin]] = deque()
 
@@ -51,7 +51,8 @@ class Input(Generic[M]):
         """Take what has come. With ``marks`` (lockstep), members' samples wait until their tick is over."""
         fresh = self._drain()
         if marks is None:
-            self.batch = fresh
+            self.batch = [*self._held, *fresh]
+            self._held.clear()
             return
         if awaited := marks.awaited.get(self.key):
             self._await(awaited, fresh)

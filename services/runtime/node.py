@@ -63,13 +63,16 @@ class Node:
     def __exit__(self, *exception: object) -> None:
         self.log.publish = None
 
-    def read(self, topic: Topic[M], name: str | None = None) -> Input[M]:
-        """Subscribe to a topic, under another name if one is given; one subscription serves all its readers."""
+    def read(self, topic: Topic[M], name: str | None = None, raw: bool = False) -> Input[M]:
+        """Subscribe to a topic, under another name if one is given; one subscription serves all its readers.
+
+        A ``raw`` input gives the payloads themselves.
+        """
         absolute = self.identity.resolve(name or topic.name)
         for known in self.inputs:
             if known.name == absolute and known.topic.record is topic.record:
                 return known
-        made = Input(topic, absolute, self.identity.key(name or topic.name), self.transport)
+        made = Input(topic, absolute, self.identity.key(name or topic.name), self.transport, raw)
         self.inputs.append(made)
         self._declare("sub", absolute, topic.record.ROS_TYPE, topic.quality.name)
         return made

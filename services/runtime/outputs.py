@@ -37,8 +37,12 @@ class Output(Generic[M]):
         """Send ``message``; raises TypeError when it is not the topic's record."""
         if type(message) is not self._record:
             raise TypeError(f"{self.name} carries {self._record.__name__}, not {type(message).__name__}")
+        self.publish_encoded(encode(message))
+
+    def publish_encoded(self, payload: bytes) -> None:
+        """Send what is encoded already, as the topic's record or another one of its type."""
         self.sent = sent = self.sent + 1
-        payload, attachment = encode(message), attach(sent, self.publisher)
+        attachment = attach(sent, self.publisher)
         if (held := self._outbox.held) is None:
             self._put(payload, attachment=attachment)
         else:

@@ -20,6 +20,7 @@ VOCABULARY = "Messages import no network, physics, viewer or arrays"
 NETWORK = "Zenoh stands behind the transport alone"
 PHYSICS = "PyBullet stands behind the simulation alone"
 VIEWER = "Rerun stands behind the logger alone"
+BAGS = "MCAP stands behind the bags alone"
 
 PLANTED = [
     (LAYERS, "services/waypoint/plan.py", "from deploy.version import VERSION"),
@@ -41,6 +42,9 @@ PLANTED = [
     (PHYSICS, "models/scene.py", "import pybullet_data"),
     (VIEWER, "services/sim/loop.py", "import rerun"),
     (VIEWER, "deploy/report/picture.py", "import rerun_cli"),
+    (SERVICES, "services/bag/info.py", "from services.recorder import SERVICE"),
+    (BAGS, "services/recorder/tape.py", "from mcap.records import Schema"),
+    (BAGS, "deploy/commands/bag.py", "def later(): import zstandard"),
 ]
 """The contract, and a line at the end of a file that breaks it."""
 

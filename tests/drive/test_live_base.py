@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from messages.base import unpack36
-from messages.requests import DELETE, SET_DRIVE, DriveSettings, Name
+from messages.requests import DELETE, SET_DRIVE, Name
+from messages.simulation import DriveSettings
 from messages.topics import ODOM
 from services.runtime.errors import CallFailed
 from tests.drive.rehearsal import NAME, Rehearsal, rehearsal

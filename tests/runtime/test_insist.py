@@ -9,7 +9,8 @@ from contextlib import contextmanager
 import pytest
 
 from messages.base import encode
-from messages.requests import STEP, Refusal, SimTime, Steps
+from messages.requests import STEP, Refusal
+from messages.simulation import SimTime, Steps
 from services.runtime.errors import CallFailed
 from services.runtime.graph import Entity
 from services.runtime.insist import Uncertain, insist

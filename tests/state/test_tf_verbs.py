@@ -14,7 +14,8 @@ from pathlib import Path
 import pytest
 
 from messages.geometry import Pose, TransformStamped
-from messages.requests import SET_STATE, SetModelState
+from messages.requests import SET_STATE
+from messages.simulation import SetModelState
 from messages.std import Header
 from messages.tf import TFMessage
 from messages.topics import TF_STATIC

@@ -14,15 +14,8 @@ import pytest
 
 from messages.elea import Health
 from messages.parameters import Assignment, HistoryOf, ParameterSet, ParameterValues, SetParameters
-from messages.requests import (
-    PARAMS_GET,
-    PARAMS_HISTORY,
-    PARAMS_SET,
-    SET_DRIVE,
-    SUPERVISOR_RESTART,
-    DriveSettings,
-    Name,
-)
+from messages.requests import PARAMS_GET, PARAMS_HISTORY, PARAMS_SET, SET_DRIVE, SUPERVISOR_RESTART, Name
+from messages.simulation import DriveSettings
 from messages.topics import CMD_VEL, HEALTH, PLAN, UPDATES
 from services.runtime.errors import CallFailed
 from services.runtime.identity import Identity

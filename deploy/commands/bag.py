@@ -1,0 +1,187 @@
+"""``elea bag``: record what travels on the bus, play it back, look into it, export it."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import sys
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import click
+
+from deploy.claim import running
+from deploy.commands.options import chosen, json_option, port_option
+from deploy.fleet import PORT
+from services.runtime.errors import BadInput, EleaError
+from services.runtime.process import ROOT
+
+_UNITS = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9, "Ki": 2**10, "Mi": 2**20, "Gi": 2**30}
+
+
+class NotWhole(EleaError):
+    """A bag is torn or damaged, or not all of it could be used."""
+
+
+@click.group("bag")
+def command() -> None:
+    """Record, play, inspect and export bags: MCAP files in a rosbag2 folder, which ROS 2's own tools read."""
+
+
+@command.command("record")
+@click.argument("topics", nargs=-1)
+@click.option("-a", "--all", "everything", is_flag=True, help="Record all topics, also those that come later.")
+@click.option("-e", "--regex", default="", help="Record the topics in whose names this is found.")
+@click.option("-x", "--exclude", default="", metavar="REGEX", help="Do not record topics in whose names this is found.")
+@click.option("-o", "--output", default="", help="Folder of the bag; rosbag2_TIME by default.")
+@click.option(
+    "-b", "--max-size", default="0", metavar="BYTES", help="Split files at this size; 100M, 1Gi are understood."
+)
+@click.option("-d", "--max-duration", type=float, default=0.0, metavar="S", help="Split files after so much wall time.")
+@click.option("--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default.")
+@click.option("--domain", default="", help="Domain of the fleet.")
+@port_option
+def record(
+    topics: tuple[str, ...], everything: bool, connect: str, domain: str, port: int | None, **given: Any
+) -> None:
+    """Record TOPICS, or all with -a, until Ctrl-C.
+
+    The status is 1 when the disk did not take everything; the bag is then readable as far as it goes.
+    """
+    if not topics and not everything and not given["regex"]:
+        raise BadInput("nothing to record: name topics, or give --all or --regex")
+    if everything and (topics or given["regex"]):
+        raise BadInput("--all records every topic: leave out the names and --regex, or --all")
+    output = given["output"] or f"rosbag2_{datetime.now():%Y_%m_%d-%H_%M_%S}"
+    parameters = {
+        "output": str(Path(output).absolute()),
+        "topics": topics,
+        "regex": given["regex"],
+        "exclude": given["exclude"],
+        "max_size": _bytes(given["max_size"]),
+        "max_duration": given["max_duration"],
+    }
+    _become("recorder", parameters, _network(connect, domain, port))
+
+
+@command.command("play")
+@click.argument("bag", type=click.Path(path_type=Path))
+@click.option("-r", "--rate", type=float, help="Times as fast as simulated time; 1 by default, 0: as fast as it can.")
+@click.option("-l", "--loop", is_flag=True, help="Begin again at the end, in a new epoch.")
+@click.option("--topics", multiple=True, metavar="TOPIC", help="Play this topic alone; may be repeated.")
+@click.option("-x", "--exclude", default="", metavar="REGEX", help="Do not play topics in whose names this is found.")
+@click.option("--start", "--start-offset", type=float, default=0.0, metavar="S", help="Begin so late in the bag.")
+@click.option("--duration", "--playback-duration", type=float, default=0.0, metavar="S", help="Play so long.")
+@click.option("-m", "--remap", multiple=True, metavar="FROM:=TO", help="Play under another name; may be repeated.")
+@click.option("--clock", type=float, default=0.0, metavar="HZ", help="Make /clock anew at this rate.")
+@click.option(
+    "--wait", "--wait-for-subscribers", type=float, default=0.0, metavar="S", help="Wait for subscribers first."
+)
+@click.option("--lockstep", metavar="NODES", default="", help="Be their simulation: they step with the bag; /a/b,/c.")
+@click.option("--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default.")
+@click.option("--domain", default="", help="Domain of the fleet.")
+@port_option
+def play(bag: Path, lockstep: str, connect: str, domain: str, port: int | None, **given: Any) -> None:
+    """Play BAG back on simulated time, with /clock unless a simulation runs: then on its time.
+
+    Heartbeats, states of processes and parameters are played only when their topics are named. With --lockstep the
+    nodes named see each message at the tick at which it was recorded, however fast the machine is: what they answer is
+    the same every time. The status is 1 when something could not be played.
+    """
+    from services.bag.reading import open_bag
+
+    open_bag(bag)
+    members = [each if each.startswith("/") else f"/{each}" for each in lockstep.split(",") if each]
+    rate = given["rate"] if given["rate"] is not None else 0.0 if members else 1.0
+    names = ("loop", "exclude", "start", "duration", "clock", "wait")
+    parameters = {name: given[name] for name in names} | {
+        "bag": str(bag.absolute()),
+        "topics": given["topics"],
+        "rate": rate,
+        "members": members,
+    }
+    arguments = _network(connect, domain, port)
+    for rule in given["remap"]:
+        arguments += ["--remap", rule]
+    if members:
+        arguments += ["--name", "sim", "--lockstep"]
+    _become("player", parameters, arguments)
+
+
+@command.command("info")
+@click.argument("bag", type=click.Path(path_type=Path))
+@json_option
+def info(bag: Path, as_json: bool) -> None:
+    """Show what BAG holds. The status is 1 when it is torn or damaged."""
+    import msgspec
+
+    from services.bag.info import info as look
+    from services.bag.reading import open_bag
+
+    found = look(open_bag(bag))
+    if as_json:
+        sys.stdout.write(msgspec.json.format(msgspec.json.encode(found), indent=2).decode() + "\n")
+    else:
+        from deploy.commands.bag_table import show
+
+        show(found)
+    if found.troubles:
+        raise NotWhole("; ".join(found.troubles))
+
+
+@command.command("export")
+@click.argument("bag", type=click.Path(path_type=Path))
+@click.option("--to", "form", type=click.Choice(["csv", "rrd", "rosbag2"]), default="csv", help="csv by default.")
+@click.option("-o", "--output", default="", help="Folder, or file of an rrd; beside the bag by default.")
+@click.option("--topics", multiple=True, metavar="TOPIC", help="Export this topic alone; may be repeated.")
+@json_option
+def export(bag: Path, form: str, output: str, topics: tuple[str, ...], as_json: bool) -> None:
+    """Write BAG as CSV (a file for each topic), as a recording for the rerun viewer, or anew as a whole rosbag2 folder.
+
+    The last one mends a torn bag. The status is 1 when something of it could not be exported.
+    """
+    from deploy.bag_export import export_bag
+
+    told = export_bag(bag, form, output, topics)
+    if as_json:
+        sys.stdout.write(json.dumps({"output": str(told.output), "troubles": told.troubles}, indent=2) + "\n")
+    else:
+        sys.stdout.write(f"{told.text}\n")
+    if told.troubles:
+        raise NotWhole("; ".join(told.troubles))
+
+
+def _bytes(text: str) -> int:
+    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(k|M|G|Ki|Mi|Gi)?B?", text)
+    if found is None:
+        raise BadInput(f"--max-size {text!r} is no size: write bytes, or 100M, 1.5Gi")
+    return round(float(found[1]) * _UNITS[found[2] or ""])
+
+
+def _network(connect: str, domain: str, port: int | None) -> list[str]:
+    """Where to join: as told, else the fleet that runs."""
+    if not connect and running():
+        fleet = chosen(port)
+        connect, domain = f"tcp/127.0.0.1:{fleet.port}", domain or fleet.domain
+    arguments = ["--connect", connect or f"tcp/127.0.0.1:{port or PORT}"]
+    return [*arguments, "--domain", domain] if domain else arguments
+
+
+def _become(service: str, parameters: dict[str, Any], arguments: list[str]) -> None:
+    """Go on as a service, in this terminal; its parameters are checked first."""
+    from deploy.catalogue import declaration
+    from services.runtime.parameters import build
+
+    build(
+        declaration(service).parameters, {name: _plain(value) for name, value in parameters.items()}, f"bag {service}"
+    )
+    words = [w for name, value in parameters.items() for w in ("--param", f"{name}={json.dumps(value)}")]
+    sys.stdout.flush()
+    command_line = [sys.executable, "-P", "-m", f"services.{service}", *arguments, *words]
+    os.execve(sys.executable, command_line, {**os.environ, "PYTHONPATH": str(ROOT)})
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value

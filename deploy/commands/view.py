@@ -1,0 +1,94 @@
+"""``elea view``: a run in the viewer, or, where there is no display, as pictures."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import click
+
+from deploy.commands.options import json_option
+from services.runtime.errors import BadInput
+
+
+@click.command("view")
+@click.argument("run", default="", type=click.Path(path_type=Path))
+@click.option("--picture", is_flag=True, help="Make pictures also where there is a display.")
+@click.option(
+    "--at", "times", multiple=True, type=float, metavar="S", help="Simulated time of a picture; the end else."
+)
+@click.option("-o", "--output", default="", help="Folder of the pictures; beside the recording by default.")
+@json_option
+def command(run: Path, picture: bool, times: tuple[float, ...], output: str, as_json: bool) -> None:
+    """Open RUN in the viewer: the folder of a run, an .rrd, or a bag; the newest run by default.
+
+    Without a display, or with --picture, pictures are made, and it says where.
+    """
+    import json
+
+    from services.logger.viewer import open_recording, wanted
+
+    recording = _recording(run if str(run) not in ("", ".") else _newest())
+    if wanted("auto", os.environ) and not picture:
+        try:
+            open_recording(recording, os.environ, recording.with_suffix(".viewer.log"))
+        except OSError as error:
+            raise BadInput(f"the viewer cannot be started: {error}") from None
+        made = []
+        sys.stderr.write(f"the viewer opens {recording}\n")
+    else:
+        made = _pictures(recording, times, Path(output).absolute() if output else recording.parent)
+    if as_json:
+        sys.stdout.write(json.dumps({"recording": str(recording), "pictures": [str(each) for each in made]}) + "\n")
+    else:
+        sys.stdout.write("".join(f"{each}\n" for each in made))
+
+
+def _recording(run: Path) -> Path:
+    """The recording to show; one of a bag is made beside it, anew when the bag is newer."""
+    from deploy.run_folder import BAG_FOLDER
+
+    if not run.exists():
+        raise BadInput(f"there is no run {run}: give the folder of a run, an .rrd, or a bag")
+    if run.suffix == ".rrd":
+        return run.absolute()
+    if (run / "run.rrd").is_file():
+        return (run / "run.rrd").absolute()
+    return _of_bag(run / BAG_FOLDER if (run / BAG_FOLDER).is_dir() else run)
+
+
+def _of_bag(path: Path) -> Path:
+    from deploy.bag_export import export_bag
+    from services.bag.reading import open_bag
+
+    bag = open_bag(path)
+    made = path.resolve().with_suffix(".rrd")
+    newest = max(each.stat().st_mtime for each in bag.files)
+    if not made.is_file() or made.stat().st_mtime < newest:
+        told = export_bag(path, "rrd", str(made))
+        for trouble in told.troubles:
+            sys.stderr.write(f"elea: {trouble}\n")
+    return made
+
+
+def _pictures(recording: Path, times: tuple[float, ...], folder: Path) -> list[Path]:
+    from services.logger.picture import picture
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"{folder} cannot be written: {error.strerror}") from None
+    made = []
+    for at in times or (None,):
+        made.append(folder / (f"{recording.stem}.png" if at is None else f"{recording.stem}-{at:g}s.png"))
+        picture(recording, made[-1], at)
+    return made
+
+
+def _newest() -> Path:
+    from deploy.run_folder import latest_folder
+
+    if (folder := latest_folder()) is None:
+        raise BadInput("there is no run yet: start one with ./elea up, or name a recording")
+    return folder

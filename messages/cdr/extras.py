@@ -1,0 +1,98 @@
+"""What two records say beyond their ROS 2 types: it is recorded beside them, so that nothing is lost."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar
+
+from msgspec import Meta
+
+from messages.base import Count, Message
+from messages.rosgraph import DEBUG, ERROR, FATAL, INFO, WARN, Clock, Log
+from messages.std import Header, Time
+
+LEVELS = {DEBUG: 10, INFO: 20, WARN: 30, ERROR: 40, FATAL: 50}
+"""ROS 2's levels of a log line by those of ROS 1, which travel on the bus."""
+_LEVELS = {ours: level for level, ours in LEVELS.items()}
+
+Level = Annotated[int, Meta(ge=0, le=255)]
+
+
+class RosLog(Message, frozen=True, kw_only=True):
+    """A log line as ROS 2 has it."""
+
+    ROS_TYPE: ClassVar[str] = "rcl_interfaces/Log"
+    stamp: Time = Time()
+    level: Level = 20
+    name: str = ""
+    msg: str = ""
+    file: str = ""
+    function: str = ""
+    line: Annotated[int, Meta(ge=0, le=2**32 - 1)] = 0
+
+
+class LogExtra(Message, frozen=True, kw_only=True):
+    """What ROS 2's log line lacks."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/LogExtra"
+    level: Level = INFO
+    frame_id: str = ""
+    topics: tuple[str, ...] = ()
+
+
+class ClockExtra(Message, frozen=True, kw_only=True):
+    """What ROS's clock lacks."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/ClockExtra"
+    tick: Count = 0
+    epoch: Count = 0
+    paused: bool = False
+
+
+EXTRAS: dict[type[Message], type[Message]] = {Clock: ClockExtra, Log: LogExtra}
+"""The record beside another one."""
+
+ROS_RECORDS: dict[type[Message], type[Message]] = {Log: RosLog}
+"""The record that stands for another one in ROS 2."""
+
+
+def split(message: Message) -> tuple[Message, Message | None]:
+    """A message as ROS 2 has it, and what is to be recorded beside it, if anything."""
+    match message:
+        case Clock():
+            return message, ClockExtra(tick=message.tick, epoch=message.epoch, paused=message.paused)
+        case Log(header=header, level=level):
+            line = RosLog(
+                stamp=header.stamp,
+                level=LEVELS.get(level, level),
+                name=message.name,
+                msg=message.msg,
+                file=message.file,
+                function=message.function,
+                line=message.line,
+            )
+            if level in LEVELS and not header.frame_id and not message.topics:
+                return line, None
+            return line, LogExtra(level=level, frame_id=header.frame_id, topics=message.topics)
+        case _:
+            return message, None
+
+
+def join(message: Message, extra: Message | None) -> Message:
+    """The record that travels on the bus, from what was recorded."""
+    match message, extra:
+        case Clock(clock=time), ClockExtra(tick=tick, epoch=epoch, paused=paused):
+            return Clock(clock=time, tick=tick, epoch=epoch, paused=paused)
+        case RosLog() as line, _:
+            beside = extra if isinstance(extra, LogExtra) else LogExtra(level=_LEVELS.get(line.level, line.level))
+            return Log(
+                header=Header(stamp=line.stamp, frame_id=beside.frame_id),
+                level=beside.level,
+                name=line.name,
+                msg=line.msg,
+                file=line.file,
+                function=line.function,
+                line=line.line,
+                topics=beside.topics,
+            )
+        case _:
+            return message

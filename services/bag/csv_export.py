@@ -1,0 +1,113 @@
+"""Bags as CSV: a file for each topic, a column for each field, a row for each message."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from messages.base import WrongPayload
+from services.bag.channel import Channel
+from services.bag.reading import Bag
+from services.bag.typed import plain_of
+from services.runtime.errors import BadInput
+
+MOST = 1024
+"""Columns that a list becomes, at most; of longer ones, pictures for instance, only the length is kept."""
+
+
+class Exported(NamedTuple):
+    """What became of a topic: its file and rows, or the reason why there is none."""
+
+    topic: str
+    file: Path | None
+    rows: int
+    reason: str = ""
+
+
+class _Sheet:
+    """One topic: the reader of its messages and the columns that they need."""
+
+    def __init__(self, channel: Channel) -> None:
+        self.rows = self.unread = 0
+        self.columns: dict[str, None] = {}
+        self._read: Callable[[bytes], Any] = plain_of(channel)
+
+    def row(self, data: bytes) -> dict[str, Any] | None:
+        """The values by column; None for what is no message of the topic's type."""
+        try:
+            return dict(flattened(self._read(data)))
+        except WrongPayload:
+            return None
+
+
+def export_csv(bag: Bag, folder: Path, wanted: Callable[[str], bool]) -> list[Exported]:
+    """Write ``folder``/TOPIC.csv for every topic that is ``wanted``; raises BadInput when it cannot be written.
+
+    ``time`` and ``log_time`` [s] are the simulated time and that on the wall; names of fields are joined by dots.
+    The bag is read twice: the columns are known only at its end, since lists may grow.
+    """
+    sheets, refused = _sheets(bag, wanted)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        _write(bag, folder, sheets)
+    except (OSError, ValueError) as error:
+        raise BadInput(f"the tables cannot be written to {folder}: {error}") from None
+    for channel, sheet in sheets.items():
+        unread = f"{sheet.unread} messages are not of their type" if sheet.unread else ""
+        refused[channel.topic] = Exported(channel.topic, _path(folder, channel), sheet.rows, unread)
+    return [refused[topic] for topic in sorted(refused)]
+
+
+def _sheets(bag: Bag, wanted: Callable[[str], bool]) -> tuple[dict[Channel, _Sheet], dict[str, Exported]]:
+    """The topics with their columns, and those that cannot be had."""
+    sheets: dict[Channel, _Sheet] = {}
+    refused: dict[str, Exported] = {}
+    for entry in bag.entries():
+        channel = entry.channel
+        if not wanted(channel.topic) or channel.topic in refused:
+            continue
+        try:
+            sheet = sheets.get(channel) or sheets.setdefault(channel, _Sheet(channel))
+        except WrongPayload as error:
+            refused[channel.topic] = Exported(channel.topic, None, 0, str(error))
+            continue
+        if (row := sheet.row(entry.data)) is None:
+            sheet.unread += 1
+        else:
+            sheet.columns.update(dict.fromkeys(row))
+    return sheets, refused
+
+
+def _write(bag: Bag, folder: Path, sheets: dict[Channel, _Sheet]) -> None:
+    with ExitStack() as stack:
+        writers = {}
+        for channel, sheet in sheets.items():
+            stream = stack.enter_context(_path(folder, channel).open("w", newline="", encoding="utf-8"))
+            writers[channel] = csv.writer(stream)
+            writers[channel].writerow(["time", "log_time", *sheet.columns])
+        for entry in bag.entries():
+            if (each := sheets.get(entry.channel)) is not None and (row := each.row(entry.data)) is not None:
+                times = [f"{time // 10**9}.{time % 10**9:09}" for time in (entry.publish_time, entry.log_time)]
+                writers[entry.channel].writerow(times + [row.get(name, "") for name in each.columns])
+                each.rows += 1
+
+
+def _path(folder: Path, channel: Channel) -> Path:
+    return folder / f"{channel.topic.strip('/').replace('/', '__')}.csv"
+
+
+def flattened(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """The leaves of nested dicts and lists, each with its path: ``pose.position.x``, ``ranges[3]``."""
+    if isinstance(value, dict):
+        for name, each in value.items():
+            yield from flattened(each, f"{path}.{name}" if path else name)
+    elif isinstance(value, list) and len(value) > MOST:
+        yield f"{path}.length", len(value)
+    elif isinstance(value, list):
+        for index, each in enumerate(value):
+            yield from flattened(each, f"{path}[{index}]")
+    else:
+        yield path, value

@@ -1,0 +1,83 @@
+"""metadata.yaml, which makes a folder of MCAP files a bag of rosbag2 (version 9)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+from services.bag.channel import Channel, qos_text
+
+METADATA_FILE = "metadata.yaml"
+VERSION = 9
+
+
+class FileFacts(NamedTuple):
+    """One file of a bag; ``start`` and ``end`` are log times [ns]."""
+
+    name: str
+    size: int
+    messages: int
+    start: int
+    end: int
+    topics: Mapping[Channel, int]
+
+
+def metadata_text(files: Sequence[FileFacts]) -> str:
+    """The text for these files, in their order."""
+    counts: dict[Channel, int] = {}
+    for file in files:
+        for channel, count in file.topics.items():
+            counts[channel] = counts.get(channel, 0) + count
+    held = [file for file in files if file.messages]
+    start, end = min((file.start for file in held), default=0), max((file.end for file in held), default=0)
+    tree = {
+        "version": VERSION,
+        "storage_identifier": "mcap",
+        "duration": {"nanoseconds": end - start},
+        "starting_time": {"nanoseconds_since_epoch": start},
+        "message_count": sum(file.messages for file in files),
+        "topics_with_message_count": [_topic(channel, count) for channel, count in counts.items()],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [file.name for file in files],
+        "files": [
+            {
+                "path": file.name,
+                "starting_time": {"nanoseconds_since_epoch": file.start},
+                "duration": {"nanoseconds": file.end - file.start},
+                "message_count": file.messages,
+            }
+            for file in files
+        ],
+        "custom_data": {},
+        "ros_distro": "jazzy",
+    }
+    return yaml.safe_dump({"rosbag2_bagfile_information": tree}, sort_keys=False)
+
+
+def listed_files(folder: Path) -> list[str] | None:
+    """The files that a folder's metadata.yaml names, in order; None when there is none that can be read."""
+    try:
+        tree: Any = yaml.safe_load((folder / METADATA_FILE).read_text())
+        names = tree["rosbag2_bagfile_information"]["relative_file_paths"]
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError):
+        return None
+    if not isinstance(names, list) or not all(isinstance(each, str) for each in names):
+        return None
+    return names
+
+
+def _topic(channel: Channel, count: int) -> dict[str, Any]:
+    return {
+        "topic_metadata": {
+            "name": channel.topic,
+            "type": channel.stored.ros_type,
+            "serialization_format": channel.stored.encoding,
+            "offered_qos_profiles": yaml.safe_load(qos_text(channel.quality)),
+            "type_description_hash": "",
+        },
+        "message_count": count,
+    }

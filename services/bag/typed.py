@@ -1,0 +1,101 @@
+"""Recorded messages as the records that they were, and the reasons why some cannot be had."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+
+from messages.base import Message, WrongPayload
+from messages.cdr.definition import BadDefinition, parse
+from messages.cdr.extras import EXTRAS, ROS_RECORDS, join
+from messages.cdr.read import plain_reader, record_reader
+from messages.records import RECORDS
+from services.bag.channel import BESIDE, CDR, RAW, Channel
+from services.bag.reading import Entry
+
+_BESIDE = {each.ROS_TYPE: each for each in EXTRAS.values()}
+_OURS = {ros.ROS_TYPE: ours for ours, ros in ROS_RECORDS.items()}
+
+Reader = Callable[[bytes], Any]
+
+
+def record_of(channel: Channel) -> type[Message] | None:
+    """The record that the messages of a channel become; None for types that are unknown here."""
+    return _OURS.get(channel.type) or RECORDS.get(channel.type)
+
+
+def unknown_record(ros_type: str) -> type[Message]:
+    """A record without fields that stands for a type which is unknown here."""
+    made = msgspec.defstruct("Unknown", [], bases=(Message,), namespace={"ROS_TYPE": ros_type}, frozen=True)
+    assert issubclass(made, Message)
+    return made
+
+
+def beside(channel: Channel) -> bool:
+    """Whether a channel holds what another one's type lacks."""
+    return channel.topic.endswith(BESIDE) and channel.type in _BESIDE
+
+
+def why_not(channel: Channel) -> str:
+    """Why the messages of a channel cannot be put on the bus; empty when they can, or belong to another channel."""
+    if channel.encoding == RAW and channel.type:
+        return ""
+    if channel.encoding != CDR:
+        return f"its messages are encoded as {channel.encoding or 'nothing that is named'}, not as cdr"
+    if not beside(channel) and record_of(channel) is None:
+        return f"its type {channel.type or 'without a name'} is not one of this project"
+    try:
+        _types(channel)
+    except BadDefinition as error:
+        return f"its schema cannot be read: {error}"
+    return ""
+
+
+class Typed:
+    """Gives the record of one entry after the other; what was recorded beside a message is put back into it."""
+
+    def __init__(self) -> None:
+        self._readers: dict[Channel, Reader] = {}
+        self._beside: dict[str, tuple[int, int, Message]] = {}
+
+    def message(self, entry: Entry) -> Message | None:
+        """The record; None for what belongs to the message that follows. Raises WrongPayload.
+
+        The channel must be one that ``why_not`` has nothing against.
+        """
+        channel = entry.channel
+        read = self._readers.get(channel)
+        if read is None:
+            read = self._readers[channel] = _reader(channel)
+        found: Message = read(entry.data)
+        if beside(channel):
+            self._beside[channel.topic.removesuffix(BESIDE)] = (entry.sequence, entry.log_time, found)
+            return None
+        extra = self._beside.pop(channel.topic, None)
+        belongs = extra is not None and extra[:2] == (entry.sequence, entry.log_time)
+        return join(found, extra[2] if extra is not None and belongs else None)
+
+
+def plain_of(channel: Channel) -> Reader:
+    """A function from the data of a channel to plain values, whatever its type; raises WrongPayload."""
+    if channel.encoding != CDR or channel.form != "ros2msg":
+        raise WrongPayload(f"{channel.topic}: only CDR with a ros2msg schema can be read, not {channel.encoding}")
+    try:
+        return plain_reader(channel.type, _types(channel))
+    except BadDefinition as error:
+        raise WrongPayload(f"{channel.topic}: its schema cannot be read: {error}") from None
+
+
+def _reader(channel: Channel) -> Reader:
+    target = _BESIDE[channel.type] if beside(channel) else record_of(channel)
+    assert target is not None
+    return record_reader(ROS_RECORDS.get(target, target), _types(channel))
+
+
+def _types(channel: Channel) -> Any:
+    """The definition that the file itself holds: of another version of ROS, or of this project, perhaps."""
+    if channel.form != "ros2msg":
+        raise BadDefinition(f"it is written as {channel.form or 'nothing'}, not as ros2msg")
+    return parse(channel.type, channel.schema)

@@ -1,0 +1,99 @@
+"""A recording for the viewer from messages that were recorded before."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from messages.base import Message
+from messages.elea import GoalStatus
+from messages.geometry import Twist
+from messages.nav import Odometry
+from messages.nav import Path as Plan
+from messages.rosgraph import Clock, Log
+from messages.sensor import JointState
+from messages.topics import CMD_VEL, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, STATUS
+from services.logger.blueprint import Extent
+from services.logger.columns import RobotColumns
+from services.logger.recording import Recording
+
+BATCH_NS = 1_000_000_000
+"""Simulated time in one batch."""
+
+
+class Rebuild:
+    """Writes ``file`` as the logger would have done; ``with`` opens and closes it.
+
+    ``robots`` are (namespace, model). ``with`` raises BadInput for a file that cannot be written.
+    """
+
+    def __init__(
+        self, file: Path, robots: Sequence[tuple[str, str]], extent: Extent, warn: Callable[[str], None]
+    ) -> None:
+        names = [(_name(namespace), model) for namespace, model in robots]
+        self._recording = Recording(file, names, extent, warn)
+        self._columns = {namespace: RobotColumns() for namespace, _ in robots}
+        self._lines: list[Log] = []
+        self._due, self._epoch = 0, -1
+
+    def __enter__(self) -> Self:
+        self._recording.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._flush(last=True)
+        self._recording.__exit__(kind, error, trace)
+
+    def take(self, topic: str, message: Message, time_ns: int) -> None:
+        """One message of the absolute name ``topic``, at a simulated time; those of other topics are left out."""
+        if isinstance(message, Clock):
+            self._follow(message)
+        elif isinstance(message, Log):
+            self._lines.append(message)
+        else:
+            namespace, _, name = topic.rpartition("/")
+            if (columns := self._columns.get(namespace)) is not None:
+                _add(columns, name, message, time_ns)
+        if time_ns >= self._due:
+            self._flush()
+            self._due = time_ns + BATCH_NS
+
+    def _follow(self, clock: Clock) -> None:
+        """After a reset, time begins anew, on a timeline of its own."""
+        if self._epoch not in (-1, clock.epoch):
+            self._flush(last=True)
+            self._recording.restart()
+            self._due = 0
+            for columns in self._columns.values():
+                columns.clear()
+        self._epoch = clock.epoch
+
+    def _flush(self, last: bool = False) -> None:
+        self._recording.write_log(self._lines)
+        self._lines = []
+        self._recording.write({_name(namespace): each.flush() for namespace, each in self._columns.items()}, last)
+
+
+def _add(columns: RobotColumns, name: str, message: Message, time_ns: int) -> None:
+    match message:
+        case Odometry() if name == GROUND_TRUTH.name:
+            columns.add_truth([message])
+        case Odometry() if name == ODOM.name:
+            columns.add_odometry([message])
+        case Twist() if name == CMD_VEL.name:
+            columns.add_commands([message], time_ns, 0.0)
+        case JointState() if name == JOINT_STATES.name:
+            columns.add_joints([message])
+        case Plan() if name == PLAN.name:
+            columns.add_plan(message)
+        case GoalStatus() if name == STATUS.name:
+            columns.add_status(message)
+
+
+def _name(namespace: str) -> str:
+    """A robot's name in the recording, where it is one part of a path."""
+    return namespace.strip("/").replace("/", "_")

@@ -1,0 +1,145 @@
+"""The player's loop: choose, declare, wait, and put one message after the other on the bus."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+from messages.rosgraph import Clock
+from messages.topics import CLOCK, TOPICS, Topic
+from services.bag.channel import RAW, Channel
+from services.bag.reading import Bag, open_bag
+from services.bag.typed import record_of, unknown_record
+from services.player import PlayerParameters
+from services.player.choice import Choice, choose, is_clock
+from services.player.clockwork import RATE, Clockwork
+from services.player.pace import Following, Pace, Wall
+from services.player.playback import Playback
+from services.player.steps import Steps
+from services.runtime.context import Context
+from services.runtime.errors import BadInput, EleaError
+from services.runtime.graph import Entity, pattern
+from services.runtime.node import Node
+from services.runtime.outputs import Output
+
+_LINGER = 3
+"""Tenths of a second that the last messages have to leave."""
+
+
+_LOOK_S = 1.5
+"""Wall time in which a simulation that runs must have come in sight: two clocks would tear time apart for everybody."""
+
+
+class NotPlayed(EleaError):
+    """Something of the bag was not played, or nobody listened."""
+
+
+def run(ctx: Context[PlayerParameters]) -> None:
+    """Play the bag; raises NotPlayed at the end when a part of it could not be played."""
+    p, node = ctx.params, ctx.kernel
+    bag = open_bag(Path(p.bag))
+    choice = choose(bag.channels(), p)
+    for topic, reason in sorted(choice.refused.items()):
+        ctx.log.warn(f"{topic} is not played: {reason}")
+    theirs = _clock_of_others(node)
+    if theirs and p.members:
+        raise BadInput(f"{theirs} publishes /clock: a bag in lockstep is the simulation itself; end the other one")
+    if theirs:
+        ctx.log.info(f"{theirs} publishes /clock: the bag is played on its time, and its own clock is left out")
+    recorded = any(is_clock(channel) for channel in choice.played)
+    clockwork = Clockwork(node, not theirs, p.clock or (0.0 if recorded else RATE))
+    outputs = {channel: _output(node, channel) for channel in choice.played if not is_clock(channel)}
+    pace = _pace(ctx, bool(theirs), clockwork)
+    _await_subscribers(ctx, outputs)
+    playback = Playback(bag, choice, p.start, p.duration)
+    _play(ctx, playback, pace, clockwork, outputs)
+    _account(ctx, bag, choice, playback)
+
+
+def _play(
+    ctx: Context[PlayerParameters],
+    playback: Playback,
+    pace: Pace,
+    clockwork: Clockwork,
+    outputs: dict[Channel, Output[Any]],
+) -> None:
+    ctx.kernel.heart.state = "running"
+    while True:
+        played = 0
+        pace.begin()
+        for moment, channel, message in playback.cues():
+            pace.reach(moment)
+            ctx.now, played = clockwork.now.time, played + 1
+            if isinstance(message, bytes):
+                outputs[channel].publish_encoded(message)
+            elif isinstance(message, Clock) and channel not in outputs:
+                clockwork.play(message, moment)
+            else:
+                outputs[channel].publish(message)
+        if not played:
+            raise BadInput(f"{ctx.params.bag}: no message of the chosen topics lies in the span that is asked for")
+        ctx.log.info(f"played {played} messages")
+        if not ctx.params.loop:
+            break
+        clockwork.again()
+    pace.finish()
+    for _ in range(_LINGER):
+        ctx.idle()
+
+
+def _pace(ctx: Context[PlayerParameters], follows: bool, clockwork: Clockwork) -> Pace:
+    p = ctx.params
+    if p.members:
+        return Steps(ctx.kernel, p.members, p.rate, clockwork)
+    return Following(ctx, p.rate) if follows else Wall(ctx.kernel, p.rate, clockwork)
+
+
+def _output(node: Node, channel: Channel) -> Output[Any]:
+    known = record_of(channel) if channel.encoding != RAW else None
+    record = known if known is not None else unknown_record(channel.type)
+    largest = max((each.largest for each in TOPICS if each.record is record), default=1 << 16)
+    return node.write(Topic(channel.topic, record, 0, channel.quality, "", largest))
+
+
+def _clock_of_others(node: Node) -> str:
+    """The node that publishes simulation time already; empty when none does within _LOOK_S."""
+    deadline = time.monotonic() + _LOOK_S
+    while True:
+        found = (Entity.parse(key) for key in node.transport.tokens(pattern("pub", name=CLOCK.name)))
+        others = [each.node for each in found if each is not None and each.session != node.transport.session]
+        if others or time.monotonic() > deadline:
+            return next(iter(others), "")
+        node.turn()
+        time.sleep(0.05)
+
+
+def _await_subscribers(ctx: Context[PlayerParameters], outputs: dict[Channel, Output[Any]]) -> None:
+    """Wait until every topic that was named has a subscriber, or, when none was, any topic has."""
+    p, node = ctx.params, ctx.kernel
+    if not p.wait:
+        return
+    deadline = time.monotonic() + p.wait
+    while True:
+        found = (Entity.parse(key) for key in node.transport.tokens(pattern("sub")))
+        heard = {each.name for each in found if each is not None and each.session != node.transport.session}
+        lonely = [each.name for each in outputs.values() if each.name not in heard and not _wanted(each)]
+        if not lonely or (not p.topics and len(lonely) < len(outputs)):
+            return
+        if time.monotonic() > deadline:
+            raise NotPlayed(f"nobody has subscribed to {', '.join(lonely[:5])} within {p.wait:g} s")
+        ctx.idle()
+
+
+def _wanted(output: Output[Any]) -> bool:
+    """What is latched counts as wanted always, so it says nothing."""
+    return output.wanted and output.topic.quality.name != "LATCHED"
+
+
+def _account(ctx: Context[PlayerParameters], bag: Bag, choice: Choice, playback: Playback) -> None:
+    troubles = list(bag.troubles)
+    troubles += [f"{count} messages of {topic} were not of their type" for topic, count in playback.unread.items()]
+    if choice.refused:
+        troubles.append(f"not played: {', '.join(sorted(choice.refused))}")
+    if troubles:
+        raise NotPlayed("; ".join(troubles))

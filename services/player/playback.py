@@ -1,0 +1,70 @@
+"""The messages of a bag as they are to be played: decoded, placed in time, cut to the span that is asked for."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from messages.base import Message, WrongPayload
+from messages.rosgraph import Clock
+from services.bag.channel import RAW, Channel
+from services.bag.reading import Bag
+from services.bag.typed import Typed
+from services.player.choice import Choice
+from services.player.timeline import Moment, Timeline
+
+
+class Cue(NamedTuple):
+    """A message and its moment; of a type that is unknown here, it is the payload itself."""
+
+    moment: Moment
+    channel: Channel
+    message: Message | bytes
+
+
+class Playback:
+    """Reads ``bag`` again and again; ``unread`` counts what was no message of its type."""
+
+    def __init__(self, bag: Bag, choice: Choice, start: float, duration: float) -> None:
+        self._bag, self._choice = bag, choice
+        self._start, self._end = round(start * 1e9), round((start + duration) * 1e9) if duration else None
+        self._passed = False
+        self.unread: Counter[str] = Counter()
+
+    def cues(self) -> Iterator[Cue]:
+        """The chosen messages from ``start`` on, with what was latched until then before them."""
+        latched: dict[str, Cue] = {}
+        first: Moment | None = None
+        for cue in self._all():
+            if self._end is not None and cue.moment.position > self._end:
+                break
+            if cue.moment.position < self._start:
+                if cue.channel.quality.name == "LATCHED":
+                    latched[cue.channel.topic] = cue
+                continue
+            if first is None:
+                first = cue.moment
+                yield from (each._replace(moment=first) for each in latched.values())
+            yield cue
+        if first is None and self._passed:
+            yield from latched.values()
+
+    def _all(self) -> Iterator[Cue]:
+        timeline, typed = Timeline(), Typed()
+        chosen, needed = set(self._choice.played), {*self._choice.played, *self._choice.beside}
+        for entry in self._bag.entries():
+            if entry.channel not in needed:
+                self._passed = timeline.place(entry.publish_time).position >= self._start
+                continue
+            message: Message | bytes | None = entry.data
+            if entry.channel.encoding != RAW:
+                try:
+                    message = typed.message(entry)
+                except WrongPayload:
+                    self.unread[entry.channel.topic] += 1
+                    continue
+            epoch = message.epoch if isinstance(message, Clock) else None
+            moment = timeline.place(entry.publish_time, epoch)
+            if message is not None and entry.channel in chosen:
+                yield Cue(moment, entry.channel, message)

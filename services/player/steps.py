@@ -1,0 +1,73 @@
+"""A bag in lockstep: it is the simulation, and its members are waited for at each of their ticks."""
+
+from __future__ import annotations
+
+import time
+
+from services.player.clockwork import Clockwork
+from services.player.timeline import Moment
+from services.runtime.barrier import Barrier
+from services.runtime.lockstep import Go
+from services.runtime.node import Node
+from services.runtime.service import STEP_NS
+
+
+class Steps:
+    """In lockstep: the members are waited for at each of their ticks, as a simulation does it."""
+
+    def __init__(self, node: Node, members: tuple[str, ...], rate: float, clockwork: Clockwork) -> None:
+        self._node, self._clockwork, self._rate = node, clockwork, rate
+        self._barrier = Barrier(node.transport, node.outbox, members, node.log, node.wait, lambda: self._go(0))
+        self._next: int | None = None
+        self._epoch = 0
+        self._begun, self._origin = 0.0, -1
+
+    def begin(self) -> None:
+        self._node.heart.state, self._node.heart.note = "waiting", "for the members of lockstep"
+        self._barrier.gather()
+        self._node.heart.state, self._node.heart.note = "running", ""
+        self._begun, self._origin = time.monotonic(), -1
+
+    def reach(self, moment: Moment) -> None:
+        epoch = self._clockwork.epoch_of(moment.segment)
+        if self._next is not None and epoch != self._epoch:
+            self._step()
+            self._next = None
+        if self._next is None:
+            self._next, self._epoch = -(-moment.time // STEP_NS) * STEP_NS, epoch
+        for beat in self._clockwork.until(moment):
+            self._advance(beat.time)
+            self._clockwork.tell(beat)
+        self._advance(moment.time)
+        self._pace(moment)
+
+    def finish(self) -> None:
+        if self._next is not None:
+            self._step()
+
+    def _advance(self, time_ns: int) -> None:
+        """Step as often as lies before ``time_ns``: its own messages are part of the step that follows."""
+        while self._next is not None and self._next < time_ns:
+            self._step()
+            self._next += STEP_NS
+
+    def _step(self) -> None:
+        assert self._next is not None
+        self._node.turn()
+        self._barrier.update()
+        if self._barrier.due(self._next):
+            self._barrier.release(self._go(self._next), self._node.outputs)
+            self._node.outbox.release()
+            self._barrier.collect(self._next)
+
+    def _pace(self, moment: Moment) -> None:
+        """Keep to the clock on the wall, if that is asked for."""
+        if self._origin < 0:
+            self._origin = moment.position
+        if self._rate:
+            ahead = (moment.position - self._origin) / 1e9 / self._rate - (time.monotonic() - self._begun)
+            time.sleep(max(0.0, ahead))
+
+    def _go(self, time_ns: int) -> Go:
+        session = self._node.transport.session
+        return Go(simulation=session, tick=time_ns // STEP_NS, time=time_ns, epoch=self._epoch)

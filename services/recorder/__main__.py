@@ -1,0 +1,6 @@
+"""`python -m services.recorder`."""
+
+from services.recorder import SERVICE
+from services.runtime.main import main
+
+main(SERVICE)

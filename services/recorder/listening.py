@@ -1,0 +1,67 @@
+"""Subscriptions that follow the graph: a topic is heard as soon as somebody publishes or reads it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from messages.base import Message
+from messages.records import RECORDS
+from messages.topics import CLOCK, TOPICS, Quality, Topic
+from services.bag.typed import unknown_record
+from services.recorder.selection import Selection
+from services.runtime.graph import Entity, pattern
+from services.runtime.inputs import Input
+from services.runtime.node import Node
+from services.runtime.zenoh_config import LARGEST_MESSAGE
+
+
+class Listening:
+    """``heard`` are the inputs by topic. What is of a type that is unknown here is heard ``raw``.
+
+    The ``clock`` is heard in any case, be it to be recorded or not.
+    """
+
+    def __init__(self, node: Node, selection: Selection) -> None:
+        self._node, self._selection = node, selection
+        self._watches = [node.transport.watch(pattern(kind)) for kind in ("pub", "sub")]
+        self.clock: Input[Any] = node.read(CLOCK)
+        self.heard: dict[str, Input[Any]] = {}
+        self.raw: set[str] = set()
+        self.timed = False
+
+    def update(self) -> None:
+        """Subscribe to what is new. ``timed`` tells whether somebody publishes simulation time."""
+        for watch in self._watches:
+            while (event := watch.take()) is not None:
+                entity = Entity.parse(event.key) if event.alive else None
+                if entity is not None and entity.session != self._node.transport.session:
+                    self._meet(entity)
+
+    @property
+    def missing(self) -> list[str]:
+        """Topics that were named, and that nobody publishes or reads."""
+        return sorted(self._selection.named - self.heard.keys())
+
+    def _meet(self, entity: Entity) -> None:
+        topic = entity.name
+        self.timed = self.timed or (entity.kind == "pub" and topic == CLOCK.name)
+        if topic not in self._selection or entity.record == "-":
+            return
+        if (known := self.heard.get(topic)) is not None:
+            if entity.record != known.topic.record.ROS_TYPE:
+                self._node.log.warn(
+                    f"{entity.node} uses {topic} as {entity.record}: it is recorded as {known.topic.record.ROS_TYPE}"
+                )
+            return
+        record = RECORDS.get(entity.record)
+        if record is None:
+            self.raw.add(topic)
+            self._node.log.warn(f"{topic} is {entity.record}, which is unknown here: it is kept as MessagePack")
+        described = _topic(topic, record or unknown_record(entity.record), entity.detail)
+        self.heard[topic] = self._node.read(described, topic, raw=record is None)
+
+
+def _topic(name: str, record: type[Message], quality: str) -> Topic[Any]:
+    largest = [each.largest for each in TOPICS if each.record is record]
+    kind = Quality[quality] if quality in Quality.__members__ else Quality.SENSOR
+    return Topic(name, record, 0, kind, "", max(largest, default=LARGEST_MESSAGE))

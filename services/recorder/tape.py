@@ -1,0 +1,134 @@
+"""From messages to the bag: CDR, times, numbers, and an account of what is lost."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import Counter
+from typing import Any
+
+from messages.base import Message
+from messages.cdr.extras import split
+from messages.cdr.write import NotWritable, writer
+from messages.topics import CLOCK
+from services.bag.channel import BESIDE, Channel, channel_of, raw_channel
+from services.bag.folder import BagFolder
+from services.recorder.listening import Listening
+from services.recorder.times import Times, arrival
+from services.runtime.inputs import Input
+from services.runtime.log import Log
+from services.runtime.wire import Origin
+
+Heard = tuple[Input[Any], Any, Origin | None]
+
+
+class Tape:
+    """Writes what ``listening`` has heard to ``bag``."""
+
+    def __init__(self, bag: BagFolder, listening: Listening, log: Log) -> None:
+        self._bag, self._listening, self._log = bag, listening, log
+        self._times = Times()
+        self._channels: dict[tuple[str, str], Channel] = {}
+        self._numbers: Counter[str] = Counter()
+        self._since = time.time_ns()
+        self._told = 0
+        self.unfit: Counter[str] = Counter()
+        self.troubled = ""
+
+    def take_tick(self, now: int) -> None:
+        """A tick of lockstep, at ``now`` [ns] of simulation time: from then on, what has come counts for its readers.
+
+        So it is what a replay must repeat at this tick. The order is the same in every run.
+        """
+        wall = time.time_ns()
+        for name in sorted(self._listening.heard, key=lambda name: (name != CLOCK.name, name)):
+            source = self._listening.heard[name]
+            for message, origin in source.batch:
+                self._write(source, message, origin, wall, now)
+
+    def take(self) -> None:
+        """What has come since the last call, in the order in which it was sent."""
+        wall, since = time.time_ns(), self._since
+        heard: list[tuple[int, Heard]] = []
+        sources = {**self._listening.heard, CLOCK.name: self._listening.clock}
+        for source in sources.values():
+            for message, origin in source.batch:
+                at = arrival(origin.source_ns if origin is not None else None, since, wall)
+                heard.append((at, (source, message, origin)))
+        heard.sort(key=lambda each: each[0])
+        self._since = wall
+        for log_time, (source, message, origin) in heard:
+            publish_time = self._times.of(message, log_time, self._listening.timed)
+            if source.name in self._listening.heard:
+                self._write(source, message, origin, log_time, publish_time)
+
+    @property
+    def now(self) -> int:
+        """Simulated time [ns], as far as the clock has told it; 0 without one."""
+        return self._times.clock or 0
+
+    def rest(self) -> None:
+        """Write a chunk if it is time to, and tell what was lost."""
+        try:
+            self._bag.flush_due()
+        except OSError as error:
+            self._complain(error)
+        lost = sum(self.lost.values())
+        if lost > self._told:
+            self._log.warn(f"{lost} messages were lost on their way to the bag: is the machine too slow?", every=5.0)
+            self._told = lost
+
+    def close(self) -> None:
+        """Write what is left, and the account."""
+        self._bag.notes["lost"] = json.dumps(self.lost)
+        self._bag.notes["unfit"] = json.dumps(self.unfit)
+        self._bag.notes["unwritten"] = str(self._bag.unwritten)
+        try:
+            self._bag.close()
+        except OSError as error:
+            self._complain(error)
+
+    @property
+    def lost(self) -> dict[str, int]:
+        """Messages that were sent and did not arrive, by topic."""
+        return {name: source.lost for name, source in sorted(self._listening.heard.items()) if source.lost}
+
+    def _write(self, source: Input[Any], message: Any, origin: Origin | None, log_time: int, publish_time: int) -> None:
+        name = source.name
+        if origin is None:
+            self._numbers[name] += 1
+        sequence = origin.sequence if origin is not None else self._numbers[name]
+        if name in self._listening.raw:
+            raw = raw_channel(name, source.topic.record.ROS_TYPE, source.topic.quality)
+            self._add(self._channel(name, raw), sequence, log_time, publish_time, message)
+            return
+        main, beside = split(message)
+        try:
+            for each, topic in ((beside, name + BESIDE), (main, name)):
+                if each is not None:
+                    data = writer(type(each))(each)
+                    self._add(self._channel_of(topic, each, source), sequence, log_time, publish_time, data)
+        except NotWritable as error:
+            self.unfit[name] += 1
+            self._log.warn(f"{name}: a message has no place in its ROS type and is not recorded: {error}", every=5.0)
+
+    def _add(self, channel: Channel, sequence: int, log_time: int, publish_time: int, data: bytes) -> None:
+        try:
+            self._bag.add(channel, sequence, log_time, publish_time, data)
+        except OSError as error:
+            self._complain(error)
+
+    def _channel_of(self, topic: str, message: Message, source: Input[Any]) -> Channel:
+        key = topic, type(message).ROS_TYPE
+        return self._channels.get(key) or self._channel(topic, channel_of(topic, type(message), source.topic.quality))
+
+    def _channel(self, topic: str, made: Channel) -> Channel:
+        return self._channels.setdefault((topic, made.type), made)
+
+    def _complain(self, error: OSError) -> None:
+        self.troubled = error.strerror or str(error)
+        self._log.error(
+            f"the disk does not take the recording ({error.strerror}): {self._bag.unwritten} messages are missing from "
+            f"{self._bag.folder} so far; nothing else is affected",
+            every=5.0,
+        )

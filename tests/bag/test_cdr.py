@@ -1,0 +1,148 @@
+"""Every record as CDR: two independent readers find the same values, field by field, and ours gives the record back."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import struct
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap_ros2._dynamic import generate_dynamic
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from messages.base import Message, WrongPayload
+from messages.cdr.definition import BadDefinition, long, parse, text_of
+from messages.cdr.derive import definitions, standard
+from messages.cdr.extras import EXTRAS, ROS_RECORDS, join, split
+from messages.cdr.read import plain_reader, record_reader
+from messages.cdr.standard import STANDARD
+from messages.cdr.write import NotWritable, writer
+from messages.elea import ProcessState
+from messages.geometry import Twist, Vector3
+from messages.parameters import Parameter, Value
+from messages.records import RECORDS
+from messages.sensor import Range
+from tests.bag.values import assert_same, rounded, seen
+from tests.messages.strategies import STEADY, values
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+RECORDED = sorted(
+    {ROS_RECORDS.get(each, each) for each in RECORDS.values()} | set(EXTRAS.values()), key=lambda each: each.ROS_TYPE
+)
+NAMES = [each.ROS_TYPE for each in RECORDED]
+
+
+def independent(record: type[Message]) -> tuple[Any, str, Any]:
+    """The readers of rosbags and mcap-ros2-support for a record, from the schema that we write."""
+    name = long(record.ROS_TYPE)
+    text = text_of(record.ROS_TYPE, definitions(record))
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(text, name))
+    return store, name, generate_dynamic(name, text)[name]
+
+
+@pytest.mark.parametrize("name", sorted(STANDARD))
+def test_a_standard_type_is_that_of_ros_2(name: str) -> None:
+    store = get_typestore(Stores.EMPTY)
+    store.register(get_types_from_msg(text_of(name, standard()), long(name)))
+    assert store.hash_rihs01(long(name)) == STORE.hash_rihs01(long(name))
+
+
+@pytest.mark.parametrize("record", RECORDED, ids=NAMES)
+def test_others_read_what_is_written_field_by_field(record: type[Message]) -> None:
+    store, name, dynamic = independent(record)
+    write = writer(record)
+
+    @STEADY
+    @given(values(record))
+    def check(message: Message) -> None:
+        data = write(message)
+        wanted = seen(message)
+        assert_same(wanted, store.deserialize_cdr(data, name))
+        assert_same(wanted, dynamic(data))
+
+    check()
+
+
+@pytest.mark.parametrize("record", list(RECORDS.values()), ids=list(RECORDS))
+def test_our_reader_gives_the_record_back(record: type[Message]) -> None:
+    ros = ROS_RECORDS.get(record, record)
+    read = record_reader(ros, definitions(ros))
+    extra = EXTRAS.get(record)
+    read_extra = record_reader(extra, definitions(extra)) if extra else None
+
+    @STEADY
+    @given(values(record))
+    def check(message: Message) -> None:
+        main, beside = split(message)
+        told = read(writer(ros)(main))
+        again = read_extra(writer(type(beside))(beside)) if read_extra and beside is not None else None
+        assert join(told, again) == rounded(message)
+
+    check()
+
+
+def test_what_a_float32_cannot_hold_is_infinite_as_in_every_cast() -> None:
+    read = plain_reader("sensor_msgs/Range", definitions(Range))
+    for value, wanted in ((1e300, math.inf), (-1e300, -math.inf), (3.4028234e38, float(np.float32(3.4028234e38)))):
+        assert read(writer(Range)(Range(range=value)))["range"] == wanted
+
+
+def test_a_whole_number_beyond_int64_is_refused() -> None:
+    with pytest.raises(NotWritable, match="elea_msgs/ProcessState"):
+        writer(ProcessState)(ProcessState(exit_status=2**64 - 1))
+
+
+@pytest.mark.parametrize("value", [None, True, 3, 3.0, 0.1, "3", (), (1, 2.5, "x", None), ((1, 2), (3.0,))])
+def test_a_parameter_of_any_type_is_kept_as_json(value: Value) -> None:
+    data = writer(Parameter)(Parameter(name="p", value=value))
+    assert plain_reader("elea_msgs/Parameter", definitions(Parameter))(data)["value"] == json.dumps(value)
+    again = record_reader(Parameter, definitions(Parameter))(data)
+    assert (again.value, type(again.value)) == (value, type(value))
+
+
+def test_fields_are_matched_by_name_with_the_types_of_another_version() -> None:
+    """A bag of an older or newer version, or of a program that orders its fields otherwise, is read by its own text."""
+    types = parse(
+        "geometry_msgs/msg/Twist",
+        "float32 novel\nVector3 linear # m/s\nuint8 FAST=1\nstring<=5 note 'none'\n===\n"
+        "MSG: geometry_msgs/Vector3\nfloat64 y\nfloat64 x 1.5",
+    )
+    data = b"\0\1\0\0" + struct.pack("<f4xddI2s", 9.0, 2.0, 1.0, 2, b"a\0")
+    assert record_reader(Twist, types)(data) == Twist(linear=Vector3(x=1.0, y=2.0))
+    assert plain_reader("geometry_msgs/Twist", types)(data)["note"] == "a"
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("float64 x\n4 wheels", "'4 wheels' is not a field"),
+        ("Other o", "x_msgs/Other is not defined"),
+        ("Self s\n===\nMSG: x_msgs/Self\nSelf s", "holds itself"),
+        ("float64 x\n=====\nnothing", "expected 'MSG:"),
+    ],
+)
+def test_a_text_that_defines_nothing_is_refused(text: str, reason: str) -> None:
+    with pytest.raises(BadDefinition, match=reason):
+        parse("x_msgs/T", text)
+
+
+@given(data=st.binary(max_size=200), record=st.sampled_from(RECORDED))
+@STEADY
+def test_any_bytes_are_read_or_refused(data: bytes, record: type[Message]) -> None:
+    for read in (record_reader(record, definitions(record)), plain_reader(record.ROS_TYPE, definitions(record))):
+        for each in (data, b"\0\1\0\0" + data):
+            with contextlib.suppress(WrongPayload):
+                read(each)
+
+
+def test_values_out_of_bounds_are_refused() -> None:
+    good = writer(Twist)(Twist.planar(0.1, 0.2))
+    bad = good[:4] + struct.pack("<d", math.nan) + good[12:]
+    with pytest.raises(WrongPayload, match=r"linear\.x"):
+        record_reader(Twist, definitions(Twist))(bad)
