@@ -9,6 +9,7 @@ import msgspec
 
 from deploy.fleet import Fleet, Robot
 from models.figures import read_model
+from services.panel.address import FILE as PANEL_FILE
 from services.runtime.parameters import build
 from services.sim import BaseParameters
 from services.sim.settings import effective
@@ -62,6 +63,8 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
                 "file": str(terms.folder / "run.rrd"),
                 **viewer,
             }
+        case "panel":
+            return {"address": str(terms.folder / PANEL_FILE)}
         case _:
             return {}
 

@@ -28,6 +28,7 @@ VERBS = {
     "restart": Verb("restart", "Restart a process of a running fleet."),
     "graph": Verb("graph", "List the nodes and topics of the network."),
     "run": Verb("run", "Run one service, or a Python file of your own."),
+    "panel": Verb("panel", "Open the web page of a running fleet."),
     "teleop": Verb("teleop", "Drive a robot from the keyboard."),
     "test": Verb("test", "Run the tests."),
     "bench": Verb("bench", "Measure the middleware against raw Zenoh and raw PyBullet."),

@@ -20,6 +20,7 @@ VOCABULARY = "Messages import no network, physics, viewer or arrays"
 NETWORK = "Zenoh stands behind the transport alone"
 PHYSICS = "PyBullet stands behind the simulation alone"
 VIEWER = "Rerun stands behind the logger alone"
+WEB = "The web server stands behind the panel alone"
 
 PLANTED = [
     (LAYERS, "services/waypoint/plan.py", "from deploy.version import VERSION"),
@@ -41,6 +42,9 @@ PLANTED = [
     (PHYSICS, "models/scene.py", "import pybullet_data"),
     (VIEWER, "services/sim/loop.py", "import rerun"),
     (VIEWER, "deploy/report/picture.py", "import rerun_cli"),
+    (WEB, "services/runtime/node.py", "import uvicorn"),
+    (WEB, "deploy/commands/panel.py", "def later(): from starlette.routing import Route"),
+    (WEB, "services/grader/loop.py", "import websockets"),
 ]
 """The contract, and a line at the end of a file that breaks it."""
 
