@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import signal
+import socket
 import subprocess
 import sys
 import tempfile
@@ -52,7 +54,11 @@ def _of(fleet: Running) -> Address | None:
     from services.panel.address import FILE, read
 
     address = read(Path(fleet.folder) / FILE)
-    return address if address is not None and Path(f"/proc/{address.pid}").exists() else None
+    if address is None or not Path(f"/proc/{address.pid}").exists():
+        return None
+    with socket.socket() as probe:
+        probe.settimeout(2.0)
+        return address if probe.connect_ex(("127.0.0.1", address.port)) == 0 else None
 
 
 def _own(connect: str, domain: str, page_port: int | None, as_json: bool, no_open: bool) -> int:
@@ -81,6 +87,7 @@ def _own(connect: str, domain: str, page_port: int | None, as_json: bool, no_ope
             _show(address, as_json, no_open)
             return child.wait()
         except KeyboardInterrupt:
+            child.send_signal(signal.SIGINT)
             return child.wait(_PATIENCE_S)
         finally:
             if child.poll() is None:

@@ -118,7 +118,7 @@ class Hub:
     def _follow(self) -> None:
         """Open the channels that any page wants, close the others."""
         wanted = frozenset[str]().union(*self._wants.values())
-        self._robots.follow(bool({"poses", "robots"} & wanted))
+        self._robots.follow("poses" in wanted, "robots" in wanted)
         for name, channel in self._channels.items():
             if (name in wanted) != (name in self._followed):
                 channel.follow(name in wanted)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from messages.elea import BaseStatus, GoalStatus
 from messages.nav import Odometry, Path
 from messages.tf import TFMessage
-from messages.topics import BASE_STATUS, CMD_VEL, GOAL_POSE, GROUND_TRUTH, ODOM, PLAN, STATUS, TF_STATIC
+from messages.topics import BASE_STATUS, CMD_VEL, GOAL_POSE, GROUND_TRUTH, ODOM, PLAN, STATUS, TF_STATIC, Topic
 from services.panel.feeds import Feeds, Hold
 from services.panel.network import Network
 
@@ -66,22 +66,20 @@ class Robots:
         self._hold, self._network = Hold(feeds), network
         self._origins: dict[str, Spot] = {}
         self._followed = -1
-        self._wanted = False
+        self._topics: tuple[Topic[Any], ...] = ()
 
-    def follow(self, wanted: bool) -> None:
-        """Listen to them, or know their names alone; what was heard is then forgotten."""
-        if wanted != self._wanted:
-            self._wanted, self._followed = wanted, -1
-            if not wanted:
-                self.found, self._origins = {}, {}
+    def follow(self, poses: bool, rest: bool) -> None:
+        """Listen to where they are, and to the rest, or know their names alone; what was heard is then forgotten."""
+        topics = (*((GROUND_TRUTH, ODOM) if poses else ()), *((BASE_STATUS, STATUS, PLAN) if rest else ()))
+        if topics != self._topics:
+            self.found = {} if not set(self._topics) <= set(topics) else self.found
+            self._topics, self._followed = topics, -1
 
     def turn(self) -> None:
         """Take in what has come."""
         if self._followed != self._network.version:
             self._followed = self._network.version
             self._reconcile()
-        if not self._wanted:
-            return
         for message, _ in self._hold.batch(TF_STATIC.name, TFMessage.ROS_TYPE):
             self._place(message)
         for robot in self.found.values():
@@ -101,11 +99,11 @@ class Robots:
             robot.takes_goals = f"{namespace}/{GOAL_POSE.name}" in goals
         self.found = dict(sorted(found.items()))
         self.version += 1
-        wanted = {(TF_STATIC.name, TFMessage.ROS_TYPE): TF_STATIC.quality.name}
+        wanted = {(TF_STATIC.name, TFMessage.ROS_TYPE): TF_STATIC.quality.name} if self._topics else {}
         for namespace in self.found:
-            for topic in (GROUND_TRUTH, ODOM, BASE_STATUS, STATUS, PLAN):
+            for topic in self._topics:
                 wanted[f"{namespace}/{topic.name}", topic.record.ROS_TYPE] = topic.quality.name
-        self._hold.want(wanted if self._wanted else {})
+        self._hold.want(wanted)
 
     def _place(self, message: TFMessage) -> None:
         for each in message.transforms:
