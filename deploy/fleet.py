@@ -70,6 +70,14 @@ class Robot(Table, frozen=True, kw_only=True):
     services: tuple[Member, ...] = ()
 
 
+class Change(Table, frozen=True, kw_only=True):
+    """Parameters of one set that change during a run, for this run alone, at a simulation time."""
+
+    at: Annotated[float, Meta(ge=0, le=1e7, extra={"unit": "s"})]
+    set: str
+    values: dict[str, Any]
+
+
 class Fleet(Table, frozen=True, kw_only=True):
     """A fleet. ``every_robot`` are services that each robot gets beside its own."""
 
@@ -79,6 +87,7 @@ class Fleet(Table, frozen=True, kw_only=True):
     robot: tuple[Robot, ...] = ()
     every_robot: tuple[Member, ...] = ()
     service: tuple[Member, ...] = ()
+    change: tuple[Change, ...] = ()
     bounds: dict[str, float | int | Bound] = {}
 
     def shared(self, robot: Robot) -> tuple[tuple[int, Member], ...]:

@@ -9,10 +9,13 @@ from deploy.fleet import Fleet, Member, Robot
 from deploy.report.bounds import check_bounds
 from deploy.toml_place import Source, Step
 from deploy.wiring import IMPLIED
-from messages.names import BadName, Identity, identify, parse_remap
+from messages.names import BadName, Identity, identify, parse_remap, resolve
 from models import MODELS
+from models.figures import read_model
 from services.runtime.errors import BadInput, unknown
-from services.runtime.parameters import build
+from services.runtime.leaves import leaves
+from services.runtime.parameters import build, check_value
+from services.runtime.service import Parameters
 from services.sim import BaseParameters
 
 
@@ -29,6 +32,7 @@ def check(fleet: Fleet, source: Source) -> None:
         if node in nodes:
             raise BadInput(f"{source.at(*path)}: a service {node} is already stated at {nodes[node]}: give it a name")
         nodes[node] = source.at(*path)
+    _check_changes(fleet, source)
     for name in fleet.bounds:
         check_bounds({name: fleet.bounds[name]}, source.at("bounds", name))
     if fleet.run.ends == "duration" and not fleet.run.duration:
@@ -42,6 +46,22 @@ def identity(member: Member, owner: Robot | None, where: str = "") -> Identity:
         return identify(member.name or member.kind, namespace, ())
     except BadName as error:
         raise BadInput(f"{where}: {error}") from None
+
+
+def parameter_sets(fleet: Fleet) -> dict[str, list[type[Parameters]]]:
+    """The sets of parameters that a fleet has, and the records of those who follow each."""
+    sets: dict[str, list[type[Parameters]]] = {}
+    implied = [Member(kind=kind) for kind in IMPLIED if all(each.kind != kind for each in fleet.service)]
+    every = [(each, None) for each in implied] + [(member, owner) for _, member, owner in _members(fleet)]
+    for member, owner in every:
+        service, known = declaration(member.kind), identity(member, owner)
+        if service.parameters is not Parameters:
+            name = resolve(service.parameter_set or known.node, known.namespace, known.node)
+            sets.setdefault(name, []).append(service.parameters)
+    for robot in fleet.robot:
+        if read_model(robot.model).wheels is not None:
+            sets[f"/{robot.name}/base"] = [BaseParameters]
+    return sets
 
 
 def _members(fleet: Fleet) -> Iterator[tuple[tuple[Step, ...], Member, Robot | None]]:
@@ -98,6 +118,21 @@ def _check_member(member: Member, path: tuple[Step, ...], owner: Robot | None, s
             raise BadInput(f"{source.at(*path, 'remap', origin)}: {error}") from None
     if owner is None and member.kind in IMPLIED and (member.name or member.namespace):
         raise BadInput(f"{source.at(*path)}: the {member.kind} keeps its name: every part of a fleet looks for it")
+
+
+def _check_changes(fleet: Fleet, source: Source) -> None:
+    sets = parameter_sets(fleet) if fleet.change else {}
+    for index, change in enumerate(fleet.change):
+        if change.set not in sets:
+            raise unknown("set of parameters", change.set, sets, source.at("change", index, "set"))
+        if not change.values:
+            raise BadInput(f"{source.at('change', index)}: a change without values")
+        for name, value in change.values.items():
+            records = sets[change.set]
+            # Of several that share a set, those that know the name decide.
+            knowing = [each for each in records if any(leaf.name == name for leaf in leaves(each))]
+            for record in knowing or records[:1]:
+                check_value(record, name, value, source.at("change", index, "values", name))
 
 
 def _is_points(value: object) -> bool:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from deploy.fleet import Fleet, Member, Robot, Run, Start
+from deploy.fleet import Change, Fleet, Member, Robot, Run, Start
 from deploy.fleet_check import check
 from deploy.policy import Policy
 from deploy.report.bounds import Bound
@@ -26,6 +26,7 @@ _TABLES: dict[str, type[msgspec.Struct]] = {
     "every_robot": Member,
     "service": Member,
     "restart": Policy,
+    "change": Change,
     "bounds": Bound,
 }
 """The record behind each table, by its last name."""

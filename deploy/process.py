@@ -103,7 +103,7 @@ def _arguments(
     for origin, target in member.remap.items():
         arguments += ["--remap", f"{origin}:={target}"]
     for name, value in parameters.items():
-        arguments += ["--param", f"{name}={json.dumps(value)}"]
+        arguments += ["--fleet-param", f"{name}={json.dumps(value)}"]
     return arguments
 
 

@@ -12,7 +12,7 @@ from models.figures import read_model
 from services.panel.address import FILE as PANEL_FILE
 from services.runtime.parameters import build
 from services.sim import BaseParameters
-from services.sim.settings import effective
+from services.sim.settings import configured
 
 IMPLIED = ("router", "sim", "grader")
 """Services that every fleet has; a fleet file states one only to set its parameters."""
@@ -76,7 +76,5 @@ def _entry(robot: Robot) -> dict[str, Any]:
 
 def _halting(robot: Robot) -> dict[str, Any]:
     """How the base of a robot stops when its commander falls silent: by its parameters, else by its model."""
-    model = read_model(robot.model)
-    assert model.wheels is not None
-    base = effective(robot.model, model, build(BaseParameters, robot.parameters))
-    return {"name": robot.name, "timeout": base.cmd_vel_timeout, "brake": base.brake or model.wheels.brake}
+    base = configured(robot.model, build(BaseParameters, robot.parameters)).parameters
+    return {"name": robot.name, "timeout": base.cmd_vel_timeout, "brake": base.brake}

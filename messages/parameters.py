@@ -86,7 +86,10 @@ class Assignment(Message, frozen=True, kw_only=True):
 
 
 class Announcement(Message, frozen=True, kw_only=True):
-    """A node says which parameters it has in which set, and the values that its fleet file and command line give."""
+    """A node says which parameters it has in which set, and the values that its fleet file and command line give.
+
+    ``run`` are values that were set for this run alone: they count where the parameter service, come back, knows none.
+    """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Announcement"
     set: SetName = ""
@@ -94,6 +97,7 @@ class Announcement(Message, frozen=True, kw_only=True):
     parameters: tuple[ParameterDescription, ...] = ()
     fleet: tuple[Assignment, ...] = ()
     command_line: tuple[Assignment, ...] = ()
+    run: tuple[Assignment, ...] = ()
 
 
 class ParameterSet(Message, frozen=True, kw_only=True):
@@ -114,7 +118,8 @@ class SetParameters(Message, frozen=True, kw_only=True):
     """Change several parameters of a set, all or none.
 
     ``clamp`` takes what is out of bounds at the bound instead of refusing. ``id`` names the request: asked again with
-    the same id, it is not applied again. ``run`` makes the change for this run alone, without saving it.
+    the same id, it is not applied again. ``run`` makes the change for this run alone, without saving it. ``kind`` is
+    what the history calls it.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/SetParameters"
@@ -122,6 +127,7 @@ class SetParameters(Message, frozen=True, kw_only=True):
     values: tuple[Assignment, ...] = ()
     clamp: bool = False
     run: bool = False
+    kind: Literal["set", "load"] = "set"
     id: RequestId = ""
     who: Who = ""
 
@@ -146,7 +152,10 @@ class UndoParameters(Message, frozen=True, kw_only=True):
 
 
 class ParameterChange(Message, frozen=True, kw_only=True):
-    """One change of the history: who, when (by the clock on the wall and in simulation time), from what to what."""
+    """One change of the history: who, when (by the clock on the wall and in simulation time), from what to what.
+
+    ``run`` tells a change for one run alone from one that is saved, ``undone`` one that was taken back.
+    """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ParameterChange"
     set: SetName = ""
@@ -157,6 +166,7 @@ class ParameterChange(Message, frozen=True, kw_only=True):
     sim_time: Time = Time()
     before: tuple[Assignment, ...] = ()
     after: tuple[Assignment, ...] = ()
+    run: bool = False
     undone: bool = False
 
 

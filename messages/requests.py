@@ -164,6 +164,9 @@ REQUESTS: tuple[Request[Message, Message], ...] = (
     PAUSE,
     RESUME,
     STEP,
+    SUPERVISOR_START,
+    SUPERVISOR_STOP,
+    SUPERVISOR_RESTART,
     PARAMS_ANNOUNCE,
     PARAMS_LIST,
     PARAMS_GET,
@@ -171,8 +174,5 @@ REQUESTS: tuple[Request[Message, Message], ...] = (
     PARAMS_RESET,
     PARAMS_UNDO,
     PARAMS_HISTORY,
-    SUPERVISOR_START,
-    SUPERVISOR_STOP,
-    SUPERVISOR_RESTART,
 )
 """Every request of this project."""

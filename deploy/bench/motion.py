@@ -15,13 +15,13 @@ from deploy.fleet import Robot
 from deploy.fleet_file import find_fleet, read_fleet
 from messages.geometry import Twist
 from models import model_path
-from models.figures import read_model
 from models.scene import read_scene
+from services.runtime.parameters import build
 from services.runtime.service import STEP_NS
 from services.sim.base_parameters import BaseParameters
 from services.sim.bullet import BulletWorld
 from services.sim.diffdrive.driver import AT_REST, advance, wheel_speeds
-from services.sim.settings import Settings, base_settings, effective
+from services.sim.settings import Settings, configured
 from services.sim.world import Body, Motor, Placement
 
 FROM_S, TO_S = 2.0, 42.0
@@ -40,9 +40,9 @@ def robots() -> tuple[Robot, ...]:
 
 def settings_of(robot: Robot) -> Settings:
     """How a robot of ``lab`` is driven."""
-    model = read_model(robot.model)
-    assert model.wheels is not None
-    return base_settings(robot.model, model, model.wheels, effective(robot.model, model, BaseParameters()))
+    settings = configured(robot.model, build(BaseParameters, robot.parameters)).settings
+    assert settings is not None
+    return settings
 
 
 def schedule(commands: dict[str, list[Twist]]) -> Schedule:

@@ -27,6 +27,7 @@ VERBS = {
     "logs": Verb("logs", "Show what the processes of a fleet have written."),
     "restart": Verb("restart", "Restart a process of a running fleet."),
     "graph": Verb("graph", "List the nodes and topics of the network."),
+    "param": Verb("param", "Read and change the parameters of running services."),
     "run": Verb("run", "Run one service, or a Python file of your own."),
     "panel": Verb("panel", "Open the web page of a running fleet."),
     "teleop": Verb("teleop", "Drive a robot from the keyboard."),

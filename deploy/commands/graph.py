@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from deploy.claim import running
-from deploy.commands.options import chosen, json_option, port_option
-from deploy.fleet import PORT
+from deploy.commands.options import json_option, port_option
 
 if TYPE_CHECKING:
     from services.runtime.graph import Entity
@@ -24,13 +22,10 @@ if TYPE_CHECKING:
 @json_option
 def command(connect: str, domain: str, port: int | None, as_json: bool) -> None:
     """List every node with what it publishes, subscribes and serves, asked of the network now."""
-    from deploy.commands.network import visit
+    from deploy.commands.network import place, visit
     from services.runtime.graph import snapshot
 
-    if not connect and running():
-        fleet = chosen(port)
-        connect, domain = f"tcp/127.0.0.1:{fleet.port}", domain or fleet.domain
-    with visit(connect or f"tcp/127.0.0.1:{port or PORT}", domain) as transport:
+    with visit(*place(connect, domain, port)) as transport:
         entities = snapshot(transport)
     if as_json:
         sys.stdout.write(json.dumps([asdict(each) for each in entities], indent=2) + "\n")

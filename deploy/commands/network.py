@@ -6,8 +6,19 @@ import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from deploy.claim import running
+from deploy.commands.options import chosen
+from deploy.fleet import PORT
 from services.runtime.errors import BadInput
 from services.runtime.transport import Transport
+
+
+def place(connect: str, domain: str, port: int | None) -> tuple[str, str]:
+    """The router and domain that options choose: what they say, else the running fleet's, else the default ones."""
+    if not connect and running():
+        fleet = chosen(port)
+        return f"tcp/127.0.0.1:{fleet.port}", domain or fleet.domain
+    return connect or f"tcp/127.0.0.1:{port or PORT}", domain
 
 
 @contextmanager

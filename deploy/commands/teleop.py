@@ -9,9 +9,7 @@ import time
 
 import click
 
-from deploy.claim import running
-from deploy.commands.options import chosen, port_option
-from deploy.fleet import PORT
+from deploy.commands.options import port_option
 from services.runtime.parameters import build
 from services.runtime.process import ROOT
 from services.teleop import TeleopParameters
@@ -51,7 +49,7 @@ def command(
     A key moves the robot for as long as it is held. Teleop wins over a controller, and gives the robot back to it some
     seconds after the last key.
     """
-    from deploy.commands.network import visit
+    from deploy.commands.network import place, visit
     from services.runtime.graph import snapshot
     from services.teleop.bases import bases, choose
 
@@ -63,10 +61,7 @@ def command(
         from services.teleop.terminal import require_terminal
 
         require_terminal()
-    if not connect and running():
-        fleet = chosen(port)
-        connect, domain = f"tcp/127.0.0.1:{fleet.port}", domain or fleet.domain
-    connect = connect or f"tcp/127.0.0.1:{port or PORT}"
+    connect, domain = place(connect, domain, port)
     with visit(connect, domain) as transport:
         deadline = time.monotonic() + _PATIENCE_S
         while not (found := bases(snapshot(transport))) and time.monotonic() < deadline:

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 
 from deploy.fleet import Fleet, Robot
-from models.figures import read_model
 from services.motion.planar import Motion
 from services.runtime.errors import BadInput
 from services.runtime.parameters import build
 from services.sim import BaseParameters
 from services.sim.diffdrive.driver import AT_REST, Drive, advance, commanded
-from services.sim.settings import Settings, base_settings, effective
+from services.sim.settings import Settings, configured
 from services.square import SquareParameters
 from services.square.expected import STEP_S, Base, expected, runs_on
 from services.square.seed import ANGLE_THRESHOLD
@@ -55,11 +54,7 @@ def _seed(robot: Robot, p: SquareParameters) -> str:
 
 
 def _settings(robot: Robot) -> Settings | None:
-    model = read_model(robot.model)
-    if model.wheels is None:
-        return None
-    given = effective(robot.model, model, build(BaseParameters, robot.parameters))
-    return base_settings(robot.model, model, model.wheels, given)
+    return configured(robot.model, build(BaseParameters, robot.parameters)).settings
 
 
 def _base(drive: Drive) -> Base:

@@ -19,10 +19,14 @@ class Halting(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     brake: Annotated[float, Meta(gt=0, extra={"unit": "m/s2"})]
 
 
-class GraderParameters(Parameters, frozen=True, kw_only=True):
-    """Whom to watch, until when, and where the measurements go."""
+_FIXED = {"live": False}
+"""What has been measured so far would mean something else."""
 
-    robots: Annotated[tuple[str, ...], Meta(description="namespaces of the robots to measure")] = ()
+
+class GraderParameters(Parameters, frozen=True, kw_only=True):
+    """Whom to watch, until when, and where the measurements go. When the run ends is live."""
+
+    robots: Annotated[tuple[str, ...], Meta(description="namespaces of the robots to measure", extra=_FIXED)] = ()
     halting: Annotated[tuple[Halting, ...], Meta(description="how their bases stop, for the theory of stops")] = ()
     ends: Annotated[
         Literal["goals", "duration", "never"],
@@ -31,10 +35,15 @@ class GraderParameters(Parameters, frozen=True, kw_only=True):
     duration: Annotated[
         float, Meta(ge=0, le=1e7, description="longest simulation time; 0 is no limit", extra={"unit": "s"})
     ] = 0.0
-    output: Annotated[str, Meta(description="folder of measurements.json and trajectories.npz")] = "."
+    output: Annotated[str, Meta(description="folder of measurements.json and trajectories.npz", extra=_FIXED)] = "."
     reach_tolerance: Annotated[
         float,
-        Meta(gt=0, le=1, description="true distance at which a point counts as reached", extra={"unit": "m"}),
+        Meta(
+            gt=0,
+            le=1,
+            description="true distance at which a point counts as reached",
+            extra={"unit": "m", "live": False},
+        ),
     ] = 0.05
 
 

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
+
+from messages.parameters import ParameterValues
 from messages.std import SECOND
-from messages.topics import BASE_STATUS, GROUND_TRUTH, HEALTH, ODOM, PLAN, STATUS
-from services.grader import GraderParameters
+from messages.topics import BASE_STATUS, GROUND_TRUTH, HEALTH, ODOM, PLAN, STATUS, UPDATES
+from services.grader import GraderParameters, Halting
 from services.grader.folder import prepare
 from services.grader.measure import Kind, Run
 from services.grader.records import Ended
@@ -32,8 +35,9 @@ def run(ctx: Context[GraderParameters]) -> None:
             if tick.reset:
                 graded = Run(robots, p.reach_tolerance, halting)
             for robot in watched:
-                robot.pass_on(graded)
+                robot.pass_on(graded, tick.time, halting)
             graded.health(health.take())
+            p = ctx.params
             last = round(p.duration * SECOND)
             end = min(tick.time - BEHIND, last) if last else tick.time - BEHIND
             graded.advance(end)
@@ -58,11 +62,26 @@ class Watched:
         self._odometry = ctx.stream(ODOM, f"/{robot}/odom")
         self._truth = ctx.stream(GROUND_TRUTH, f"/{robot}/ground_truth")
         self._base = ctx.stream(BASE_STATUS, f"/{robot}/base_status")
+        self._set = ctx.stream(UPDATES, f"/{robot}/base/parameter_updates")
 
-    def pass_on(self, graded: Run) -> None:
-        """Hand what has come to the measuring."""
+    def pass_on(self, graded: Run, now: int, halting: dict[str, Halting]) -> None:
+        """Hand what has come by ``now`` [ns] to the measuring; ``halting`` follows the parameters of the base."""
+        for values in self._set.take():
+            if (known := halted(self._robot, values)) is not None:
+                halting[self._robot] = known
+                graded.halting(now, self._robot, known)
         graded.take(Kind.PLAN, self._robot, self._plan.take())
         graded.take(Kind.STATUS, self._robot, self._status.take())
         graded.take(Kind.ODOMETRY, self._robot, self._odometry.take())
         graded.take(Kind.TRUTH, self._robot, self._truth.take())
         graded.take(Kind.BASE, self._robot, self._base.take())
+
+
+def halted(robot: str, values: ParameterValues) -> Halting | None:
+    """How a base with these parameters stops; None when they do not tell."""
+    told = {each.name: each.value for each in values.values}
+    try:
+        stated = {"name": robot, "timeout": told.get("cmd_vel_timeout"), "brake": told.get("brake")}
+        return msgspec.convert(stated, Halting)
+    except msgspec.ValidationError:
+        return None

@@ -16,7 +16,8 @@ from services.grader.reference import Point
 from services.grader.robot import RobotMeter
 from services.grader.trajectory import trajectory_hash
 
-Judged = Odometry | Path | GoalStatus | BaseStatus
+Stamped = Odometry | Path | GoalStatus | BaseStatus
+Judged = Stamped | Halting
 
 
 class Kind(IntEnum):
@@ -27,6 +28,7 @@ class Kind(IntEnum):
     ODOMETRY = 2
     TRUTH = 3
     BASE = 4
+    HALTING = 5
 
 
 class Run:
@@ -46,9 +48,13 @@ class Run:
         self._instant = -1
         self._places: dict[str, Point] = {}
 
-    def take(self, kind: Kind, robot: str, messages: Iterable[Judged]) -> None:
+    def take(self, kind: Kind, robot: str, messages: Iterable[Stamped]) -> None:
         """Take messages of one robot, to be judged when ``advance`` passes their stamps."""
         self._waiting += [(message.header.stamp.ns, kind, robot, message) for message in messages]
+
+    def halting(self, stamp: int, robot: str, halting: Halting) -> None:
+        """The base of a robot stops like this from ``stamp`` [ns] on."""
+        self._waiting.append((stamp, Kind.HALTING, robot, halting))
 
     def health(self, beats: Iterable[Health]) -> None:
         """Take heartbeats of any nodes."""
@@ -92,6 +98,8 @@ class Run:
                 meter.tell(message)
             case Kind.BASE, BaseStatus():
                 meter.base(message)
+            case Kind.HALTING, Halting():
+                meter.stops.halting = message
 
     def _space(self, stamp: int, name: str, here: Point) -> None:
         """Distances between the robots that have a sample of one and the same instant."""

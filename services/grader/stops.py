@@ -36,12 +36,15 @@ class Stop:
 
 
 class Stops:
-    """Measures each stop on ground truth. The status of the base tells of it up to 0.2 s late, so samples are kept."""
+    """Measures each stop on ground truth. The status of the base tells of it up to 0.2 s late, so samples are kept.
+
+    ``halting`` is how the base stops at present, as far as it is known.
+    """
 
     def __init__(self, halting: Halting | None = None) -> None:
         self.count = 0
         self.hardest = Stop()
-        self._halting = halting
+        self.halting = halting
         self._samples: deque[Sample] = deque(maxlen=KEPT)
         self._timed_out = 0
         self._since: int | None = None
@@ -80,7 +83,7 @@ class Stops:
         distance = samples[-1].length - begin.length - run_up
         self.count += 1
         if self.hardest.distance is None or distance > self.hardest.distance:
-            base = self._halting
+            base = self.halting
             theory = stopping(begin.speed, base.timeout, base.brake) if base else (None, None)
             self.hardest = Stop(begin.speed, _end(samples) - since / 1e9, distance, *theory)
 

@@ -10,33 +10,55 @@ from messages.base import Metres
 from messages.topics import CMD_VEL, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, ROSOUT, STATUS
 from services.runtime.service import Parameters, Service
 
+_FIXED = {"live": False}
+"""A recording under way keeps its file, its robots and its server."""
+
 
 class LoggerParameters(Parameters, frozen=True, kw_only=True):
-    """What to record, where to, and who may look on."""
+    """What to record, where to, and who may look on. Only ``window`` is live."""
 
-    robots: Annotated[tuple[str, ...], Meta(description="names of the robots, in the order of their colours")] = ()
-    models: Annotated[tuple[str, ...], Meta(description="model of each robot; a single one stands for all of them")] = (
-        "burger",
-    )
-    file: Annotated[str, Meta(description="the recording; empty means run.rrd in the working directory")] = ""
+    robots: Annotated[
+        tuple[str, ...], Meta(description="names of the robots, in the order of their colours", extra=_FIXED)
+    ] = ()
+    models: Annotated[
+        tuple[str, ...], Meta(description="model of each robot; a single one stands for all of them", extra=_FIXED)
+    ] = ("burger",)
+    file: Annotated[
+        str, Meta(description="the recording; empty means run.rrd in the working directory", extra=_FIXED)
+    ] = ""
     footer: Annotated[
         bool,
-        Meta(description="end the file with a table of contents; off saves about 0.2 MiB of memory a minute and robot"),
+        Meta(
+            description="end the file with a table of contents; off saves about 0.2 MiB of memory a minute and robot",
+            extra=_FIXED,
+        ),
     ] = True
-    serve: Annotated[bool, Meta(description="serve the run to viewers on 127.0.0.1 while it lasts")] = True
-    port: Annotated[int, Meta(ge=1024, le=65535, description="port of the live view")] = 9876
+    serve: Annotated[bool, Meta(description="serve the run to viewers on 127.0.0.1 while it lasts", extra=_FIXED)] = (
+        True
+    )
+    port: Annotated[int, Meta(ge=1024, le=65535, description="port of the live view", extra=_FIXED)] = 9876
     memory: Annotated[
-        int, Meta(ge=16, le=65536, description="kept for viewers that come late, oldest dropped", extra={"unit": "MiB"})
+        int,
+        Meta(
+            ge=16,
+            le=65536,
+            description="kept for viewers that come late, oldest dropped",
+            extra={"unit": "MiB", "live": False},
+        ),
     ] = 256
     view: Annotated[
-        Literal["auto", "never", "always"], Meta(description="open a viewer: auto does so where there is a display")
+        Literal["auto", "never", "always"],
+        Meta(description="open a viewer: auto does so where there is a display", extra=_FIXED),
     ] = "auto"
     window: Annotated[float, Meta(ge=0.02, le=10, description="wall time between two batches", extra={"unit": "s"})] = (
         0.25
     )
     extent: Annotated[
         tuple[Metres, Metres, Metres, Metres],
-        Meta(description="ground that the first picture shows: x and y of a corner, then of the opposite one"),
+        Meta(
+            description="ground that the first picture shows: x and y of a corner, then of the opposite one",
+            extra=_FIXED,
+        ),
     ] = (-0.5, -4.5, 5.5, 4.5)
 
 

@@ -45,7 +45,7 @@ def run(ctx: Context[LoggerParameters]) -> None:
                     recording.write_log(lines.take())
                     write(ctx, recording, ears)
                     recording.commit()
-                    due = time.monotonic() + p.window
+                    due = time.monotonic() + ctx.params.window
         finally:
             ctx.kernel.admit()
             lines.refresh()

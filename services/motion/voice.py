@@ -21,8 +21,8 @@ class Voice(Generic[Motion]):
     """
 
     def __init__(self, rate: float, give_way: float, still: Motion) -> None:
-        self._period = 1 / rate if rate else inf
-        self._give_way, self._still = give_way, still
+        self.retune(rate, give_way)
+        self._still = still
         self.state: Literal["driving", "stopping", "silent"] = "silent"
         self.sent = still
         self._wall = self._sim = self._since = 0.0
@@ -49,6 +49,11 @@ class Voice(Generic[Motion]):
             self.state = "silent"
             return None
         return self._send(self._still, wall, sim) if self._due(wall, sim) else None
+
+    def retune(self, rate: float, give_way: float) -> None:
+        """Repeat at another rate [Hz], and hold zero for another time [s]."""
+        self._period = 1 / rate if rate else inf
+        self._give_way = give_way
 
     def restart(self) -> None:
         """Simulation time began anew, and the base has forgotten all commands."""

@@ -1,13 +1,13 @@
-"""What a page asks of other nodes: the request behind each word, called with a deadline."""
+"""What a page asks of other nodes: the request behind each word, with a deadline, while the loop goes on."""
 
 from __future__ import annotations
 
 import uuid
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
-from messages.base import Message
+from messages.base import Message, encode
 from messages.parameters import Assignment, HistoryOf, ResetParameters, SetParameters, UndoParameters
 from messages.requests import (
     PARAMS_HISTORY,
@@ -27,26 +27,69 @@ from messages.requests import (
     Steps,
 )
 from messages.std import Empty
+from services.panel.answers import answer
+from services.panel.page import Page
 from services.panel.words import Ask, Forget, History, Pause, Process, Reset, Resume, Set, Step, Undo
-from services.runtime.calls import call
-from services.runtime.errors import BadInput
+from services.runtime.calls import understand
+from services.runtime.errors import BadInput, CallFailed
 from services.runtime.identity import Identity
-from services.runtime.transport import Transport
+from services.runtime.transport import Pending, Transport
 
 _ORDERS = {"start": SUPERVISOR_START, "stop": SUPERVISOR_STOP, "restart": SUPERVISOR_RESTART}
 
+AT_ONCE = 8
+"""Requests of a page that wait for their answers; more are refused."""
+
+
+class _Asked(NamedTuple):
+    """A question that is under way."""
+
+    page: Page
+    number: int
+    request: Request[Any, Any]
+    key: str
+    pending: Pending
+    deadline: float
+
 
 class Asker:
-    """Calls other nodes, from any thread; the loop that beats waits for none of it."""
+    """Asks other nodes, and gives the answers to the pages that wanted them. Nothing here waits."""
 
-    def __init__(self, transport: Transport, identity: Identity, deadline: float) -> None:
-        self._transport, self._identity, self._deadline = transport, identity, deadline
+    def __init__(self, transport: Transport, identity: Identity) -> None:
+        self._transport, self._identity = transport, identity
+        self._asked: list[_Asked] = []
 
-    def carry_out(self, said: Ask) -> object:
-        """The answer as JSON takes it; raises CallFailed with the reason, after the deadline at the latest."""
+    @property
+    def busy(self) -> bool:
+        """Whether any answer is outstanding."""
+        return bool(self._asked)
+
+    def ask(self, page: Page, said: Ask, deadline: float) -> None:
+        """Ask for a page; the answer, or after ``deadline`` [s] the reason for none, reaches it by ``turn``."""
+        waiting = sum(each.page is page for each in self._asked)
+        if waiting >= AT_ONCE:
+            raise BadInput(f"{waiting} requests wait for their answers already")
         request, message = self._request(said)
         key = self._identity.key(request.name)
-        return msgspec.to_builtins(call(self._transport, request, key, message, self._deadline))
+        pending = self._transport.ask(key, encode(message), deadline)
+        self._asked.append(_Asked(page, said.id, request, key, pending, deadline))
+
+    def turn(self) -> None:
+        """Hand on the answers that have come."""
+        if not self._asked:
+            return
+        waiting = []
+        for each in self._asked:
+            replies = each.pending.take()
+            if replies is None:
+                waiting.append(each)
+                continue
+            try:
+                reply = understand(each.request, each.key, replies, each.deadline)
+                answer(each.page, each.number, True, msgspec.to_builtins(reply))
+            except CallFailed as error:
+                answer(each.page, each.number, False, str(error))
+        self._asked = waiting
 
     def _request(self, said: Ask) -> tuple[Request[Any, Any], Message]:
         who, number = self._identity.node, uuid.uuid4().hex

@@ -55,7 +55,8 @@ class Driver:
     """One seat for each robot that is driven from a page."""
 
     def __init__(self, node: Node, robots: Robots, params: PanelParameters) -> None:
-        self._node, self._robots, self._params = node, robots, params
+        self.params = params
+        self._node, self._robots = node, robots
         self._seats: dict[str, _Seat] = {}
         self._era = 0
 
@@ -66,7 +67,7 @@ class Driver:
 
     def drive(self, page: Page, said: Drive, now: float) -> None:
         """A hand is on the stick; raises BadInput when it may not be."""
-        p = self._params
+        p = self.params
         robot = self._robots.found.get(said.robot)
         if robot is None:
             raise unknown("robot", said.robot, self._robots.found)
@@ -100,7 +101,7 @@ class Driver:
             if name not in self._robots.found:
                 self._leave(name)
                 continue
-            if seat.page is not None and now - seat.heard > self._params.silence:
+            if seat.page is not None and now - seat.heard > self.params.silence:
                 seat.page = None
             motion = seat.wanted if seat.page is not None else None
             said = seat.voice.say(motion, now, sim_ns / 1e9)
@@ -117,7 +118,7 @@ class Driver:
     def _sit(self, robot: Robot) -> _Seat:
         name, record = f"{robot.namespace}/{CMD_VEL.name}", robot.drives
         topic: Topic[Any] = STAMPED if record == TwistStamped.ROS_TYPE else CMD_VEL
-        voice = Voice(RATE, self._params.give_way, STILL)
+        voice = Voice(RATE, self.params.give_way, STILL)
         return _Seat(None, self._node.write(topic, name), record, voice)
 
     def _leave(self, name: str) -> None:

@@ -61,6 +61,7 @@ class Feeds:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._open: dict[tuple[str, str], tuple[Input[Any] | ForeignFeed, int]] = {}
+        self._borrowed: set[tuple[str, str]] = set()
 
     def open(self, name: str, record: str, quality: str = "SENSOR") -> Feed:
         """The feed of an absolute topic with a ROS type; each call wants its own ``close``."""
@@ -79,7 +80,9 @@ class Feeds:
             self._open[name, record] = feed, users - 1
             return
         del self._open[name, record]
-        if isinstance(feed, ForeignFeed):
+        if (name, record) in self._borrowed:
+            self._borrowed.discard((name, record))
+        elif isinstance(feed, ForeignFeed):
             feed.close()
         else:
             self._node.forget(feed)
@@ -92,6 +95,8 @@ class Feeds:
                 feed.admit()
 
     def _known(self, name: str, record: type[Message], quality: Quality) -> Input[Any]:
+        if any(each.name == name and each.topic.record is record for each in self._node.inputs):
+            self._borrowed.add((name, record.ROS_TYPE))  # the node itself reads it, and goes on
         largest = _LARGEST.get(record.ROS_TYPE, LARGEST_FOREIGN)
         return self._node.read(Topic(name, record, 0, quality, "", largest), name)
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from services.panel import PanelParameters
+from services.panel.answers import answer, tell_error
+from services.panel.asks import Asker
 from services.panel.board import Board, Gone
 from services.panel.channel import Channel, as_json
 from services.panel.clock import ClockChannel
@@ -20,8 +22,7 @@ from services.panel.plots import Plots
 from services.panel.robots import Robots
 from services.panel.sets import SetsChannel, ValuesChannel
 from services.panel.sim_time import SimTime
-from services.panel.web import answer, tell_error
-from services.panel.words import Drive, Estop, Goal, Release, Said, Want
+from services.panel.words import Ask, Drive, Estop, Goal, Release, Said, Want
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
 
@@ -34,7 +35,7 @@ class Hub:
 
     def __init__(self, node: Node, board: Board, params: PanelParameters) -> None:
         self.time = SimTime()
-        self._board = board
+        self._board, self._asker = board, Asker(node.transport, node.identity)
         self._feeds, self._network = Feeds(node), Network(node.transport)
         feeds, network = self._feeds, self._network
         self._robots = Robots(feeds, network)
@@ -56,13 +57,12 @@ class Hub:
         self._wants: dict[Page, frozenset[str]] = {}
         self._told: dict[tuple[Page, str], tuple[int, float]] = {}
         self._followed: frozenset[str] = frozenset()
-        self._limits = {"v": params.max_linear, "w": params.max_angular}
         self._due = 0.0
 
     @property
     def period(self) -> float:
         """Wall time to the next turn [s]: short while somebody drives, long when nobody looks."""
-        if self.driver.busy:
+        if self.driver.busy or self._asker.busy:
             return 0.02
         return 0.04 if self._wants else 1.0
 
@@ -79,6 +79,7 @@ class Hub:
                 self._channels[name].turn(now)
         for page, said in self._board.heard():
             self._hear(page, said, now)
+        self._asker.turn()
         self.driver.turn(now, self.time.now, self.time.era)
         self._plots.turn(now)
         self._tell(now)
@@ -100,10 +101,10 @@ class Hub:
                     answer(page, said.id, True, self._goals.send(said, self.time.now))
                 case Estop():
                     answer(page, said.id, True, self._stops.order(said.robot, said.on))
-                case _:
-                    raise BadInput(f"{type(said).__name__} is not for the loop")
+                case Ask():
+                    self._asker.ask(page, said, self.driver.params.deadline)
         except BadInput as error:
-            if isinstance(said, Goal | Estop):
+            if isinstance(said, Ask):
                 answer(page, said.id, False, str(error))
             else:
                 tell_error(page, str(error))
@@ -134,7 +135,8 @@ class Hub:
                 self._tell_one(page, name, now, made)
             if about:
                 counts = {"dropped": page.dropped, "refused": page.refused, "pages": len(self._wants)}
-                page.tell("about", as_json("about", limits=self._limits, **counts))
+                limits = {"v": self.driver.params.max_linear, "w": self.driver.params.max_angular}
+                page.tell("about", as_json("about", limits=limits, **counts))
             page.flush()
 
     def _tell_one(self, page: Page, name: str, now: float, made: dict[tuple[str, int], str | None]) -> None:

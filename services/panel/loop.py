@@ -8,7 +8,6 @@ from pathlib import Path
 
 from services.panel import PanelParameters
 from services.panel.address import Address, token_for, write
-from services.panel.asks import Asker
 from services.panel.board import Board
 from services.panel.guard import Pass
 from services.panel.hub import Hub
@@ -16,6 +15,7 @@ from services.panel.server import Server, listen
 from services.panel.web import application
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
+from services.runtime.graph import ROOT
 
 
 def run(ctx: Context[PanelParameters]) -> None:
@@ -29,17 +29,20 @@ def run(ctx: Context[PanelParameters]) -> None:
     gate = Pass(token := token_for(path), port)
     board = Board(node.transport.nudge, p.pages)
     hub = Hub(node, board, p)
-    app = application(gate, board, Asker(node.transport, node.identity, p.deadline))
-    with Server(app, listening, node.transport.nudge, lambda: hub.period):
+    with Server(application(gate, board), listening, node.transport.nudge, lambda: hub.period):
         if path is not None:
             _tell(path, Address(port=port, token=token, pid=os.getpid()))
         ctx.log.info(f"the page is on http://127.0.0.1:{port}; ./elea panel opens it")
         node.heart.state, node.heart.note = "running", f"http://127.0.0.1:{port}"
         node.heart.hurry()
+        rest = node.transport.subscribe(f"{ROOT}/{node.transport.session}/rest", 16)
         try:
             while True:
-                ctx.idle()
+                node.wait(rest)
+                rest.take()
                 hub.turn(time.monotonic())
+                if ctx.follow(admitted=True):
+                    hub.driver.params = ctx.params
                 ctx.now, node.heart.ticks = hub.time.now, node.heart.ticks + 1
         finally:
             hub.driver.close()

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import msgspec
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import Request
@@ -16,25 +14,22 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from services.panel.asks import Asker
+from services.panel.answers import tell_error
 from services.panel.board import Board
 from services.panel.guard import Guard, Pass
 from services.panel.page import Page
-from services.panel.words import Ask, Estop, Goal, understand
-from services.runtime.errors import BadInput, CallFailed
+from services.panel.words import understand
+from services.runtime.errors import BadInput
 
 STATIC = Path(__file__).with_name("static")
-ASKS_AT_ONCE = 8
-"""Of a page; the others are refused."""
 WORDS_A_SECOND = 200
 """Of a page; a hand on the stick says 20."""
 MOST_REFUSED = 50
 """Senseless words after which a page is closed."""
 
 
-def application(gate: Pass, board: Board, asker: Asker) -> Starlette:
+def application(gate: Pass, board: Board) -> Starlette:
     """The routes behind the guard."""
-    pool = ThreadPoolExecutor(4, "ask")
 
     async def home(request: Request) -> Response:
         if gate.by_query(request.scope):
@@ -52,7 +47,7 @@ def application(gate: Pass, board: Board, asker: Asker) -> Starlette:
         return PlainTextResponse("known" if known else "unknown", 200 if known else 401)
 
     async def socket(ws: WebSocket) -> None:
-        await converse(ws, board, asker, pool)
+        await converse(ws, board)
 
     return Starlette(
         routes=[
@@ -65,7 +60,7 @@ def application(gate: Pass, board: Board, asker: Asker) -> Starlette:
     )
 
 
-async def converse(ws: WebSocket, board: Board, asker: Asker, pool: ThreadPoolExecutor) -> None:
+async def converse(ws: WebSocket, board: Board) -> None:
     """Serve one page until it goes."""
     loop, roused = asyncio.get_running_loop(), asyncio.Event()
     page = board.join(_waker(loop, roused))
@@ -74,7 +69,6 @@ async def converse(ws: WebSocket, board: Board, asker: Asker, pool: ThreadPoolEx
         await ws.close(1013, "too many pages are open")
         return
     sender = asyncio.create_task(_send(ws, page, roused))
-    asks: set[asyncio.Task[None]] = set()
     pace = Pace()
     try:
         while True:
@@ -88,14 +82,7 @@ async def converse(ws: WebSocket, board: Board, asker: Asker, pool: ThreadPoolEx
                 if not pace.allows(loop.time()):
                     raise BadInput(f"more than {WORDS_A_SECOND} messages a second")
                 said = understand(text)
-                if isinstance(said, Ask) and not isinstance(said, Goal | Estop):
-                    if len(asks) >= ASKS_AT_ONCE:
-                        answer(page, said.id, False, f"{len(asks)} requests wait for their answers already")
-                        continue
-                    task = loop.create_task(_ask(page, said, asker, pool))
-                    asks.add(task)
-                    task.add_done_callback(asks.discard)
-                elif not board.say(page, said):
+                if not board.say(page, said):
                     raise BadInput("too much is said at once")
             except BadInput as error:
                 board.refuse(page)
@@ -124,18 +111,6 @@ class Pace:
         return self._count <= WORDS_A_SECOND
 
 
-def answer(page: Page, number: int, ok: bool, text: object) -> None:
-    """Answer what a page has asked."""
-    page.stream(msgspec.json.encode({"k": "reply", "id": number, "ok": ok, "is": text}).decode())
-    page.flush()
-
-
-def tell_error(page: Page, reason: str) -> None:
-    """Tell a page what was wrong with what it said."""
-    page.stream(msgspec.json.encode({"k": "error", "reason": reason[:500]}).decode())
-    page.flush()
-
-
 def _waker(loop: asyncio.AbstractEventLoop, roused: asyncio.Event) -> Callable[[], None]:
     def wake() -> None:
         if not loop.is_closed():
@@ -154,13 +129,3 @@ async def _send(ws: WebSocket, page: Page, roused: asyncio.Event) -> None:
                 await (ws.send_text(parcel) if isinstance(parcel, str) else ws.send_bytes(parcel))
     except (WebSocketDisconnect, RuntimeError, OSError):
         return  # the reader hears of it too
-
-
-async def _ask(page: Page, said: Ask, asker: Asker, pool: ThreadPoolExecutor) -> None:
-    """Carry out a request in a thread of its own; its answer, or the reason why there is none."""
-    loop = asyncio.get_running_loop()
-    try:
-        result = await loop.run_in_executor(pool, asker.carry_out, said)
-        answer(page, said.id, True, result)
-    except (CallFailed, BadInput) as error:
-        answer(page, said.id, False, str(error))

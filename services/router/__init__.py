@@ -10,8 +10,10 @@ from services.runtime.service import Parameters, Service
 class RouterParameters(Parameters, frozen=True, kw_only=True):
     """Where the router listens and which other routers it joins."""
 
-    listen: Annotated[str, Meta(description="endpoint to listen on")] = "tcp/127.0.0.1:7447"
-    link: Annotated[tuple[str, ...], Meta(description="endpoints of routers on other machines")] = ()
+    listen: Annotated[str, Meta(description="endpoint to listen on", extra={"live": False})] = "tcp/127.0.0.1:7447"
+    link: Annotated[
+        tuple[str, ...], Meta(description="endpoints of routers on other machines", extra={"live": False})
+    ] = ()
 
 
 SERVICE = Service(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Generic, TypeVar
 
 from messages.base import Message, WrongPayload, decoder, encode
 from messages.requests import Refusal, Request
 from services.runtime.errors import CallFailed, EleaError
-from services.runtime.transport import Transport
+from services.runtime.transport import Reply, Transport
 
 Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)
@@ -22,8 +22,12 @@ _read_refusal = decoder(Refusal)
 
 def call(transport: Transport, request: Request[Q, R], key: str, message: Q, timeout: float = DEADLINE_S) -> R:
     """Ask and wait; raises CallFailed when nobody serves, nobody answers in time, or the answer is a refusal."""
+    return understand(request, key, transport.query(key, encode(message), timeout), timeout)
+
+
+def understand(request: Request[Q, R], key: str, replies: Sequence[Reply], timeout: float) -> R:
+    """The answer in ``replies``; raises CallFailed as ``call`` does."""
     name = f"/{key}"
-    replies = transport.query(key, encode(message), timeout)
     if not replies:
         raise CallFailed(f"nobody serves {name}: is the process that does running?")
     for reply in replies:

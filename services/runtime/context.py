@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from typing import Any, Generic, NamedTuple, TypeVar
 
@@ -10,11 +11,13 @@ from messages.requests import Request
 from messages.topics import Topic
 from services.runtime.calls import DEADLINE_S
 from services.runtime.errors import BadInput
+from services.runtime.followed import Followed
 from services.runtime.graph import ROOT
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.outputs import Output
 from services.runtime.pacing import ClockPacer, Instant, LockstepPacer, Pacer
+from services.runtime.parameters import ALL
 from services.runtime.service import Parameters, period_of
 from services.runtime.transport import Inlet
 from services.runtime.views import Latest, Stream
@@ -23,6 +26,9 @@ M = TypeVar("M", bound=Message)
 Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)
 P = TypeVar("P", bound=Parameters)
+
+LOOK_S = 0.1
+"""Wall time between two looks at the parameters where no tick asks for one."""
 
 
 class Tick(NamedTuple):
@@ -41,16 +47,33 @@ class Context(Generic[P]):
     """Handed to ``run``. All of it belongs to the loop's own thread."""
 
     def __init__(
-        self, node: Node, params: P, rate: float | None, lockstep: bool = False, observer: bool = False
+        self,
+        node: Node,
+        params: P,
+        rate: float | None,
+        lockstep: bool = False,
+        observer: bool = False,
+        followed: Followed[P] | None = None,
     ) -> None:
-        self.params = params
+        self.params_changed = ALL
         self.now = 0
+        self._params, self._followed = params, followed
+        self._looked = 0.0
         self._node = node
         self._rate, self._lockstep, self._observer = rate, lockstep, observer
         self._views: list[Latest[Any] | Stream[Any]] = []
         self._writing: dict[str, Output[Any]] = {}
         self._resting: Inlet | None = None
         node.log.now = lambda: self.now
+
+    @property
+    def params(self) -> P:
+        """The parameters as they stood at the start of the tick; a loop reads them anew at each.
+
+        ``params_changed`` is the union of the levels of those that changed with this tick, 0 when none did, and all
+        ones at the first.
+        """
+        return self._params
 
     @property
     def node(self) -> str:
@@ -113,6 +136,8 @@ class Context(Generic[P]):
             raise BadInput("a service without a rate has no ticks")
         period = period_of(self._rate, self._lockstep)
         pacer: Pacer = (LockstepPacer if self._lockstep else ClockPacer)(self._node, period)
+        if self._node.following is not None:
+            self._node.following.marks = pacer.marks
         pacer.start()
         try:
             yield from self._follow(pacer)
@@ -120,13 +145,17 @@ class Context(Generic[P]):
             pacer.leave()
 
     def messages(self, topic: Topic[M], name: str | None = None) -> Iterator[M]:
-        """Every message of a topic as it arrives, for services that answer to messages instead of time."""
+        """Every message of a topic as it arrives, for services that answer to messages instead of time.
+
+        ``params`` is followed between two messages, ten times a second.
+        """
         source = self._node.read(topic, name)
         self._node.heart.state = "running"
         while True:
             if (message := source.next()) is not None:
                 yield message
             else:
+                self._look()
                 self._node.wait(source.inlet)
 
     def idle(self) -> None:
@@ -134,8 +163,32 @@ class Context(Generic[P]):
         if self._resting is None:
             key = f"{ROOT}/{self._node.transport.session}/rest"
             self._resting = self._node.transport.subscribe(key, 16)
+        self._look()
         self._node.wait(self._resting)
         self._resting.take()
+
+    def follow(self, admitted: bool = False) -> int:
+        """For loops without ticks: let ``params`` be what the parameter service says by now.
+
+        Returns ``params_changed``. ``admitted`` tells that a snapshot of all inputs has just been taken.
+        """
+        followed = self._followed
+        if followed is None:
+            return 0
+        if not admitted:
+            followed.admit()
+        self.params_changed = followed.refresh()
+        self._params = followed.params
+        return self.params_changed
+
+    def _look(self) -> None:
+        """Follow the parameters now and then; in lockstep that is for the ticks alone."""
+        if self._followed is None or self._lockstep:
+            return
+        now = time.monotonic()
+        if now - self._looked >= LOOK_S:
+            self._looked = now
+            self.follow()
 
     def _follow(self, pacer: Pacer) -> Iterator[Tick]:
         last: Instant | None = None
@@ -147,8 +200,11 @@ class Context(Generic[P]):
                 continue
             reset = last is not None and (instant.epoch, instant.simulation) != (last.epoch, last.simulation)
             dt = 0.0 if reset or last is None else (instant.time - last.time) / 1e9
+            first = last is None
             self.now, last = instant.time, instant
             self._snapshot(pacer, reset)
+            if first:
+                self.params_changed = ALL
             self._node.heart.ticks += 1
             if self._observer:
                 pacer.finish()
@@ -158,6 +214,8 @@ class Context(Generic[P]):
 
     def _snapshot(self, pacer: Pacer, reset: bool) -> None:
         self._node.admit(pacer.marks)
+        self.params_changed = 0
+        self.follow(admitted=True)
         for view in self._views:
             if reset and not view.latched:
                 view.clear()

@@ -10,7 +10,7 @@ import click
 import msgspec
 
 from services.runtime.errors import BadInput, EleaError, Stopped
-from services.runtime.parameters import build, describe, read_assignments
+from services.runtime.parameters import bounds, build, describe, read_assignments, stated
 from services.runtime.service import Parameters, Service
 
 
@@ -59,7 +59,7 @@ def _run(service: Service, options: dict[str, Any]) -> int:
 def _command(service: Service) -> click.Command:
     """The click command; its callback returns the options, checked as far as they can be without the network."""
 
-    def check(param: tuple[str, ...], **options: Any) -> dict[str, Any] | None:
+    def check(param: tuple[str, ...], fleet_param: tuple[str, ...], **options: Any) -> dict[str, Any] | None:
         from messages.names import BadName, parse_remap
         from services.runtime.identity import Identity
 
@@ -68,7 +68,10 @@ def _command(service: Service) -> click.Command:
             options["identity"] = Identity.of(options.pop("name") or service.name, options.pop("namespace"), rules)
         except BadName as error:
             raise BadInput(str(error)) from None
-        options["params"] = build(service.parameters, read_assignments(param), "--param")
+        options["fleet"] = read_assignments(fleet_param, "--fleet-param")
+        options["command_line"] = read_assignments(param)
+        build(service.parameters, options["fleet"], "--fleet-param")
+        options["params"] = build(service.parameters, {**options["fleet"], **options["command_line"]}, "--param")
         if options.pop("print_config"):
             _print_config(service, options)
             return None
@@ -85,6 +88,7 @@ def _command(service: Service) -> click.Command:
             option(["--name"], default="", help=f"Name of the node; {service.name} by default."),
             option(["--remap"], multiple=True, metavar="FROM:=TO", help="Use another name; may be repeated."),
             option(["--param"], multiple=True, metavar="K=V", help="Set a parameter; may be repeated."),
+            option(["--fleet-param"], multiple=True, metavar="K=V", help="The same, as a fleet file states it."),
             option(["--connect"], multiple=True, metavar="ENDPOINT", help="Router to join; tcp/127.0.0.1:7447."),
             option(["--domain"], default="", help="Isolates fleets of one network from each other."),
             option(["--topology"], type=click.Choice(["direct", "star"]), default="direct", help="Peers, or clients."),
@@ -104,10 +108,14 @@ def _epilog(record: type[Parameters]) -> str:
     """The parameters, one paragraph each."""
     lines = []
     for each in describe(record):
-        facts = ", ".join(part for part in (f"{each.default!r} by default", each.bounds, each.unit) if part)
+        facts = ", ".join(part for part in (f"{each.default!r} by default", bounds(each), each.unit) if part)
         lines.append(f"  {each.name} ({facts}): {each.text}")
     return "\b\nParameters:\n" + "\n".join(lines) if lines else ""
 
 
 def _print_config(service: Service, options: dict[str, Any]) -> None:
-    click.echo(json.dumps({"service": service.name, **msgspec.to_builtins(options)}, indent=2))
+    """What would run; ``origins`` tells where each parameter comes from that is not the default."""
+    shown = dict(options)
+    fleet, command_line = (stated(service.parameters, shown.pop(each)) for each in ("fleet", "command_line"))
+    shown["origins"] = dict.fromkeys(fleet, "fleet") | dict.fromkeys(command_line, "command line")
+    click.echo(json.dumps({"service": service.name, **msgspec.to_builtins(shown)}, indent=2))

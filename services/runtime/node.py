@@ -13,6 +13,7 @@ from messages.rosgraph import Log as LogLine
 from messages.topics import HEALTH, ROSOUT, Topic
 from services.runtime.calls import DEADLINE_S, Served, call
 from services.runtime.errors import BadInput, Stopped
+from services.runtime.following import Following
 from services.runtime.graph import Entity, Kind, pattern
 from services.runtime.health import Heart
 from services.runtime.identity import Identity
@@ -41,6 +42,7 @@ class Node:
         self.inputs: list[Input[Any]] = []
         self.outputs: list[Output[Any]] = []
         self.served: list[Served[Any, Any]] = []
+        self.following: Following | None = None
         self.stopping = False
         self._tokens: dict[tuple[Kind, str], Token] = {}
 
@@ -114,6 +116,8 @@ class Node:
             raise Stopped("the process was asked to end")
         for served in self.served:
             served.answer()
+        if self.following is not None:
+            self.following.turn()
         self.heart.beat(self._health, self.inputs, self.outputs)
 
     def wait(self, inlet: Inlet) -> None:

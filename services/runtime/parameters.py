@@ -6,56 +6,61 @@ import json
 import math
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar
 
 import msgspec
+from msgspec import Meta
 
+from messages.parameters import ParameterDescription
 from services.runtime.errors import BadInput, unknown
+from services.runtime.leaves import LARGEST, all_metas, flatten, leaves, type_name
 from services.runtime.service import Parameters
 
 P = TypeVar("P", bound=Parameters)
 
 
-class Description(NamedTuple):
-    """One parameter as it is shown: type, default, bounds, unit and text."""
-
-    name: str
-    type: str
-    default: Any
-    low: float | None
-    high: float | None
-    unit: str
-    text: str
-
-    @property
-    def bounds(self) -> str:
-        """``0 to 5``, ``at least 0``, or nothing."""
-        match self.low, self.high:
-            case None, None:
-                return ""
-            case low, None:
-                return f"at least {low:g}"
-            case None, high:
-                return f"at most {high:g}"
-            case low, high:
-                return f"{low:g} to {high:g}"
+ALL = 2**32 - 1
+"""Every level: what listeners get at first."""
 
 
-def describe(record: type[Parameters]) -> Iterator[Description]:
-    """Every parameter of a service, in the order of declaration."""
-    hints = get_type_hints(record, include_extras=True)
-    for each in msgspec.structs.fields(record):
-        hint = hints[each.name]
-        base, *notes = get_args(hint) if get_origin(hint) is Annotated else (hint,)
-        low = high = None
-        unit = text = ""
-        for note in notes:
-            low = note.ge if note.ge is not None else note.gt if note.gt is not None else low
-            high = note.le if note.le is not None else note.lt if note.lt is not None else high
-            unit = (note.extra or {}).get("unit", unit)
-            text = note.description or text
-        name = getattr(base, "__name__", str(base)) if not get_args(base) else str(base)
-        yield Description(each.name, name.replace("typing.", ""), each.default, low, high, unit, text)
+def describe(record: type[Parameters], defaults: Parameters | None = None) -> Iterator[ParameterDescription]:
+    """Every parameter of a service, in the order of declaration, with the defaults of its record or those given.
+
+    The annotations say more by ``Meta(extra=...)``: ``unit``; ``live``, false for what a running service does not
+    follow; ``level``, the bit that listeners get when it changes, 1 unless told. Tables in it have dotted names. Bounds
+    of a list are those of its elements. A list of tables is a JSON text that is never live.
+    """
+    given = flatten(defaults) if defaults is not None else {}
+    for leaf in leaves(record):
+        kind, choices = type_name(leaf)
+        metas = () if leaf.structured else all_metas(leaf)
+        low, above = _bound(metas, "ge", "gt")
+        high, below = _bound(metas, "le", "lt")
+        yield ParameterDescription(
+            name=leaf.name,
+            type=kind,
+            default=given.get(leaf.name, leaf.default),
+            low=low,
+            high=high,
+            above=above,
+            below=below,
+            choices=choices,
+            optional=leaf.optional,
+            unit=next((meta.extra["unit"] for meta in reversed(metas) if meta.extra and meta.extra.get("unit")), ""),
+            text=next((meta.description for meta in reversed(leaf.metas) if meta.description), ""),
+            live=bool(leaf.extra("live", True)) and not leaf.structured,
+            level=leaf.extra("level", 1),
+        )
+
+
+def bounds(described: ParameterDescription) -> str:
+    """``0 to 5``, ``at least 0``, ``above 0``, or nothing."""
+    low, high = described.low, described.high
+    least = "" if low is None else f"above {low:g}" if described.above else f"at least {low:g}"
+    most = "" if high is None else f"below {high:g}" if described.below else f"at most {high:g}"
+    if low is not None and high is not None and not (described.above or described.below):
+        return f"{low:g} to {high:g}"
+    return ", ".join(part for part in (least, most) if part)
 
 
 def read_value(text: str) -> Any:
@@ -70,13 +75,13 @@ def read_value(text: str) -> Any:
         return text
 
 
-def read_assignments(pairs: Iterable[str]) -> dict[str, Any]:
+def read_assignments(pairs: Iterable[str], option: str = "--param") -> dict[str, Any]:
     """``name=value`` texts as a table; raises BadInput."""
     table: dict[str, Any] = {}
     for pair in pairs:
         name, equals, value = pair.partition("=")
         if not equals or not name:
-            raise BadInput(f"--param {pair!r}: write it as name=value")
+            raise BadInput(f"{option} {pair!r}: write it as name=value")
         table[name] = read_value(value)
     return table
 
@@ -97,6 +102,49 @@ def build(record: type[P], values: Mapping[str, Any], where: str = "") -> P:
         name = text.partition("`$.")[2].partition("`")[0].partition("[")[0]
         shown = f" {name} = {values[name]!r}" if name in values else ""
         raise BadInput(f"{prefix}parameter{shown}: {text}") from None
+
+
+def check_value(record: type[Parameters], name: str, value: Any, where: str = "") -> None:
+    """Raise BadInput unless the parameter ``name``, dotted in a table, can become ``value`` while its service runs."""
+    prefix = f"{where}: " if where else ""
+    known = {leaf.name: leaf for leaf in leaves(record)}
+    if name not in known:
+        raise unknown("parameter", name, known, where)
+    leaf = known[name]
+    if leaf.structured or not leaf.extra("live", True):
+        raise BadInput(
+            f"{prefix}parameter {name} does not change while its service runs: state it as a parameter of it"
+        )
+    if not _finite(value):
+        raise BadInput(f"{prefix}parameter {name} = {value!r}: a number that is not finite")
+    try:
+        msgspec.convert(value, leaf.hint | None if leaf.optional else leaf.hint)
+    except msgspec.ValidationError as error:
+        raise BadInput(f"{prefix}parameter {name} = {value!r}: {error}") from None
+
+
+def stated(record: type[Parameters], values: Mapping[str, Any]) -> dict[str, Any]:
+    """The single values that a table states, by dotted names, checked and typed as in the record; raises BadInput."""
+    made = flatten(build(record, values))
+    return {name: value for name, value in made.items() if _states(values, name.split("."))}
+
+
+def _states(table: Any, path: list[str]) -> bool:
+    for step in path:
+        if not isinstance(table, Mapping) or step not in table:
+            return False
+        table = table[step]
+    return True
+
+
+def _bound(metas: Iterable[Meta], inclusive: str, exclusive: str) -> tuple[float | None, bool]:
+    """The bound that the innermost annotation states, and whether it lies outside; none beyond the wire's own."""
+    for meta in metas:
+        for name in (inclusive, exclusive):
+            value = getattr(meta, name)
+            if value is not None:
+                return (float(value), name == exclusive) if abs(value) < LARGEST else (None, False)
+    return None, False
 
 
 def _finite(value: Any) -> bool:

@@ -21,6 +21,8 @@ class Parameters(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """The parameters of a service: a flat record of bool, int, float, str or tuples of them.
 
     Types carry bounds, unit and text: ``Annotated[float, Meta(ge=0, le=5, description=..., extra={"unit": "m"})]``.
+    ``extra`` also marks with ``"live": False`` what a running service does not follow, and gives with ``"level": 2``
+    the bit of ``Context.params_changed`` that tells of a change.
     """
 
 
@@ -45,7 +47,8 @@ class Service:
     ``rate`` [Hz] of simulation time paces ``Context.ticks``; None for services that pace themselves.
     ``holds_lockstep`` tells whether the simulation may wait for it in lockstep. An ``observer`` only looks on: lockstep
     goes on as soon as it has its snapshot, and waits at its next tick if it is still busy with the last one.
-    ``routes`` is the router's mark.
+    ``routes`` is the router's mark. ``parameter_set`` names the set of parameters that it follows, relative to its
+    namespace or absolute; the node's own name when empty. Several services may follow one set.
     """
 
     name: str
@@ -56,6 +59,7 @@ class Service:
     serves: tuple[Request[Any, Any], ...] = ()
     rate: float | None = None
     parameters: type[Parameters] = field(default=Parameters)
+    parameter_set: str = ""
     holds_lockstep: bool = True
     observer: bool = False
     routes: bool = False

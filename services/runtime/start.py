@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
+from messages.requests import PARAMS_ANNOUNCE
 from services.runtime.context import Context
+from services.runtime.followed import Followed
 from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
+from services.runtime.parameters import stated
 from services.runtime.process import CLOSE_S, end_within, give_way, on_stop
 from services.runtime.service import Service
 from services.runtime.zenoh_config import DEFAULT_ROUTER, Role, configuration
@@ -29,13 +32,32 @@ def serve(service: Service, options: dict[str, Any]) -> None:
             transport.nudge()
 
         on_stop(stop)
-        context = Context(node, options["params"], service.rate, options["lockstep"], service.observer)
+        followed = _followed(service, node, options)
+        params = followed.params if followed is not None else options["params"]
+        context = Context(node, params, service.rate, options["lockstep"], service.observer, followed)
         for topic in service.writes:
             context.writer(topic)
         try:
             run(context)
         finally:
             end_within(CLOSE_S + 10.0, 1)
+
+
+def _followed(service: Service, node: Node, options: dict[str, Any]) -> Followed[Any] | None:
+    """The service's set, as the parameter service has it; None without parameters, and for that service itself."""
+    if PARAMS_ANNOUNCE in service.serves or not options["params"].__struct_fields__:
+        return None
+    name = node.identity.resolve(service.parameter_set or node.identity.node)
+    followed: Followed[Any] = Followed(
+        node,
+        name,
+        options["params"],
+        fleet=stated(service.parameters, options["fleet"]),
+        command_line=stated(service.parameters, options["command_line"]),
+        quiet=service.routes,
+    )
+    followed.begin()
+    return followed
 
 
 def _configuration(service: Service, options: dict[str, Any]) -> dict[str, Any]:

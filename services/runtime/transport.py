@@ -95,6 +95,14 @@ class Reply(NamedTuple):
     payload: bytes
 
 
+class Pending(Protocol):
+    """A question that waits for its answers."""
+
+    def take(self) -> Sequence[Reply] | None:
+        """All replies once they are there or the time is up; None before. Empty when nobody was there to ask."""
+        ...
+
+
 class Token(Protocol):
     """A liveliness token; it goes when it is closed or its process dies."""
 
@@ -139,6 +147,10 @@ class Transport(Protocol):
 
     def query(self, key: str, payload: bytes, timeout: float) -> Sequence[Reply]:
         """Ask all who serve ``key`` and wait at most ``timeout`` [s]; nobody there is an empty list."""
+        ...
+
+    def ask(self, key: str, payload: bytes, timeout: float) -> Pending:
+        """As ``query``, without waiting: the caller looks for the replies again and again."""
         ...
 
     def token(self, key: str) -> Token:

@@ -8,7 +8,7 @@ from typing import Any
 import zenoh
 from zenoh.handlers import Callback
 
-from services.runtime.transport import Sample, TokenEvent
+from services.runtime.transport import Reply, Sample, TokenEvent
 
 NUDGE = zenoh.Encoding("elea/nudge")
 """Marks a sample that only wakes the loop."""
@@ -112,6 +112,29 @@ class ZenohWatch(Mailbox):
                 (self._alive.add if alive else self._alive.discard)(key)
                 return TokenEvent(key, alive)
         return None
+
+
+class ZenohPending:
+    """A question under way; Zenoh closes its channel after the last answer, or when the time is up."""
+
+    def __init__(self, replies: Any) -> None:
+        self._replies = replies
+        self._answers: list[Reply] = []
+
+    def take(self) -> list[Reply] | None:
+        try:
+            while (reply := self._replies.try_recv()) is not None:
+                self._answers += answers(reply)
+        except zenoh.ZError:
+            return self._answers
+        return None
+
+
+def answers(reply: Any) -> list[Reply]:
+    """A reply of Zenoh as ours; none when it is neither result nor error."""
+    if reply.ok is not None:
+        return [Reply(True, reply.ok.payload.to_bytes())]
+    return [Reply(False, reply.err.payload.to_bytes())] if reply.err is not None else []
 
 
 class ZenohToken:

@@ -20,9 +20,11 @@ from services.runtime.zenoh_ends import (
     Mailbox,
     ZenohInlet,
     ZenohOutlet,
+    ZenohPending,
     ZenohServer,
     ZenohToken,
     ZenohWatch,
+    answers,
 )
 
 # One thread receives (by default one wakes another for each message), another sends while that one waits for room. A
@@ -92,13 +94,10 @@ class ZenohTransport:
         return server
 
     def query(self, key: str, payload: bytes, timeout: float) -> Sequence[Reply]:
-        answers = []
-        for reply in self._zenoh.get(key, payload=payload, timeout=timeout):
-            if reply.ok is not None:
-                answers.append(Reply(True, reply.ok.payload.to_bytes()))
-            elif reply.err is not None:
-                answers.append(Reply(False, reply.err.payload.to_bytes()))
-        return answers
+        return [each for reply in self._zenoh.get(key, payload=payload, timeout=timeout) for each in answers(reply)]
+
+    def ask(self, key: str, payload: bytes, timeout: float) -> ZenohPending:
+        return ZenohPending(self._zenoh.get(key, payload=payload, timeout=timeout))
 
     def token(self, key: str) -> ZenohToken:
         return ZenohToken(self._zenoh.liveliness().declare_token(key))

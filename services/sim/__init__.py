@@ -26,6 +26,9 @@ from services.sim.base_parameters import BaseParameters as BaseParameters
 Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
 
 
+_FIXED = {"live": False}
+
+
 class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A robot that is there from the start."""
 
@@ -39,11 +42,11 @@ class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class SimParameters(Parameters, frozen=True, kw_only=True):
-    """The world, its robots and how time runs."""
+    """The world, its robots and how time runs; ``factor`` alone is live."""
 
-    world: Annotated[str, Meta(description="world of models/worlds")] = "empty"
+    world: Annotated[str, Meta(description="world of models/worlds", extra=_FIXED)] = "empty"
     robots: Annotated[tuple[RobotEntry, ...], Meta(description="robots that are there from the start")] = ()
-    mode: Annotated[Literal["lockstep", "real", "free"], Meta(description="how time runs")] = "real"
+    mode: Annotated[Literal["lockstep", "real", "free"], Meta(description="how time runs", extra=_FIXED)] = "real"
     factor: Annotated[float, Meta(gt=0, le=1000, description="simulated per wall-clock second, in real time")] = 1.0
     latency: Annotated[
         int,
@@ -51,11 +54,13 @@ class SimParameters(Parameters, frozen=True, kw_only=True):
             ge=0,
             le=1,
             description="ticks of its sender that a command takes in lockstep; 1 overlaps control and physics",
+            extra=_FIXED,
         ),
     ] = 0
-    seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="seed of the sensors' noise")] = 0
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="seed of the sensors' noise", extra=_FIXED)] = 0
     members: Annotated[
-        tuple[str, ...], Meta(description="nodes that lockstep waits for at each tick, the free mode at the start")
+        tuple[str, ...],
+        Meta(description="nodes that lockstep waits for at each tick, the free mode at the start", extra=_FIXED),
     ] = ()
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import NamedTuple
 
@@ -28,11 +28,12 @@ BRAKE = Decision(0.0, 0.0, True, None)
 
 @dataclass(frozen=True)
 class _Command:
-    """The last good command of a source; it is dead after ``until`` [ns]; ``turn`` grows from command to command."""
+    """The last good command of a source, made at ``made`` and dead after ``until`` [ns]; ``turn`` grows with each."""
 
     priority: int
     v: float
     w: float
+    made: int
     until: float
     turn: int
 
@@ -51,8 +52,7 @@ class Arbiter:
     """
 
     def __init__(self, timeout: float = 0.25, exclusive: bool = False) -> None:
-        self._exclusive = exclusive
-        self._timeout = round(timeout * SECOND) if timeout > 0 else inf
+        self._exclusive, self._timeout = exclusive, _limit(timeout)
         self._heard: dict[bytes, _Command] = {}
         self._decision, self._until = BRAKE, inf
         self.e_stopped = False
@@ -77,7 +77,7 @@ class Arbiter:
             return False
         v, w = v if abs(v) >= STANDSTILL else 0.0, w if abs(w) >= STANDSTILL else 0.0
         if not self.e_stopped:
-            self._heard[source] = _Command(priority, v, w, made + self._timeout, self.commands + self.refused)
+            self._heard[source] = _Command(priority, v, w, made, made + self._timeout, self.commands + self.refused)
             self._choose(now_ns)
             if self.contested:
                 self.refused += 1
@@ -90,6 +90,14 @@ class Arbiter:
         """The publisher ``source`` is gone: its command counts no more, whatever its age."""
         if self._heard.pop(source, None) is not None:
             self._choose(now_ns)
+
+    def retune(self, timeout: float, exclusive: bool, now_ns: int) -> None:
+        """Judge by another time-out [s] and rule from now on, the commands that have come, too."""
+        if (exclusive, _limit(timeout)) == (self._exclusive, self._timeout):
+            return
+        self._exclusive, self._timeout = exclusive, _limit(timeout)
+        self._heard = {source: replace(each, until=each.made + self._timeout) for source, each in self._heard.items()}
+        self._choose(now_ns)
 
     def e_stop(self, on: bool) -> None:
         """Stop at once and stay so until ``e_stop(False)``; then only commands that arrive later are obeyed."""
@@ -125,3 +133,8 @@ class Arbiter:
         source, best = max(self._heard.items(), key=lambda item: (item[1].priority, item[1].turn))
         self._decision, self._until = Decision(best.v, best.w, False, source), best.until
         self.timed_out = False
+
+
+def _limit(timeout: float) -> float:
+    """A time-out [s] in ns; 0 is none."""
+    return round(timeout * SECOND) if timeout > 0 else inf

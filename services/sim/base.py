@@ -14,9 +14,8 @@ from services.runtime.wire import MEMBER_BYTES, Origin
 from services.sim.arbiter import BRAKE, Arbiter
 from services.sim.commanders import FOREIGN, Ages, Commanders
 from services.sim.diffdrive.driver import AT_REST, advance, commanded, wheel_speeds
-from services.sim.diffdrive.live import Live
 from services.sim.diffdrive.pid import FRESH, torque
-from services.sim.settings import Settings, scaled
+from services.sim.settings import Settings
 
 STEP_S = STEP_NS / 1e9
 
@@ -25,7 +24,7 @@ Batch = list[tuple[Message, Origin | None]]
 
 
 class Base:
-    """Two driven wheels that obey one commander at a time; ``drive`` and ``live`` are replaced, never changed."""
+    """Two driven wheels that obey one commander at a time; settings are replaced as a whole, never changed."""
 
     def __init__(self, settings: Settings, commanders: Commanders, ages: Ages, log: Log) -> None:
         self.settings, self.drive, self.live = settings, settings.drive, settings.live
@@ -105,9 +104,10 @@ class Base:
         self._memories = left, right
         return one, other
 
-    def change(self, live: Live) -> None:
-        """Replace the live parameters from the next step on."""
-        self.live, self.drive = live, scaled(self.drive, self.settings.geometry, live)
+    def retune(self, settings: Settings, now: int) -> None:
+        """Replace all settings from the step that begins at ``now`` [ns] on."""
+        self.settings, self.drive, self.live = settings, settings.drive, settings.live
+        self.arbiter.retune(settings.timeout, settings.exclusive, now)
         self._steady, self._anew = False, True
 
     @property

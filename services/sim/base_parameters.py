@@ -12,6 +12,10 @@ FASTEST_RATE = 50.0
 """Hz; odometry goes out with the control ticks, at most with each."""
 
 
+_FIXED = {"live": False}
+"""What a robot is built of in the world and on the network when it is spawned."""
+
+
 def _speed(text: str) -> Meta:
     return Meta(ge=-1000, le=1000, description=text, extra={"unit": "m/s or rad/s"})
 
@@ -25,7 +29,7 @@ def _share(text: str) -> Meta:
 
 
 def _length(text: str) -> Meta:
-    return Meta(ge=0.001, le=10, description=text, extra={"unit": "m"})
+    return Meta(ge=0.001, le=10, description=text, extra={"unit": "m", "live": False})
 
 
 def _gain(text: str) -> Meta:
@@ -33,7 +37,7 @@ def _gain(text: str) -> Meta:
 
 
 Diagonal = Annotated[
-    tuple[Annotated[float, Meta(ge=0, le=1e15)], ...],
+    tuple[Annotated[float, Meta(ge=0, le=1e12)], ...],
     Meta(min_length=6, max_length=6, description="variances of x, y, z, roll, pitch, yaw"),
 ]
 
@@ -69,7 +73,11 @@ class PidParameters(Parameters, frozen=True, kw_only=True):
 
 
 class BaseParameters(Parameters, frozen=True, kw_only=True):
-    """How one robot's base and sensors behave. None: as the model's ``[drive]`` says, else as written there."""
+    """How one robot's base and sensors behave. None: as the model's ``[drive]`` says, else as written there.
+
+    The set of a robot ``a`` is ``/a/base``. All are live but what a robot is built of when it is spawned; a wheel's PID
+    changes its gains live, and is not switched on or off.
+    """
 
     cmd_vel_timeout: Annotated[
         float,
@@ -80,24 +88,28 @@ class BaseParameters(Parameters, frozen=True, kw_only=True):
         float, Meta(ge=0, le=1, description="Gazebo's rule: within this, wheels jump to speed", extra={"unit": "m/s"})
     ] = 0.0
     odometry: Annotated[
-        Literal["model", "world", "encoder"], Meta(description="true pose, or what the wheels tell; the model's choice")
+        Literal["model", "world", "encoder"],
+        Meta(description="true pose, or what the wheels tell; the model's choice", extra=_FIXED),
     ] = "model"
     noise: Annotated[bool, Meta(description="sensors have the noise of the real ones")] = True
 
-    left_wheel: Annotated[str, Meta(description="joint of the left wheel; the model's")] | None = None
-    right_wheel: Annotated[str, Meta(description="joint of the right wheel; the model's")] | None = None
-    allow_swapped_wheels: Annotated[bool, Meta(description="drive with left and right exchanged")] = False
+    left_wheel: Annotated[str, Meta(description="joint of the left wheel; the model's", extra=_FIXED)] | None = None
+    right_wheel: Annotated[str, Meta(description="joint of the right wheel; the model's", extra=_FIXED)] | None = None
+    allow_swapped_wheels: Annotated[bool, Meta(description="drive with left and right exchanged", extra=_FIXED)] = False
     wheel_separation: Annotated[float, _length("between the wheels; the model's")] | None = None
     wheel_radius: Annotated[float, _length("of both wheels; the model's")] | None = None
-    wheel_separation_multiplier: Annotated[float, _share("live; 1")] | None = None
+    wheel_separation_multiplier: Annotated[float, _share("of what is configured; 1")] | None = None
     wheel_radius_multiplier: Annotated[float, _share("of both wheels, instead of the next two")] | None = None
-    left_wheel_radius_multiplier: Annotated[float, _share("live; 1")] | None = None
-    right_wheel_radius_multiplier: Annotated[float, _share("live; 1")] | None = None
+    left_wheel_radius_multiplier: Annotated[float, _share("of what is configured; 1")] | None = None
+    right_wheel_radius_multiplier: Annotated[float, _share("of what is configured; 1")] | None = None
 
     ramp: (
         Annotated[
             Literal["wheels", "base"],
-            Meta(description="whose the model's acceleration and brake are: each wheel's rim's, or the base's axes'"),
+            Meta(
+                description="whose the model's acceleration and brake are: each wheel's rim's, or the base's axes'",
+                extra=_FIXED,
+            ),
         ]
         | None
     ) = None
@@ -123,17 +135,22 @@ class BaseParameters(Parameters, frozen=True, kw_only=True):
     allow_multiple_cmd_vel_publishers: (
         Annotated[bool, Meta(description="false: brakes while several publish; true")] | None
     ) = None
-    use_stamped_vel: Annotated[bool, Meta(description="cmd_vel is a TwistStamped; off")] | None = None
-    publish_cmd: Annotated[bool, Meta(description="publish cmd_vel_out, the command after limiting; off")] | None = None
+    use_stamped_vel: Annotated[bool, Meta(description="cmd_vel is a TwistStamped; off", extra=_FIXED)] | None = None
+    publish_cmd: (
+        Annotated[bool, Meta(description="publish cmd_vel_out, the command after limiting; off", extra=_FIXED)] | None
+    ) = None
 
-    open_loop: Annotated[bool, Meta(description="odometry from commands instead of wheels; off")] | None = None
+    open_loop: (
+        Annotated[bool, Meta(description="odometry from commands instead of wheels; off", extra=_FIXED)] | None
+    ) = None
     velocity_rolling_window_size: (
         Annotated[int, Meta(ge=1, le=100, description="control ticks that odometry's speed is the mean of; 2")] | None
     ) = None
     pose_covariance_diagonal: Diagonal | None = None
     twist_covariance_diagonal: Diagonal | None = None
     publish_rate: (
-        Annotated[float, Meta(ge=0, le=FASTEST_RATE, description="live; the model's", extra={"unit": "Hz"})] | None
+        Annotated[float, Meta(ge=0, le=FASTEST_RATE, description="of odometry; the model's", extra={"unit": "Hz"})]
+        | None
     ) = None
-    enable_odom_tf: Annotated[bool, Meta(description="live; odometry on /tf; on")] | None = None
+    enable_odom_tf: Annotated[bool, Meta(description="odometry on /tf; on")] | None = None
     wheel_pid: Annotated[PidParameters, Meta(description="drive the wheels by torque; off")] | None = None

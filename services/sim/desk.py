@@ -49,7 +49,7 @@ class Desk:
         node.serve(GET_STATE, lambda asked: stage.find(asked.name).state())
         node.serve(SET_STATE, self._set_state)
         node.serve(SET_ODOMETRY, self._set_odometry)
-        node.serve(SET_DRIVE, lambda asked: stage.find(asked.name).change(asked))
+        node.serve(SET_DRIVE, lambda asked: stage.find(asked.name).change(asked, stage.now))
         node.serve(RESET, lambda _: self._restart(True))
         node.serve(RESET_WORLD, lambda _: self._restart(False))
         node.serve(PAUSE, lambda _: self._pause(True))

@@ -32,8 +32,10 @@ def run(ctx: Context[SimParameters]) -> None:
             for entry in params.robots:
                 half = entry.yaw / 2
                 turn = (0.0, 0.0, math.sin(half), math.cos(half))
-                stage.spawn(entry, Placement((entry.x, entry.y, 0.0), turn))
+                stage.spawn(entry, Placement((entry.x, entry.y, 0.0), turn), wait=True)
             timing = _timing(ctx, stage)
+            if node.following is not None:
+                node.following.marks = timing.marks
             Desk(stage, timing, node)
             if params.mode == "free":
                 gather(node.transport, params.members, ctx.idle, node.log)
@@ -49,6 +51,8 @@ def run(ctx: Context[SimParameters]) -> None:
                 else:
                     node.heart.state = "running"
                     advance(stage, timing)
+                    ctx.follow(admitted=True)
+                    timing.pace(ctx.params.factor)
                     node.heart.ticks = stage.tick
                     if stage.tick % SECOND_STEPS == 0:
                         node.heart.note = f"t = {stage.now / 1e9:.0f} s"

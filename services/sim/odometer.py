@@ -25,10 +25,8 @@ class Odometer:
     """
 
     def __init__(self, settings: OdometrySettings, world: World, name: str, base: Base | None) -> None:
-        self.settings = settings
+        self.retune(settings)
         self._world, self._name, self._base = world, name, base
-        self.pose_covariance: Packed36 = PLANAR if settings.pose is None else settings.pose
-        self.twist_covariance: Packed36 = EXACT if settings.twist is None else settings.twist
         if base is not None:
             joints = world.joints(name)
             self._left, self._right = (
@@ -90,6 +88,12 @@ class Odometer:
         pose = Pose2(x, y, heading)
         self.moved = self.moved.then(self.track.pose).then(pose.inverse())
         self.track = self.track._replace(x=x, y=y, heading=heading)
+
+    def retune(self, settings: OdometrySettings) -> None:
+        """Tell it with other covariances, over another window; the source stays what it was."""
+        self.settings = settings
+        self.pose_covariance: Packed36 = PLANAR if settings.pose is None else settings.pose
+        self.twist_covariance: Packed36 = EXACT if settings.twist is None else settings.twist
 
     def retime(self) -> None:
         """Find the rate's phase anew, as after a change of the rate."""

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
 from typing import Any
-
-import msgspec
 
 from messages.elea import ModelState
 from messages.geometry import TwistStamped
@@ -18,10 +15,11 @@ from services.runtime.inputs import Input
 from services.runtime.node import Node
 from services.sim import RobotEntry
 from services.sim.base import Base
+from services.sim.base_set import BaseSet
 from services.sim.commanders import Ages, Commanders
 from services.sim.odometer import Odometer
 from services.sim.odometry import body_twist, pose_of
-from services.sim.settings import Settings, base_settings, effective, odometry_settings
+from services.sim.settings import Settings, effective, odometry_settings
 from services.sim.telemetry import Telemetry
 from services.sim.world import Body, Motor, Placement, World
 
@@ -41,17 +39,20 @@ class Robot:
         seed: int,
         commanders: Commanders,
         ages: Ages,
+        wait: bool = False,
     ) -> None:
         self.entry, self.name, self.model = entry, entry.name, read_model(entry.model)
         self.namespace = "/" + (entry.namespace or entry.name).strip("/")
-        parameters, wheels = effective(entry.model, self.model, entry.parameters), self.model.wheels
+        # A model without wheels has no base; the parameters of its joints would be a set of their own beside this one.
+        self._set = BaseSet(node, self.namespace, entry, wait) if self.model.wheels else None
+        settings = self._set.settings if self._set else None
+        parameters = self._set.parameters if self._set else effective(entry.model, self.model, entry.parameters)
         try:
-            settings = base_settings(entry.model, self.model, wheels, parameters) if wheels else None
-        except BadInput as error:
-            raise BadInput(f"{entry.name}: {error}") from None
-        world.spawn(Body(entry.name, model_path(entry.model), place, _motors(settings)))
-        for warning in settings.warnings if settings else ():
-            node.log.warn(f"{entry.name}: {warning}")
+            world.spawn(Body(entry.name, model_path(entry.model), place, _motors(settings)))
+        except BadInput:
+            if self._set is not None:
+                self._set.close()
+            raise
         self.base = Base(settings, commanders, ages, node.log) if settings else None
         self._node, self._world = node, world
         commands = CMD_VEL_STAMPED if settings and settings.stamped else CMD_VEL
@@ -62,10 +63,13 @@ class Robot:
         self._collisions = 0
         odometer = Odometer(odometry_settings(self.model, parameters), world, entry.name, self.base)
         self.telemetry = Telemetry(node, world, entry, self.model, self.namespace, seed, self.base, odometer)
+        self.telemetry.noise = parameters.noise
         self._follows = self.base is not None and odometer.settings.source == "open loop"
 
     def close(self) -> None:
         """Leave the world and the network."""
+        if self._set is not None:
+            self._set.close()
         self._node.forget(self._cmd_vel, self._e_stop)
         self.telemetry.close()
         self._world.delete(self.name)
@@ -77,6 +81,11 @@ class Robot:
             self.base.restart()
             self._world.set_speeds(self.name, (0.0, 0.0))
         self.telemetry.restart()
+
+    def follow(self, now: int) -> None:
+        """Take the changes of parameters that were admitted at this tick, all of one or none."""
+        if self._set is not None and self._set.follow():
+            self._retune(now)
 
     def obey(self, now: int, governed: set[bytes], factor: float) -> None:
         """Take the commands and emergency stops that were admitted at this tick."""
@@ -110,20 +119,28 @@ class Robot:
             touching, hits = bool(self._touching), self._collisions
             self.telemetry.status(self.base.status(now, self.entry.model, self._cmd_vel.refused, touching, hits))
 
-    def change(self, asked: DriveSettings) -> DriveSettings:
+    def change(self, asked: DriveSettings, now: int) -> DriveSettings:
         """Replace the base's live parameters; returns all of them. Raises BadInput for a robot without a base."""
-        if self.base is None:
+        if self._set is None:
             raise BadInput(f"{self.name} is a {self.entry.model}, which has no driven wheels")
-        told = {each: value for each, value in msgspec.structs.asdict(asked).items() if value is not None}
-        del told["name"]
-        self.base.change(replace(self.base.live, **told))
-        self.telemetry.odometer.retime()
-        return DriveSettings(name=self.name, **asdict(self.base.live))
+        self._set.change(asked)
+        self.follow(now)
+        return self._set.drive_settings()
 
     def state(self) -> ModelState:
         """Pose and twist, as requests tell them."""
         body = self._world.state(self.name)
         return ModelState(name=self.name, model=self.entry.model, pose=pose_of(body), twist=body_twist(body))
+
+    def _retune(self, now: int) -> None:
+        assert self._set is not None
+        assert self.base is not None
+        rate, made = self.base.live.publish_rate, self._set.settings
+        self.base.retune(made, now)
+        self.telemetry.noise = self._set.parameters.noise
+        self.telemetry.odometer.retune(odometry_settings(self.model, self._set.parameters))
+        if made.live.publish_rate != rate:
+            self.telemetry.odometer.retime()
 
     def _turns(self) -> tuple[float, float]:
         """How fast the wheels turn, rad/s."""

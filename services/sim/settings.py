@@ -10,7 +10,7 @@ import msgspec
 
 from messages.base import Packed36, covariance
 from models import figures_path, model_path
-from models.figures import Model, Wheels
+from models.figures import Model, Wheels, read_model
 from models.wheels import NoWheels, WheelPair, read_wheels
 from services.runtime.errors import BadInput
 from services.runtime.parameters import build
@@ -63,7 +63,53 @@ def effective(name: str, model: Model, given: BaseParameters) -> BaseParameters:
         if each.name in model.drive and each.default is not None:
             raise BadInput(f"{where}: {each.name} is for a fleet to say, not for a model")
     merged: BaseParameters = _merged(ours, given)
-    return merged
+    return completed(model, merged)
+
+
+def completed(model: Model, parameters: BaseParameters) -> BaseParameters:
+    """The parameters with the figures that count where they have None, as far as a single one does."""
+    wheels = model.wheels
+    if wheels is None:
+        return parameters
+    own = {
+        "left_wheel": wheels.left_joint,
+        "right_wheel": wheels.right_joint,
+        "wheel_separation": wheels.separation,
+        "wheel_radius": wheels.radius,
+        "wheel_separation_multiplier": 1.0,
+        "left_wheel_radius_multiplier": 1.0,
+        "right_wheel_radius_multiplier": 1.0,
+        "ramp": "wheels",
+        "jerk_rule": "ros2",
+        "keep_curvature": False,
+        "brake": wheels.brake,
+        "allow_multiple_cmd_vel_publishers": True,
+        "use_stamped_vel": False,
+        "publish_cmd": False,
+        "open_loop": False,
+        "velocity_rolling_window_size": WINDOW,
+        "publish_rate": model.odometry_rate,
+        "enable_odom_tf": True,
+    }
+    missing = {name: value for name, value in own.items() if getattr(parameters, name) is None}
+    return msgspec.structs.replace(parameters, **missing)
+
+
+@dataclass(frozen=True)
+class Configured:
+    """A model, the effective parameters of its base, and what its driver works with; None without wheels."""
+
+    model: Model
+    parameters: BaseParameters
+    settings: Settings | None
+
+
+def configured(name: str, given: BaseParameters) -> Configured:
+    """How a robot of the model ``name`` is driven when a fleet gives these parameters; raises BadInput."""
+    model = read_model(name)
+    parameters = effective(name, model, given)
+    wheels = model.wheels
+    return Configured(model, parameters, base_settings(name, model, wheels, parameters) if wheels else None)
 
 
 def odometry_settings(model: Model, parameters: BaseParameters) -> OdometrySettings:

@@ -60,8 +60,11 @@ class Stage:
             raise unknown("model", name, self._robots)
         return self._robots[name][0]
 
-    def spawn(self, entry: RobotEntry, place: Placement) -> Robot:
-        """Add a robot; raises BadInput when its name is taken or wrong, or it would overlap with something."""
+    def spawn(self, entry: RobotEntry, place: Placement, wait: bool = False) -> Robot:
+        """Add a robot; raises BadInput when its name is taken or wrong, or it would overlap with something.
+
+        With ``wait`` it starts on the parameters that the parameter service has for it, else they come a moment later.
+        """
         try:
             validate(entry.name)
             validate(entry.namespace or entry.name)
@@ -69,7 +72,7 @@ class Stage:
             raise BadInput(f"a robot cannot have this name: {error}") from None
         if entry.name in self._robots:
             raise BadInput(f"a robot {entry.name!r} is already there")
-        robot = Robot(self._node, self.world, entry, place, self._seed, self._commanders, self._ages)
+        robot = Robot(self._node, self.world, entry, place, self._seed, self._commanders, self._ages, wait)
         self._robots[entry.name] = robot, place
         self.tell_frames()
         return robot
@@ -120,7 +123,7 @@ class Stage:
         self._clock.publish(Clock(clock=Time.of(self.now), tick=self.tick, epoch=self.epoch, paused=self.paused))
 
     def listen(self, marks: Marks | None, factor: float) -> None:
-        """Take the commands that have come. ``marks`` are those of lockstep, ``factor`` is that of real time.
+        """Take the commands and parameters that have come. ``marks`` are lockstep's, ``factor`` is that of real time.
 
         Who is gone counts last: a command that came just before its sender went must not outlive it.
         """
@@ -132,6 +135,7 @@ class Stage:
             gone += self._commanders.of(marks.died)
             marks.died = set()
         for robot in self.robots:
+            robot.follow(self.now)
             robot.obey(self.now, governed, factor)
         for source in gone:
             for robot in self.robots:

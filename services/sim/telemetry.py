@@ -41,7 +41,10 @@ from services.sim.world import BodyState, World
 
 
 class Telemetry:
-    """The publications of one robot. What costs time to make is made only while somebody listens."""
+    """The publications of one robot. What costs time to make is made only while somebody listens.
+
+    ``noise`` tells whether its sensors have any.
+    """
 
     def __init__(
         self,
@@ -56,7 +59,7 @@ class Telemetry:
     ) -> None:
         self._node, self._world, self._model, self._seed = node, world, model, seed
         self._base, self.odometer = base, odometer
-        self._name, self._noise = entry.name, entry.parameters.noise
+        self._name, self.noise = entry.name, entry.parameters.noise
         self._joints = world.joints(entry.name)
         topics: list[Topic[Any]] = [ODOM, GROUND_TRUTH, JOINT_STATES, BASE_STATUS, ROBOT_DESCRIPTION]
         topics += [CMD_VEL_OUT] if base is not None and base.settings.publish_cmd else []
@@ -114,7 +117,7 @@ class Telemetry:
             self._imu(now, tick)
         if model.laser is not None and _due(tick, model.laser.rate) and self._out[SCAN].wanted:
             header = Header(stamp=Time.of(now), frame_id=self.frame(model.laser.link))
-            noise = noise_source(self._seed, self._name, "scan", tick) if self._noise else None
+            noise = noise_source(self._seed, self._name, "scan", tick) if self.noise else None
             self._out[SCAN].publish(scan(self._world, self._name, model.laser, header, noise))
         if model.sonar is not None and _due(tick, model.sonar.rate):
             self._sonar(now, tick)
@@ -144,7 +147,7 @@ class Telemetry:
             return
         place = self._world.link_placement(self._name, unit.link).position
         apart = (place[0] - state.position[0], place[1] - state.position[1], place[2] - state.position[2])
-        noise = noise_source(self._seed, self._name, "imu", tick) if self._noise else None
+        noise = noise_source(self._seed, self._name, "imu", tick) if self.noise else None
         header = Header(stamp=Time.of(now), frame_id=self.frame(unit.link))
         offset, dt = into_body(state.orientation, apart), (now - before[0]) / 1e9
         self._out[IMU].publish(imu(unit, offset, before[1], state, dt, header, noise))
@@ -154,7 +157,7 @@ class Telemetry:
         assert ring is not None
         if not (every.wanted or single.wanted):
             return
-        noise = noise_source(self._seed, self._name, "sonar", tick) if self._noise else None
+        noise = noise_source(self._seed, self._name, "sonar", tick) if self.noise else None
         echoes = measure(self._world, self._name, ring, noise)
         stamp = Time.of(now)
         if every.wanted:

@@ -33,6 +33,10 @@ class Timing(Protocol):
         """Time was paused, stepped or set anew."""
         ...
 
+    def pace(self, factor: float) -> None:
+        """Let time run at another factor, where there is one."""
+        ...
+
 
 class Free:
     """As fast as it can, without waiting for anyone."""
@@ -54,6 +58,9 @@ class Free:
         return True
 
     def halt(self) -> None:
+        pass
+
+    def pace(self, factor: float) -> None:
         pass
 
 
@@ -84,6 +91,11 @@ class Real:
 
     def halt(self) -> None:
         self._start, self._from = time.monotonic(), self._stage.now
+
+    def pace(self, factor: float) -> None:
+        if factor != self.factor:
+            self.factor = factor
+            self.halt()
 
 
 class Lockstep:
@@ -140,6 +152,9 @@ class Lockstep:
         # Of all else the next step tells; whatever is not paused, a member takes as one.
         if self._stage.paused:
             self._barrier.announce(self._go(paused=True))
+
+    def pace(self, factor: float) -> None:
+        pass
 
     @property
     def _here(self) -> tuple[int, int]:

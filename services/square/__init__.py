@@ -13,8 +13,12 @@ LOG_FILE = "p3dx_square_log.txt"
 """The log's name in the tutorial that the square comes from."""
 
 
-def _number(low: float, high: float, unit: str, text: str) -> Meta:
-    return Meta(ge=low, le=high, description=text, extra={"unit": unit})
+_FIXED = {"live": False}
+"""A square under way keeps its law, its size and its log."""
+
+
+def _number(low: float, high: float, unit: str, text: str, live: bool = True) -> Meta:
+    return Meta(ge=low, le=high, description=text, extra={"unit": unit, "live": live})
 
 
 class SquareParameters(Parameters, frozen=True, kw_only=True):
@@ -22,10 +26,13 @@ class SquareParameters(Parameters, frozen=True, kw_only=True):
 
     law: Annotated[
         Literal["profile", "seed"],
-        Meta(description="profile: ramps to absolute corners, settles at each; seed: the original, for teaching"),
+        Meta(
+            description="profile: ramps to absolute corners, settles at each; seed: the original, for teaching",
+            extra=_FIXED,
+        ),
     ] = "profile"
-    side: Annotated[float, _number(0.2, 50.0, "m", "side of the square")] = 1.0
-    count: Annotated[int, Meta(ge=0, le=50, description="squares to drive; 0 drives on for ever")] = 1
+    side: Annotated[float, _number(0.2, 50.0, "m", "side of the square", live=False)] = 1.0
+    count: Annotated[int, Meta(ge=0, le=50, description="squares to drive; 0 drives on for ever", extra=_FIXED)] = 1
     linear_speed: Annotated[float, _number(0.02, 2.0, "m/s", "speed along a side")] = 0.2
     angular_speed: Annotated[float, _number(0.05, 3.0, "rad/s", "turn rate at a corner")] = 0.5
     acceleration: Annotated[float, _number(0.05, 2.0, "m/s^2", "rise of the speed; at most what the base does")] = 0.25
@@ -45,7 +52,11 @@ class SquareParameters(Parameters, frozen=True, kw_only=True):
     ] = 0.06
     odometry_timeout: Annotated[float, _number(0.1, 5.0, "s", "odometry older than this stops the robot")] = 0.5
     log: Annotated[
-        str, Meta(description="the CSV log, by default in the working directory (a fleet's results); empty: none")
+        str,
+        Meta(
+            description="the CSV log, by default in the working directory (a fleet's results); empty: none",
+            extra=_FIXED,
+        ),
     ] = LOG_FILE
 
 

@@ -43,6 +43,8 @@ def _drive(ctx: Context[SquareParameters], record: Record | None) -> None:
                 pilot, truths, shown, silence = Pilot(ctx.params), Truths(), None, 0.0
                 if record is not None:
                     record.restart()
+            elif ctx.params_changed:
+                pilot.retune(ctx.params)
             for sample in truth.take():
                 truths.add(sample.header.stamp.ns, seen(sample)[0])
 

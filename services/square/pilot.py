@@ -19,6 +19,10 @@ class Pilot:
         self._held = False
         self._last = Move("waiting", STILL, 0, Planar(0.0, 0.0), "waiting")
 
+    def retune(self, parameters: SquareParameters) -> None:
+        """Drive on by other parameters around the same square."""
+        self._p = parameters
+
     def step(self, time: int, here: Planar, moving: Motion, dt: float) -> Move:
         """One tick at ``time`` [ns]: the robot is ``here``, moves at ``moving``; the last tick was ``dt`` [s] ago."""
         if self.square is None:

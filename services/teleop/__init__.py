@@ -14,8 +14,12 @@ SLOWEST = 1e-3
 """m/s and rad/s; scaling goes no lower, so that it can always go up again."""
 
 
-def _number(low: float, high: float, unit: str, text: str) -> Meta:
-    return Meta(ge=low, le=high, description=text, extra={"unit": unit})
+_FIXED = {"live": False}
+"""What a command is, and a script that plays."""
+
+
+def _number(low: float, high: float, unit: str, text: str, live: bool = True) -> Meta:
+    return Meta(ge=low, le=high, description=text, extra={"unit": unit, "live": live})
 
 
 class TeleopParameters(Parameters, frozen=True, kw_only=True):
@@ -32,8 +36,10 @@ class TeleopParameters(Parameters, frozen=True, kw_only=True):
         float,
         _number(0.05, 5, "s", "a key counts as held so long after its first event; the keyboard's delay must be less"),
     ] = 0.6
-    stamped: Annotated[bool, Meta(description="send TwistStamped instead of Twist")] = False
-    frame_id: Annotated[str, Meta(max_length=255, description="frame in the header of a TwistStamped")] = ""
+    stamped: Annotated[bool, Meta(description="send TwistStamped instead of Twist", extra=_FIXED)] = False
+    frame_id: Annotated[
+        str, Meta(max_length=255, description="frame in the header of a TwistStamped", extra=_FIXED)
+    ] = ""
     adaptive: Annotated[
         bool, Meta(description="learn the keyboard's delay and interval; false waits key_timeout after every event")
     ] = True
@@ -42,10 +48,15 @@ class TeleopParameters(Parameters, frozen=True, kw_only=True):
         _number(0.3, 60, "s", "simulation time for which zero is held after the last key; then others may drive"),
     ] = 3.0
     keys: Annotated[
-        str, Meta(max_length=10_000, description="a script instead of a keyboard: 'i@0.5-2 k@2.5', KEY@FROM[-TO] in s")
+        str,
+        Meta(
+            max_length=10_000,
+            description="a script instead of a keyboard: 'i@0.5-2 k@2.5', KEY@FROM[-TO] in s",
+            extra=_FIXED,
+        ),
     ] = ""
-    key_delay: Annotated[float, _number(0.01, 5, "s", "delay of a scripted key's first repeat")] = 0.5
-    key_interval: Annotated[float, _number(0.005, 1, "s", "interval of a scripted key's repeats")] = 0.03
+    key_delay: Annotated[float, _number(0.01, 5, "s", "delay of a scripted key's first repeat", live=False)] = 0.5
+    key_interval: Annotated[float, _number(0.005, 1, "s", "interval of a scripted key's repeats", live=False)] = 0.03
 
 
 SERVICE = Service(

@@ -46,6 +46,16 @@ class Hand:
         return Motion(x * self.speed, y * self.speed, z * self.speed, yaw * self.turn)
 
 
+def retuned(hand: Hand, before: TeleopParameters, p: TeleopParameters) -> Hand:
+    """The hand after the parameters changed from ``before``; speeds that keys have scaled stay within the limits."""
+    speed = p.speed if p.speed != before.speed else hand.speed
+    turn = p.turn if p.turn != before.turn else hand.turn
+    man = hand.man
+    if (p.key_timeout, p.adaptive) != (before.key_timeout, before.adaptive):
+        man = replace(man, first=p.key_timeout, adaptive=p.adaptive)
+    return replace(hand, speed=min(speed, p.speed_limit), turn=min(turn, p.turn_limit), man=man)
+
+
 def stops(press: Press) -> bool:
     """Whether a press asks the robot to stop: any key without a meaning of its own."""
     return not press.up and press.key not in MOVES and press.key not in SCALES

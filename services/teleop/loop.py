@@ -16,7 +16,7 @@ import time
 from services.runtime.context import Context
 from services.teleop import TeleopParameters
 from services.teleop.display import Screen, View
-from services.teleop.hand import Hand, stops, strike
+from services.teleop.hand import Hand, retuned, stops, strike
 from services.teleop.keys import Keyboard
 from services.teleop.mouth import Mouth
 from services.teleop.outlook import Outlook
@@ -52,6 +52,9 @@ def by_script(ctx: Context[TeleopParameters], script: Script, mouth: Mouth) -> N
     p = ctx.params
     hand, start, spoke = Hand.of(p), -1, 0.0
     for tick in ctx.ticks():
+        if ctx.params_changed:
+            hand, p = retuned(hand, p, ctx.params), ctx.params
+            mouth.voice.retune(p.repeat_rate, p.give_way)
         if start < 0 or tick.reset:
             hand, start, spoke = Hand.of(p), tick.time, 0.0
             script.rewind()
@@ -75,6 +78,9 @@ def by_hand(ctx: Context[TeleopParameters], keyboard: Keyboard, screen: Screen, 
         due = time.monotonic() + TURN_S
         struck = keyboard.take(TURN_S)
         wall = time.monotonic()
+        if ctx.follow():
+            hand, p = retuned(hand, p, ctx.params), ctx.params
+            voice.retune(p.repeat_rate, p.give_way)
         if outlook.look(wall):
             voice.restart()
         for press in struck:

@@ -9,7 +9,7 @@ from messages.std import Header, Time
 from messages.topics import CMD_VEL, GOAL_POSE, ODOM, PLAN, STATUS
 from services.motion.planar import Motion, Planar
 from services.runtime.context import Context
-from services.waypoint import WaypointParameters
+from services.waypoint import PLAN_LEVEL, WaypointParameters
 from services.waypoint.pilot import Pilot, Progress
 from services.waypoint.plan import Goal, Plan
 
@@ -23,14 +23,19 @@ def run(ctx: Context[WaypointParameters]) -> None:
     commands, plans, states = ctx.writer(CMD_VEL), ctx.writer(PLAN), ctx.writer(STATUS)
     frame = f"{ctx.namespace.strip('/')}/odom".lstrip("/")
     pilot = Pilot(ctx.params)
+    begun = False
     published: Plan | None = None
     shown: tuple[str, int] | None = None
     silence = 0.0
     try:
         for tick in ctx.ticks():
             header = Header(stamp=Time.of(tick.time), frame_id=frame)
-            if tick.reset:
-                pilot, published, silence = Pilot(ctx.params), None, 0.0
+            if tick.reset or not begun:
+                pilot, published, silence, begun = Pilot(ctx.params), None, 0.0, True
+            elif ctx.params_changed:
+                pilot.retune(ctx.params)
+                if ctx.params_changed & PLAN_LEVEL:
+                    pilot.follow(Plan.of(ctx.params))
             for asked in goals.take():
                 if asked.header.frame_id in ("", "world", frame):
                     pilot.follow(Plan((goal_of(asked),)))

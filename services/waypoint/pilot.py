@@ -43,6 +43,12 @@ class Pilot:
         self.plan, self._index, self._done = plan, 0, False
         self._approach = None
 
+    def retune(self, parameters: WaypointParameters) -> None:
+        """Drive on by other parameters, on the same plan; the command goes on from where it is."""
+        if parameters.law != self._p.law:
+            self._approach = None
+        self._p = parameters
+
     def step(self, here: Planar, moving: Motion, dt: float) -> Progress:
         """One control tick: the robot stands at ``here`` and moves at ``moving``; the last tick was ``dt`` [s] ago."""
         if not self.plan.goals:

@@ -31,14 +31,14 @@ def options(process: Process, name: str) -> list[str]:
 @pytest.mark.parametrize("name", fleet_names())
 def test_every_service_accepts_its_parameters(name: str) -> None:
     for process in expand(read_fleet(find_fleet(name))).values():
-        build(declaration(process.kind).parameters, read_assignments(options(process, "--param")))
+        build(declaration(process.kind).parameters, read_assignments(options(process, "--fleet-param")))
 
 
 def test_lab_is_the_seed_shifted_by_each_start() -> None:
     plan = expand(read_fleet(find_fleet("lab")))
     x, y = [5, 1, 2.5, 4, 0, 0, 5, 5, 0, 0], [0, -4, 2.5, -4, 0, 2.5, 2.5, -4, -4, 0]
     for robot in range(4):
-        stated = read_assignments(options(plan[f"tb3_{robot}/waypoint"], "--param"))
+        stated = read_assignments(options(plan[f"tb3_{robot}/waypoint"], "--fleet-param"))
         assert stated["goals"] == [[a, b + 0.5 * robot] for a, b in zip(x, y, strict=True)]
         assert stated["laps"] == 1
 
@@ -49,7 +49,7 @@ def test_lab_starts_in_order_and_steps_together() -> None:
     assert plan["sim"].depends_on == ("router",)
     drivers = [*(f"tb3_{robot}/waypoint" for robot in range(4)), "p3dx/square"]
     assert all(plan[each].depends_on == ("router", "sim") for each in (*drivers, "logger", "grader"))
-    members = read_assignments(options(plan["sim"], "--param"))["members"]
+    members = read_assignments(options(plan["sim"], "--fleet-param"))["members"]
     assert {"/grader", *(f"/{each}" for each in drivers)} <= set(members)
     assert {each.node for each in plan.values() if "--lockstep" in each.argv} == {*members, "/sim"}
     assert {each.node for each in plan.values() if each.begins} == {*members, "/sim"}
@@ -59,10 +59,10 @@ def test_nobody_steps_together_on_the_wall_clock() -> None:
     fleet = read_fleet(find_fleet("lab"))
     free = expand(msgspec.structs.replace(fleet, run=Run(mode="free")))
     assert not any("--lockstep" in each.argv for each in free.values())
-    assert "/grader" in read_assignments(options(free["sim"], "--param"))["members"]
+    assert "/grader" in read_assignments(options(free["sim"], "--fleet-param"))["members"]
     plan = expand(msgspec.structs.replace(fleet, run=Run(mode="real")))
     assert not any("--lockstep" in each.argv for each in plan.values())
-    assert read_assignments(options(plan["sim"], "--param"))["members"] == []
+    assert read_assignments(options(plan["sim"], "--fleet-param"))["members"] == []
     assert [each.name for each in plan.values() if each.begins] == ["sim"]
 
 
@@ -90,7 +90,7 @@ def test_the_services_of_every_robot_may_be_for_some_models_alone() -> None:
 def test_the_grader_knows_how_each_base_stops() -> None:
     own = {"cmd_vel_timeout": 0.5, "brake": 0.3}
     robots = (Robot(name="a", model="p3dx", parameters=own), Robot(name="b", model="p3dx"))
-    told = read_assignments(options(expand(Fleet(name="own", robot=robots))["grader"], "--param"))["halting"]
+    told = read_assignments(options(expand(Fleet(name="own", robot=robots))["grader"], "--fleet-param"))["halting"]
     assert told == [{"name": "a", "timeout": 0.5, "brake": 0.3}, {"name": "b", "timeout": 0.25, "brake": 1.5}]
 
 
@@ -105,11 +105,11 @@ def test_stated_beats_implied() -> None:
     )
     plan = expand(fleet)
     assert list(plan) == ["router", "sim", "grader", "tools/log"]
-    assert read_assignments(options(plan["sim"], "--param"))["world"] == "arena"
+    assert read_assignments(options(plan["sim"], "--fleet-param"))["world"] == "arena"
     assert (plan["sim"].required, plan["sim"].policy) == (False, Policy(when="never"))
     assert plan["tools/log"].policy == Policy(limit=1)
     assert options(plan["tools/log"], "--namespace") == ["/tools"]
     assert options(plan["tools/log"], "--remap") == ["odom:=/x/odom"]
     assert options(plan["tools/log"], "--connect") == ["tcp/127.0.0.1:9000"]
     assert options(plan["sim"], "--topology") == ["star"]
-    assert json.loads(options(plan["router"], "--param")[0].partition("=")[2]) == "tcp/127.0.0.1:9000"
+    assert json.loads(options(plan["router"], "--fleet-param")[0].partition("=")[2]) == "tcp/127.0.0.1:9000"

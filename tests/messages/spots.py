@@ -39,6 +39,8 @@ def filled(kind: kinds.Type) -> Any:
             return msgpack.ExtType(1, msgpack.packb(["<f8", [36], bytes(8 * 36)]))
         case kinds.UnionType(types=types):
             return filled(types[0])
+        case kinds.NoneType():
+            return None
         case kinds.VarTupleType(item_type=item, min_length=low):
             return [filled(item)] * (low or 2)
         case kinds.CustomType(cls=cls) if issubclass(cls, Array):
@@ -56,12 +58,20 @@ def spots(record: type[Message]) -> list[Spot]:
 def _spots(kind: kinds.Type, value: Any, path: str, put: Callable[[Any], Any]) -> Iterator[Spot]:
     kind = bare(kind)
     yield Spot(path, kind, put)
+    yield from _within(kind, value, path, put)
+
+
+def _within(kind: kinds.Type, value: Any, path: str, put: Callable[[Any], Any]) -> Iterator[Spot]:
+    """The spots below a place; those of a union are the ones below each of its types."""
     if isinstance(kind, kinds.StructType):
         for field in kind.fields:
             name = field.encode_name
             yield from _spots(field.type, value[name], f"{path}.{name}", _putting(put, value, name))
     elif isinstance(kind, kinds.VarTupleType):
         yield from _spots(kind.item_type, value[0], f"{path}[0]", lambda new: put([new, *value[1:]]))
+    elif isinstance(kind, kinds.UnionType):
+        for each in map(bare, kind.types):
+            yield from _within(each, filled(each), path, put)
 
 
 def _putting(put: Callable[[Any], Any], value: dict[str, Any], name: str) -> Callable[[Any], Any]:

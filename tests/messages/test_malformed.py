@@ -9,6 +9,7 @@ import msgspec.inspect as kinds
 import pytest
 
 from messages.base import Message, WrongPayload, decoder
+from messages.parameters import Assignment, Value
 from messages.records import RECORDS
 from tests.messages.spots import filled, spots
 from tests.messages.strategies import bare, struct
@@ -22,9 +23,10 @@ WRONG: dict[type[kinds.Type], tuple[Any, ...]] = {
     kinds.StrType: (b"x", 1, 1.5, True, None, [], {}, EXT),
     kinds.BytesType: (1, 1.5, True, None, [], {}, EXT),
     kinds.LiteralType: ("nonsense", b"x", 1, True, None, [], {}, EXT),
-    kinds.UnionType: ("x", b"x", 1.5, True, [], {}, EXT),
+    kinds.NoneType: ("x", b"x", 0, 1, 1.5, True, [], {}, EXT),
+    kinds.ExtType: ("x", b"x", 1, 1.5, True, None, [], {}, EXT),
     kinds.StructType: ("x", b"x", 1, 1.5, True, None, [], EXT),
-    kinds.VarTupleType: ("x", b"x", 1, 1.5, True, None, {}, EXT),
+    kinds.VarTupleType: ("x", b"x", 1, 1.5, True, None, [], {}, EXT),
     kinds.CustomType: ("x", b"x", 1, 1.5, True, None, {}, ["x"], [[1.0]], [True], EXT),
 }
 
@@ -68,15 +70,24 @@ def test_a_wrong_type_is_refused_at_every_spot(kind: type[Message]) -> None:
 
 
 def _wrong(kind: kinds.Type) -> list[Any]:
-    """Values of other types; those of an optional field are those of its type, without None."""
-    value = _required(kind)
-    return [each for each in WRONG[type(value)] if value is kind or each is not None]
+    """Values of other types; those of a union are what all of its types refuse."""
+    if isinstance(kind, kinds.UnionType):
+        first, *others = (_wrong(bare(each)) for each in kind.types)
+        return [each for each in first if all(any(_alike(each, one) for one in other) for other in others)]
+    free = isinstance(kind, kinds.VarTupleType) and not kind.min_length
+    return [each for each in WRONG[type(kind)] if not (free and each == [])]
 
 
-def _required(kind: kinds.Type) -> kinds.Type:
-    if isinstance(kind, kinds.UnionType) and any(isinstance(each, kinds.NoneType) for each in kind.types):
-        return bare(kind.types[0])
-    return kind
+def _alike(one: Any, other: Any) -> bool:
+    return type(one) is type(other) and bool(one == other)
+
+
+def test_what_is_wrong_for_a_union_is_wrong_for_all_of_its_types() -> None:
+    """The generator itself: a parameter's value may be nearly anything, which is not to mean anything at all."""
+    value, maybe = (kinds.type_info(each) for each in (Value, float | None))
+    assert _wrong(value) == [b"x", {}, EXT]
+    assert _wrong(maybe) == ["x", b"x", True, [], {}, EXT]
+    assert any(spot.path.endswith("value[0][0]") for spot in spots(Assignment))
 
 
 def named_by_its_owner(text: str, path: str) -> bool:
@@ -93,12 +104,15 @@ def test_numbers_beyond_their_bounds_are_refused(kind: type[Message]) -> None:
 
 
 def _beyond(kind: kinds.Type) -> list[float]:
-    kind = _required(kind)
+    """Numbers out of bounds that MessagePack can carry; those of a union are beyond the bounds of each of its types."""
+    kind = bare(kind)
+    if isinstance(kind, kinds.UnionType):
+        return [each for one in kind.types for each in _beyond(one)]
     if isinstance(kind, kinds.FloatType) and kind.ge is not None and kind.le is not None:
         return [math.nan, math.inf, -math.inf, math.nextafter(kind.le, math.inf), math.nextafter(kind.ge, -math.inf)]
     if isinstance(kind, kinds.IntType) and kind.ge is not None:
         high = kind.lt if kind.lt is not None else kind.le + 1 if kind.le is not None else None
-        return [kind.ge - 1, *([] if high is None else [high])]
+        return [each for each in (kind.ge - 1, high) if each is not None and -(2**63) <= each < 2**64]
     return []
 
 

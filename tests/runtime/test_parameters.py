@@ -9,7 +9,7 @@ import pytest
 from msgspec import Meta
 
 from services.runtime.errors import BadInput
-from services.runtime.parameters import build, describe, read_assignments, read_value
+from services.runtime.parameters import bounds, build, describe, read_assignments, read_value
 from services.runtime.service import Parameters
 
 
@@ -72,6 +72,6 @@ def test_what_is_wrong_is_refused_with_name_value_and_bound(values: dict[str, An
 
 def test_descriptions_tell_bounds_units_and_text() -> None:
     gain, steps, *_ = describe(Gains)
-    assert (gain.name, gain.type, gain.default, gain.bounds, gain.unit) == ("gain", "float", 1.0, "0 to 5", "1/s")
+    assert (gain.name, gain.type, gain.default, bounds(gain), gain.unit) == ("gain", "float", 1.0, "0 to 5", "1/s")
     assert gain.text == "how hard"
-    assert steps.bounds == "at least 1"
+    assert bounds(steps) == "at least 1"

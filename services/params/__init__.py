@@ -1,0 +1,59 @@
+"""The parameter service: the one authority on every service's parameters, typed, bounded, kept and published."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from messages.parameters import Value
+from messages.requests import (
+    PARAMS_ANNOUNCE,
+    PARAMS_GET,
+    PARAMS_HISTORY,
+    PARAMS_LIST,
+    PARAMS_RESET,
+    PARAMS_SET,
+    PARAMS_UNDO,
+)
+from messages.topics import DESCRIPTIONS, UPDATES
+from services.runtime.service import Parameters, Service
+
+
+class Scheduled(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A change at a time of the run, for this run alone."""
+
+    at: Annotated[float, Meta(ge=0, le=1e7, extra={"unit": "s"})]
+    set: str
+    values: dict[str, Value]
+
+
+class ParamsParameters(Parameters, frozen=True, kw_only=True):
+    """Where values are kept, and what changes by itself on the way."""
+
+    file: Annotated[
+        str, Meta(max_length=4096, description="SQLite file of what was set; empty or :memory: keeps it for this run")
+    ] = ""
+    schedule: Annotated[
+        tuple[Scheduled, ...], Meta(description="changes {at, set, values} at times of the simulation, not saved")
+    ] = ()
+
+
+SERVICE = Service(
+    name="params",
+    about="Keeps every service's parameters: checks, applies, saves and publishes what is set.",
+    run="services.params.loop:run",
+    writes=(DESCRIPTIONS, UPDATES),
+    serves=(
+        PARAMS_ANNOUNCE,
+        PARAMS_LIST,
+        PARAMS_GET,
+        PARAMS_SET,
+        PARAMS_RESET,
+        PARAMS_UNDO,
+        PARAMS_HISTORY,
+    ),
+    rate=10,
+    parameters=ParamsParameters,
+)

@@ -1,0 +1,145 @@
+"""Whether a value fits the description of a parameter, and what it would be within the bounds."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any, NamedTuple
+
+from messages.base import LARGEST
+from messages.parameters import ParameterDescription, Value
+from services.runtime.errors import BadInput
+
+_TYPE = re.compile(r"(bool|int|float|str)((?:\[\]){0,2})")
+_LONGEST = 65_536
+"""Characters of a text, as on the wire."""
+
+
+class Fit(NamedTuple):
+    """A value as it will be used, and what was done to make it fit."""
+
+    value: Value
+    notes: tuple[str, ...] = ()
+
+
+def taken_apart(type_name: str) -> tuple[str, int] | None:
+    """``float[][]`` as ("float", 2), or None when it is not a type of parameters."""
+    found = _TYPE.fullmatch(type_name)
+    return (found[1], len(found[2]) // 2) if found else None
+
+
+def fit(description: ParameterDescription, value: Value, clamp: bool = False) -> Fit:
+    """The value in the parameter's type; raises BadInput with its name, the value and the bound.
+
+    An integer is taken for a float; a bool is neither. ``clamp`` takes a number that is out of bounds at the bound.
+    """
+    name = description.name
+    if value is None:
+        if description.optional:
+            return Fit(None)
+        raise BadInput(f"{name} = null: a value is needed, {expected(description)}")
+    parts = taken_apart(description.type)
+    if parts is None:
+        raise BadInput(f"{name}: its type {description.type!r} is not one of parameters")
+    notes: list[str] = []
+    fitted = _fit(description, value, parts, name, notes if clamp else None)
+    return Fit(fitted, tuple(notes))
+
+
+def expected(description: ParameterDescription) -> str:
+    """``float, 0 to 5 m/s``: what may be given."""
+    what = [description.type + (" or null" if description.optional else ""), within(description)]
+    if description.choices:
+        what.append("one of " + ", ".join(description.choices))
+    return ", ".join(each for each in what if each)
+
+
+def within(description: ParameterDescription) -> str:
+    """The bounds in words, with the unit: ``0 to 5 m/s``, ``above 0``, or nothing."""
+    low, high = description.low, description.high
+    if low is None and high is None:
+        return ""
+    if low is not None and high is not None and not (description.above or description.below):
+        text = f"{low:.12g} to {high:.12g}"
+    else:
+        least = "" if low is None else f"{'above' if description.above else 'at least'} {low:.12g}"
+        most = "" if high is None else f"{'below' if description.below else 'at most'} {high:.12g}"
+        text = " and ".join(each for each in (least, most) if each)
+    return f"{text} {description.unit}".strip()
+
+
+def _fit(
+    description: ParameterDescription, value: Any, parts: tuple[str, int], where: str, notes: list[str] | None
+) -> Value:
+    base, depth = parts
+    if depth:
+        if not isinstance(value, tuple | list):
+            raise BadInput(f"{where} = {shown(value)}: expected a list, {expected(description)}")
+        inner = base, depth - 1
+        items: Any = (_fit(description, each, inner, f"{where}[{i}]", notes) for i, each in enumerate(value))
+        return tuple(items)
+    if isinstance(value, tuple | list):
+        raise BadInput(f"{where} = {shown(value)}: expected no list, {expected(description)}")
+    wrong = BadInput(f"{where} = {shown(value)}: it is {_kind(value)}, expected {expected(description)}")
+    match base:
+        case "bool":
+            if type(value) is not bool:
+                raise wrong
+            return value
+        case "str":
+            if type(value) is not str:
+                raise wrong
+            return _text(description, value, where)
+        case "int":
+            if type(value) is not int:
+                raise wrong
+            return _number(description, value, where, notes)
+        case _:
+            if type(value) not in (int, float):
+                raise wrong
+            if not math.isfinite(value):
+                raise BadInput(f"{where} = {value}: it is not finite, expected {expected(description)}")
+            if abs(value) > LARGEST:
+                raise BadInput(f"{where} = {value!r}: no number may exceed {LARGEST:g}")
+            return float(_number(description, float(value), where, notes))
+
+
+def _text(description: ParameterDescription, value: str, where: str) -> str:
+    if len(value) > _LONGEST:
+        raise BadInput(f"{where}: a text of {len(value)} characters, at most {_LONGEST} are taken")
+    if description.choices and value not in description.choices:
+        raise BadInput(f"{where} = {shown(value)}: expected one of {', '.join(description.choices)}")
+    return value
+
+
+def _number(description: ParameterDescription, value: float, where: str, notes: list[str] | None) -> float:
+    low, high = description.low, description.high
+    if low is not None and (value < low or (description.above and value == low)):
+        bound, excluded = low, description.above
+    elif high is not None and (value > high or (description.below and value == high)):
+        bound, excluded = high, description.below
+    else:
+        return value
+    refusal = f"{where} = {value!r} is out of bounds: {within(description)}"
+    if notes is None:
+        raise BadInput(refusal)
+    nearest: float = bound
+    if type(value) is int:
+        inward = 1 if bound == low else -1
+        whole = math.ceil(bound) if inward > 0 else math.floor(bound)
+        nearest = whole + inward if excluded and whole == bound else whole
+    elif excluded:
+        raise BadInput(f"{refusal}; it cannot be clamped, the bound itself is excluded")
+    notes.append(f"{where} = {value!r} was clamped to {nearest!r} ({within(description)})")
+    return nearest
+
+
+def shown(value: Any) -> str:
+    """A value in an error, no longer than one can read."""
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def _kind(value: Any) -> str:
+    names = {bool: "a bool", int: "an int", float: "a float", str: "a text", type(None): "null"}
+    return names.get(type(value), f"a {type(value).__name__}")

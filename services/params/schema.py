@@ -1,0 +1,155 @@
+"""The schema of a set: what its nodes have announced, checked and merged."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import msgspec
+
+from messages.names import BadName
+from messages.names import key as checked_key
+from messages.parameters import Announcement, Assignment, ParameterDescription, ParameterSchema, Value
+from services.params.check import fit, shown, taken_apart
+from services.runtime.errors import BadInput, unknown
+
+MOST_PARAMETERS = 1000
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z0-9_]+)*")
+
+
+class Conflict(BadInput):
+    """Two nodes contradict each other about a parameter; ``other`` announced it first."""
+
+    def __init__(self, other: str, text: str) -> None:
+        super().__init__(text)
+        self.other = other
+
+
+@dataclass(frozen=True)
+class Schema:
+    """The merged announcements of a set, in the order of their nodes' names."""
+
+    announced: Mapping[str, Announcement] = field(default_factory=dict)
+    parameters: Mapping[str, ParameterDescription] = field(default_factory=dict)
+    fleet: Mapping[str, Value] = field(default_factory=dict)
+    command_line: Mapping[str, Value] = field(default_factory=dict)
+
+    def with_node(self, announcement: Announcement) -> Schema:
+        """The schema after a node has announced, in place of what it said before; raises Conflict."""
+        others = {node: each for node, each in self.announced.items() if node != announcement.node}
+        for other in others.values():
+            _agree(announcement, other)
+        return merged((*others.values(), announcement))
+
+    def without(self, node: str) -> Schema:
+        """The schema without what a node has said."""
+        return merged(each for name, each in self.announced.items() if name != node)
+
+    def record(self, name: str) -> ParameterSchema:
+        """As it is published for the set ``name``."""
+        return ParameterSchema(set=name, nodes=tuple(self.announced), parameters=tuple(self.parameters.values()))
+
+    def description(self, name: str, where: str) -> ParameterDescription:
+        """The description of a parameter; raises BadInput with the nearest name."""
+        if name not in self.parameters:
+            raise unknown("parameter", name, self.parameters, where)
+        return self.parameters[name]
+
+
+def merged(announcements: Iterable[Announcement]) -> Schema:
+    """The schema of announcements that agree."""
+    ordered = sorted(announcements, key=lambda each: each.node)
+    return Schema(
+        {each.node: each for each in ordered},
+        {one.name: one for each in ordered for one in each.parameters},
+        {one.name: one.value for each in ordered for one in each.fleet},
+        {one.name: one.value for each in ordered for one in each.command_line},
+    )
+
+
+def checked(announcement: Announcement) -> Announcement:
+    """The announcement with its values in their parameters' types; raises BadInput for what contradicts itself."""
+    where = f"announcement of {announcement.node or 'nobody'}"
+    for what, name in (("set", announcement.set), ("node", announcement.node)):
+        try:
+            checked_key(name)
+        except BadName as error:
+            raise BadInput(f"{where}: its {what} needs an absolute name: {error}") from None
+    if len(announcement.parameters) > MOST_PARAMETERS:
+        raise BadInput(f"{where}: {len(announcement.parameters)} parameters, at most {MOST_PARAMETERS} are taken")
+    described: dict[str, ParameterDescription] = {}
+    for each in announcement.parameters:
+        if each.name in described:
+            raise BadInput(f"{where}: parameter {each.name} is described twice")
+        described[each.name] = _sound(each, where)
+    return msgspec.structs.replace(
+        announcement,
+        parameters=tuple(described.values()),
+        fleet=_fitted(announcement.fleet, described, f"{where}: fleet file"),
+        command_line=_fitted(announcement.command_line, described, f"{where}: command line"),
+    )
+
+
+def _sound(described: ParameterDescription, where: str) -> ParameterDescription:
+    name = described.name
+    if not _NAME.fullmatch(name) or len(name) > 255:
+        raise BadInput(
+            f"{where}: {name[:80]!r} is no name of a parameter: letters, digits and '_', parts joined by '.'"
+        )
+    parts = taken_apart(described.type)
+    if parts is None:
+        raise BadInput(
+            f"{where}: {name} has the type {described.type[:80]!r}; known are bool, int, float, str, and [] behind them"
+        )
+    bounded = described.low is not None or described.high is not None
+    if bounded and parts[0] not in ("int", "float"):
+        raise BadInput(f"{where}: {name} has bounds, but {described.type} has none")
+    if described.low is not None and described.high is not None and described.low > described.high:
+        raise BadInput(f"{where}: the bounds of {name} exclude everything: {described.low} to {described.high}")
+    if described.default is None:
+        return described
+    try:
+        return msgspec.structs.replace(described, default=fit(described, described.default).value)
+    except BadInput as error:
+        raise BadInput(f"{where}: the default does not fit: {error}") from None
+
+
+def _fitted(
+    given: Iterable[Assignment], described: Mapping[str, ParameterDescription], where: str
+) -> tuple[Assignment, ...]:
+    fitted = []
+    for each in given:
+        if each.name not in described:
+            raise unknown("parameter", each.name, described, where)
+        try:
+            fitted.append(Assignment(name=each.name, value=fit(described[each.name], each.value).value))
+        except BadInput as error:
+            raise BadInput(f"{where}: {error}") from None
+    return tuple(fitted)
+
+
+def _agree(new: Announcement, old: Announcement) -> None:
+    known = {each.name: each for each in old.parameters}
+    for each in new.parameters:
+        other = known.get(each.name)
+        if other is not None and other != each:
+            fields = [f for f in each.__struct_fields__ if getattr(each, f) != getattr(other, f)]
+            differs = ", ".join(f"{f} {shown(getattr(each, f))} and {shown(getattr(other, f))}" for f in fields)
+            raise Conflict(
+                old.node,
+                f"{new.node} and {old.node} describe {new.set} {each.name} differently: {differs}. "
+                "Nodes that share a set must agree on it",
+            )
+    for what, mine, theirs in (
+        ("fleet file gives", new.fleet, old.fleet),
+        ("command lines give", new.command_line, old.command_line),
+    ):
+        said = {each.name: each.value for each in theirs}
+        for one in mine:
+            if one.name in said and said[one.name] != one.value:
+                raise Conflict(
+                    old.node,
+                    f"the {what} {new.set} {one.name} as {shown(one.value)} for {new.node} and as "
+                    f"{shown(said[one.name])} for {old.node}, which share it: say it once",
+                )

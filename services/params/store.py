@@ -1,0 +1,220 @@
+"""What outlives the parameter service: saved values, revisions, history and the replies to requests, in SQLite."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from messages.parameters import ParameterChange, Value
+from services.params.change import Back
+from services.params.file import claimed, connect
+from services.params.tables import SCHEMA, read_value, seal, write_value
+from services.runtime.errors import BadInput, EleaError
+
+MEMORY = ":memory:"
+KEPT_REQUESTS = 4096
+"""Replies kept for who asks again; a retry comes within seconds."""
+KEPT_CHANGES = 50_000
+
+
+class NotSaved(EleaError):
+    """A change could not be written; it does not count."""
+
+
+class Kept(NamedTuple):
+    """What is known of a set at the start: its revision, saved values, and who had which parameter."""
+
+    revision: int
+    saved: Mapping[str, Value]
+    owners: Mapping[str, frozenset[str]]
+
+
+class Undoable(NamedTuple):
+    """A change that an undo may take back."""
+
+    id: int
+    back: Back
+    run: bool
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One change as it is written, all of it or nothing. ``saved`` has None for what is no longer saved.
+
+    ``owner`` is the node that announced the parameters ``owned``; ``request`` the id, digest and reply of who asked.
+    """
+
+    set: str
+    revision: int
+    saved: Mapping[str, str | None] = field(default_factory=dict)
+    change: ParameterChange | None = None
+    back: Back | None = None
+    lasting: bool = False
+    undoes: int | None = None
+    request: tuple[str, str, bytes] | None = None
+    run: bool = False
+    owner: str = ""
+    owned: tuple[str, ...] = ()
+
+
+@contextmanager
+def opened(file: str) -> Iterator[Store]:
+    """The store in a file, or in memory when none is named; raises BadInput for a file that is not fit."""
+    if file in ("", MEMORY):
+        connection = sqlite3.connect(MEMORY, isolation_level=None)
+        connection.executescript(SCHEMA)
+        yield Store(connection)
+        return
+    path = Path(file).expanduser().resolve()
+    with claimed(path):
+        try:
+            connection = connect(path)
+        except sqlite3.Error as error:
+            raise BadInput(f"cannot use the file of parameters {path}: {error}") from None
+        try:
+            store = Store(connection)
+            store.forget_run()
+            yield store
+        finally:
+            connection.close()
+
+
+class Store:
+    """Everything is read once; a change is on the disk when ``write`` returns.
+
+    After each commit the log goes into the file and is emptied before anybody is told: what was acknowledged lies in
+    the file itself, and a log that is lost, torn or corrupted can only hold what nobody was told of. It costs 0.5 ms.
+    """
+
+    def __init__(self, connection: sqlite3.Connection) -> None:
+        self._db = connection
+        self._writes = 0
+        self._run_since = 0
+
+    def sets(self) -> dict[str, Kept]:
+        """All sets that were ever changed or announced."""
+        kept = {name: Kept(revision, {}, {}) for name, revision in self._db.execute("SELECT name, revision FROM sets")}
+        saved: dict[str, dict[str, Value]] = {}
+        owners: dict[str, dict[str, frozenset[str]]] = {}
+        for where, name, value in self._db.execute('SELECT "set", name, value FROM saved ORDER BY rowid'):
+            saved.setdefault(where, {})[name] = read_value(value)
+        for where, name, node in self._db.execute('SELECT "set", name, node FROM owners'):
+            known = owners.setdefault(where, {})
+            known[name] = known.get(name, frozenset()) | {node}
+        return {name: Kept(each.revision, saved.get(name, {}), owners.get(name, {})) for name, each in kept.items()}
+
+    def reply(self, request: str) -> tuple[str, bytes] | None:
+        """Digest and reply of a request that was carried out under this id."""
+        found: tuple[str, bytes] | None = self._db.execute(
+            "SELECT digest, reply FROM requests WHERE id = ?", (request,)
+        ).fetchone()
+        return found
+
+    def history(self, name: str, limit: int) -> Iterator[ParameterChange]:
+        """The newest changes of a set, or of all for an empty name."""
+        rows = self._db.execute(
+            """SELECT change, undone FROM history WHERE ?1 = '' OR "set" = ?1 ORDER BY id DESC LIMIT ?2""",
+            (name, limit),
+        )
+        for change, undone in rows:
+            yield msgspec.structs.replace(msgspec.json.decode(change, type=ParameterChange), undone=bool(undone))
+
+    def undoable(self, name: str) -> Undoable | None:
+        """The newest change of a set that was not taken back yet."""
+        row = self._db.execute(
+            'SELECT id, back, run FROM history WHERE "set" = ? AND lasting AND NOT undone ORDER BY id DESC LIMIT 1',
+            (name,),
+        ).fetchone()
+        if row is None:
+            return None
+        back = msgspec.json.decode(row[1], type=Back)
+        if row[0] <= self._run_since:
+            back = replace(back, run={})
+        return Undoable(row[0], back, bool(row[2]))
+
+    def write(self, entry: Entry) -> None:
+        """Write a change; raises NotSaved, and then nothing of it counts."""
+        try:
+            self._db.execute("BEGIN IMMEDIATE")
+            self._write(entry)
+            self._db.execute("COMMIT")
+        except sqlite3.Error as error:
+            if self._db.in_transaction:
+                self._db.execute("ROLLBACK")
+            raise NotSaved(
+                f"{entry.set}: not saved ({error}), so nothing was changed: is the disk full or read-only?"
+            ) from None
+        self._into_file()
+
+    def forget_run(self) -> None:
+        """What was for one run alone is over: it is neither taken back nor counted as carried out."""
+        try:
+            self._db.execute("BEGIN IMMEDIATE")
+            self._db.execute("UPDATE history SET lasting = 0 WHERE run AND lasting")
+            self._db.execute("DELETE FROM requests WHERE run")
+            self._db.execute("COMMIT")
+        except sqlite3.Error as error:
+            if self._db.in_transaction:
+                self._db.execute("ROLLBACK")
+            raise NotSaved(f"the end of a run was not written: {error}") from None
+        (self._run_since,) = self._db.execute("SELECT coalesce(max(id), 0) FROM history").fetchone()
+        self._into_file()
+
+    def _write(self, entry: Entry) -> None:
+        db, name = self._db, entry.set
+        values = (name, entry.revision)
+        db.execute("INSERT OR REPLACE INTO sets VALUES (?, ?, ?)", (*values, seal(*values)))
+        for parameter, text in entry.saved.items():
+            if text is None:
+                db.execute('DELETE FROM saved WHERE "set" = ? AND name = ?', (name, parameter))
+            else:
+                row = (name, parameter, text)
+                db.execute(
+                    'INSERT INTO saved VALUES (?, ?, ?, ?) ON CONFLICT ("set", name) '
+                    "DO UPDATE SET value = excluded.value, seal = excluded.seal",
+                    (*row, seal(*row)),
+                )
+        if entry.owner:
+            db.execute('DELETE FROM owners WHERE "set" = ? AND node = ?', (name, entry.owner))
+            for parameter in entry.owned:
+                row = (name, parameter, entry.owner)
+                db.execute("INSERT INTO owners VALUES (?, ?, ?, ?)", (*row, seal(*row)))
+        if entry.undoes is not None:
+            db.execute("UPDATE history SET undone = 1 WHERE id = ?", (entry.undoes,))
+        if entry.change is not None:
+            back = entry.back or Back((), {}, {})
+            texts = (name, msgspec.json.encode(entry.change).decode(), msgspec.json.encode(back).decode())
+            db.execute(
+                'INSERT INTO history ("set", change, back, run, lasting, seal) VALUES (?, ?, ?, ?, ?, ?)',
+                (*texts, entry.run, entry.lasting, seal(*texts)),
+            )
+        if entry.request is not None:
+            asked = (*entry.request, int(entry.run))
+            db.execute("INSERT INTO requests VALUES (?, ?, ?, ?, ?)", (*asked, seal(*asked)))
+        self._writes += 1
+        if self._writes % 256 == 0:
+            db.execute("DELETE FROM requests WHERE rowid <= (SELECT max(rowid) FROM requests) - ?", (KEPT_REQUESTS,))
+            db.execute("DELETE FROM history WHERE id <= (SELECT max(id) FROM history) - ?", (KEPT_CHANGES,))
+
+    def _into_file(self) -> None:
+        """Empty the log. If that fails, the change is still durable in the log."""
+        try:
+            self._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        except sqlite3.OperationalError:
+            return
+
+
+def texts(before: Mapping[str, Value], after: Mapping[str, Value]) -> dict[str, str | None]:
+    """What to write so that the saved values ``before`` become those ``after``."""
+    written: dict[str, str | None] = {name: None for name in before if name not in after}
+    for name, value in after.items():
+        text = write_value(value)
+        if name not in before or write_value(before[name]) != text:
+            written[name] = text
+    return written

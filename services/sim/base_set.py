@@ -1,0 +1,99 @@
+"""The set of parameters of one robot's base, ``NAMESPACE/base``: the one owner of their values, and how they change."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import msgspec
+
+from messages.requests import DriveSettings
+from services.runtime.errors import BadInput
+from services.runtime.followed import Followed
+from services.runtime.leaves import differing, flatten
+from services.runtime.node import Node
+from services.sim import BaseParameters, RobotEntry
+from services.sim.settings import Configured, Settings, base_settings, completed, configured, effective
+
+
+class BaseSet:
+    """``settings`` follow from the parameters as they stand; whoever drives by them takes them anew after a change."""
+
+    def __init__(self, node: Node, namespace: str, entry: RobotEntry, wait: bool) -> None:
+        own = _own(entry)
+        assert own.settings is not None
+        self.name, self._model, self._kind = entry.name, own.model, entry.model
+        self.settings: Settings = own.settings
+        self._torque_driven = own.settings.gains is not None
+        self._log = node.log
+        plain = flatten(BaseParameters())
+        given = flatten(entry.parameters)
+        self._followed = Followed(
+            node,
+            f"{namespace}/base",
+            own.parameters,
+            fleet={name: given[name] for name in differing(given, plain)},
+            defaults=effective(entry.model, own.model, BaseParameters()),
+            fits=self._made,
+        )
+        self._followed.begin(wait)
+        self._seen: BaseParameters = own.parameters
+        self.follow()
+        for warning in self.settings.warnings:
+            self._warn(warning)
+
+    @property
+    def parameters(self) -> BaseParameters:
+        """What the settings are made of."""
+        return self._seen
+
+    def close(self) -> None:
+        """Follow the set no more."""
+        self._followed.close()
+
+    def follow(self) -> bool:
+        """Take what was admitted; whether the settings are others now."""
+        self._followed.refresh()
+        params = self._followed.params
+        if params is self._seen:
+            return False
+        before = self.settings.warnings
+        self.settings, self._seen = self._made(params), completed(self._model, params)
+        for warning in self.settings.warnings:
+            if warning not in before:
+                self._warn(warning)
+        return True
+
+    def change(self, asked: DriveSettings) -> None:
+        """Set what is asked, for this run; raises BadInput or CallFailed with nothing changed."""
+        told: dict[str, Any] = {
+            name: value for name, value in msgspec.structs.asdict(asked).items() if value is not None
+        }
+        del told["name"]
+        sides = "left_wheel_radius_multiplier", "right_wheel_radius_multiplier"
+        both = self._seen.wheel_radius_multiplier
+        if both is not None and any(side in told for side in sides):
+            # It wins over those of the sides, of which one is to change now.
+            told = {"wheel_radius_multiplier": None, **dict.fromkeys(sides, both), **told}
+        self._followed.change(told)
+
+    def drive_settings(self) -> DriveSettings:
+        """All that ``change`` can change."""
+        return DriveSettings(name=self.name, **asdict(self.settings.live))
+
+    def _made(self, parameters: BaseParameters) -> Settings:
+        wheels = self._model.wheels
+        assert wheels is not None
+        if (parameters.wheel_pid is not None) != self._torque_driven:
+            raise BadInput("wheel_pid: a base is driven by torque or by speed from its spawn on; only gains change")
+        return base_settings(self._kind, self._model, wheels, completed(self._model, parameters))
+
+    def _warn(self, warning: str) -> None:
+        self._log.warn(f"{self.name}: {warning}")
+
+
+def _own(entry: RobotEntry) -> Configured:
+    try:
+        return configured(entry.model, entry.parameters)
+    except BadInput as error:
+        raise BadInput(f"{entry.name}: {error}") from None
