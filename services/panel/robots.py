@@ -72,7 +72,11 @@ class Robots:
         """Listen to where they are, and to the rest, or know their names alone; what was heard is then forgotten."""
         topics = (*((GROUND_TRUTH, ODOM) if poses else ()), *((BASE_STATUS, STATUS, PLAN) if rest else ()))
         if topics != self._topics:
-            self.found = {} if not set(self._topics) <= set(topics) else self.found
+            for robot in self.found.values():
+                if not poses:
+                    robot.truth = robot.estimate = None
+                if not rest:
+                    robot.base = robot.goal = robot.plan = None
             self._topics, self._followed = topics, -1
 
     def turn(self) -> None:

@@ -21,7 +21,7 @@ export class Camera {
   }
 
   // Show all these points, with room around them.
-  fit(points, least = 2) {
+  fit(points, least = 4) {
     if (!points.length) return;
     const xs = points.map((each) => each[0]), ys = points.map((each) => each[1]);
     const low = [Math.min(...xs), Math.min(...ys)], high = [Math.max(...xs), Math.max(...ys)];

@@ -4,6 +4,7 @@ import { el, say } from "./dom.js";
 import { store } from "./store.js";
 
 const MOST_OPEN = 3;
+const DULL = /\/parameter_(descriptions|updates)$/; // shown when they are looked for
 
 export function startChooser(link, plot) {
   const filter = el("input", { type: "search", placeholder: "Filter topics", "aria-label": "Filter topics", oninput: () => list() });
@@ -14,7 +15,7 @@ export function startChooser(link, plot) {
 
   function list() {
     const wanted = filter.value.trim().toLowerCase();
-    const names = store.topics.filter((each) => each.pubs.length && each.name.toLowerCase().includes(wanted)).map((each) => each.name);
+    const names = store.topics.filter((each) => each.pubs.length && each.name.toLowerCase().includes(wanted) && (wanted || !DULL.test(each.name))).map((each) => each.name);
     for (const [name, { row }] of rows) if (!names.includes(name)) { row.remove(); rows.delete(name); }
     names.forEach((name, index) => {
       if (!rows.has(name)) rows.set(name, make(name));

@@ -30,7 +30,7 @@ export function startGraph(link) {
     const topics = shownTopics();
     say(count, `${store.nodes.length} nodes, ${topics.length} of ${store.topics.length} topics`);
     const { left, middle, right, height } = layout(topics);
-    const width = Math.max(820, drawing.clientWidth - 4), side = 170, wide = Math.min(380, width - 2 * side - 160);
+    const width = Math.max(780, drawing.clientWidth - 20), side = 170, wide = Math.min(380, width - 2 * side - 160);
     const from = (width - wide) / 2;
     const edges = svg("g", { class: "edges" }), boxes = svg("g");
     marks = [];

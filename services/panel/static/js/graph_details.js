@@ -35,7 +35,7 @@ function ofTopic(name, choose) {
     fact("type", topic.types.join(", "), topic.types.length > 1 ? "bad" : ""), fact("quality", topic.quality),
     fact("rate", `${known ? known.hz.toFixed(1) : "–"} Hz of simulation time${topic.promised ? `, ${topic.promised} promised` : ""}`),
     fact("on the wall", `${known ? known.wall.toFixed(1) : "–"} Hz`), fact("sent", String(known?.sent ?? "–")),
-    fact("last", known?.age === null || known?.age === undefined ? "–" : `within ${known.age.toFixed(0)} s`),
+    fact("last", known?.age === null || known?.age === undefined ? "–" : known.age < 1.5 ? "within the last second" : `${known.age.toFixed(0)} s ago`),
     el("h3", {}, "Published by"), el("ul", {}, ...topic.pubs.map((node) => el("li", {}, link(node, { node }, choose)))),
     el("h3", {}, "Read by"), el("ul", {}, ...(readers.length ? readers : [el("li", { class: "quiet" }, "nobody")]))];
 }

@@ -45,8 +45,13 @@ export class GroundMap {
       if (step > APART) trail.push(x, y);
       if (trail.length > 2 * TRAIL) trail.splice(0, TRAIL);
     }
-    for (const ns of this.trails.keys()) if (!(ns in poses)) this.trails.delete(ns);
     if (!this.fitted && this.canvas.clientWidth && Object.keys(poses).length) this.fit();
+  }
+
+  know(robots) {
+    this.robots = robots;
+    for (const ns of this.trails.keys()) if (!robots.some((each) => each.ns === ns)) this.trails.delete(ns);
+    this.dirty = true;
   }
 
   clear() { this.trails.clear(); this.dirty = true; }
@@ -120,13 +125,17 @@ export class GroundMap {
   }
 
   drawPlan(context, robot) {
-    const points = robot.plan.map(([x, y]) => this.camera.toScreen(x, y));
+    const points = robot.plan.map(([x, y]) => this.camera.toScreen(x, y)), pose = this.poses[robot.ns];
     context.strokeStyle = context.fillStyle = this.paintOf(robot.ns);
     context.globalAlpha = robot.ns === this.selected ? 0.9 : 0.35;
     context.lineWidth = 1;
     context.setLineDash([3, 4]);
     context.beginPath();
     for (const point of points) context.lineTo(...point);
+    if (pose && robot.state === "driving" && points[robot.index]) {
+      context.moveTo(...this.camera.toScreen(pose[0], pose[1]));
+      context.lineTo(...points[robot.index]);
+    }
     context.stroke();
     context.setLineDash([]);
     points.forEach(([px, py], index) => {

@@ -10,6 +10,22 @@ const short = (value) => {
   return size !== 0 && (size < 0.001 || size >= 1e6) ? value.toExponential(2) : String(Number(value.toPrecision(5)));
 };
 
+// As many digits as the steps between the ticks need.
+function tick(value, step) {
+  if (value === null) return "";
+  if (Math.abs(value) >= 1e6 || step < 1e-6) return value.toExponential(2);
+  let digits = 0;
+  while (digits < 8 && Math.abs(Number(step.toFixed(digits)) - step) > step * 1e-3) digits++;
+  return value.toFixed(digits).replace(/^-(0(\.0*)?)$/, "$1");
+}
+
+// The extent of an axis: some room around the lines, and no microscope on what stands still.
+function roomy(low, high) {
+  if (low === null || high === null) return [-1, 1];
+  const middle = (low + high) / 2, half = Math.max((high - low) / 2, Math.abs(middle) * 1e-6, 5e-4) * 1.12;
+  return [middle - half, middle + half];
+}
+
 export class Plot {
   // `board` follows time for all plots: {range(), zoom(a, b), follow(), activate(plot), drop(plot), changed()}.
   constructor(series, board) {
@@ -75,8 +91,8 @@ export class Plot {
       height: this.ground.clientHeight,
       legend: { show: false },
       padding: [8, 12, 0, 0],
-      scales: { x: { time: false, range: (_, low, high) => [low, high] } },
-      axes: [{ ...axis, size: 28, values: (_, ticks) => ticks.map((t) => `${Number(t.toFixed(3))} s`) }, { ...axis, size: 56 }],
+      scales: { x: { time: false, range: (_, low, high) => [low, high] }, y: { range: (_, low, high) => roomy(low, high) } },
+      axes: [{ ...axis, size: 28, values: (_, ticks) => ticks.map((t) => `${Number(t.toFixed(3))} s`) }, { ...axis, size: 60, values: (_, ticks, __, ___, step) => ticks.map((each) => tick(each, step)) }],
       cursor: { sync: { key: "elea" }, drag: { x: true, y: false, setScale: false }, points: { size: 6 } },
       series: [{}, ...this.lines.map((line) => ({ stroke: paint(line.paint), width: 1.5, points: { show: false } }))],
       hooks: {

@@ -37,8 +37,8 @@ export function startProcesses(link) {
       say(cells.pid, process.pid ? String(process.pid) : "–");
       say(cells.restarts, String(process.restarts));
       say(cells.reason, process.reason);
-      cells.start.disabled = runs;
-      cells.stop.disabled = cells.restart.disabled = !runs;
+      cells.start.hidden = runs;
+      cells.stop.hidden = cells.restart.hidden = !runs;
     }
   }
 

@@ -93,7 +93,7 @@ export function startRobots(link) {
     return [robot.source ? `obeys ${robot.source}` : robot.drives ? "at rest" : "no base", ""];
   }
 
-  link.on("robots", (news) => { robots = ground.robots = news.robots; ground.dirty = true; fill(); });
+  link.on("robots", (news) => { robots = news.robots; ground.know(robots); fill(); });
   link.on("poses", ({ at }) => {
     poses = at;
     ground.take(at);
