@@ -79,6 +79,7 @@ class Hub:
                 self._channels[name].turn(now)
         for page, said in self._board.heard():
             self._hear(page, said, now)
+        self._follow()
         self._asker.turn()
         self.driver.turn(now, self.time.now, self.time.era)
         self._plots.turn(now)
@@ -92,7 +93,6 @@ class Hub:
                 case Want():
                     self._wants[page] = frozenset((*said.channels, "clock"))
                     self._plots.want(page, said)
-                    self._follow()
                 case Drive():
                     self.driver.drive(page, said, now)
                 case Release():
@@ -114,11 +114,12 @@ class Hub:
         self._wants.pop(page, None)
         self._plots.want(page, None)
         self._told = {place: told for place, told in self._told.items() if place[0] is not page}
-        self._follow()
 
     def _follow(self) -> None:
-        """Open the channels that any page wants, close the others."""
-        wanted = frozenset[str]().union(*self._wants.values())
+        """Open the channels that any page wants, close the others. Who drives needs the time, page or not."""
+        wanted = frozenset[str]({"clock"} if self.driver.busy else ()).union(*self._wants.values())
+        if wanted == self._followed:
+            return
         self._robots.follow("poses" in wanted, "robots" in wanted)
         for name, channel in self._channels.items():
             if (name in wanted) != (name in self._followed):

@@ -25,19 +25,20 @@ STOP_S = 2.0
 
 def listen(port: int) -> socket.socket:
     """A socket that listens on the loopback, on ``port`` or the next that is free; raises BadInput without any."""
-    for candidate in range(port, port + TRIES) if port else (0,):
+    last = min(port + TRIES - 1, 65535)
+    for candidate in range(port, last + 1) if port else (0,):
         made = socket.socket()
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             made.bind((HOST, candidate))
             made.listen(64)
-        except (OSError, OverflowError) as error:
+        except OSError as error:
             made.close()
-            if isinstance(error, OSError) and error.errno != errno.EADDRINUSE:
+            if error.errno != errno.EADDRINUSE:
                 raise BadInput(f"cannot listen on {HOST}:{candidate}: {error.strerror}") from None
         else:
             return made
-    raise BadInput(f"the ports {port} to {port + TRIES - 1} of {HOST} are all taken: choose another with port=N")
+    raise BadInput(f"the ports {port} to {last} of {HOST} are all taken: choose another with port=N")
 
 
 class Server:

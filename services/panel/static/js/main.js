@@ -58,4 +58,4 @@ link.on("link", ({ open: connected, reason }) => {
 window.addEventListener("hashchange", () => open(location.hash.slice(1)));
 open(location.hash.slice(1)); // this also takes the token out of the address
 link.start();
-window.elea = { link }; // for the console of a browser, and for tests
+window.elea = { link, map: views.get("robots").map }; // for the console of a browser, and for tests
