@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
+from models import MODELS
+from models.figures import read_model
 from services.panel.channel import as_json
 from services.panel.estop import Stops
 from services.panel.robots import Robot, Robots, Spot
@@ -64,6 +67,12 @@ class RobotsChannel:
         return as_json("robots", robots=listed, all_stopped=self._stops.asked(""))
 
 
+@cache
+def _radius(model: str) -> float:
+    """How far a robot reaches, m; 0 for a model that is not of this project."""
+    return round(read_model(model).radius, 3) if model in MODELS else 0.0
+
+
 def described(robot: Robot, stops: Stops) -> dict[str, Any]:
     """A robot as pages show it; goals lie in the world."""
     base, goal, plan = robot.base, robot.goal, robot.plan
@@ -71,6 +80,7 @@ def described(robot: Robot, stops: Stops) -> dict[str, Any]:
     return {
         "ns": robot.namespace,
         "model": base.model if base else "",
+        "radius": _radius(base.model) if base else 0.0,
         "drives": bool(robot.drives),
         "goals": robot.takes_goals,
         "source": base.source if base else "",

@@ -6,15 +6,18 @@ import threading
 from collections import deque
 from collections.abc import Callable
 
-MOST_WAITING = 100
-"""Frames and log lines that wait for a slow page, 4 s of them; the oldest is dropped for the next."""
+MOST_FRAMES = 100
+"""Frames of samples that wait for a slow page, 4 s of them; the oldest is dropped for the next."""
+MOST_TEXTS = 2000
+"""Answers, log lines and values that wait; a page that is this far behind has long been given up."""
 MOST_BYTES = 4 << 20
+"""Of frames that wait."""
 
 Parcel = str | bytes
 
 
 class Page:
-    """States wait once each, the newest of its kind; streams wait in order. ``wake`` rouses the sender.
+    """States wait once each, the newest of its kind; texts and frames wait in order. ``wake`` rouses the sender.
 
     The loop puts and flushes, the sender takes; neither waits for the other. ``dropped`` counts what a slow page
     missed.
@@ -26,7 +29,8 @@ class Page:
         self.open = True
         self._lock = threading.Lock()
         self._states: dict[str, Parcel] = {}
-        self._stream: deque[Parcel] = deque()
+        self._texts: deque[str] = deque()
+        self._frames: deque[bytes] = deque()
         self._bytes = 0
         self._news = False
 
@@ -39,10 +43,16 @@ class Page:
     def stream(self, parcel: Parcel) -> None:
         """Something of which each is to arrive, as long as the page keeps up."""
         with self._lock:
-            self._stream.append(parcel)
-            self._bytes += len(parcel)
-            while len(self._stream) > MOST_WAITING or self._bytes > MOST_BYTES:
-                self._bytes -= len(self._stream.popleft())
+            if isinstance(parcel, str):
+                self._texts.append(parcel)
+                if len(self._texts) > MOST_TEXTS:
+                    self._texts.popleft()
+                    self.dropped += 1
+            else:
+                self._frames.append(parcel)
+                self._bytes += len(parcel)
+            while len(self._frames) > MOST_FRAMES or self._bytes > MOST_BYTES:
+                self._bytes -= len(self._frames.popleft())
                 self.dropped += 1
             self._news = True
 
@@ -54,8 +64,8 @@ class Page:
             self._wake()
 
     def take(self) -> list[Parcel]:
-        """Everything that waits: first the states, then the stream in order."""
+        """Everything that waits: the states, then texts and frames, each in their order."""
         with self._lock:
-            taken = [*self._states.values(), *self._stream]
-            self._states, self._stream, self._bytes = {}, deque(), 0
+            taken = [*self._states.values(), *self._texts, *self._frames]
+            self._states, self._texts, self._frames, self._bytes = {}, deque(), deque(), 0
         return taken

@@ -19,7 +19,7 @@ from services.panel.address import Address, read, token_for, write
 from services.panel.fields import leaves, number, parse, stamp
 from services.panel.frame import MARK, Samples, pack
 from services.panel.graph import promised
-from services.panel.page import MOST_WAITING, Page
+from services.panel.page import MOST_FRAMES, Page
 from services.panel.robots import Spot
 from services.panel.server import listen
 from services.panel.sim_time import SimTime
@@ -112,14 +112,16 @@ def test_a_slow_page_keeps_the_newest_state_and_a_bounded_stream() -> None:
     page = Page(1, lambda: roused.append(1))
     for count in range(1000):
         page.tell("clock", f"clock {count}")
-        page.stream(f"frame {count}")
+        page.stream(b"frame %d" % count)
+        page.stream(f"text {count}")
     page.flush()
     page.flush()
     assert len(roused) == 1
     taken = page.take()
     assert taken[0] == "clock 999"
-    assert taken[1:] == [f"frame {count}" for count in range(1000 - MOST_WAITING, 1000)]
-    assert page.dropped == 1000 - MOST_WAITING
+    assert taken[1:1001] == [f"text {count}" for count in range(1000)], "answers and values wait longer than samples"
+    assert taken[1001:] == [b"frame %d" % count for count in range(1000 - MOST_FRAMES, 1000)]
+    assert page.dropped == 1000 - MOST_FRAMES
     page.stream(b"x" * (5 << 20))
     assert page.take() == []
 

@@ -36,6 +36,10 @@ export function startHeader(link) {
     say(byId("pause"), paused ? "Resume" : "Pause");
     for (const id of ["step", "steps"]) byId(id).disabled = !paused;
   });
+  link.on("about", ({ dropped }) => {
+    say(byId("drops"), `${dropped} frames left out`);
+    show(byId("drops"), dropped > 0);
+  });
   link.on("fleet", ({ state }) => {
     say(byId("fleet"), state ? state.fleet : "elea");
     say(byId("mode"), state ? state.mode : "");

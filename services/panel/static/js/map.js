@@ -153,7 +153,7 @@ export class GroundMap {
 
   drawRobot(context, ns, [x, y, yaw, ex, ey, eyaw]) {
     const robot = this.robots.find((each) => each.ns === ns), paint = this.paintOf(ns);
-    const size = Math.max(9, (robot?.model === "p3dx" ? 0.22 : 0.13) * this.camera.scale);
+    const size = Math.max(9, (robot?.radius || 0.13) * this.camera.scale);
     this.outline(context, ex, ey, eyaw, size);
     context.strokeStyle = paint;
     context.setLineDash([4, 3]);
