@@ -70,10 +70,13 @@ class GraphChannel:
 
 @dataclass
 class _Heard:
-    """What a node's heartbeats have told: wall and simulation time of each [s], and what it had sent by then."""
+    """What a node's heartbeats have told: the sender's clock and simulation time [s] of each, and what it had sent by
+    then; ``at`` is when the last one came, by the clock of this process.
+    """
 
     beats: deque[tuple[float, float, dict[str, int]]] = field(default_factory=lambda: deque(maxlen=BEATS + 1))
     last: Health = field(default_factory=Health)
+    at: float = 0.0
     grew: dict[str, float] = field(default_factory=dict)
 
 
@@ -96,7 +99,7 @@ class RatesChannel:
     def turn(self, now: float) -> None:
         self._now = now
         self.version += 1
-        for health, _ in self._hold.batch(*self._place):
+        for health, origin in self._hold.batch(*self._place):
             heard = self._heard.setdefault(health.node, _Heard())
             sent = {each.topic: each.sent for each in health.outputs}
             if health.pid != heard.last.pid:
@@ -105,8 +108,9 @@ class RatesChannel:
             for topic, count in sent.items():
                 if count != before.get(topic, 0 if heard.beats else count):
                     heard.grew[topic] = now
-            heard.beats.append((now, self._time.now / 1e9, sent))
-            heard.last = health
+            wall = origin.source_ns / 1e9 if origin is not None else now
+            heard.beats.append((wall, self._time.at(origin) / 1e9, sent))
+            heard.last, heard.at = health, now
 
     def news(self, since: int) -> str | None:
         there = {each.node for each in self._network.entities}
@@ -119,7 +123,7 @@ class RatesChannel:
                 "state": health.state,
                 "note": health.note,
                 "pid": health.pid,
-                "age": round(self._now - heard.beats[-1][0], 1),
+                "age": round(self._now - heard.at, 1),
                 "inputs": {
                     each.topic: [each.received, each.lost, each.refused, each.foreign, each.reason]
                     for each in health.inputs

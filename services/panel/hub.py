@@ -74,9 +74,9 @@ class Hub:
         self._robots.turn()
         self._stops.forget_gone()
         self._goals.forget_gone()
-        for name in self._followed:
-            if name != "log":
-                self._channels[name].turn(now)
+        for name, channel in self._channels.items():  # the clock first: the others count by it
+            if name in self._followed and name != "log":
+                channel.turn(now)
         for page, said in self._board.heard():
             self._hear(page, said, now)
         self._follow()

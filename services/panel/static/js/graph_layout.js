@@ -1,6 +1,6 @@
 // Where the graph's boxes lie: publishers left, topics in the middle, readers right; nodes near what they touch.
 
-export const ROW = 24;
+export const ROW = 22;
 export const NODE = 26;
 
 // `topics` are [{name, pubs, subs}]; gives the columns as Maps from name to y, and the height.

@@ -127,7 +127,7 @@ export class GroundMap {
   drawPlan(context, robot) {
     const points = robot.plan.map(([x, y]) => this.camera.toScreen(x, y)), pose = this.poses[robot.ns];
     context.strokeStyle = context.fillStyle = this.paintOf(robot.ns);
-    context.globalAlpha = robot.ns === this.selected ? 0.9 : 0.35;
+    context.globalAlpha = robot.ns === this.selected ? 0.9 : 0.45;
     context.lineWidth = 1;
     context.setLineDash([3, 4]);
     context.beginPath();
@@ -154,12 +154,15 @@ export class GroundMap {
   drawRobot(context, ns, [x, y, yaw, ex, ey, eyaw]) {
     const robot = this.robots.find((each) => each.ns === ns), paint = this.paintOf(ns);
     const size = Math.max(9, (robot?.radius || 0.13) * this.camera.scale);
-    this.outline(context, ex, ey, eyaw, size);
-    context.strokeStyle = paint;
-    context.setLineDash([4, 3]);
-    context.lineWidth = 1.5;
-    context.stroke();
-    context.setLineDash([]);
+    const apart = Math.hypot(ex - x, ey - y) * this.camera.scale > 3 || Math.abs(Math.atan2(Math.sin(eyaw - yaw), Math.cos(eyaw - yaw))) > 0.1;
+    if (apart) {
+      this.outline(context, ex, ey, eyaw, size);
+      context.strokeStyle = paint;
+      context.setLineDash([4, 3]);
+      context.lineWidth = 1.5;
+      context.stroke();
+      context.setLineDash([]);
+    }
     this.outline(context, x, y, yaw, size);
     context.fillStyle = paint;
     context.fill();
