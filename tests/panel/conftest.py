@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Self
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from messages.elea import BaseStatus, FleetState, ProcessState
 from messages.nav import Odometry
@@ -126,6 +126,7 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Watched]:
 
 @pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
+    expect.set_options(timeout=SOON_S * 1000)
     with sync_playwright() as play:
         opened = play.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
         yield opened
@@ -146,7 +147,7 @@ class Pages:
         page.on("console", lambda line: self.complaints.append(line.text) if line.type == "error" else None)
         page.goto(self._fleet.address.url)
         page.click(f"#tab-{view}")
-        page.wait_for_function("document.getElementById('clock').textContent.includes(':')")
+        expect(page.locator("#clock")).to_contain_text(":")
         return page
 
 

@@ -44,7 +44,7 @@ def slide(page: Page, widget: str, value: float) -> None:
 def test_a_clicked_goal_makes_the_robot_go(fleet: Watched, pages: Pages) -> None:
     page = pages.open("robots")
     page.click("[data-robot='/tb3_0']")
-    page.wait_for_function("window.elea.map.fitted")
+    until(lambda: page.evaluate("window.elea.map.fitted"), SOON_S, "a map")
     page.click("#goal-mode")
     page.locator("canvas.map").click(position=point(page, 0.6, 0.4))
     expect(page.locator(".note:has-text('/tb3_0 is sent to (0.60 m, 0.40 m)')")).to_be_visible()
@@ -61,7 +61,7 @@ def test_a_clicked_goal_makes_the_robot_go(fleet: Watched, pages: Pages) -> None
 
 def test_a_stop_stops_all_until_it_is_reset(fleet: Watched, pages: Pages) -> None:
     page = pages.open("robots")
-    page.wait_for_function("window.elea.map.fitted")
+    until(lambda: page.evaluate("window.elea.map.fitted"), SOON_S, "a map")
     page.click("[data-robot='/tb3_1']")
     page.click("#goal-mode")
     page.locator("canvas.map").click(position=point(page, 1.5, 1.0))
@@ -122,7 +122,7 @@ def test_a_slider_changes_the_speed_and_the_plot_shows_it_on_both_pages(fleet: W
         expect(each.locator(f"{speed} input[type=number]")).to_have_value("0.22")
     page.click("#tab-robots")
     page.click("[data-robot='/tb3_0']")
-    page.wait_for_function("window.elea.map.fitted")
+    until(lambda: page.evaluate("window.elea.map.fitted"), SOON_S, "a map")
     page.click("#goal-mode")
     page.locator("canvas.map").click(position=point(page, 2.5, 0.0))
     fleet.wait(lambda: fleet.speed("/tb3_0") > 0.21, what="tb3_0 at its top speed")
