@@ -74,6 +74,7 @@ def test_what_the_end_of_each_means() -> None:
         "sim": "on-failure",
         "grader": "never",
         "logger": "on-failure",
+        "panel": "on-failure",
         "p3dx/square": "on-failure",
         **{f"tb3_{robot}/waypoint": "on-failure" for robot in range(4)},
     }
