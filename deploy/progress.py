@@ -12,6 +12,7 @@ from typing import Protocol
 from deploy.run_folder import write_state
 from deploy.supervisor.life import Life
 from messages.elea import FleetState
+from services.panel.address import FILE, read
 
 PLAIN_PERIOD_S = 10.0
 """Wall time between two lines about a fleet that runs well, where no live line can be shown."""
@@ -82,6 +83,8 @@ class Progress:
         shown = life.show()
         if life.state in _TROUBLE:
             self._screen.say(f"{shown.name} {shown.state}: {shown.reason}; see ./elea logs {shown.name}")
+        if life.process.kind == "panel" and life.state == "ready" and (page := read(self._folder / FILE)):
+            self._screen.say(f"the page of this fleet: {page.url}")
         ready = sum(each.state == "ready" for each in fleet.processes)
         if ready == len(fleet.processes) and not self._complete:
             self._complete = True

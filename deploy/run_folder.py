@@ -11,6 +11,7 @@ import msgspec
 from deploy.report.record import PICTURE_FILE, REPORT_FILE
 from messages.elea import FleetState
 from services.grader.records import MEASUREMENTS_FILE, TRAJECTORIES_FILE
+from services.panel.address import FILE as PANEL_FILE
 from services.runtime.errors import BadInput
 from services.runtime.process import ROOT
 from services.square import LOG_FILE
@@ -33,7 +34,7 @@ def make_folder(fleet: str, report: str = "", now: datetime | None = None) -> Pa
         (path / "logs").mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=path):
             pass
-        for name in (MEASUREMENTS_FILE, TRAJECTORIES_FILE, REPORT_FILE, PICTURE_FILE, STATE_FILE, LOG_FILE):
+        for name in (MEASUREMENTS_FILE, TRAJECTORIES_FILE, REPORT_FILE, PICTURE_FILE, STATE_FILE, LOG_FILE, PANEL_FILE):
             (path / name).unlink(missing_ok=True)
         for part in (path / BAG_FOLDER).glob("*"):
             if part.name == METADATA_FILE or part.suffix == ".mcap":

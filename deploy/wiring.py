@@ -11,6 +11,7 @@ from deploy.arm_wiring import graded_arms, not_before, states
 from deploy.fleet import Fleet, Robot
 from deploy.run_folder import BAG_FOLDER
 from models.figures import read_model
+from services.panel.address import FILE as PANEL_FILE
 from services.runtime.parameters import build
 from services.runtime.service import Parameters
 from services.sim import BaseParameters, JointParameters
@@ -79,6 +80,8 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
             }
         case "recorder":
             return {"output": str(terms.folder / BAG_FOLDER), "members": list(members), "resume": True}
+        case "panel":
+            return {"address": str(terms.folder / PANEL_FILE)}
         case _:
             return {}
 

@@ -27,6 +27,7 @@ VERBS = {
     "tf": Verb("tf", "Show the tree of frames, and where one lies in another."),
     "doctor": Verb("doctor", "Check the machine, the installation and the network."),
     "run": Verb("run", "Run one service, or a Python file of your own."),
+    "panel": Verb("panel", "Open the web page of a running fleet."),
     "teleop": Verb("teleop", "Drive a robot from the keyboard."),
     "bag": Verb("bag", "Record, play, inspect and export bags."),
     "view": Verb("view", "Open a run, a recording or a bag in the viewer, or make its pictures."),

@@ -11,8 +11,8 @@ from services.runtime.graph import Entity, pattern
 from services.runtime.transport import Transport
 from services.runtime.wire import MEMBER_BYTES, Origin, publisher_id
 
-PRIORITIES = {"teleop": 10}
-"""By kind of service; everything else commands at 1. A person at the keys wins over a controller."""
+PRIORITIES = {"teleop": 10, "panel": 10}
+"""By kind of service; everything else commands at 1. A person at the keys, or at a page, wins over a controller."""
 
 FOREIGN = b"foreign"
 """The source of commands without our attachment."""

@@ -7,13 +7,13 @@ from collections.abc import Callable
 from messages.geometry import Twist, TwistStamped, Vector3
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, Quality, Topic
+from services.motion.voice import Voice
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 from services.runtime.graph import snapshot
 from services.teleop import TeleopParameters
 from services.teleop.bases import bases
 from services.teleop.hand import STILL, Motion
-from services.teleop.voice import Voice
 
 STAMPED = Topic(CMD_VEL.name, TwistStamped, CMD_VEL.rate, Quality.COMMAND, CMD_VEL.about)
 """``cmd_vel`` as newer ROS 2 bases take it."""
@@ -24,7 +24,7 @@ class Mouth:
 
     def __init__(self, ctx: Context[TeleopParameters]) -> None:
         self._ctx, p = ctx, ctx.params
-        self.voice = Voice(p.repeat_rate, p.give_way)
+        self.voice = Voice(p.repeat_rate, p.give_way, STILL)
         plain = ctx.writer(CMD_VEL)
         self.topic, self._record = plain.name, Twist.ROS_TYPE
         self._send: Callable[[Twist], None] = plain.publish

@@ -21,6 +21,7 @@ NETWORK = "Zenoh stands behind the transport alone"
 PHYSICS = "PyBullet stands behind the simulation alone"
 VIEWER = "Rerun stands behind the logger alone"
 BAGS = "MCAP stands behind the bags alone"
+WEB = "The web server stands behind the panel alone"
 
 PLANTED = [
     (LAYERS, "services/waypoint/plan.py", "from deploy.version import VERSION"),
@@ -45,6 +46,9 @@ PLANTED = [
     (SERVICES, "services/bag/info.py", "from services.recorder import SERVICE"),
     (BAGS, "services/recorder/tape.py", "from mcap.records import Schema"),
     (BAGS, "deploy/commands/bag.py", "def later(): import zstandard"),
+    (WEB, "services/runtime/node.py", "import uvicorn"),
+    (WEB, "deploy/commands/panel.py", "def later(): from starlette.routing import Route"),
+    (WEB, "services/grader/loop.py", "import websockets"),
 ]
 """The contract, and a line at the end of a file that breaks it."""
 

@@ -20,7 +20,7 @@ try:
     runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=False)
 except SystemExit as end:
     status = end.code or 0
-heavy = {"zenoh", "numpy", "pybullet", "rerun", "rerun_cli", "matplotlib", "psutil"}
+heavy = {"zenoh", "numpy", "pybullet", "rerun", "rerun_cli", "matplotlib", "psutil", "starlette", "uvicorn"}
 print("status", status, *sorted(heavy & {name.partition(".")[0] for name in sys.modules}))
 """
 

@@ -76,6 +76,7 @@ def test_what_the_end_of_each_means() -> None:
         "sim": "on-failure",
         "grader": "never",
         "logger": "on-failure",
+        "panel": "on-failure",
         "p3dx/square": "on-failure",
         "arm/arm": "on-failure",
         "arm/reference": "on-failure",

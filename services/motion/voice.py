@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 from math import inf
-from typing import Literal
+from typing import Generic, Literal, TypeVar
 
-from services.teleop.hand import STILL, Motion
+Motion = TypeVar("Motion")
 
 KEEP_UP_S = 0.1
 """Simulation time after which a command is repeated, however little wall time that is; bases time out after 0.25 s."""
 
 
-class Voice:
-    """Says what to send. It holds zero for ``give_way`` [s of simulation time] after a motion, then it is silent.
+class Voice(Generic[Motion]):
+    """Says what to send of what a person wants, where ``still`` is the motion of a robot that stands.
 
+    It holds ``still`` for ``give_way`` [s of simulation time] after a motion, then it is silent.
     Repeats come ``rate`` times a second of wall time, and no more seldom than every KEEP_UP_S of simulation time, so
     that a simulation that is faster than the wall clock does not time out between two. With rate 0 nothing is repeated:
     a command goes out with each key event, one zero at the end.
     """
 
-    def __init__(self, rate: float, give_way: float) -> None:
+    def __init__(self, rate: float, give_way: float, still: Motion) -> None:
         self.retune(rate, give_way)
+        self._still = still
         self.state: Literal["driving", "stopping", "silent"] = "silent"
-        self.sent = STILL
+        self.sent = still
         self._wall = self._sim = self._since = 0.0
 
     def say(
@@ -40,13 +42,13 @@ class Voice:
             return self._send(motion, wall, sim) if changed or again else None
         if self.state == "driving" or stop:
             self.state, self._since = "stopping", sim
-            return self._send(STILL, wall, sim)
+            return self._send(self._still, wall, sim)
         if self.state == "silent":
             return None
         if self._period == inf or sim - self._since >= self._give_way:
             self.state = "silent"
             return None
-        return self._send(STILL, wall, sim) if self._due(wall, sim) else None
+        return self._send(self._still, wall, sim) if self._due(wall, sim) else None
 
     def retune(self, rate: float, give_way: float) -> None:
         """Repeat at another rate [Hz], and hold zero for another time [s]."""

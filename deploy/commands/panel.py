@@ -1,0 +1,104 @@
+"""``elea panel``: the web page of a running fleet; one is started for a fleet that has none."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from deploy.claim import Running, running
+from deploy.commands.options import chosen, json_option, port_option
+from deploy.fleet import PORT
+from services.runtime.errors import EleaError
+from services.runtime.process import PARENT, ROOT
+
+if TYPE_CHECKING:
+    from services.panel.address import Address
+
+_PATIENCE_S = 15.0
+"""Wall time that a panel has to open its page."""
+
+
+@click.command("panel")
+@click.option("--page-port", type=click.IntRange(0, 65535), help="Port of the page, where one is started; 8600.")
+@click.option("--no-open", is_flag=True, help="Print the address only; do not open a browser.")
+@click.option("--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default.")
+@click.option("--domain", default="", help="Domain of the fleet.")
+@port_option
+@json_option
+def command(page_port: int | None, no_open: bool, connect: str, domain: str, port: int | None, as_json: bool) -> None:
+    """Print the address of the running fleet's page, and open it where there is a display.
+
+    A fleet without a panel gets one, until Ctrl-C. The address holds a token: whoever has it may drive the robots.
+    """
+    fleet = chosen(port) if not connect and running() else None
+    if fleet is not None and (address := _of(fleet)) is not None:
+        _show(address, as_json, no_open)
+        return
+    if fleet is not None:
+        connect, domain = f"tcp/127.0.0.1:{fleet.port}", domain or fleet.domain
+    raise SystemExit(_own(connect or f"tcp/127.0.0.1:{port or PORT}", domain, page_port, as_json, no_open))
+
+
+def _of(fleet: Running) -> Address | None:
+    """The page of a fleet whose panel lives."""
+    from services.panel.address import FILE, read
+
+    address = read(Path(fleet.folder) / FILE)
+    if address is None or not Path(f"/proc/{address.pid}").exists():
+        return None
+    with socket.socket() as probe:
+        probe.settimeout(2.0)
+        return address if probe.connect_ex(("127.0.0.1", address.port)) == 0 else None
+
+
+def _own(connect: str, domain: str, page_port: int | None, as_json: bool, no_open: bool) -> int:
+    """Run a panel until it ends; its exit status."""
+    from deploy.commands.network import visit
+    from services.panel.address import read
+
+    with visit(connect, domain):
+        pass  # there is a router, or this says that there is none
+    with tempfile.TemporaryDirectory(prefix="elea-panel-") as folder:
+        file = Path(folder) / "panel.json"
+        arguments = ["--connect", connect, *(["--domain", domain] if domain else []), "--param", f"address={file}"]
+        arguments += ["--param", f"port={page_port}"] if page_port is not None else []
+        child = subprocess.Popen(
+            [sys.executable, "-P", "-m", "services.panel", *arguments],
+            env={**os.environ, "PYTHONPATH": str(ROOT), PARENT: str(os.getpid())},
+        )
+        try:
+            deadline = time.monotonic() + _PATIENCE_S
+            while (address := read(file)) is None:
+                if child.poll() is not None:
+                    raise EleaError("the panel ended before its page was there: see above")
+                if time.monotonic() > deadline:
+                    raise EleaError(f"the panel did not open its page within {_PATIENCE_S:g} s")
+                time.sleep(0.05)
+            _show(address, as_json, no_open)
+            return child.wait()
+        except KeyboardInterrupt:
+            child.send_signal(signal.SIGINT)
+            return child.wait(_PATIENCE_S)
+        finally:
+            if child.poll() is None:
+                child.terminate()
+
+
+def _show(address: Address, as_json: bool, no_open: bool) -> None:
+    facts = {"url": address.url, "port": address.port, "pid": address.pid}
+    sys.stdout.write(json.dumps(facts) + "\n" if as_json else f"{address.url}\n")
+    sys.stdout.flush()
+    if not (no_open or as_json) and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        import webbrowser
+
+        webbrowser.open(address.url)

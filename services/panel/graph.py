@@ -1,0 +1,151 @@
+"""The channels of the graph: nodes and topics, and how much passes between them."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+from messages.elea import Health
+from messages.topics import HEALTH, TOPICS
+from services.panel.channel import as_json
+from services.panel.feeds import Feeds, Hold
+from services.panel.network import Network
+from services.panel.sim_time import SimTime
+
+BEATS = 4
+"""Heartbeats over which a rate is taken."""
+
+_PROMISED = {topic.name.lstrip("/"): topic.rate for topic in TOPICS}
+
+
+def promised(name: str) -> float:
+    """The rate [Hz of simulation time] that the table of topics promises for a topic, 0 for none.
+
+    A name ends as the table has it: ``/tb3_0/sonar/range`` as ``sonar/range``.
+    """
+    parts = name.lstrip("/").split("/")
+    return next((_PROMISED[end] for i in range(len(parts)) if (end := "/".join(parts[i:])) in _PROMISED), 0.0)
+
+
+class GraphChannel:
+    """Tells the whole graph whenever it has changed."""
+
+    period, streams = 0.2, False
+
+    def __init__(self, network: Network) -> None:
+        self._network = network
+
+    @property
+    def version(self) -> int:
+        """The network's."""
+        return self._network.version
+
+    def follow(self, wanted: bool) -> None:
+        """Tokens are followed in any case."""
+
+    def turn(self, now: float) -> None:
+        """The hub turns the network."""
+
+    def news(self, since: int) -> str | None:
+        nodes: dict[str, str] = {}
+        topics: dict[str, dict[str, Any]] = {}
+        services = []
+        for each in self._network.entities:
+            nodes.setdefault(each.node, "")
+            if each.kind == "node":
+                nodes[each.node] = each.name
+            elif each.kind == "srv":
+                services.append({"name": each.name, "type": each.record, "node": each.node})
+            else:
+                topic = topics.setdefault(each.name, {"types": [], "quality": "", "pubs": [], "subs": []})
+                topic[f"{each.kind}s"].append(each.node)
+                if each.record not in topic["types"]:
+                    topic["types"].append(each.record)
+                if each.kind == "pub" or not topic["quality"]:
+                    topic["quality"] = each.detail.lower()
+        listed = [{"name": name, "promised": promised(name), **topic} for name, topic in sorted(topics.items())]
+        return as_json("graph", nodes=[{"name": n, "kind": k} for n, k in nodes.items()], topics=listed, srvs=services)
+
+
+@dataclass
+class _Heard:
+    """What a node's heartbeats have told: the sender's clock and simulation time [s] of each, and what it had sent by
+    then; ``at`` is when the last one came, by the clock of this process.
+    """
+
+    beats: deque[tuple[float, float, dict[str, int]]] = field(default_factory=lambda: deque(maxlen=BEATS + 1))
+    last: Health = field(default_factory=Health)
+    at: float = 0.0
+    grew: dict[str, float] = field(default_factory=dict)
+
+
+class RatesChannel:
+    """Tells once a second what the heartbeats say: rates of each publication, losses of each subscription, ages."""
+
+    period, streams = 1.0, False
+
+    def __init__(self, feeds: Feeds, network: Network, time: SimTime) -> None:
+        self.version = 0
+        self._hold, self._network, self._time = Hold(feeds), network, time
+        self._place = (HEALTH.name, Health.ROS_TYPE)
+        self._heard: dict[str, _Heard] = {}
+        self._now = 0.0
+
+    def follow(self, wanted: bool) -> None:
+        self._hold.want({self._place: HEALTH.quality.name} if wanted else {})
+        self._heard = {}
+
+    def turn(self, now: float) -> None:
+        self._now = now
+        self.version += 1
+        for health, origin in self._hold.batch(*self._place):
+            heard = self._heard.setdefault(health.node, _Heard())
+            sent = {each.topic: each.sent for each in health.outputs}
+            if health.pid != heard.last.pid:
+                heard.beats.clear()
+            before = heard.beats[-1][2] if heard.beats else {}
+            for topic, count in sent.items():
+                if count != before.get(topic, 0 if heard.beats else count):
+                    heard.grew[topic] = now
+            wall = origin.source_ns / 1e9 if origin is not None else now
+            heard.beats.append((wall, self._time.at(origin) / 1e9, sent))
+            heard.last, heard.at = health, now
+
+    def news(self, since: int) -> str | None:
+        there = {each.node for each in self._network.entities}
+        self._heard = {node: heard for node, heard in self._heard.items() if node in there}
+        nodes: dict[str, Any] = {}
+        topics: dict[str, Any] = {}
+        for node, heard in self._heard.items():
+            health = heard.last
+            nodes[node] = {
+                "state": health.state,
+                "note": health.note,
+                "pid": health.pid,
+                "age": round(self._now - heard.at, 1),
+                "inputs": {
+                    each.topic: [each.received, each.lost, each.refused, each.foreign, each.reason]
+                    for each in health.inputs
+                },
+            }
+            for topic, rates in self._rates(heard).items():
+                known = topics.setdefault(topic, {"hz": 0.0, "wall": 0.0, "age": None, "sent": 0})
+                known["hz"] += rates[0]
+                known["wall"] += rates[1]
+                known["sent"] += heard.beats[-1][2][topic]
+                if topic in heard.grew:
+                    known["age"] = min(known["age"] or 1e9, round(self._now - heard.grew[topic], 1))
+        return as_json("rates", nodes=nodes, topics=topics)
+
+    def _rates(self, heard: _Heard) -> dict[str, tuple[float, float]]:
+        """Of each publication: samples per second of simulation time and of wall time."""
+        wall, sim, sent = heard.beats[0]
+        wall_now, sim_now, sent_now = heard.beats[-1]
+        rates = {}
+        for topic, count in sent_now.items():
+            grown = max(0, count - sent.get(topic, count))
+            by_sim = grown / (sim_now - sim) if sim_now - sim > 0.05 else 0.0
+            by_wall = grown / (wall_now - wall) if wall_now > wall else 0.0
+            rates[topic] = round(by_sim, 2), round(by_wall, 2)
+        return rates

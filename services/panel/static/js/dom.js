@@ -1,0 +1,78 @@
+// Elements without markup: text never becomes HTML.
+
+export function el(tag, attributes = {}, ...children) {
+  const made = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (value === undefined || value === null || value === false) continue;
+    if (name === "class") made.className = value;
+    else if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    else if (name in made && name !== "list" && name !== "form") made[name] = value;
+    else made.setAttribute(name, value);
+  }
+  made.append(...children.filter((each) => each !== null && each !== undefined));
+  return made;
+}
+
+export function svg(tag, attributes = {}, ...children) {
+  const made = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+    else made.setAttribute(name, value);
+  }
+  made.append(...children);
+  return made;
+}
+
+export const byId = (id) => document.getElementById(id);
+
+// Set text only when it differs: a write costs layout.
+export function say(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+export function show(element, visible) {
+  if (element.hidden === visible) element.hidden = !visible;
+}
+
+// A button that asks once more before it acts.
+export function careful(label, act, attributes = {}) {
+  let armed = 0;
+  const button = el("button", { ...attributes, onclick: () => {
+    if (armed) { calm(); act(); return; }
+    armed = setTimeout(calm, 3000);
+    button.textContent = "Sure?";
+    button.classList.add("armed");
+  } }, label);
+  function calm() {
+    clearTimeout(armed);
+    armed = 0;
+    button.textContent = label;
+    button.classList.remove("armed");
+  }
+  return button;
+}
+
+// A small sentence that passes.
+export function note(text, kind = "") {
+  const notes = byId("notes");
+  const last = notes.lastElementChild;
+  if (last && last.dataset.text === text) return;
+  const made = el("div", { class: `note ${kind}` }, text);
+  made.dataset.text = text;
+  notes.append(made);
+  while (notes.children.length > 4) notes.firstElementChild.remove();
+  setTimeout(() => made.remove(), kind === "bad" ? 9000 : 4000);
+}
+
+// What a browser remembers of this page; without storage it forgets.
+export const memory = {
+  get(name, otherwise) {
+    try {
+      const kept = localStorage.getItem(`elea.${name}`);
+      return kept === null ? otherwise : JSON.parse(kept);
+    } catch { return otherwise; }
+  },
+  set(name, value) {
+    try { localStorage.setItem(`elea.${name}`, JSON.stringify(value)); } catch { /* forgotten */ }
+  },
+};

@@ -1,0 +1,125 @@
+// The hand: a stick on the screen and keys, each for as long as it is held. The panel stops the robot when this page
+// falls silent; here everything that could leave a key stuck lets go as well.
+
+import { el, memory, note, say } from "./dom.js";
+
+const PERIOD = 50; // ms between two words while the hand is there
+const KEYS = {
+  i: [1, 0], w: [1, 0], ArrowUp: [1, 0],
+  ",": [-1, 0], s: [-1, 0], x: [-1, 0], ArrowDown: [-1, 0],
+  j: [0, 1], a: [0, 1], ArrowLeft: [0, 1],
+  l: [0, -1], d: [0, -1], ArrowRight: [0, -1],
+  u: [1, 1], o: [1, -1], m: [-1, -1], ".": [-1, 1],
+};
+
+export function startDrive(link, chosen) {
+  const held = new Set();
+  let enabled = false, stick = null, timer = 0, limits = { v: 1, w: 3 };
+
+  const speed = el("input", { type: "range", min: 0.05, max: 1, step: 0.01, value: memory.get("speed", 0.2), "aria-label": "Speed", oninput: () => shown() });
+  const turn = el("input", { type: "range", min: 0.1, max: 3, step: 0.05, value: memory.get("turn", 1), "aria-label": "Turn rate", oninput: () => shown() });
+  const speedText = el("span", { class: "num" }), turnText = el("span", { class: "num" });
+  const knob = el("div", { class: "knob" });
+  const pad = el("div", { class: "pad", id: "stick", title: "Drag and hold to drive" }, knob);
+  const title = el("b", {}), motion = el("span", { class: "num quiet" });
+  const element = el("section", { class: "drive" },
+    el("div", { class: "line" }, title, el("span", { class: "fill" }), motion),
+    el("div", { class: "drive-body" }, pad, el("div", { class: "sliders" },
+      el("label", {}, el("span", { class: "line" }, "Speed", el("span", { class: "fill" }), speedText), speed),
+      el("label", {}, el("span", { class: "line" }, "Turn", el("span", { class: "fill" }), turnText), turn),
+      el("small", { class: "quiet keys" }, "Hold W A S D, the arrows, or u i o j l m , ."))));
+
+  function shown() {
+    say(speedText, `${Number(speed.value).toFixed(2)} m/s`);
+    say(turnText, `${Number(turn.value).toFixed(2)} rad/s`);
+    memory.set("speed", Number(speed.value));
+    memory.set("turn", Number(turn.value));
+  }
+
+  // What the hand wants, as shares of the two speeds; null when it is not there.
+  function wanted() {
+    if (stick) return stick;
+    if (!held.size) return null;
+    let v = 0, w = 0;
+    for (const key of held) { v += KEYS[key][0]; w += KEYS[key][1]; }
+    return [Math.max(-1, Math.min(1, v)), Math.max(-1, Math.min(1, w))];
+  }
+
+  function tell() {
+    const share = wanted(), robot = chosen();
+    if (!share || !robot?.drives) { release(); return; }
+    const v = share[0] * Number(speed.value), w = share[1] * Number(turn.value);
+    link.say({ k: "drive", robot: robot.ns, v: Number(v.toFixed(3)), w: Number(w.toFixed(3)) });
+    say(motion, `${v.toFixed(2)} m/s, ${w.toFixed(2)} rad/s`);
+    if (!timer) timer = setInterval(tell, PERIOD);
+  }
+
+  function release() {
+    held.clear();
+    stick = null;
+    knob.style.transform = "";
+    pad.classList.remove("held");
+    say(motion, "");
+    if (!timer) return;
+    clearInterval(timer);
+    timer = 0;
+    link.say({ k: "release" });
+  }
+
+  const typing = (target) => target.closest?.("input:not([type=range]):not([type=checkbox]), select, textarea");
+  window.addEventListener("keydown", (event) => {
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    if (!enabled || !(key in KEYS) || event.ctrlKey || event.metaKey || event.altKey || typing(event.target)) return;
+    event.preventDefault();
+    if (event.repeat) return;
+    if (!chosen()?.drives) { note("choose a robot that drives"); return; }
+    if (event.target.matches?.("input")) event.target.blur();
+    held.add(key);
+    tell();
+  });
+  window.addEventListener("keyup", (event) => {
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    if (held.delete(key)) tell();
+  });
+  for (const kind of ["blur", "pagehide"]) window.addEventListener(kind, release);
+  document.addEventListener("visibilitychange", () => { if (document.hidden) release(); });
+  link.on("link", ({ open }) => { if (!open) release(); });
+
+  function follow(event) {
+    const box = pad.getBoundingClientRect(), radius = box.width / 2;
+    let dx = (event.clientX - box.left - radius) / radius, dy = (event.clientY - box.top - radius) / radius;
+    const far = Math.hypot(dx, dy);
+    if (far > 1) { dx /= far; dy /= far; }
+    knob.style.transform = `translate(${dx * radius * 0.6}px, ${dy * radius * 0.6}px)`;
+    const dead = (value) => (Math.abs(value) < 0.12 ? 0 : value);
+    stick = [dead(-dy), dead(-dx)];
+  }
+  pad.addEventListener("pointerdown", (event) => {
+    if (!chosen()?.drives) return;
+    pad.setPointerCapture(event.pointerId);
+    pad.classList.add("held");
+    follow(event);
+    tell();
+  });
+  pad.addEventListener("pointermove", (event) => { if (stick) follow(event); });
+  for (const kind of ["pointerup", "pointercancel", "lostpointercapture"]) pad.addEventListener(kind, release);
+
+  link.on("about", ({ limits: told }) => {
+    if (told.v === limits.v && told.w === limits.w) return;
+    limits = told;
+    speed.max = told.v;
+    turn.max = told.w;
+    shown();
+  });
+  link.on("error", ({ reason }) => { if (timer) note(reason, "bad"); });
+  shown();
+  return {
+    element,
+    release,
+    enable(on) { enabled = on; if (!on) release(); },
+    choose(robot) {
+      say(title, robot ? `Drive ${robot.ns.slice(1)}` : "Drive");
+      element.classList.toggle("off", !robot?.drives);
+    },
+  };
+}

@@ -1,0 +1,80 @@
+// The bar at the top: simulation time and its controls, the emergency stop, what the fleet is called.
+
+import { byId, careful, note, say, show } from "./dom.js";
+import { findParameter } from "./store.js";
+
+export function clockText(seconds) {
+  const s = Math.floor(seconds), h = Math.floor(s / 3600), m = Math.floor(s / 60) % 60;
+  const fraction = Math.floor((seconds - s) * 10);
+  return `${h ? `${h}:` : ""}${String(m).padStart(2, "0")}:${String(s % 60).padStart(2, "0")}.${fraction}`;
+}
+
+export function startHeader(link) {
+  let paused = false;
+  link.want("header", { channels: ["clock", "fleet", "robots", "sets", "values"] });
+
+  const ask = (word, done) => link.ask(word).then(
+    (answer) => { if (done) note(typeof answer === "string" ? answer : done); },
+    (error) => note(error.message, "bad"),
+  );
+  byId("pause").addEventListener("click", () => ask({ k: paused ? "resume" : "pause" }));
+  byId("step").addEventListener("click", () => ask({ k: "step", count: Number(byId("steps").value) }));
+  for (const [id, time, done] of [["reset", true, "time and world are reset"], ["reset-world", false, "the world is reset"]]) {
+    const plain = byId(id);
+    const button = careful(plain.textContent, () => ask({ k: "reset", time }, done), { id, title: plain.title });
+    button.className = plain.className;
+    plain.replaceWith(button);
+  }
+  byId("stop").addEventListener("click", () => ask({ k: "estop", on: true }, "stop"));
+  byId("stop-reset").addEventListener("click", () => ask({ k: "estop", on: false }, "reset"));
+
+  link.on("clock", (clock) => {
+    paused = clock.paused;
+    say(byId("clock"), clock.alive ? clockText(clock.t) : "no clock");
+    say(byId("factor"), !clock.alive ? "" : paused ? "paused" : clock.factor === null ? "" : `×${clock.factor.toFixed(clock.factor < 10 ? 2 : 1)}`);
+    byId("dot").className = `dot ${!clock.alive ? "bad" : paused ? "warn" : "good"}`;
+    say(byId("pause"), paused ? "Resume" : "Pause");
+    for (const id of ["step", "steps"]) byId(id).disabled = !paused;
+  });
+  link.on("about", ({ dropped }) => {
+    say(byId("drops"), `${dropped} frames left out`);
+    show(byId("drops"), dropped > 0);
+  });
+  link.on("fleet", ({ state }) => {
+    say(byId("fleet"), state ? state.fleet : "elea");
+    say(byId("mode"), state ? state.mode : "");
+    document.title = state ? `${state.fleet} · Elea` : "Elea panel";
+  });
+  link.on("robots", ({ robots, all_stopped }) => {
+    const bases = robots.filter((each) => each.drives);
+    const stopped = bases.filter((each) => each.stopped).length;
+    const some = stopped > 0 || all_stopped || robots.some((each) => each.asked);
+    show(byId("stop-reset"), some);
+    byId("stop").classList.toggle("latched", some);
+    say(byId("stop"), stopped === 0 ? "STOP" : stopped === bases.length ? "STOPPED" : `STOPPED ${stopped}/${bases.length}`);
+  });
+  startFactor(link);
+}
+
+// The factor of simulation time, where the simulation has it as a live parameter.
+function startFactor(link) {
+  const box = byId("factor-set");
+  const refresh = () => {
+    const found = findParameter("factor", (set) => set.includes("sim"));
+    show(byId("factor-box"), Boolean(found));
+    if (!found) return;
+    box.min = found.description.low ?? "";
+    box.max = found.description.high ?? "";
+    if (document.activeElement !== box && found.value !== undefined) box.value = found.value;
+  };
+  link.on("sets", refresh);
+  link.on("values", refresh);
+  box.addEventListener("change", () => {
+    const found = findParameter("factor", (set) => set.includes("sim"));
+    if (!found || box.value === "") return;
+    link.ask({ k: "set", set: found.set, values: { factor: Number(box.value) }, run: true }).catch((error) => {
+      note(error.message, "bad");
+      refresh();
+    });
+  });
+}

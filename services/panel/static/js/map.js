@@ -1,0 +1,256 @@
+// The map from above: grid, trails, plans, robots as they are and as they believe to be, and the goal under the hand.
+
+import { Camera } from "./camera.js";
+import { el } from "./dom.js";
+import { colour, onTheme, paint } from "./theme.js";
+
+const TRAIL = 4000; // points of a robot's trail
+const APART = 0.02; // m between two of them
+
+export class GroundMap {
+  // `hand` answers the pointer: {select(ns), goal(x, y, yaw) or null when clicks send none}.
+  constructor(hand) {
+    this.hand = hand;
+    this.camera = new Camera();
+    this.robots = [];
+    this.poses = {};
+    this.trails = new Map();
+    this.selected = "";
+    this.aim = null;
+    this.fitted = false;
+    this.dirty = true;
+    this.pointers = new Map();
+    this.canvas = el("canvas", { class: "map", tabIndex: 0, "aria-label": "Map from above" });
+    new ResizeObserver(() => this.resize()).observe(this.canvas);
+    onTheme(() => { this.colours = null; this.dirty = true; });
+    for (const [kind, act] of [["pointerdown", this.down], ["pointermove", this.move], ["pointerup", this.up], ["pointercancel", this.up]]) {
+      this.canvas.addEventListener(kind, act.bind(this));
+    }
+    this.canvas.addEventListener("wheel", (event) => {
+      event.preventDefault();
+      this.camera.zoom(Math.exp(-Math.sign(event.deltaY) * 0.15), event.offsetX, event.offsetY);
+      this.dirty = true;
+    }, { passive: false });
+  }
+
+  take(poses) {
+    this.poses = poses;
+    this.dirty = true;
+    for (const [ns, [x, y]] of Object.entries(poses)) {
+      let trail = this.trails.get(ns);
+      if (!trail) this.trails.set(ns, trail = []);
+      const n = trail.length;
+      const step = n ? Math.hypot(x - trail[n - 2], y - trail[n - 1]) : Infinity;
+      if (step > 1) trail.length = 0; // it was moved, or reset
+      if (step > APART) trail.push(x, y);
+      if (trail.length > 2 * TRAIL) trail.splice(0, TRAIL);
+    }
+    if (!this.fitted && this.canvas.clientWidth && Object.keys(poses).length) this.fit();
+  }
+
+  know(robots) {
+    this.robots = robots;
+    for (const ns of this.trails.keys()) if (!robots.some((each) => each.ns === ns)) this.trails.delete(ns);
+    this.dirty = true;
+  }
+
+  clear() { this.trails.clear(); this.dirty = true; }
+
+  fit() {
+    this.fitted = true;
+    const points = Object.values(this.poses).map(([x, y]) => [x, y]);
+    for (const robot of this.robots) points.push(...robot.plan);
+    this.camera.fit(points);
+    this.dirty = true;
+  }
+
+  resize() {
+    const { clientWidth: width, clientHeight: height } = this.canvas, ratio = devicePixelRatio || 1;
+    this.canvas.width = width * ratio;
+    this.canvas.height = height * ratio;
+    this.camera.width = width;
+    this.camera.height = height;
+    if (!this.fitted && width && Object.keys(this.poses).length) this.fit();
+    this.dirty = true;
+    this.draw();
+  }
+
+  paintOf(ns) { return paint(Math.max(0, this.robots.findIndex((each) => each.ns === ns))); }
+
+  draw() {
+    if (!this.dirty || !this.canvas.width) return;
+    this.dirty = false;
+    this.colours ??= Object.fromEntries(["ground", "grid", "axis", "quiet", "text", "bad", "accent"].map((each) => [each, colour(each)]));
+    const context = this.canvas.getContext("2d"), ratio = devicePixelRatio || 1;
+    context.setTransform(ratio, 0, 0, ratio, 0, 0);
+    context.fillStyle = this.colours.ground;
+    context.fillRect(0, 0, this.camera.width, this.camera.height);
+    this.drawGrid(context);
+    for (const [ns, trail] of this.trails) this.drawTrail(context, trail, this.paintOf(ns));
+    for (const robot of this.robots) if (robot.plan.length) this.drawPlan(context, robot);
+    for (const [ns, pose] of Object.entries(this.poses)) this.drawRobot(context, ns, pose);
+    if (this.aim) this.drawAim(context);
+  }
+
+  drawGrid(context) {
+    const { camera } = this, step = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50].find((each) => each * camera.scale > 45) ?? 100;
+    const [left, top] = camera.toWorld(0, 0), [right, bottom] = camera.toWorld(camera.width, camera.height);
+    context.lineWidth = 1;
+    context.font = "11px system-ui, sans-serif";
+    context.fillStyle = this.colours.quiet;
+    const line = (axis, x0, y0, x1, y1) => {
+      context.strokeStyle = axis ? this.colours.axis : this.colours.grid;
+      context.beginPath(); context.moveTo(x0, y0); context.lineTo(x1, y1); context.stroke();
+    };
+    for (let i = Math.ceil(left / step); i * step <= right; i++) {
+      const px = Math.round(camera.toScreen(i * step, 0)[0]) + 0.5;
+      line(i === 0, px, 0, px, camera.height);
+      context.fillText(Number((i * step).toFixed(2)), px + 3, camera.height - 5);
+    }
+    for (let i = Math.ceil(bottom / step); i * step <= top; i++) {
+      const py = Math.round(camera.toScreen(0, i * step)[1]) + 0.5;
+      line(i === 0, 0, py, camera.width, py);
+      context.fillText(`${Number((i * step).toFixed(2))} m`, 4, py - 3);
+    }
+  }
+
+  drawTrail(context, trail, paint) {
+    context.strokeStyle = paint;
+    context.globalAlpha = 0.55;
+    context.lineWidth = 2;
+    context.beginPath();
+    for (let i = 0; i < trail.length; i += 2) context.lineTo(...this.camera.toScreen(trail[i], trail[i + 1]));
+    context.stroke();
+    context.globalAlpha = 1;
+  }
+
+  drawPlan(context, robot) {
+    const points = robot.plan.map(([x, y]) => this.camera.toScreen(x, y)), pose = this.poses[robot.ns];
+    context.strokeStyle = context.fillStyle = this.paintOf(robot.ns);
+    context.globalAlpha = robot.ns === this.selected ? 0.9 : 0.45;
+    context.lineWidth = 1;
+    context.setLineDash([3, 4]);
+    context.beginPath();
+    for (const point of points) context.lineTo(...point);
+    if (pose && robot.state === "driving" && points[robot.index]) {
+      context.moveTo(...this.camera.toScreen(pose[0], pose[1]));
+      context.lineTo(...points[robot.index]);
+    }
+    context.stroke();
+    context.setLineDash([]);
+    points.forEach(([px, py], index) => {
+      context.beginPath();
+      if (index === robot.index && robot.state === "driving") {
+        context.arc(px, py, 6, 0, 2 * Math.PI);
+        context.stroke();
+      }
+      context.moveTo(px + 3, py);
+      context.arc(px, py, index === robot.index ? 3 : 2, 0, 2 * Math.PI);
+      context.fill();
+    });
+    context.globalAlpha = 1;
+  }
+
+  drawRobot(context, ns, [x, y, yaw, ex, ey, eyaw]) {
+    const robot = this.robots.find((each) => each.ns === ns), paint = this.paintOf(ns);
+    const size = Math.max(9, (robot?.radius || 0.13) * this.camera.scale);
+    const apart = Math.hypot(ex - x, ey - y) * this.camera.scale > 3 || Math.abs(Math.atan2(Math.sin(eyaw - yaw), Math.cos(eyaw - yaw))) > 0.1;
+    if (apart) {
+      this.outline(context, ex, ey, eyaw, size);
+      context.strokeStyle = paint;
+      context.setLineDash([4, 3]);
+      context.lineWidth = 1.5;
+      context.stroke();
+      context.setLineDash([]);
+    }
+    this.outline(context, x, y, yaw, size);
+    context.fillStyle = paint;
+    context.fill();
+    const [px, py] = this.camera.toScreen(x, y);
+    if (robot?.stopped || robot?.colliding || ns === this.selected) {
+      context.strokeStyle = robot?.stopped || robot?.colliding ? this.colours.bad : this.colours.text;
+      context.lineWidth = 2;
+      context.beginPath();
+      context.arc(px, py, size + 6, 0, 2 * Math.PI);
+      context.stroke();
+    }
+    context.fillStyle = this.colours.text;
+    context.font = "12px system-ui, sans-serif";
+    context.fillText(ns.slice(1), px + size + 6, py - size * 0.6);
+  }
+
+  // A drop that points where the robot looks.
+  outline(context, x, y, yaw, size) {
+    const [px, py] = this.camera.toScreen(x, y);
+    context.beginPath();
+    context.arc(px, py, size, -yaw + 0.6, -yaw - 0.6 + 2 * Math.PI);
+    context.lineTo(px + 1.5 * size * Math.cos(yaw), py - 1.5 * size * Math.sin(yaw));
+    context.closePath();
+  }
+
+  drawAim(context) {
+    const [px, py] = this.camera.toScreen(this.aim.x, this.aim.y), { yaw } = this.aim;
+    context.strokeStyle = context.fillStyle = this.colours.accent;
+    context.lineWidth = 2;
+    context.beginPath();
+    context.arc(px, py, 7, 0, 2 * Math.PI);
+    context.moveTo(px, py);
+    context.lineTo(px + 34 * Math.cos(yaw), py - 34 * Math.sin(yaw));
+    context.stroke();
+  }
+
+  down(event) {
+    this.canvas.setPointerCapture(event.pointerId);
+    this.pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
+    this.moved = 0;
+    if (this.pointers.size > 1) { this.aim = null; return; }
+    if (this.hand.aims()) {
+      const [x, y] = this.camera.toWorld(event.offsetX, event.offsetY);
+      this.aim = { x, y, yaw: this.towards(x, y), px: event.offsetX, py: event.offsetY };
+      this.dirty = true;
+    }
+  }
+
+  // Without a drag, a goal looks the way that the robot has to go.
+  towards(x, y) {
+    const pose = this.poses[this.selected];
+    return pose ? Math.atan2(y - pose[1], x - pose[0]) : 0;
+  }
+
+  move(event) {
+    const before = this.pointers.get(event.pointerId);
+    if (!before) return;
+    const now = [event.offsetX, event.offsetY], dx = now[0] - before[0], dy = now[1] - before[1];
+    this.moved += Math.hypot(dx, dy);
+    if (this.pointers.size === 2) {
+      const [other] = [...this.pointers].filter(([id]) => id !== event.pointerId).map(([, at]) => at);
+      const far = Math.hypot(now[0] - other[0], now[1] - other[1]), was = Math.hypot(before[0] - other[0], before[1] - other[1]);
+      if (was > 0) this.camera.zoom(far / was, (now[0] + other[0]) / 2, (now[1] + other[1]) / 2);
+      this.camera.pan(dx / 2, dy / 2);
+    } else if (this.aim) {
+      const ax = now[0] - this.aim.px, ay = now[1] - this.aim.py;
+      if (Math.hypot(ax, ay) > 12) this.aim.yaw = Math.atan2(-ay, ax);
+    } else {
+      this.camera.pan(dx, dy);
+    }
+    this.pointers.set(event.pointerId, now);
+    this.dirty = true;
+  }
+
+  up(event) {
+    if (!this.pointers.delete(event.pointerId)) return;
+    const aim = this.aim;
+    this.aim = null;
+    this.dirty = true;
+    if (event.type === "pointercancel" || this.pointers.size) return;
+    if (aim) this.hand.goal(aim.x, aim.y, aim.yaw);
+    else if (this.moved < 5) this.pick(event.offsetX, event.offsetY);
+  }
+
+  pick(px, py) {
+    const near = Object.entries(this.poses)
+      .map(([ns, [x, y]]) => { const [sx, sy] = this.camera.toScreen(x, y); return [Math.hypot(sx - px, sy - py), ns]; })
+      .sort((a, b) => a[0] - b[0])[0];
+    if (near && near[0] < 30) this.hand.select(near[1]);
+  }
+}

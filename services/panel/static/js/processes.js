@@ -1,0 +1,60 @@
+// The processes of the fleet, with what may be done to each.
+
+import { careful, el, note, say } from "./dom.js";
+import { store } from "./store.js";
+
+const KINDS = { ready: "good", starting: "warn", waiting: "warn", "backing off": "bad", failed: "bad", stopping: "warn", stopped: "off", finished: "off" };
+
+export function startProcesses(link) {
+  const body = el("tbody");
+  const empty = el("p", { class: "hint" }, "No supervisor is in sight: these processes were started by hand.");
+  const element = el("div", { class: "view processes" }, el("div", { class: "scroll" },
+    el("table", {}, el("thead", {}, el("tr", {}, ...["Process", "State", "Pid", "Restarts", "Heartbeat", ""].map((each) => el("th", {}, each)))), body), empty));
+  const rows = new Map();
+
+  const order = (verb, name) => link.ask({ k: "process", verb, name }).then(({ text }) => note(text), (error) => note(error.message, "bad"));
+
+  function row(name) {
+    const cells = { state: el("span"), pid: el("td", { class: "num" }), restarts: el("td", { class: "num" }), beat: el("td", { class: "quiet" }), reason: el("small", { class: "quiet" }) };
+    cells.start = el("button", { class: "small", onclick: () => order("start", name) }, "Start");
+    cells.restart = careful("Restart", () => order("restart", name), { class: "small" });
+    cells.stop = careful("Stop", () => order("stop", name), { class: "small" });
+    cells.row = el("tr", {}, el("td", {}, el("b", {}, name)), el("td", {}, cells.state, cells.reason), cells.pid, cells.restarts, cells.beat,
+      el("td", { class: "actions" }, cells.start, cells.restart, cells.stop));
+    cells.row.dataset.process = name;
+    return cells;
+  }
+
+  function fill({ state }) {
+    const processes = state?.processes ?? [];
+    empty.hidden = processes.length > 0;
+    for (const [name, { row: shown }] of rows) if (!processes.some((each) => each.name === name)) { shown.remove(); rows.delete(name); }
+    for (const process of processes) {
+      if (!rows.has(process.name)) { rows.set(process.name, row(process.name)); body.append(rows.get(process.name).row); }
+      const cells = rows.get(process.name), runs = !["stopped", "finished", "failed"].includes(process.state);
+      say(cells.state, process.state);
+      cells.state.className = `badge ${KINDS[process.state] ?? ""}`;
+      say(cells.pid, process.pid ? String(process.pid) : "–");
+      say(cells.restarts, String(process.restarts));
+      say(cells.reason, process.reason);
+      cells.start.hidden = runs;
+      cells.stop.hidden = cells.restart.hidden = !runs;
+    }
+  }
+
+  function beats() {
+    for (const [name, { beat }] of rows) {
+      const health = store.rates.nodes[`/${name}`];
+      say(beat, health ? `${health.age < 1.6 ? "" : `${health.age.toFixed(0)} s ago · `}${health.state}${health.note ? ` · ${health.note}` : ""}` : "–");
+      beat.classList.toggle("bad", Boolean(health && health.age > 3));
+    }
+  }
+
+  link.on("fleet", fill);
+  link.on("rates", beats);
+  return {
+    element,
+    show() { link.want("processes", { channels: ["fleet", "rates"] }); },
+    hide() { link.want("processes", {}); },
+  };
+}

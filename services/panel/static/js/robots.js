@@ -1,0 +1,123 @@
+// The view of robots: the map, the list of robots with their stops, goals, and the stick.
+
+import { el, note, say, show } from "./dom.js";
+import { startDrive } from "./drive.js";
+import { GroundMap } from "./map.js";
+import { paint } from "./theme.js";
+
+export function startRobots(link) {
+  let robots = [], selected = "", aiming = false, visible = false, era = null, poses = {};
+
+  const ground = new GroundMap({ select, aims: () => aiming && Boolean(selected), goal });
+  const goalButton = el("button", { id: "goal-mode", title: "Then click where the robot is to go; drag to say which way it is to look (Esc ends it)", onclick: () => aim(!aiming) }, "Send goal");
+  const hint = el("span", { class: "quiet hint-line" });
+  const list = el("div", { class: "robots", id: "robots" });
+  const rows = new Map();
+  const drive = startDrive(link, () => robots.find((each) => each.ns === selected));
+  const element = el("div", { class: "view robots-view" },
+    el("div", { class: "ground-box" },
+      el("div", { class: "toolbar over" }, goalButton,
+        el("button", { onclick: () => ground.fit() }, "Fit"),
+        el("button", { onclick: () => ground.clear() }, "Clear trails"), hint),
+      ground.canvas),
+    el("aside", { class: "pane side" }, list, drive.element));
+
+  function select(ns) {
+    if (ns === selected) return;
+    drive.release();
+    selected = ground.selected = ns;
+    ground.dirty = true;
+    fill();
+  }
+
+  function aim(on) {
+    const robot = robots.find((each) => each.ns === selected);
+    if (on && !robot?.goals) { note(robot ? `${selected} takes no goals: no waypoint service runs for it` : "choose a robot first", "bad"); on = false; }
+    aiming = on;
+    goalButton.setAttribute("aria-pressed", String(aiming));
+    ground.canvas.classList.toggle("aiming", aiming);
+    fill();
+  }
+
+  function goal(x, y, yaw) {
+    const round = (value) => Math.round(value * 1000) / 1000;
+    link.ask({ k: "goal", robot: selected, x: round(x), y: round(y), yaw: round(yaw) }).then((text) => note(text), (error) => note(error.message, "bad"));
+  }
+
+  function row(ns) {
+    const parts = { pose: el("span", { class: "num quiet" }), state: el("span", { class: "state" }) };
+    parts.swatch = el("i", { class: "swatch" });
+    parts.stop = el("button", { class: "stop small", title: "Stop this robot until it is reset", onclick: (event) => { event.stopPropagation(); order(ns, true); } }, "Stop");
+    parts.reset = el("button", { class: "small", onclick: (event) => { event.stopPropagation(); order(ns, false); } }, "Reset");
+    parts.row = el("div", { class: "robot", role: "button", tabIndex: 0, onclick: () => select(ns), onkeydown: (event) => { if (event.key === "Enter") select(ns); } },
+      el("div", { class: "line" }, parts.swatch, el("b", {}, ns.slice(1)), parts.model = el("small", { class: "quiet" }), el("span", { class: "fill" }), parts.reset, parts.stop),
+      el("div", { class: "line" }, parts.state, el("span", { class: "fill" }), parts.pose));
+    parts.row.dataset.robot = ns;
+    return parts;
+  }
+
+  const order = (robot, on) => link.ask({ k: "estop", robot, on }).then((text) => note(text, on ? "stop" : ""), (error) => note(error.message, "bad"));
+
+  function fill() {
+    if (!robots.some((each) => each.ns === selected)) selected = ground.selected = robots[0]?.ns ?? "";
+    for (const [ns, parts] of rows) if (!robots.some((each) => each.ns === ns)) { parts.row.remove(); rows.delete(ns); }
+    robots.forEach((robot, index) => {
+      if (!rows.has(robot.ns)) rows.set(robot.ns, row(robot.ns));
+      const parts = rows.get(robot.ns);
+      if (list.children[index] !== parts.row) list.insertBefore(parts.row, list.children[index] ?? null);
+      parts.swatch.style.background = paint(index);
+      say(parts.model, robot.model);
+      const [text, kind] = condition(robot);
+      say(parts.state, text);
+      parts.state.className = `state ${kind}`;
+      parts.row.setAttribute("aria-selected", String(robot.ns === selected));
+      parts.row.classList.toggle("is-stopped", robot.stopped);
+      show(parts.reset, robot.stopped || robot.asked);
+      show(parts.stop, robot.drives);
+    });
+    if (!robots.length && !list.children.length) list.append(el("p", { class: "hint" }, "No robots are in sight."));
+    if (robots.length) list.querySelector(".hint")?.remove();
+    const robot = robots.find((each) => each.ns === selected);
+    say(hint, aiming ? `Click where ${selected.slice(1)} is to go; drag to turn it.` : "");
+    goalButton.disabled = !robot?.goals;
+    drive.choose(robot);
+  }
+
+  function condition(robot) {
+    if (robot.stopped) return [robot.asked ? "stopped" : "stopped elsewhere", "bad"];
+    if (robot.asked) return ["stop sent, not confirmed", "bad"];
+    if (robot.colliding) return ["touches something", "bad"];
+    const goals = robot.plan.length ? ` ${Math.min(robot.index + 1, robot.plan.length)} of ${robot.plan.length}` : "";
+    const by = robot.source ? ` · ${robot.source.replace(`${robot.ns}/`, "")}` : "";
+    if (robot.state && robot.state !== "idle") return [`${robot.state}${robot.state === "driving" ? goals : ""}${by}`, robot.state === "waiting" ? "warn" : ""];
+    return [robot.source ? `obeys ${robot.source}` : robot.drives ? "at rest" : "no base", ""];
+  }
+
+  link.on("robots", (news) => { robots = news.robots; ground.know(robots); fill(); });
+  link.on("poses", ({ at }) => {
+    poses = at;
+    ground.take(at);
+  });
+  link.on("clock", (clock) => { if (era !== null && clock.era !== era) ground.clear(); era = clock.era; });
+  window.addEventListener("keydown", (event) => { if (event.key === "Escape" && aiming) aim(false); });
+
+  let slow = 0;
+  function frame(now) {
+    if (visible) {
+      ground.draw();
+      if (now - slow > 200) {
+        slow = now;
+        for (const [ns, { pose }] of rows) if (poses[ns]) say(pose, `${poses[ns][0].toFixed(2)}, ${poses[ns][1].toFixed(2)} m · ${poses[ns][6].toFixed(2)} m/s`);
+      }
+    }
+    requestAnimationFrame(frame);
+  }
+  requestAnimationFrame(frame);
+
+  return {
+    element,
+    map: ground,
+    show() { visible = true; ground.dirty = true; link.want("map", { channels: ["poses"] }); drive.enable(true); },
+    hide() { visible = false; aim(false); link.want("map", {}); drive.enable(false); },
+  };
+}

@@ -1,0 +1,55 @@
+// The series that are followed: each field of a topic once, with its history, whichever plots show it.
+
+import { Ring } from "./ring.js";
+
+export class Series {
+  constructor(link) {
+    this.link = link;
+    this.all = new Map(); // "topic path" -> {id, topic, path, ring, users}
+    this.byId = new Map();
+    this.number = 0;
+    this.era = null;
+    this.fresh = false;
+    link.on("era", (era) => {
+      if (this.era !== null && era !== this.era) for (const each of this.all.values()) each.ring.clear();
+      this.era = era;
+    });
+    link.on("samples", ({ id, times, values }) => {
+      this.byId.get(id)?.ring.push(times, values);
+      this.fresh = true;
+    });
+  }
+
+  open(topic, path) {
+    const key = `${topic} ${path}`;
+    let series = this.all.get(key);
+    if (!series) {
+      series = { id: ++this.number, key, topic, path, ring: new Ring(), users: 0 };
+      this.all.set(key, series);
+      this.byId.set(series.id, series);
+    }
+    series.users++;
+    this.tell();
+    return series;
+  }
+
+  close(series) {
+    if (--series.users === 0) {
+      this.all.delete(series.key);
+      this.byId.delete(series.id);
+      this.tell();
+    }
+  }
+
+  get last() {
+    let last = -Infinity;
+    for (const { ring } of this.all.values()) last = Math.max(last, ring.last);
+    return last;
+  }
+
+  // Samples are asked for in any case: a plot that is looked at again has its history.
+  tell() {
+    const series = [...this.all.values()].map(({ id, topic, path }) => ({ id, topic, path }));
+    this.link.want("series", { series });
+  }
+}

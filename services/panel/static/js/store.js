@@ -1,0 +1,25 @@
+// What several parts of the page know in common: the graph's topics, and the sets of parameters.
+
+export const store = { topics: [], nodes: [], services: [], rates: { nodes: {}, topics: {} }, sets: new Map(), values: new Map() };
+
+export function startStore(link) {
+  link.on("graph", (graph) => {
+    store.topics = graph.topics;
+    store.nodes = graph.nodes;
+    store.services = graph.srvs;
+  });
+  link.on("rates", (rates) => { store.rates = rates; });
+  link.on("sets", ({ sets }) => { store.sets = new Map(sets.map((each) => [each.set, each])); });
+  link.on("values", ({ sets }) => { for (const each of sets) store.values.set(each.set, each); });
+}
+
+// A live parameter by its name, in the first set whose name fits: its set, description and value.
+export function findParameter(name, fits) {
+  for (const [set, schema] of store.sets) {
+    const description = schema.parameters.find((each) => each.name === name && each.live);
+    if (description && fits(set)) {
+      return { set, description, value: store.values.get(set)?.values.find((each) => each.name === name)?.value };
+    }
+  }
+  return null;
+}

@@ -1,0 +1,160 @@
+"""One fleet with a panel and one headless Chromium, shared by the tests of this folder that need them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Self
+
+import pytest
+from playwright.sync_api import Browser, Page, expect, sync_playwright
+
+from messages.elea import BaseStatus, FleetState, ProcessState
+from messages.nav import Odometry
+from messages.requests import RESET_WORLD
+from messages.std import Empty
+from messages.topics import BASE_STATUS, FLEET_STATE, GROUND_TRUTH
+from services.panel.address import Address, read
+from services.runtime.identity import Identity
+from services.runtime.log import Log
+from services.runtime.node import Node
+from services.runtime.zenoh_config import configuration
+from services.runtime.zenoh_transport import ZenohTransport
+from tests.ports import free_port
+from tests.processes import Process
+from tests.waiting import until
+
+ROBOTS = ("/tb3_0", "/tb3_1", "/tb3_2")
+START_S = 60.0
+SOON_S = 20.0
+"""Wall time for what takes a second or two on a machine that is not busy."""
+
+
+class Watched:
+    """A fleet under the real supervisor, its panel, and a node of the test's own beside it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.port = folder, free_port()
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        file = Path(__file__).with_name("fleet.toml")
+        command = ["-m", "deploy", "up", str(file), "--report", str(self.folder / "run"), "--port", str(self.port)]
+        state = {"XDG_STATE_HOME": str(self.folder / "state")}
+        self.up = self._stack.enter_context(Process([*command, "--no-view"], self.folder / "up.log", state))
+        self.node = self._stack.enter_context(self.beside("tester"))
+        self._state = self.node.read(FLEET_STATE)
+        self._truth = {robot: self.node.read(GROUND_TRUTH, f"{robot}/ground_truth") for robot in ROBOTS}
+        self._base = {robot: self.node.read(BASE_STATUS, f"{robot}/base_status") for robot in ROBOTS}
+        self.processes: dict[str, ProcessState] = {}
+        self.truth: dict[str, Odometry] = {}
+        self.base: dict[str, BaseStatus] = {}
+        self.wait(
+            lambda: len(self.processes) == 8 and all(p.state == "ready" for p in self.processes.values()), START_S
+        )
+        self.wait(lambda: len(self.truth) == len(self.base) == 3)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._stack.close()
+
+    @contextmanager
+    def beside(self, name: str) -> Iterator[Node]:
+        """A node on the fleet's network."""
+        identity = Identity.of(name)
+        with (
+            ZenohTransport(configuration("direct", (self.endpoint,))) as transport,
+            Node(transport, identity, "tester", Log(identity.node)) as node,
+        ):
+            yield node
+
+    @property
+    def endpoint(self) -> str:
+        return f"tcp/127.0.0.1:{self.port}"
+
+    @property
+    def address(self) -> Address:
+        address = read(self.folder / "run" / "panel.json")
+        assert address is not None
+        return address
+
+    def look(self) -> None:
+        """Take what has come."""
+        assert self.up.status is None, self.up.text
+        self.node.admit()
+        for state, _ in self._state.batch:
+            assert isinstance(state, FleetState)
+            self.processes = {each.name: each for each in state.processes}
+        for robot in ROBOTS:
+            for truth, _ in self._truth[robot].batch:
+                self.truth[robot] = truth
+            for base, _ in self._base[robot].batch:
+                self.base[robot] = base
+
+    def wait(self, probe: object, within: float = SOON_S, what: str = "") -> None:
+        """Look until something is so."""
+        assert callable(probe)
+
+        def looked() -> object:
+            self.look()
+            return probe()
+
+        until(looked, within, what)
+
+    def speed(self, robot: str) -> float:
+        return self.truth[robot].twist.twist.linear.x
+
+    def stands(self, robot: str) -> bool:
+        twist = self.truth[robot].twist.twist
+        return abs(twist.linear.x) < 0.005 and abs(twist.angular.z) < 0.02
+
+    def moves(self, robot: str) -> bool:
+        return abs(self.speed(robot)) > 0.05
+
+    def begin_anew(self) -> None:
+        """All robots to where they were spawned, at rest."""
+        self.node.call(RESET_WORLD, Empty())
+        self.wait(lambda: all(map(self.stands, ROBOTS)))
+
+
+@pytest.fixture(scope="package")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Watched]:
+    with Watched(tmp_path_factory.mktemp("panel")) as watched:
+        yield watched
+
+
+@pytest.fixture(scope="package")
+def browser() -> Iterator[Browser]:
+    expect.set_options(timeout=SOON_S * 1000)
+    with sync_playwright() as play:
+        opened = play.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+        yield opened
+        opened.close()
+
+
+class Pages:
+    """Opens pages of the panel, each in a browser of its own as far as cookies go, and watches for their errors."""
+
+    def __init__(self, browser: Browser, fleet: Watched) -> None:
+        self._browser, self._fleet = browser, fleet
+        self.complaints: list[str] = []
+
+    def open(self, view: str, width: int = 1440, height: int = 900) -> Page:
+        page = self._browser.new_context(viewport={"width": width, "height": height}).new_page()
+        page.set_default_timeout(SOON_S * 1000)
+        page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        page.on("console", lambda line: self.complaints.append(line.text) if line.type == "error" else None)
+        page.goto(self._fleet.address.url)
+        page.click(f"#tab-{view}")
+        expect(page.locator("#clock")).to_contain_text(":")
+        return page
+
+
+@pytest.fixture
+def pages(browser: Browser, fleet: Watched) -> Iterator[Pages]:
+    made = Pages(browser, fleet)
+    yield made
+    for context in browser.contexts:
+        context.close()
+    assert made.complaints == []

@@ -1,0 +1,199 @@
+"""The panel beside a real fleet, without a browser: who may, what a dead page costs, requests that hang, the verb."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+from websockets.exceptions import InvalidStatus
+
+from messages.elea import Health
+from messages.topics import HEALTH
+from services.panel.address import FILE, read
+from services.runtime.process import ROOT
+from tests.panel.client import client, hear, say
+from tests.panel.conftest import ROBOTS, SOON_S, Watched
+from tests.ports import free_port
+from tests.processes import Network, Process
+from tests.waiting import until
+
+POSES = [
+    {"id": number, "topic": f"{robot}/odom", "path": path}
+    for number, (robot, path) in enumerate(
+        (robot, path)
+        for robot in ROBOTS
+        for path in ("pose.pose.position.x", "twist.twist.linear.x", "header.stamp.sec")
+    )
+]
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"token": "forged-token-of-another-run-000000"}, {"origin": "http://evil.example"}, {"origin": "null"}]
+)
+def test_a_forged_token_or_a_foreign_page_changes_nothing(fleet: Watched, wrong: dict[str, str]) -> None:
+    with pytest.raises(InvalidStatus) as refused, client(fleet.address, **wrong) as at:
+        say(at, k="estop", id=1, on=True)
+    assert refused.value.response.status_code == 403
+    fleet.wait(lambda: not any(fleet.base[robot].e_stopped for robot in ROBOTS))
+
+
+def test_it_listens_on_the_loopback_alone(fleet: Watched) -> None:
+    listening = [
+        each.laddr.ip for each in psutil.Process(fleet.address.pid).net_connections("tcp") if each.status == "LISTEN"
+    ]
+    assert set(listening) == {"127.0.0.1"}
+
+
+def test_a_page_that_is_dead_slows_nobody_and_is_dropped(fleet: Watched) -> None:
+    beats = fleet.node.read(HEALTH)
+    with client(fleet.address) as alive:
+        say(alive, k="want", channels=["poses"], series=POSES)
+        with client(fleet.address, queue=1) as dead:
+            say(dead, k="want", channels=["poses", "graph", "rates", "sets", "values"], series=POSES)
+            until(lambda: hear(alive, "about")["pages"] == 2, SOON_S, "both are there")
+            seen, frames, longest = time.monotonic(), 0, 0.0
+
+            def dropped() -> bool:
+                nonlocal seen, frames, longest
+                hear(alive, "frame", 3.0)
+                frames += 1
+                beats.admit()
+                for health, _ in beats.batch:
+                    if isinstance(health, Health) and health.node == "/panel":
+                        longest, seen = max(longest, time.monotonic() - seen), time.monotonic()
+                return frames % 10 == 0 and hear(alive, "about", 3.0)["pages"] == 1
+
+            until(dropped, 40.0, "the dead page is given up")
+            assert frames > 50
+            assert longest < 2.5, "the panel's own heart went on"
+    fleet.node.forget(beats)
+
+
+def test_a_request_to_a_process_that_hangs_is_given_up_in_time(fleet: Watched) -> None:
+    params = fleet.processes["params"]
+    os.kill(params.pid, signal.SIGSTOP)
+    with client(fleet.address) as at:
+        say(at, k="want", channels=["clock"])
+        say(at, k="set", id=5, set="/tb3_0/waypoint", values={"max_linear": 0.2}, run=True)
+        begun = time.monotonic()
+        reply = hear(at, "reply")
+        assert reply["id"] == 5
+        assert not reply["ok"]
+        assert time.monotonic() - begun < 8.0
+        hear(at, "clock", 1.0)
+
+    def back() -> bool:
+        now = fleet.processes["params"]
+        return now.state == "ready" and now.pid != params.pid
+
+    fleet.wait(back, 2 * SOON_S, "the parameter service is back")
+
+
+def test_a_page_whose_words_stop_lets_the_robot_go(fleet: Watched) -> None:
+    fleet.begin_anew()
+    with client(fleet.address) as at:
+        say(at, k="want", channels=["robots"])
+        began = time.monotonic()
+        while time.monotonic() - began < 1.5:
+            say(at, k="drive", robot="/tb3_1", v=0.2)
+            time.sleep(0.05)
+        fleet.wait(lambda: fleet.moves("/tb3_1"), 2.0)
+        fleet.wait(lambda: fleet.stands("/tb3_1"), 3.0, "it stands, with the page still there")
+        say(at, k="drive", robot="/tb3_1", v=0.2)
+        say(at, k="drive", robot="/tb3_1", v=40.0)
+        assert "no page drives faster" in hear(at, "error")["reason"]
+
+
+def verb(fleet: Watched, *arguments: str) -> subprocess.CompletedProcess[str]:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_STATE_HOME": str(fleet.folder / "state")}
+    command = [sys.executable, "-P", "-m", "deploy", "panel", *arguments]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_the_verb_tells_where_the_page_of_the_running_fleet_is(fleet: Watched) -> None:
+    ran = verb(fleet, "--json")
+    assert ran.returncode == 0, ran.stderr
+    assert json.loads(ran.stdout)["url"] == fleet.address.url
+    assert verb(fleet, "--no-open").stdout.strip() == fleet.address.url
+    assert fleet.address.url in fleet.up.text
+    assert fleet.address.token not in (fleet.folder / "run" / "logs" / "panel.log").read_text()
+
+
+def test_the_verb_starts_a_panel_where_there_is_none(tmp_path: Path) -> None:
+    with Network(tmp_path) as network:
+        command = ["-m", "deploy", "panel", "--connect", network.endpoint, "--page-port", "0", "--json"]
+        with Process(command, tmp_path / "verb.log", {"XDG_STATE_HOME": str(tmp_path)}) as process:
+            until(lambda: process.status is not None or "url" in process.text, 30.0)
+            assert process.status is None, process.text
+            port = json.loads(next(line for line in process.text.splitlines() if line.startswith("{")))["port"]
+            assert port > 0
+            process.signal(signal.SIGINT)
+            assert process.wait(15.0) == 0
+    nobody = subprocess.run(
+        [sys.executable, "-P", "-m", "deploy", "panel", "--connect", network.endpoint],
+        env={**os.environ, "PYTHONPATH": str(ROOT), "XDG_STATE_HOME": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert nobody.returncode == 2
+    assert "no router at" in nobody.stderr
+
+
+LOCKSTEP = """
+name = "pair"
+[run]
+mode = "lockstep"
+latency = 1
+ends = "goals"
+duration = 60
+[[robot]]
+name = "a"
+model = "burger"
+[[robot]]
+name = "b"
+model = "burger"
+pose = { y = 1.0 }
+[[every_robot]]
+kind = "waypoint"
+from_start = ["goals"]
+parameters = { goals = [[0.7, 0.2], [0.2, -0.3]] }
+"""
+
+
+def driven(folder: Path, watched: bool) -> str:
+    """The hash of all trajectories of a lockstep run, with a panel that is asked for everything, or without one."""
+    folder.mkdir()
+    file = folder / "pair.toml"
+    file.write_text(LOCKSTEP + ('[[service]]\nkind = "panel"\nparameters = { port = 0 }\n' if watched else ""))
+    command = ["-m", "deploy", "up", str(file), "--report", str(folder / "run"), "--port", str(free_port())]
+    with Process([*command, "--no-view", "--json"], folder / "up.log", {"XDG_STATE_HOME": str(folder)}) as up:
+        if watched:
+            until(lambda: read(folder / "run" / FILE), 40.0, "the panel's address")
+            address = read(folder / "run" / FILE)
+            assert address is not None
+            topics = [f"/{robot}/{topic}" for robot in "ab" for topic in ("odom", "cmd_vel", "imu", "scan")]
+            paths = ("twist.twist.linear.x", "linear.x", "linear_acceleration.x", "ranges[0]")
+            series = [{"id": n, "topic": t, "path": paths[n % 4]} for n, t in enumerate(topics)]
+            with client(address) as at:
+                say(
+                    at, k="want", channels=["poses", "robots", "graph", "rates", "log", "sets", "values"], series=series
+                )
+                hear(at, "frame", 30.0)
+                up.wait(60.0)
+        else:
+            up.wait(60.0)
+    report = json.loads((folder / "run" / "report.json").read_text())
+    return str(report["run"]["trajectory_hash"])
+
+
+def test_lockstep_runs_alike_whether_or_not_somebody_looks(tmp_path: Path) -> None:
+    assert driven(tmp_path / "alone", watched=False) == driven(tmp_path / "watched", watched=True)

@@ -1,0 +1,167 @@
+"""The panel's mathematics and bounds: fields, times, frames, waiting parcels, places, ports, the address."""
+
+from __future__ import annotations
+
+import struct
+from math import pi
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from messages.geometry import Pose, PoseWithCovariance
+from messages.nav import Odometry
+from messages.rosgraph import Clock
+from messages.sensor import LaserScan
+from messages.std import Float32, Header, Time
+from services.panel.address import Address, read, token_for, write
+from services.panel.fields import leaves, number, parse, stamp
+from services.panel.frame import MARK, Samples, pack
+from services.panel.graph import promised
+from services.panel.page import MOST_FRAMES, Page
+from services.panel.robots import Spot
+from services.panel.server import listen
+from services.panel.sim_time import SimTime
+from services.runtime.errors import BadInput
+from services.runtime.wire import Origin
+
+ODOMETRY = Odometry(
+    header=Header(stamp=Time.of(2_500_000_000)), pose=PoseWithCovariance(pose=Pose.planar(1.5, -2.0, pi / 2))
+)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("pose.pose.position.x", 1.5),
+        ("pose.pose.orientation.yaw", pi / 2),
+        ("pose.covariance[35]", 0.0),
+        ("pose.covariance[36]", None),
+        ("header.stamp.sec", 2.0),
+        ("header.frame_id", None),
+        ("pose.pose.position.nothing", None),
+        ("pose.pose.position.x.y", None),
+        ("pose[3]", None),
+    ],
+)
+def test_a_number_by_its_path(path: str, value: float | None) -> None:
+    assert number(ODOMETRY, parse(path)) == (value if value is None else pytest.approx(value))
+
+
+def test_numbers_in_arrays_maps_and_flags() -> None:
+    scan = LaserScan(ranges=LaserScan().ranges.__class__([0.5, 1.5]))
+    assert number(scan, parse("ranges[1]")) == 1.5
+    assert number(scan, parse("ranges[2]")) is None
+    assert number({"a": [{"b": True}]}, parse("a[0].b")) == 1.0
+    assert number({"a": float("nan")}, parse("a")) is None
+    assert number({"a": float("inf")}, parse("a")) is None
+
+
+@pytest.mark.parametrize(
+    "path", ["", "a..b", "__class__", "a.__dict__", "a[", "a[-1]", "a b", "a[1", "1", ".".join("abcdefghijklmnopqr")]
+)
+def test_what_is_no_path(path: str) -> None:
+    with pytest.raises(BadInput):
+        parse(path)
+
+
+def test_every_listed_number_is_reached_by_its_path() -> None:
+    for message in (ODOMETRY, LaserScan(ranges=LaserScan().ranges.__class__([1.0] * 500)), Float32(data=2.0)):
+        found = leaves(message)
+        assert len(found) <= 600
+        for path, value in found:
+            if isinstance(value, int | float):
+                assert number(message, parse(path)) == float(value), path
+
+
+def test_the_stamp_of_a_message() -> None:
+    assert stamp(ODOMETRY) == 2_500_000_000
+    assert stamp(Float32()) is None
+    assert stamp({"header": 1}) is None
+
+
+def test_a_message_without_a_stamp_gets_the_time_that_the_clock_showed_when_it_was_sent() -> None:
+    time = SimTime()
+    for tick in range(2000):
+        time.add(Clock(clock=Time.of(tick * 20_000_000)), Origin(tick + 1, 10**15 + tick * 10_000_000, 16, b"c"))
+    now = 1999 * 20_000_000
+    assert time.now == now
+    assert time.at(Origin(1, 10**15 + 1990 * 10_000_000 + 5_000_000, 16, b"p")) == 1990 * 20_000_000 + 10_000_000
+    assert time.at(Origin(1, 10**18, 16, b"p")) == now
+    assert time.at(None) == now
+    assert time.at(Origin(1, 0, 16, b"p")) <= now - 512 * 20_000_000, "older than what is remembered: the oldest"
+    assert time.era == 0
+    time.add(Clock(clock=Time.of(0), epoch=1), None)
+    assert (time.era, time.now) == (1, 0)
+
+
+@given(st.lists(st.tuples(st.floats(0, 1e6), st.floats(-1e12, 1e12)), max_size=50))
+def test_a_frame_holds_what_was_put_into_it(points: list[tuple[float, float]]) -> None:
+    samples = Samples()
+    for point in points:
+        samples.add(*point)
+    frame = pack(3, [(9, len(samples), samples.body())])
+    assert struct.unpack_from("<4I2I", frame) == (MARK, 3, 1, 0, 9, len(points))
+    assert len(frame) == 24 + 16 * len(points)
+    assert list(struct.unpack_from(f"<{len(points)}d", frame, 24)) == [t for t, _ in points]
+
+
+def test_a_slow_page_keeps_the_newest_state_and_a_bounded_stream() -> None:
+    roused = []
+    page = Page(1, lambda: roused.append(1))
+    for count in range(1000):
+        page.tell("clock", f"clock {count}")
+        page.stream(b"frame %d" % count)
+        page.stream(f"text {count}")
+    page.flush()
+    page.flush()
+    assert len(roused) == 1
+    taken = page.take()
+    assert taken[0] == "clock 999"
+    assert taken[1:1001] == [f"text {count}" for count in range(1000)], "answers and values wait longer than samples"
+    assert taken[1001:] == [b"frame %d" % count for count in range(1000 - MOST_FRAMES, 1000)]
+    assert page.dropped == 1000 - MOST_FRAMES
+    page.stream(b"x" * (5 << 20))
+    assert page.take() == []
+
+
+@given(*[st.floats(-100, 100)] * 6)
+def test_a_place_seen_from_a_frame_and_back(x: float, y: float, yaw: float, px: float, py: float, pyaw: float) -> None:
+    frame, there = Spot(x, y, yaw), Spot(px, py, pyaw)
+    back = frame.of(frame.inside(there))
+    assert (back.x, back.y) == pytest.approx((px, py), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "rate"), [("/clock", 50), ("/tb3_0/odom", 25), ("/x/sonar/range", 160), ("/odometry", 0)]
+)
+def test_promised_rates(name: str, rate: float) -> None:
+    assert promised(name) == rate
+
+
+def test_a_taken_port_gives_way_to_the_next() -> None:
+    with listen(0) as first:
+        port = first.getsockname()[1]
+        with listen(port) as second:
+            assert port < second.getsockname()[1] < port + 20
+            assert second.getsockname()[0] == "127.0.0.1"
+
+
+def test_all_ports_taken_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.panel.server.TRIES", 1)
+    with listen(0) as first, pytest.raises(BadInput, match="are all taken: choose another with port=N"):
+        listen(first.getsockname()[1])
+
+
+def test_the_address_is_for_its_owner_alone_and_the_token_outlives_a_restart(tmp_path: Path) -> None:
+    file = tmp_path / "panel.json"
+    token = token_for(file)
+    write(file, Address(port=1, token=token, pid=2))
+    assert file.stat().st_mode & 0o777 == 0o600
+    assert read(file) == Address(port=1, token=token, pid=2)
+    assert token_for(file) == token
+    assert token_for(None) != token_for(None)
+    file.write_text("{")
+    assert read(file) is None
+    assert token_for(file) != token
