@@ -38,7 +38,7 @@ def run(ctx: Context[RecorderParameters]) -> None:
                 _with_messages(ctx, listening, tape)
         finally:
             node.admit()
-            (tape.take_tick(ctx.now) if ctx.lockstep else tape.take())
+            (tape.take_rest(ctx.now) if ctx.lockstep else tape.take())
             tape.close()
             _tell(ctx, bag, tape)
 

@@ -46,6 +46,14 @@ class Tape:
             for message, origin in source.batch:
                 self._write(source, message, origin, wall, now)
 
+    def take_rest(self, now: int) -> None:
+        """What came after the last tick, at ``now`` [ns]: nobody had it yet; its own stamp tells its time, if any."""
+        wall = time.time_ns()
+        self._times.clock = now
+        for name in sorted(self._listening.heard):
+            for message, origin in self._listening.heard[name].batch:
+                self._write(self._listening.heard[name], message, origin, wall, self._times.of(message, wall, True))
+
     def take(self) -> None:
         """What has come since the last call, in the order in which it was sent."""
         wall, since = time.time_ns(), self._since
