@@ -6,7 +6,8 @@ import importlib
 from pathlib import Path
 
 import services
-from services.runtime.errors import unknown
+from deploy.own_service import is_own, read_own
+from services.runtime.errors import BadInput, unknown
 from services.runtime.service import Service
 
 _FOLDER = Path(str(services.__file__)).parent
@@ -18,7 +19,15 @@ def kinds() -> tuple[str, ...]:
 
 
 def declaration(kind: str, where: str = "") -> Service:
-    """The declaration of a service; raises BadInput with the nearest name, behind the place ``where``."""
+    """The declaration of a service, or of that in a Python file of the user's own.
+
+    Raises BadInput, with the nearest name, behind the place ``where``.
+    """
+    if is_own(kind):
+        try:
+            return read_own(kind)
+        except BadInput as error:
+            raise BadInput(f"{where}: {error}" if where else str(error)) from None
     if kind not in kinds():
         raise unknown("service", kind, kinds(), where)
     service = importlib.import_module(f"services.{kind}").SERVICE

@@ -38,7 +38,7 @@ def identity(member: Member, owner: Robot | None, where: str = "") -> Identity:
     """Namespace and node of a service; raises BadInput for a name that is none."""
     namespace = member.namespace or (f"/{owner.name}" if owner else "/")
     try:
-        return identify(member.name or member.kind, namespace, ())
+        return identify(member.name or declaration(member.kind, where).name, namespace, ())
     except BadName as error:
         raise BadInput(f"{where}: {error}") from None
 

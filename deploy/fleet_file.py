@@ -7,9 +7,11 @@ import tomllib
 from pathlib import Path
 
 import msgspec
+from msgspec.structs import replace
 
 from deploy.fleet import Change, Fleet, Member, Robot, Run, Start
 from deploy.fleet_check import check
+from deploy.own_service import is_own
 from deploy.parameter_sets import check_changes
 from deploy.policy import Policy
 from deploy.report.bounds import Bound
@@ -72,9 +74,22 @@ def parse_fleet(path: Path, text: str) -> Fleet:
         fleet = msgspec.convert(tree, Fleet)
     except msgspec.ValidationError as error:
         raise _located(source, str(error)) from None
+    fleet = _with_files(fleet, path.parent)
     check(fleet, source)
     check_changes(fleet, source)
     return fleet
+
+
+def _with_files(fleet: Fleet, folder: Path) -> Fleet:
+    """The fleet with the Python files among its kinds found: a relative one counts from the fleet file's folder."""
+
+    def found(members: tuple[Member, ...]) -> tuple[Member, ...]:
+        return tuple(
+            replace(each, kind=str((folder / each.kind).resolve())) if is_own(each.kind) else each for each in members
+        )
+
+    robots = tuple(replace(each, services=found(each.services)) for each in fleet.robot)
+    return replace(fleet, robot=robots, every_robot=found(fleet.every_robot), service=found(fleet.service))
 
 
 def _located(source: Source, error: str) -> BadInput:

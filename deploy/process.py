@@ -12,6 +12,7 @@ from deploy.arm_wiring import arm_wired
 from deploy.catalogue import declaration
 from deploy.fleet import Fleet, Member, Robot
 from deploy.fleet_check import identity
+from deploy.own_service import is_own
 from deploy.policy import Policy, When
 from deploy.wiring import IMPLIED, Terms, endpoint, wired
 
@@ -86,12 +87,17 @@ def _process(stated: _Stated, fleet: Fleet, terms: Terms, members: tuple[str, ..
         name=stated.node.removeprefix("/"),
         node=stated.node,
         kind=kind,
-        argv=(sys.executable, "-P", "-m", f"services.{kind}", *_arguments(stated, fleet, terms, members, parameters)),
+        argv=(sys.executable, "-P", "-m", *_module(kind), *_arguments(stated, fleet, terms, members, parameters)),
         required=member.required if member.required is not None else kind in IMPLIED,
         begins=kind == "sim" or stated.node in members,
         policy=policy,
         depends_on=_NEEDS.get(kind, ("router", "sim")),
     )
+
+
+def _module(kind: str) -> tuple[str, ...]:
+    """What Python runs; a file of the user's own runs as in ``./elea run``, with its folder on the path."""
+    return ("deploy", "run", kind) if is_own(kind) else (f"services.{kind}",)
 
 
 def _arguments(

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any
 
 import click
@@ -13,9 +16,31 @@ from services.runtime.errors import BadInput, EleaError, Stopped
 from services.runtime.parameters import bounds, build, describe, read_assignments, stated
 from services.runtime.service import Parameters, Service
 
+_declaring = ContextVar("declaring", default=False)
+
+
+class Declared(BaseException):
+    """What ``main`` raises within ``declaring``: the service that it was to run. No ``except Exception`` stops it."""
+
+    def __init__(self, service: Service) -> None:
+        super().__init__(service.name)
+        self.service = service
+
+
+@contextmanager
+def declaring() -> Iterator[None]:
+    """Within, ``main`` tells what it would run instead of running it."""
+    token = _declaring.set(True)
+    try:
+        yield
+    finally:
+        _declaring.reset(token)
+
 
 def main(service: Service) -> None:
     """Parse the command line, run the service and end the process: status 0, 1 after an error, 2 for bad input."""
+    if _declaring.get():
+        raise Declared(service)
     from services.runtime import process
 
     try:
