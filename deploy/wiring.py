@@ -8,9 +8,10 @@ from typing import Any
 import msgspec
 
 from deploy.arm_wiring import graded_arms, not_before, states
-from deploy.fleet import Fleet, Robot
+from deploy.fleet import PORT, Fleet, Robot
 from deploy.run_folder import BAG_FOLDER
 from models.figures import read_model
+from services.logger import LoggerParameters
 from services.panel.address import FILE as PANEL_FILE
 from services.runtime.parameters import build
 from services.runtime.service import Parameters
@@ -76,6 +77,7 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
                 "models": [each.model for each in robots] or ["burger"],
                 "states": states(fleet),
                 "file": str(terms.folder / "run.rrd"),
+                **_live_port(run.port),
                 **viewer,
             }
         case "recorder":
@@ -84,6 +86,12 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
             return {"address": str(terms.folder / PANEL_FILE)}
         case _:
             return {}
+
+
+def _live_port(router: int) -> dict[str, int]:
+    """The port of the live view: it lies as far from the usual one as the router's, so that two fleets have two."""
+    port = LoggerParameters().port + router - PORT
+    return {"port": port} if router != PORT and 1024 <= port <= 65535 else {}
 
 
 def _entry(robot: Robot) -> dict[str, Any]:

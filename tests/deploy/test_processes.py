@@ -147,3 +147,9 @@ def test_stated_beats_implied() -> None:
     assert options(plan["tools/log"], "--connect") == ["tcp/127.0.0.1:9000"]
     assert options(plan["sim"], "--topology") == ["star"]
     assert json.loads(options(plan["router"], "--fleet-param")[0].partition("=")[2]) == "tcp/127.0.0.1:9000"
+
+
+@pytest.mark.parametrize(("router", "view"), [(7447, None), (7448, 9877), (1024, 3453), (65535, None)])
+def test_two_fleets_have_two_live_views(router: int, view: int | None) -> None:
+    fleet = Fleet(name="own", run=Run(port=router), service=(Member(kind="logger"),))
+    assert read_assignments(options(expand(fleet)["logger"], "--fleet-param")).get("port") == view
