@@ -163,10 +163,13 @@ export class GroundMap {
       context.stroke();
       context.setLineDash([]);
     }
-    this.outline(context, x, y, yaw, size);
+    const [px, py] = this.camera.toScreen(x, y);
+    if (robot && !robot.drives) {
+      context.beginPath();
+      context.rect(px - size * 0.8, py - size * 0.8, size * 1.6, size * 1.6);
+    } else this.outline(context, x, y, yaw, size);
     context.fillStyle = paint;
     context.fill();
-    const [px, py] = this.camera.toScreen(x, y);
     if (robot?.stopped || robot?.colliding || ns === this.selected) {
       context.strokeStyle = robot?.stopped || robot?.colliding ? this.colours.bad : this.colours.text;
       context.lineWidth = 2;
