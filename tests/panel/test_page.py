@@ -160,6 +160,7 @@ def test_a_field_is_chosen_held_and_saved(fleet: Watched, pages: Pages) -> None:
     expect(plot.locator(".chip")).to_have_count(2)
     expect(plot.locator(".chip .value").first).to_have_text(re.compile("^(1|0.99999|1.0000)"))
     until(lambda: plot.locator("canvas").count() == 1, SOON_S, "it is drawn")
+    fleet.look()
     began = fleet.truth["/tb3_1"].header.stamp.ns
     fleet.wait(lambda: fleet.truth["/tb3_1"].header.stamp.ns > began + 2_000_000_000, what="two seconds of samples")
     page.click("#plots-pause")

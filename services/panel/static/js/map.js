@@ -2,6 +2,7 @@
 
 import { Camera } from "./camera.js";
 import { el } from "./dom.js";
+import { drawGrid } from "./map_grid.js";
 import { colour, onTheme, paint } from "./theme.js";
 
 const TRAIL = 4000; // points of a robot's trail
@@ -85,33 +86,11 @@ export class GroundMap {
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.fillStyle = this.colours.ground;
     context.fillRect(0, 0, this.camera.width, this.camera.height);
-    this.drawGrid(context);
+    drawGrid(context, this.camera, this.colours);
     for (const [ns, trail] of this.trails) this.drawTrail(context, trail, this.paintOf(ns));
     for (const robot of this.robots) if (robot.plan.length) this.drawPlan(context, robot);
     for (const [ns, pose] of Object.entries(this.poses)) this.drawRobot(context, ns, pose);
     if (this.aim) this.drawAim(context);
-  }
-
-  drawGrid(context) {
-    const { camera } = this, step = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50].find((each) => each * camera.scale > 45) ?? 100;
-    const [left, top] = camera.toWorld(0, 0), [right, bottom] = camera.toWorld(camera.width, camera.height);
-    context.lineWidth = 1;
-    context.font = "11px system-ui, sans-serif";
-    context.fillStyle = this.colours.quiet;
-    const line = (axis, x0, y0, x1, y1) => {
-      context.strokeStyle = axis ? this.colours.axis : this.colours.grid;
-      context.beginPath(); context.moveTo(x0, y0); context.lineTo(x1, y1); context.stroke();
-    };
-    for (let i = Math.ceil(left / step); i * step <= right; i++) {
-      const px = Math.round(camera.toScreen(i * step, 0)[0]) + 0.5;
-      line(i === 0, px, 0, px, camera.height);
-      context.fillText(Number((i * step).toFixed(2)), px + 3, camera.height - 5);
-    }
-    for (let i = Math.ceil(bottom / step); i * step <= top; i++) {
-      const py = Math.round(camera.toScreen(0, i * step)[1]) + 0.5;
-      line(i === 0, 0, py, camera.width, py);
-      context.fillText(`${Number((i * step).toFixed(2))} m`, 4, py - 3);
-    }
   }
 
   drawTrail(context, trail, paint) {
@@ -163,10 +142,13 @@ export class GroundMap {
       context.stroke();
       context.setLineDash([]);
     }
-    this.outline(context, x, y, yaw, size);
+    const [px, py] = this.camera.toScreen(x, y);
+    if (robot && !robot.drives) {
+      context.beginPath();
+      context.rect(px - size * 0.8, py - size * 0.8, size * 1.6, size * 1.6);
+    } else this.outline(context, x, y, yaw, size);
     context.fillStyle = paint;
     context.fill();
-    const [px, py] = this.camera.toScreen(x, y);
     if (robot?.stopped || robot?.colliding || ns === this.selected) {
       context.strokeStyle = robot?.stopped || robot?.colliding ? this.colours.bad : this.colours.text;
       context.lineWidth = 2;

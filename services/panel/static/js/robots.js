@@ -59,7 +59,7 @@ export function startRobots(link) {
   const order = (robot, on) => link.ask({ k: "estop", robot, on }).then((text) => note(text, on ? "stop" : ""), (error) => note(error.message, "bad"));
 
   function fill() {
-    if (!robots.some((each) => each.ns === selected)) selected = ground.selected = robots[0]?.ns ?? "";
+    if (!robots.some((each) => each.ns === selected)) selected = ground.selected = (robots.find((each) => each.goals) ?? robots.find((each) => each.drives) ?? robots[0])?.ns ?? "";
     for (const [ns, parts] of rows) if (!robots.some((each) => each.ns === ns)) { parts.row.remove(); rows.delete(ns); }
     robots.forEach((robot, index) => {
       if (!rows.has(robot.ns)) rows.set(robot.ns, row(robot.ns));

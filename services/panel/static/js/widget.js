@@ -48,13 +48,14 @@ export class Widget {
     const step = d.type === "int" ? 1 : "any";
     const box = this.box = el("input", { ...common, type: "number", step, placeholder: d.optional ? "none" : "", onchange: () => this.typed() });
     const bounded = d.low !== null && d.high !== null;
-    const slider = bounded ? el("input", { ...common, type: "range", min: d.low, max: d.high, step: d.type === "int" ? 1 : fine(d.high - d.low),
-      oninput: () => { box.value = slider.value; this.held = true; this.soon(Number(slider.value)); },
-      onchange: () => { this.held = false; this.send(Number(slider.value)); },
+    const scale = bounded ? scaleOf(d) : null;
+    const slider = bounded ? el("input", { ...common, type: "range", min: scale.low, max: scale.high, step: scale.step,
+      oninput: () => { box.value = rounded(scale.value(slider.value)); this.held = true; this.soon(scale.value(slider.value)); },
+      onchange: () => { this.held = false; this.send(scale.value(slider.value)); },
       onpointerup: () => { this.held = false; } }) : null;
     this.write = (value) => {
       box.value = value === null ? "" : rounded(value);
-      if (slider && value !== null) slider.value = value;
+      if (slider && value !== null) slider.value = scale.place(value);
     };
     return el("div", { class: "line" }, slider, box, unit);
   }
@@ -106,6 +107,16 @@ export class Widget {
     if (!this.held && !this.busy && document.activeElement !== this.box) this.write(value);
     else if (changed && !this.held && !this.busy) this.write(value);
   }
+}
+
+// How a slider's way stands for values: evenly, or finer near the low end where the range is wide for what is usual.
+function scaleOf({ type, low, high, default: usual }) {
+  if (type === "float" && low >= 0 && high > 20 * Math.max(usual || 0, 1)) {
+    return { low: 0, high: 1, step: 0.002,
+      value: (place) => Math.min(high, Math.max(low, Number((low + (high - low) * Number(place) ** 3).toPrecision(3)))),
+      place: (value) => Math.cbrt((value - low) / (high - low)) };
+  }
+  return { low, high, step: type === "int" ? 1 : fine(high - low), value: Number, place: (value) => value };
 }
 
 const fine = (span) => 10 ** Math.floor(Math.log10(span / 100));
