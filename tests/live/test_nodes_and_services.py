@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import click
@@ -16,14 +15,7 @@ import pytest
 
 from deploy.commands.completion import PARAMETER, SET
 from deploy.live.values import read_yaml
-from messages.parameters import ParameterDescription, ParameterSchema, ParameterSets
-from messages.requests import PARAMS_LIST
-from services.runtime.identity import Identity
-from services.runtime.log import Log
-from services.runtime.node import Node
 from services.runtime.process import ROOT
-from services.runtime.zenoh_config import configuration
-from services.runtime.zenoh_transport import ZenohTransport
 from services.sim import SERVICE
 from tests.live.rig import Fleet, fleet, interrupt
 from tests.waiting import until
@@ -36,9 +28,9 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
 
 
 def test_nodes(running: Fleet) -> None:
-    assert running.do("node", "list").out == "/grader\n/router\n/sim\n/supervisor\n"
-    assert running.do("node", "list", "-c").out == "4\n"
-    assert {"node": "/sim", "kind": "sim"}.items() <= running.read("node", "list")[2].items()
+    assert running.do("node", "list").out == "/grader\n/params\n/router\n/sim\n/supervisor\n"
+    assert running.do("node", "list", "-c").out == "5\n"
+    assert {"node": "/sim", "kind": "sim"}.items() <= running.read("node", "list")[3].items()
     with running.started("topic", "echo", "/tb3_0/cmd_vel"):
         until(lambda: "/_echo_" in running.do("node", "list", "-a").out, 20.0, "a tool in the graph")
         assert "/_echo_" not in running.do("node", "list").out
@@ -48,7 +40,7 @@ def test_a_node(running: Fleet) -> None:
     shown = running.do("node", "info", "sim").out
     assert shown.startswith("/sim  (sim)\n  running")
     assert "  Publishers:\n    /clock: rosgraph_msgs/Clock  sent " in shown
-    assert "  Service Servers:\n    /sim/delete: elea_msgs/Name\n" in shown
+    assert "    /sim/delete: elea_msgs/Name\n" in shown
     told = running.read("node", "info", "/grader")
     assert (told["node"], told["kind"], told["health"]["state"]) == ("/grader", "grader", "running")
     odom = next(each for each in told["subscribers"] if each["topic"] == "/tb3_0/odom")
@@ -63,9 +55,10 @@ def test_services(running: Fleet) -> None:
     assert int(running.do("service", "list", "-c").out) == len(names)
     assert "/sim/spawn [elea_msgs/SpawnModel -> elea_msgs/ModelState]\n" in running.do("service", "list", "-t").out
     assert "  /sim: put a model into the world\n" in running.do("service", "list", "-v").out
-    assert running.read("service", "list")[0]["nodes"] == ["/sim"]
+    servers = {each["name"]: each["nodes"] for each in running.read("service", "list")}
+    assert (servers["/params/set"], servers["/sim/spawn"]) == (["/params"], ["/sim"])
     assert running.do("service", "type", "/sim/pause").out == "std_msgs/Empty -> elea_msgs/SimTime\n"
-    assert "/sim/get_state\n" in running.do("service", "find", "elea_msgs/srv/Name").out
+    assert "/sim/delete\n" in running.do("service", "find", "elea_msgs/srv/Name").out
     assert running.read("service", "find", "elea_msgs/ModelList") == ["/sim/list"]
     assert "no request has nav_msgs/Path now" in running.do("service", "find", "nav_msgs/Path", status=1).err
 
@@ -74,7 +67,7 @@ def test_calls(running: Fleet) -> None:
     assert running.read("service", "call", "/sim/get_state", "{name: tb3_1}")["pose"]["position"]["y"] == pytest.approx(
         1.0, abs=1e-3
     )
-    by_place = running.do("service", "call", "sim/get_state", "elea_msgs/srv/Name", "tb3_0").out
+    by_place = running.do("service", "call", "sim/get_state", "elea_msgs/srv/GetModelState", "tb3_0").out
     assert read_yaml(by_place)["model"] == "burger"
     assert running.do("service", "call", "/sim/list", "--flow-style").out.startswith("{models: [{name: tb3_0, ")
     paused = running.read("service", "call", "/sim/pause")
@@ -158,34 +151,16 @@ def test_completion(running: Fleet, words: tuple[str, ...], wanted: list[str]) -
 
 
 def test_sets_and_parameters_are_completed(running: Fleet) -> None:
-    """By what the parameter service lists; here a node stands in for it."""
-    speed, gain = ParameterDescription(name="speed"), ParameterDescription(name="gain")
-    known = ParameterSets(
-        sets=(
-            ParameterSchema(set="/tb3_0/waypoint", parameters=(speed, gain)),
-            ParameterSchema(set="/robot_control", parameters=(gain,)),
-        )
-    )
     context, option = click.Context(click.Command("get")), click.Argument(["set"])
-    context.params = {"connect": running.endpoint, "set": "tb3_0/waypoint"}
-    identity = Identity.of("params")
-    with (
-        ZenohTransport(configuration("direct", (running.endpoint,))) as transport,
-        Node(transport, identity, "params", Log(identity.node)) as node,
-        ThreadPoolExecutor(1) as pool,
-    ):
-        node.serve(PARAMS_LIST, lambda _: known)
+    context.params = {"connect": running.endpoint, "set": "tb3_0/base"}
 
-        def offered(kind: click.ParamType[str], begun: str) -> list[str]:
-            asking = pool.submit(kind.shell_complete, context, option, begun)
-            until(lambda: node.turn() or asking.done(), 10.0, "candidates")
-            return [each.value for each in asking.result()]
+    def offered(kind: click.ParamType[str], begun: str) -> list[str]:
+        return [each.value for each in kind.shell_complete(context, option, begun)]
 
-        until(lambda: offered(SET, "/"), 20.0, "a service that is in sight")
-        assert offered(SET, "/") == ["/robot_control", "/tb3_0/waypoint"]
-        assert offered(SET, "tb") == ["tb3_0/waypoint"]
-        assert offered(PARAMETER, "") == ["gain", "speed"]
-        assert offered(PARAMETER, "s") == ["speed"]
+    until(lambda: offered(SET, "/"), 20.0, "an answer within the time that completion has")
+    assert offered(SET, "/tb3_0") == ["/tb3_0/base"]
+    assert offered(SET, "tb3_1") == ["tb3_1/base"]
+    assert offered(PARAMETER, "cmd_vel") == ["cmd_vel_timeout"]
 
 
 def test_completion_in_bash_itself(running: Fleet, tmp_path: Path) -> None:

@@ -39,7 +39,7 @@ def test_a_motion_goes_out_at_once_and_then_twenty_times_a_second() -> None:
 
 
 def test_it_repeats_at_another_rate_when_told() -> None:
-    voice = Voice(20.0, 3.0)
+    voice = Voice(20.0, 3.0, STILL)
     ahead = Motion(0.5)
     assert voice.say(ahead, 0.0, 0.0) == ahead
     voice.retune(100.0, 1.0)

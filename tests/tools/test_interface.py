@@ -89,7 +89,7 @@ def test_a_wrong_name_is_answered_with_the_nearest() -> None:
     ):
         with pytest.raises(BadInput, match=f"unknown type '{wrong}'; {told}"):
             find(wrong)
-    with pytest.raises(BadInput, match="known: builtin_interfaces, diagnostic_msgs"):
+    with pytest.raises(BadInput, match="known: builtin_interfaces, control_msgs, diagnostic_msgs"):
         listed("zzz")
     ran = elea("interface", "show", "geometry_msgs/Twsit")
     assert (ran.returncode, ran.stdout) == (2, "")
