@@ -10,7 +10,7 @@ from tests.faults.fleet import SOON_S, START_S, Fleet
 from tests.faults.fleets import FAMILY
 from tests.waiting import until
 
-NODES = ("router", "sim", "grader", "parent", "tb3_0/waypoint")
+NODES = ("router", "params", "sim", "grader", "parent", "tb3_0/waypoint")
 FAMILY_SIZE = len(NODES) + 3
 """The processes of the nodes, the child of one of them, the supervisor and its warden."""
 
