@@ -18,8 +18,8 @@ from services.runtime.errors import BadInput
 TRAIL_WIDTH = -1.8
 """Radius of a trail; rerun reads a negative one as points on the screen instead of metres."""
 
-BELIEF_WIDTH = -0.6
-"""Radius of the trail by odometry, as TRAIL_WIDTH: a thin line within that of the truth as long as the two agree."""
+BELIEF_WIDTH = -0.9
+"""Radius of the trail by odometry, as TRAIL_WIDTH."""
 
 ECHO_SIZE, GOAL_SIZE, NEXT_GOAL_SIZE = -1.6, -2.6, -5.0
 """Radii of a laser's echo, of a goal, and of the one that a robot heads for, as TRAIL_WIDTH."""

@@ -21,6 +21,9 @@ from services.logger.scans import Scans
 from services.logger.trail import Trail
 from services.runtime.frame_buffer import FrameBuffer
 
+BENEATH = -0.005
+"""Height of the trail by odometry, m: as long as it agrees with the true one, it lies hidden under it."""
+
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
@@ -189,7 +192,7 @@ class RobotColumns:
             )
         believed = self._alignment.apply(met[:, 1:3])
         off = np.hypot(believed[:, 0] - x, believed[:, 1] - y)[:, None]
-        return _stamps(met), off, np.column_stack((believed, np.zeros(len(met))))
+        return _stamps(met), off, np.column_stack((believed, np.full(len(met), BENEATH)))
 
     def _begin_course(self, truth: Floats) -> Floats | None:
         """The reference path (p, 3), once a new plan and the place where it began are both known in the world."""

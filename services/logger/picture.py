@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import socket
 import subprocess
@@ -11,15 +12,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from PIL import Image
 from rerun.experimental import ViewerClient
 
+from services.logger.closeup import closeup, place_of, robots_of
 from services.logger.mend import readable
 from services.logger.paths import TIMELINE
 from services.logger.viewer import PROGRAM, QUIET
-from services.runtime.errors import BadInput
+from services.runtime.errors import BadInput, unknown
 
 SIZE = (1920, 1080)
 """Pixels."""
+MENU = 37
+"""Height of the viewer's own menu, which is cut off."""
+COLOURS = 256
+"""In a picture: a third of the size in bytes, and no difference that is seen."""
 LOADING_S = 60.0
 """Wall time given to the viewer to start and to load the recording; a lap of four robots takes about 2 s."""
 SETTLING_S = 30.0
@@ -28,27 +35,31 @@ PAUSE_S = 0.7
 """Wall time between two looks that decide whether the picture has come to rest."""
 
 
-def picture(rrd: Path, png: Path, at: float | None = None) -> None:
+def picture(rrd: Path, png: Path, at: float | None = None, close: str = "", size: tuple[int, int] = SIZE) -> None:
     """Write a picture of the recording as it opens, with the cursor ``at`` [s] of simulation time, else at its end.
 
-    Raises BadInput when the recording cannot be shown, or when this machine cannot draw: the text says what to install.
+    ``close`` names a robot to look at closely, with its own plots. ``size`` is in pixels. Raises BadInput when the
+    recording cannot be shown or has no such robot, or when this machine cannot draw: the text says what to install.
     """
-    with headless(rrd) as viewer:
+    with headless(rrd, size) as viewer:
         timeline, end = _timeline(viewer)
-        viewer.set_time(timeline, duration=end if at is None else at, play_state="paused")
+        now = end if at is None else at
+        if close:
+            _approach(viewer, rrd, close, timeline, now)
+        viewer.set_time(timeline, duration=now, play_state="paused")
         taken = _at_rest(viewer)
         for view in viewer.get_state().views:
             for report in view.reports:
                 if report.severity == "error":
                     raise BadInput(f"{rrd}: the view {view.name!r} cannot be drawn: {report.summary}")
     try:
-        png.write_bytes(taken)
+        png.write_bytes(_framed(taken))
     except OSError as error:
         raise BadInput(f"the picture cannot be written: {error}") from None
 
 
 @contextmanager
-def headless(rrd: Path) -> Iterator[ViewerClient]:
+def headless(rrd: Path, size: tuple[int, int] = SIZE) -> Iterator[ViewerClient]:
     """A viewer without a window that shows the recording; it listens on 127.0.0.1 only and ends with the block.
 
     A recording whose writer was killed is shown up to its torn end.
@@ -56,7 +67,7 @@ def headless(rrd: Path) -> Iterator[ViewerClient]:
     """
     port = _free_port()
     command = [str(PROGRAM), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--hide-welcome-screen"]
-    command += ["--window-size", f"{SIZE[0]}x{SIZE[1]}"]
+    command += ["--window-size", f"{size[0]}x{size[1] + MENU}"]
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as said:
         command.append(str(readable(rrd, Path(folder)).absolute()))
         try:
@@ -118,6 +129,26 @@ def _at_rest(viewer: ViewerClient) -> bytes:
         time.sleep(PAUSE_S)
         before, now = now, viewer.take_screenshot()
     return now
+
+
+def _approach(viewer: ViewerClient, rrd: Path, robot: str, timeline: str, now: float) -> None:
+    """Move the eye to a robot."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = readable(rrd, Path(folder))
+        robots = robots_of(file)
+        if robot not in robots:
+            raise unknown("robot", robot, robots, str(rrd))
+        place = place_of(file, robot, timeline, now)
+    layout = viewer.get_blueprint(of="recording").blueprint
+    viewer.set_blueprint(closeup(layout, robots[robot], robot, place), of="recording")
+
+
+def _framed(taken: bytes) -> bytes:
+    """The picture without the viewer's menu, small enough to be kept beside text."""
+    with Image.open(io.BytesIO(taken)) as whole, io.BytesIO() as out:
+        below = whole.convert("RGB").crop((0, MENU, whole.width, whole.height))
+        below.quantize(COLOURS, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)
+        return out.getvalue()
 
 
 def _reason(said: str, error: str) -> str:
