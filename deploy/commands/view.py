@@ -12,6 +12,7 @@ import click
 from deploy.commands.options import json_option
 from services.runtime.errors import BadInput
 
+LATEST_S = 1e9
 SMALLEST, LARGEST = 320, 4096
 """Pixels of a picture's width and height."""
 
@@ -44,6 +45,9 @@ def command(
     from services.logger.viewer import open_recording, wanted
 
     pixels = _pixels(size)
+    for at in times:
+        if not 0 <= at < LATEST_S:
+            raise BadInput(f"--at {at:g}: expected seconds of simulation time, from 0 on")
     recording = _recording(run if str(run) not in ("", ".") else _newest())
     if wanted("auto", os.environ) and not picture:
         try:
@@ -97,19 +101,19 @@ def _pixels(size: str) -> tuple[int, int]:
 def _pictures(
     recording: Path, times: tuple[float, ...], close: tuple[str, ...], size: tuple[int, int], folder: Path
 ) -> list[Path]:
-    from services.logger.picture import picture
+    from services.logger.picture import Shot, pictures
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise BadInput(f"{folder} cannot be written: {error.strerror}") from None
-    made = []
+    shots = []
     for at in times or (None,):
         for robot in ("", *close):
             name = "-".join(filter(None, (recording.stem, robot, "" if at is None else f"{at:g}s")))
-            made.append(folder / f"{name}.png")
-            picture(recording, made[-1], at, robot, size)
-    return made
+            shots.append(Shot(folder / f"{name}.png", at, robot))
+    pictures(recording, shots, size)
+    return [each.png for each in shots]
 
 
 def _newest() -> Path:

@@ -83,7 +83,7 @@ def _eye(extent: Extent) -> rrb.EyeControls3D:
     x, y = (extent[0] + extent[2]) / 2, (extent[1] + extent[3]) / 2
     size = max(abs(extent[2] - extent[0]), abs(extent[3] - extent[1]), 1.0)
     return rrb.EyeControls3D(
-        position=(x, y - 0.72 * size, 0.95 * size),
+        position=(x, y - 0.65 * size, 0.86 * size),
         look_target=(x, y - 0.03 * size, 0.0),
         eye_up=(0.0, 0.0, 1.0),
     )
