@@ -21,7 +21,7 @@ from services.logger.scans import Scans
 from services.logger.trail import Trail
 from services.runtime.frame_buffer import FrameBuffer
 
-BENEATH = -0.005
+BENEATH = -0.001
 """Height of the trail by odometry, m: as long as it agrees with the true one, it lies hidden under it."""
 
 Floats = NDArray[np.float64]
