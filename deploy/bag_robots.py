@@ -10,6 +10,7 @@ from messages.nav import Odometry
 from messages.std import String
 from messages.topics import GROUND_TRUTH, ROBOT_DESCRIPTION
 from models import MODELS, model_path
+from models.figures import read_model
 from services.bag.reading import Bag
 from services.bag.typed import Typed, why_not
 
@@ -46,4 +47,10 @@ def robots_in(bag: Bag) -> Robots:
     if not math.isfinite(low[0]):
         low, high = [-1.0, -1.0], [1.0, 1.0]
     extent = (low[0] - _MARGIN, low[1] - _MARGIN, high[0] + _MARGIN, high[1] + _MARGIN)
-    return Robots(sorted(robots.items()), extent)
+    return Robots(sorted(robots.items(), key=_rank), extent)
+
+
+def _rank(robot: tuple[str, str]) -> tuple[bool, str]:
+    """Arms come last: they leave no trail, and need no colour that is told from afar."""
+    namespace, model = robot
+    return read_model(model).wheels is None, namespace

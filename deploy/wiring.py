@@ -76,6 +76,8 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
                 "robots": [each.name for each in robots],
                 "models": [each.model for each in robots] or ["burger"],
                 "states": states(fleet),
+                # In lockstep all wait for the simulation, which in lab needs a tenth more CPU for its lasers.
+                "scans": run.mode != "lockstep",
                 "file": str(terms.folder / "run.rrd"),
                 **_live_port(run.port),
                 **viewer,

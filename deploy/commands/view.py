@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from pathlib import Path
 
@@ -11,6 +12,10 @@ import click
 from deploy.commands.options import json_option
 from services.runtime.errors import BadInput
 
+LATEST_S = 1e9
+SMALLEST, LARGEST = 320, 4096
+"""Pixels of a picture's width and height."""
+
 
 @click.command("view")
 @click.argument("run", default="", type=click.Path(path_type=Path))
@@ -18,9 +23,19 @@ from services.runtime.errors import BadInput
 @click.option(
     "--at", "times", multiple=True, type=float, metavar="S", help="Simulated time of a picture; the end else."
 )
+@click.option("--close", multiple=True, metavar="ROBOT", help="A picture of this robot from near by, too.")
+@click.option("--size", default="1920x1080", metavar="WxH", show_default=True, help="Of the pictures, in pixels.")
 @click.option("-o", "--output", default="", help="Folder of the pictures; beside the recording by default.")
 @json_option
-def command(run: Path, picture: bool, times: tuple[float, ...], output: str, as_json: bool) -> None:
+def command(
+    run: Path,
+    picture: bool,
+    times: tuple[float, ...],
+    close: tuple[str, ...],
+    size: str,
+    output: str,
+    as_json: bool,
+) -> None:
     """Open RUN in the viewer: the folder of a run, an .rrd, or a bag; the newest run by default.
 
     Without a display, or with --picture, pictures are made, and it says where.
@@ -29,6 +44,10 @@ def command(run: Path, picture: bool, times: tuple[float, ...], output: str, as_
 
     from services.logger.viewer import open_recording, wanted
 
+    pixels = _pixels(size)
+    for at in times:
+        if not 0 <= at < LATEST_S:
+            raise BadInput(f"--at {at:g}: expected seconds of simulation time, from 0 on")
     recording = _recording(run if str(run) not in ("", ".") else _newest())
     if wanted("auto", os.environ) and not picture:
         try:
@@ -38,7 +57,7 @@ def command(run: Path, picture: bool, times: tuple[float, ...], output: str, as_
         made = []
         sys.stderr.write(f"the viewer opens {recording}\n")
     else:
-        made = _pictures(recording, times, Path(output).absolute() if output else recording.parent)
+        made = _pictures(recording, times, close, pixels, Path(output).absolute() if output else recording.parent)
     if as_json:
         sys.stdout.write(json.dumps({"recording": str(recording), "pictures": [str(each) for each in made]}) + "\n")
     else:
@@ -72,18 +91,29 @@ def _of_bag(path: Path) -> Path:
     return made
 
 
-def _pictures(recording: Path, times: tuple[float, ...], folder: Path) -> list[Path]:
-    from services.logger.picture import picture
+def _pixels(size: str) -> tuple[int, int]:
+    match = re.fullmatch(r"(\d{3,4})x(\d{3,4})", size)
+    if match is None or not all(SMALLEST <= int(each) <= LARGEST for each in match.groups()):
+        raise BadInput(f"--size {size!r}: expected WIDTHxHEIGHT, each from {SMALLEST} to {LARGEST} pixels")
+    return int(match[1]), int(match[2])
+
+
+def _pictures(
+    recording: Path, times: tuple[float, ...], close: tuple[str, ...], size: tuple[int, int], folder: Path
+) -> list[Path]:
+    from services.logger.picture import Shot, pictures
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise BadInput(f"{folder} cannot be written: {error.strerror}") from None
-    made = []
+    shots = []
     for at in times or (None,):
-        made.append(folder / (f"{recording.stem}.png" if at is None else f"{recording.stem}-{at:g}s.png"))
-        picture(recording, made[-1], at)
-    return made
+        for robot in ("", *close):
+            name = "-".join(filter(None, (recording.stem, robot, "" if at is None else f"{at:g}s")))
+            shots.append(Shot(folder / f"{name}.png", at, robot))
+    pictures(recording, shots, size)
+    return [each.png for each in shots]
 
 
 def _newest() -> Path:

@@ -7,7 +7,18 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from messages.base import Metres
-from messages.topics import CMD_VEL, CONTROL_STATE, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, ROSOUT, STATUS
+from messages.topics import (
+    CMD_VEL,
+    CONTROL_STATE,
+    GROUND_TRUTH,
+    JOINT_STATES,
+    ODOM,
+    PLAN,
+    ROSOUT,
+    SCAN,
+    STATUS,
+    TF_STATIC,
+)
 from services.runtime.service import Parameters, Service
 
 _FIXED = {"live": False}
@@ -27,6 +38,10 @@ class LoggerParameters(Parameters, frozen=True, kw_only=True):
         tuple[str, ...],
         Meta(description="where each robot's joint controller tells its state; empty for those without", extra=_FIXED),
     ] = ()
+    scans: Annotated[
+        bool,
+        Meta(description="record what the robots' lasers see, which the simulation then has to compute", extra=_FIXED),
+    ] = True
     file: Annotated[
         str, Meta(description="the recording; empty means run.rrd in the working directory", extra=_FIXED)
     ] = ""
@@ -70,7 +85,7 @@ SERVICE = Service(
     name="logger",
     about="records robots, trails, plots and log for the rerun viewer, into a file and live",
     run="services.logger.loop:run",
-    reads=(GROUND_TRUTH, ODOM, CMD_VEL, JOINT_STATES, CONTROL_STATE, PLAN, STATUS, ROSOUT),
+    reads=(GROUND_TRUTH, ODOM, CMD_VEL, JOINT_STATES, CONTROL_STATE, SCAN, PLAN, STATUS, TF_STATIC, ROSOUT),
     rate=5,
     parameters=LoggerParameters,
     observer=True,

@@ -18,8 +18,11 @@ class Batch:
     At ``times`` (n,): ``positions`` (n, 3), ``quaternions`` (n, 4) as x, y, z, w, and ``gauges`` (n, 4), which are
     speed and command [m/s], cross-track error and distance to the goal [m]; NaN where there is nothing to tell.
     ``odometry_error`` (k, 1) [m] stands at ``odometry_times``, the segments ``trail`` (m, 2, 3) at ``trail_times``,
-    ``angles`` (j, joints) [rad] at ``joint_times``, ``control`` (c, 4) at ``control_times``: what a joint's controller
-    wants, sees, misses and does, deg, deg, deg, N m. ``plan`` (p, 3) is a new reference path, from ``plan_time`` on.
+    those of where odometry believes the robot to be, ``belief`` (b, 2, 3), at ``belief_times``, ``angles`` (j, joints)
+    [rad] at ``joint_times``, ``control`` (c, 4) at ``control_times``: what a joint's controller wants, sees, misses and
+    does, deg, deg, deg, N m. ``plan`` (p, 3) is a new reference path, from ``plan_time`` on; ``goals`` (g, 3) tells
+    from ``goal_times`` on where the robot heads for, NaN for nowhere. ``scans`` holds for each of ``scan_times`` the
+    echoes (e, 3) of its laser.
     """
 
     times: Stamps
@@ -35,5 +38,11 @@ class Batch:
     angles: Floats
     control_times: Stamps
     control: Floats
+    belief_times: Stamps
+    belief: Floats
     plan_time: int
     plan: Floats | None
+    goal_times: Stamps
+    goals: Floats
+    scan_times: Stamps
+    scans: list[Floats]

@@ -9,9 +9,22 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from services.logger import paths
-from services.logger.paths import COMMANDED, CROSS_TRACK, DISTANCE, LOG, ODOMETRY_ERROR, SPEED, collisions, trail
+from services.logger.paths import (
+    COMMANDED,
+    CROSS_TRACK,
+    DISTANCE,
+    LOG,
+    ODOMETRY_ERROR,
+    SPEED,
+    belief,
+    collisions,
+    trail,
+)
 
 Extent = tuple[float, float, float, float]
+
+MOST_ARMS = 2
+"""Arms that have a plot beside those of the fleet; every one has its own page."""
 
 DARK = (18, 20, 24)
 
@@ -26,7 +39,7 @@ def blueprint(
     names = [name for name, _ in robots]
     driving = [name for name in names if name not in arms]
     own = [_arm(name) if name in arms else _robot(name, [each == name for each in driving]) for name in names]
-    plots = [_fleet(), *own] if driving or not names else own
+    plots = [_fleet([name for name in names if name in arms]), *own] if driving or not names else own
     log = rrb.TextLogView(
         origin=LOG,
         name="Log",
@@ -60,8 +73,8 @@ def _world(robots: Sequence[tuple[str, str]], extent: Extent, timelines: Sequenc
         background=DARK,
         line_grid=rrb.LineGrid3D(spacing=0.5, stroke_width=0.75, color=(90, 96, 106, 110)),
         eye_controls=_eye(extent),
-        defaults=[rr.Boxes3D.from_fields(fill_mode="solid"), rr.Cylinders3D.from_fields(fill_mode="solid")],
-        overrides={trail(name): rrb.VisibleTimeRanges(past) for name, _ in robots},
+        defaults=[shape.from_fields(fill_mode="solid") for shape in (rr.Boxes3D, rr.Cylinders3D, rr.Ellipsoids3D)],
+        overrides={each(name): rrb.VisibleTimeRanges(past) for name, _ in robots for each in (trail, belief)},
     )
 
 
@@ -70,18 +83,19 @@ def _eye(extent: Extent) -> rrb.EyeControls3D:
     x, y = (extent[0] + extent[2]) / 2, (extent[1] + extent[3]) / 2
     size = max(abs(extent[2] - extent[0]), abs(extent[3] - extent[1]), 1.0)
     return rrb.EyeControls3D(
-        position=(x, y - 0.6 * size, 0.72 * size),
-        look_target=(x, y - 0.06 * size, 0.0),
+        position=(x, y - 0.65 * size, 0.86 * size),
+        look_target=(x, y - 0.03 * size, 0.0),
         eye_up=(0.0, 0.0, 1.0),
     )
 
 
-def _fleet() -> rrb.Vertical:
+def _fleet(arms: Sequence[str]) -> rrb.Vertical:
     return rrb.Vertical(
-        _plot("Speed [m/s]", SPEED, legend=True),
+        _plot("Speed [m/s], in the colours of the trails", SPEED),
         _plot("Cross-track error [m]", CROSS_TRACK),
         _plot("Odometry against ground truth [m]", ODOMETRY_ERROR),
-        _plot("Distance to the goal [m]", DISTANCE),
+        *(_plot(f"{name}: angle, and reference (darker) [deg]", paths.angle(name)) for name in arms[:MOST_ARMS]),
+        *([] if arms else [_plot("Distance to the goal [m]", DISTANCE)]),
         name="fleet",
     )
 
@@ -105,7 +119,7 @@ def _arm(name: str) -> rrb.Vertical:
     )
 
 
-def _plot(name: str, *entities: str, only: Sequence[bool] | None = None, legend: bool = False) -> rrb.TimeSeriesView:
+def _plot(name: str, *entities: str, only: Sequence[bool] | None = None) -> rrb.TimeSeriesView:
     """A plot of the whole run, of every robot or of the ``only`` one; the colours are those of the trails."""
     lines = {} if only is None else {each: rr.SeriesLines.from_fields(visible_series=only) for each in entities}
     always = rrb.TimeRangeBoundary.infinite()
@@ -115,5 +129,5 @@ def _plot(name: str, *entities: str, only: Sequence[bool] | None = None, legend:
         contents=[f"+ {each}" for each in entities],
         overrides={each: style.visualizer() for each, style in lines.items()},
         axis_x=rrb.TimeAxis(view_range=rrb.TimeRange(start=always, end=always)),
-        plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftBottom, visible=legend),
+        plot_legend=rrb.PlotLegend(visible=False),
     )

@@ -12,11 +12,17 @@ from models.figures import read_model
 from models.frames import read_joints
 from services.logger import paths
 from services.logger.batch import Batch
-from services.logger.palette import Colour
+from services.logger.palette import Colour, dimmed, pale
 from services.runtime.errors import BadInput
 
 TRAIL_WIDTH = -1.8
 """Radius of a trail; rerun reads a negative one as points on the screen instead of metres."""
+
+BELIEF_WIDTH = -0.9
+"""Radius of the trail by odometry, as TRAIL_WIDTH."""
+
+ECHO_SIZE, GOAL_SIZE, NEXT_GOAL_SIZE = -1.6, -2.6, -5.0
+"""Radii of a laser's echo, of a goal, and of the one that a robot heads for, as TRAIL_WIDTH."""
 
 MARGIN = 0.055
 """How far a robot's coloured disc on the ground reaches beyond it, m."""
@@ -76,6 +82,19 @@ class Body:
             static=True,
         )
         stream.log(paths.reference(self.name), rr.CoordinateFrame("world"), static=True)
+        stream.log(
+            paths.belief(self.name),
+            rr.CoordinateFrame("world"),
+            rr.LineStrips3D.from_fields(colors=[pale(self.colour)], radii=[BELIEF_WIDTH]),
+            static=True,
+        )
+        for entity, colour, size in (
+            (paths.goals(self.name), dimmed(self.colour), GOAL_SIZE),
+            (paths.goal(self.name), self.colour, NEXT_GOAL_SIZE),
+            (paths.scan(self.name), pale(self.colour), ECHO_SIZE),
+        ):
+            points = rr.Points3D.from_fields(colors=[colour], radii=[size])
+            stream.log(entity, rr.CoordinateFrame("world"), points, static=True)
 
     def _log_disc(self, stream: rr.RecordingStream) -> None:
         stream.log(

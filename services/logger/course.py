@@ -37,6 +37,11 @@ class Course:
             self._since.append(max(time, self._since[-1]))
             self._leg.append(leg)
 
+    def goal(self, index: int) -> tuple[float, float]:
+        """The goal ``index`` in the world, m; the last one for an index beyond it."""
+        x, y = self.points[min(index + 1, self._last)]
+        return float(x), float(y)
+
     def errors(self, times: Stamps, positions: Floats) -> tuple[Floats, Floats]:
         """Cross-track error and distance to the goal [m], each (n,), of positions (n, 2); NaN before the plan."""
         at = np.searchsorted(self._since, times, side="right") - 1

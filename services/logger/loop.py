@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from messages.topics import ROSOUT
+from models.figures import read_model
 from services.logger import LoggerParameters
 from services.logger.ear import Ear
 from services.runtime.context import Context
@@ -30,7 +31,11 @@ def run(ctx: Context[LoggerParameters]) -> None:
         ctx.log.info(f"recording to {file}" + (f", live at {recording.url}" if recording.url else ""))
         show(ctx, recording)
         states = dict(zip((robot for robot, _ in robots), p.states, strict=False))
-        ears = [Ear(ctx, robot, states.get(robot, "")) for robot, _ in robots]
+        frames = ctx.transforms(moving=False)
+        ears = [
+            Ear(ctx, robot, frames.buffer, states.get(robot, ""), p.scans and read_model(model).laser is not None)
+            for robot, model in robots
+        ]
         lines = ctx.stream(ROSOUT)
         due = time.monotonic() + p.window
         try:
@@ -50,6 +55,7 @@ def run(ctx: Context[LoggerParameters]) -> None:
         finally:
             ctx.kernel.admit()
             lines.refresh()
+            frames.refresh()
             for ear in ears:
                 ear.collect_rest(ctx.now)
             recording.write_log(lines.take())

@@ -53,6 +53,26 @@ def trail(robot: str) -> str:
     return f"/trails/{robot}"
 
 
+def belief(robot: str) -> str:
+    """Where a robot has been by its odometry."""
+    return f"/odometry/{robot}"
+
+
+def goal(robot: str) -> str:
+    """The goal that a robot heads for; none after its last."""
+    return f"/goal/{robot}"
+
+
+def goals(robot: str) -> str:
+    """All goals of a robot."""
+    return f"/reference/{robot}/goals"
+
+
+def scan(robot: str) -> str:
+    """What a robot's laser sees."""
+    return f"/scan/{robot}"
+
+
 def reference(robot: str) -> str:
     """Where a robot is to go."""
     return f"/reference/{robot}"

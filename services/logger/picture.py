@@ -1,25 +1,34 @@
-"""A picture of a recording, made without a screen."""
+"""Pictures of a recording, made without a screen."""
 
 from __future__ import annotations
 
+import io
 import os
 import socket
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
+from PIL import Image
 from rerun.experimental import ViewerClient
 
+from services.logger.closeup import closeup, place_of, robots_of
 from services.logger.mend import readable
+from services.logger.palette import COLOURS
 from services.logger.paths import TIMELINE
 from services.logger.viewer import PROGRAM, QUIET
-from services.runtime.errors import BadInput
+from services.runtime.errors import BadInput, unknown
 
 SIZE = (1920, 1080)
 """Pixels."""
+MENU = 37
+"""Height of the viewer's own menu, which is cut off."""
+SHADES = 256
+"""In a picture, those of the robots among them: a third of the size in bytes, and no difference that is seen."""
 LOADING_S = 60.0
 """Wall time given to the viewer to start and to load the recording; a lap of four robots takes about 2 s."""
 SETTLING_S = 30.0
@@ -28,27 +37,56 @@ PAUSE_S = 0.7
 """Wall time between two looks that decide whether the picture has come to rest."""
 
 
-def picture(rrd: Path, png: Path, at: float | None = None) -> None:
-    """Write a picture of the recording as it opens, with the cursor ``at`` [s] of simulation time, else at its end.
+class Shot(NamedTuple):
+    """A picture to be made: its file, the simulation time [s], and the robot to look at closely.
 
-    Raises BadInput when the recording cannot be shown, or when this machine cannot draw: the text says what to install.
+    Without a time it is the end of the recording; without a robot, the recording as it opens.
     """
-    with headless(rrd) as viewer:
+
+    png: Path
+    at: float | None = None
+    close: str = ""
+
+
+def picture(rrd: Path, png: Path, at: float | None = None) -> None:
+    """Write one picture of the recording as it opens; see ``pictures``."""
+    pictures(rrd, [Shot(png, at)])
+
+
+def pictures(rrd: Path, shots: Sequence[Shot], size: tuple[int, int] = SIZE) -> None:
+    """Write pictures of ``size`` in pixels.
+
+    Raises BadInput when the recording cannot be shown or has no such robot, or when this machine cannot draw: the text
+    says what to install.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        file = readable(rrd, Path(folder))
+        robots = robots_of(file) if any(shot.close for shot in shots) else {}
+        for shot in shots:
+            if shot.close and shot.close not in robots:
+                raise unknown("robot", shot.close, robots, str(rrd))
+        _take(rrd, file, shots, size, robots)
+
+
+def _take(rrd: Path, file: Path, shots: Sequence[Shot], size: tuple[int, int], robots: dict[str, float]) -> None:
+    """Take the pictures of ``file``, which is the recording ``rrd`` without its torn end."""
+    with headless(file, size) as viewer:
         timeline, end = _timeline(viewer)
-        viewer.set_time(timeline, duration=end if at is None else at, play_state="paused")
-        taken = _at_rest(viewer)
-        for view in viewer.get_state().views:
-            for report in view.reports:
-                if report.severity == "error":
-                    raise BadInput(f"{rrd}: the view {view.name!r} cannot be drawn: {report.summary}")
-    try:
-        png.write_bytes(taken)
-    except OSError as error:
-        raise BadInput(f"the picture cannot be written: {error}") from None
+        whole = viewer.get_blueprint(of="recording").blueprint
+        for shot in shots:
+            now = end if shot.at is None else shot.at
+            layout = whole
+            if shot.close:
+                place = place_of(file, shot.close, timeline, now)
+                layout = closeup(whole, robots[shot.close], shot.close, place)
+            viewer.set_blueprint(layout, of="recording")
+            viewer.set_time(timeline, duration=now, play_state="paused")
+            _write(shot.png, _framed(_at_rest(viewer)))
+            _check(viewer, rrd)
 
 
 @contextmanager
-def headless(rrd: Path) -> Iterator[ViewerClient]:
+def headless(rrd: Path, size: tuple[int, int] = SIZE) -> Iterator[ViewerClient]:
     """A viewer without a window that shows the recording; it listens on 127.0.0.1 only and ends with the block.
 
     A recording whose writer was killed is shown up to its torn end.
@@ -56,7 +94,7 @@ def headless(rrd: Path) -> Iterator[ViewerClient]:
     """
     port = _free_port()
     command = [str(PROGRAM), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--hide-welcome-screen"]
-    command += ["--window-size", f"{SIZE[0]}x{SIZE[1]}"]
+    command += ["--window-size", f"{size[0]}x{size[1] + MENU}"]
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as said:
         command.append(str(readable(rrd, Path(folder)).absolute()))
         try:
@@ -118,6 +156,31 @@ def _at_rest(viewer: ViewerClient) -> bytes:
         time.sleep(PAUSE_S)
         before, now = now, viewer.take_screenshot()
     return now
+
+
+def _check(viewer: ViewerClient, rrd: Path) -> None:
+    """Raise BadInput for a view that reports an error."""
+    for view in viewer.get_state().views:
+        for report in view.reports:
+            if report.severity == "error":
+                raise BadInput(f"{rrd}: the view {view.name!r} cannot be drawn: {report.summary}")
+
+
+def _write(png: Path, taken: bytes) -> None:
+    try:
+        png.write_bytes(taken)
+    except OSError as error:
+        raise BadInput(f"the picture cannot be written: {error}") from None
+
+
+def _framed(taken: bytes) -> bytes:
+    """The picture without the viewer's menu, small enough to be kept beside text."""
+    with Image.open(io.BytesIO(taken)) as whole, io.BytesIO() as out:
+        below = whole.convert("RGB").crop((0, MENU, whole.width, whole.height))
+        palette = below.quantize(SHADES - len(COLOURS), Image.Quantize.MEDIANCUT)
+        palette.putpalette(bytes([*(palette.getpalette() or []), *(part for each in COLOURS for part in each)]))
+        below.quantize(palette=palette, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)
+        return out.getvalue()
 
 
 def _reason(said: str, error: str) -> str:

@@ -8,16 +8,20 @@ from types import TracebackType
 from typing import Self
 
 from messages.base import Message
+from messages.control import JointControllerState
 from messages.elea import GoalStatus
 from messages.geometry import Twist
 from messages.nav import Odometry
 from messages.nav import Path as Plan
 from messages.rosgraph import Clock, Log
-from messages.sensor import JointState
-from messages.topics import CMD_VEL, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, STATUS
+from messages.sensor import JointState, LaserScan
+from messages.tf import TFMessage
+from messages.topics import CMD_VEL, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, SCAN, STATUS, TF_STATIC
+from models.figures import read_model
 from services.logger.blueprint import Extent
 from services.logger.columns import RobotColumns
 from services.logger.recording import Recording
+from services.runtime.frame_buffer import FrameBuffer
 
 BATCH_NS = 1_000_000_000
 """Simulated time in one batch."""
@@ -26,7 +30,8 @@ BATCH_NS = 1_000_000_000
 class Rebuild:
     """Writes ``file`` as the logger would have done; ``with`` opens and closes it.
 
-    ``robots`` are (namespace, model). ``with`` raises BadInput for a file that cannot be written.
+    ``robots`` are (namespace, model). A joint controller's state does not say whose it is, and counts as that of the
+    arm where there is one alone. ``with`` raises BadInput for a file that cannot be written.
     """
 
     def __init__(
@@ -34,7 +39,10 @@ class Rebuild:
     ) -> None:
         names = [(_name(namespace), model) for namespace, model in robots]
         self._recording = Recording(file, names, extent, warn)
-        self._columns = {namespace: RobotColumns() for namespace, _ in robots}
+        self._frames = FrameBuffer()
+        self._columns = {namespace: RobotColumns(frames=self._frames) for namespace, _ in robots}
+        arms = [namespace for namespace, model in robots if read_model(model).wheels is None]
+        self._arm = self._columns[arms[0]] if len(arms) == 1 else None
         self._lines: list[Log] = []
         self._due, self._epoch = 0, -1
 
@@ -54,6 +62,12 @@ class Rebuild:
             self._follow(message)
         elif isinstance(message, Log):
             self._lines.append(message)
+        elif isinstance(message, TFMessage):
+            if topic == TF_STATIC.name:
+                self._frames.add_static(message.transforms, b"")
+        elif isinstance(message, JointControllerState):
+            if self._arm is not None:
+                self._arm.add_control([message])
         else:
             namespace, _, name = topic.rpartition("/")
             if (columns := self._columns.get(namespace)) is not None:
@@ -88,6 +102,8 @@ def _add(columns: RobotColumns, name: str, message: Message, time_ns: int) -> No
             columns.add_commands([message], time_ns, 0.0)
         case JointState() if name == JOINT_STATES.name:
             columns.add_joints([message])
+        case LaserScan() if name == SCAN.name:
+            columns.add_scans([message])
         case Plan() if name == PLAN.name:
             columns.add_plan(message)
         case GoalStatus() if name == STATUS.name:

@@ -123,6 +123,7 @@ class Recording:
                 strips=[batch.plan.astype(np.float32)], radii=[REFERENCE_WIDTH], colors=[dimmed(body.colour)]
             )
             self._send(paths.reference(body.name), np.array([batch.plan_time]), strip)
+            self._send(paths.goals(body.name), np.array([batch.plan_time]), _clouds([batch.plan[1:]]))
         times, transforms = body.transforms(batch)
         if len(times):
             self._send(paths.transforms(body.name), times, transforms)
@@ -130,9 +131,17 @@ class Recording:
             self._send(paths.angle(body.name), batch.control_times, _series(batch.control[:, :2]))
             self._send(paths.error(body.name), batch.control_times, _series(batch.control[:, 2:3]))
             self._send(paths.effort(body.name), batch.control_times, _series(batch.control[:, 3:]))
-        if len(batch.trail):
-            strips = rr.LineStrips3D.columns(strips=batch.trail.astype(np.float32))
-            self._send(paths.trail(body.name), batch.trail_times, strips)
+        if len(batch.goals):
+            known = [each[~np.isnan(each).any(axis=1)] for each in batch.goals[:, None]]
+            self._send(paths.goal(body.name), batch.goal_times, _clouds(known))
+        if len(batch.scans):
+            self._send(paths.scan(body.name), batch.scan_times, _clouds(batch.scans))
+        for entity, ends, segments in (
+            (paths.trail(body.name), batch.trail_times, batch.trail),
+            (paths.belief(body.name), batch.belief_times, batch.belief),
+        ):
+            if len(segments):
+                self._send(entity, ends, rr.LineStrips3D.columns(strips=segments.astype(np.float32)))
 
     def _plot(self, entity: str, times: Stamps, values: Floats) -> None:
         """Rows of one value for each robot; a plot of which nothing is known yet is not begun."""
@@ -178,6 +187,12 @@ class Recording:
         robots = [(body.name, body.tree_name) for body in self._bodies.values()]
         arms = {body.name for body in self._arms}
         return blueprint(robots, arms, self._extent, [paths.timeline(reset) for reset in range(self._resets + 1)])
+
+
+def _clouds(clouds: Sequence[Floats]) -> rr.ComponentColumnList:
+    """A cloud of points, each (n, 3), for each time."""
+    every = np.concatenate(clouds).astype(np.float32)
+    return rr.Points3D.columns(positions=every).partition([len(each) for each in clouds])
 
 
 def _series(values: Floats) -> rr.ComponentColumnList:

@@ -109,9 +109,12 @@ class Context(Generic[P]):
         self._views.append(view)
         return view
 
-    def transforms(self, cache: float = CACHE_S) -> Transforms:
-        """Where any frame lies in any other, over the last ``cache`` seconds, as told on ``/tf`` and ``/tf_static``."""
-        view = Transforms(self._node, cache)
+    def transforms(self, cache: float = CACHE_S, moving: bool = True) -> Transforms:
+        """Where any frame lies in any other, over the last ``cache`` seconds, as told on ``/tf`` and ``/tf_static``.
+
+        Without ``moving``, as told on ``/tf_static`` alone.
+        """
+        view = Transforms(self._node, cache, moving)
         self._views.append(view)
         return view
 

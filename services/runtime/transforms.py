@@ -16,15 +16,16 @@ from services.runtime.wire import NODE_BYTES
 class Transforms:
     """The transforms of ``/tf`` and ``/tf_static``, kept for ``cache`` [s of simulation time].
 
-    A frame that gets two parents or two publishers is told in the log, once. After a reset only the fixed ones are
-    left.
+    Without ``moving`` those of ``/tf_static`` alone: the simulation makes ``/tf`` only while somebody reads it. A frame
+    that gets two parents or two publishers is told in the log, once. After a reset only the fixed ones are left.
     """
 
     latched = False
 
-    def __init__(self, node: Node, cache: float = CACHE_S) -> None:
+    def __init__(self, node: Node, cache: float = CACHE_S, moving: bool = True) -> None:
         self.buffer = FrameBuffer(cache)
-        self._moving, self._fixed = node.read(TF), node.read(TF_STATIC)
+        self._moving = node.read(TF) if moving else None
+        self._fixed = node.read(TF_STATIC)
         self._log = node.log
         self._said: set[str] = set()
         self._refused = 0
@@ -32,7 +33,8 @@ class Transforms:
     def refresh(self) -> None:
         """Follow the inputs' last batches."""
         take_fixed(self.buffer, self._fixed)
-        take_moving(self.buffer, self._moving)
+        if self._moving is not None:
+            take_moving(self.buffer, self._moving)
         self._tell()
 
     def clear(self) -> None:

@@ -67,6 +67,16 @@ def test_nobody_steps_together_on_the_wall_clock() -> None:
     assert [each.name for each in plan.values() if each.begins] == ["sim"]
 
 
+def test_lasers_are_recorded_where_nobody_waits_for_the_simulation() -> None:
+    fleet = read_fleet(find_fleet("lab"))
+    for mode, recorded in (("lockstep", False), ("real", True), ("free", True)):
+        plan = expand(msgspec.structs.replace(fleet, run=Run(mode=mode)))
+        assert read_assignments(options(plan["logger"], "--fleet-param"))["scans"] is recorded
+    asked = Member(kind="logger", parameters={"scans": True})
+    plan = expand(msgspec.structs.replace(fleet, service=(asked,)))
+    assert read_assignments(options(plan["logger"], "--fleet-param"))["scans"] is True
+
+
 def test_what_the_end_of_each_means() -> None:
     plan = expand(read_fleet(find_fleet("lab")))
     assert {each.name for each in plan.values() if each.required} == {"router", "params", "sim", "grader"}

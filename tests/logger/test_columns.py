@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from messages.elea import GoalStatus
-from messages.geometry import Pose, PoseStamped, PoseWithCovariance, Twist
+from messages.geometry import (
+    Pose,
+    PoseStamped,
+    PoseWithCovariance,
+    Quaternion,
+    Transform,
+    TransformStamped,
+    Twist,
+    Vector3,
+)
 from messages.nav import Odometry, Path
 from messages.sensor import JointState
 from messages.std import Header, Time
@@ -21,15 +31,16 @@ from services.logger.columns import RobotColumns
 from services.logger.course import Course, to_segments
 from services.logger.table import Table
 from services.logger.trail import Trail
+from services.runtime.frame_buffer import FrameBuffer
 
 COORDINATE = st.floats(-100, 100)
 ANGLE = st.floats(-math.pi, math.pi)
 MS = 1_000_000
 
 
-def odometry(ms: int, x: float, y: float = 0.0, yaw: float = 0.0) -> Odometry:
+def odometry(ms: int, x: float, y: float = 0.0, yaw: float = 0.0, frame: str = "") -> Odometry:
     pose = PoseWithCovariance(pose=Pose.planar(x, y, yaw))
-    return Odometry(header=Header(stamp=Time.of(ms * MS)), pose=pose)
+    return Odometry(header=Header(stamp=Time.of(ms * MS), frame_id=frame), pose=pose)
 
 
 def path(ms: int, *goals: tuple[float, float], frame: str = "world") -> Path:
@@ -37,8 +48,8 @@ def path(ms: int, *goals: tuple[float, float], frame: str = "world") -> Path:
     return Path(header=Header(stamp=Time.of(ms * MS), frame_id=frame), poses=poses)
 
 
-def status(ms: int, index: int, count: int = 2) -> GoalStatus:
-    return GoalStatus(header=Header(stamp=Time.of(ms * MS)), state="driving", index=index, count=count)
+def status(ms: int, index: int, count: int = 2, state: Any = "driving") -> GoalStatus:
+    return GoalStatus(header=Header(stamp=Time.of(ms * MS)), state=state, index=index, count=count)
 
 
 def test_distance_to_a_segment_beside_it_and_beyond_its_ends() -> None:
@@ -174,6 +185,37 @@ def test_a_plan_in_the_odometry_frame_is_drawn_in_the_world() -> None:
     assert batch.plan is not None
     assert batch.plan[:, :2].tolist() == [pytest.approx((2.0, 2.0)), pytest.approx((2.0, 3.0))]
     assert batch.gauges[:, 3] == pytest.approx([1.0])
+
+
+def test_odometry_lies_where_tf_static_says_and_leaves_a_trail_there() -> None:
+    """Laid over the first true pose, it would hide what it was off by from the start."""
+    frames = FrameBuffer()
+    place = Transform(translation=Vector3(x=2.0, y=2.0), rotation=Quaternion.from_yaw(math.pi / 2))
+    header = Header(frame_id="world")
+    frames.add_static([TransformStamped(header=header, child_frame_id="tb3_0/odom", transform=place)], b"sim")
+    robot = RobotColumns(frames=frames)
+    robot.add_plan(path(0, (1.0, 0.0), frame="tb3_0/odom"))
+    robot.add_truth([odometry(0, 2.0, 2.1), odometry(20, 2.0, 2.6)])
+    robot.add_odometry([odometry(0, 0.0, frame="tb3_0/odom"), odometry(20, 0.5, frame="tb3_0/odom")])
+    batch = robot.flush()
+    assert batch.odometry_error[:, 0] == pytest.approx([0.1, 0.1])
+    assert batch.belief_times.tolist() == [20 * MS]
+    assert batch.belief[0, :, :2].tolist() == [pytest.approx((2.0, 2.0)), pytest.approx((2.0, 2.5))]
+    assert batch.plan is not None
+    assert batch.plan[1, :2] == pytest.approx((2.0, 3.0))
+
+
+def test_the_goal_is_told_when_it_changes_and_none_after_the_last() -> None:
+    robot = RobotColumns()
+    robot.add_plan(path(0, (1.0, 0.0), (1.0, 2.0)))
+    robot.add_truth([odometry(0, 0.0)])
+    for at, index, state in ((0, 0, "driving"), (100, 0, "driving"), (200, 1, "driving"), (300, 1, "finished")):
+        robot.add_status(status(at, index, state=state))
+    batch = robot.flush()
+    assert (batch.goal_times // MS).tolist() == [0, 200, 300]
+    assert batch.goals[:2].tolist() == [[1.0, 0.0, 0.0], [1.0, 2.0, 0.0]]
+    assert np.isnan(batch.goals[2]).all()
+    assert len(robot.flush().goals) == 0
 
 
 def test_the_same_goals_again_begin_nothing() -> None:

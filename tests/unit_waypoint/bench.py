@@ -51,6 +51,10 @@ class Bench:
         """Let simulation time be ``seconds``."""
         self.send(CLOCK, "clock", Clock(clock=Time.of(round(seconds * 1e9)), epoch=epoch))
 
+    def wanted(self, key: str) -> bool:
+        """Whether the service listens to a key on which something was sent."""
+        return self._outputs[key].wanted
+
     def hear(self, topic: Topic[M], key: str) -> None:
         """Listen to a key from now on."""
         self._inlets[key] = self._transport.subscribe(key, 4096)

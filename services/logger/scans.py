@@ -1,0 +1,91 @@
+"""Laser scans as points in the world, where the robot truly was when it took them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from messages.sensor import LaserScan
+from services.logger.fixed import mounted
+from services.runtime.frame_buffer import FrameBuffer
+from services.runtime.rigid import Rigid
+
+LIMIT = 200
+"""Scans kept between two batches: 40 s of a laser of 5 Hz."""
+
+Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+
+class Scans:
+    """Keeps a robot's scans until the true pose at their stamps is known; beyond ``limit`` the oldest are dropped.
+
+    Points in the laser's own frame would ride along with the robot until its next scan, and smear as it turns.
+    """
+
+    def __init__(self, frames: FrameBuffer, limit: int = LIMIT) -> None:
+        self.dropped = 0
+        self._frames, self._limit = frames, limit
+        self._waiting: list[LaserScan] = []
+
+    def add(self, scans: Sequence[LaserScan]) -> None:
+        """Take scans, newest last."""
+        self._waiting += scans
+        if (excess := len(self._waiting) - self._limit) > 0:
+            del self._waiting[:excess]
+            self.dropped += excess
+
+    def clear(self) -> None:
+        """Forget what waits."""
+        self._waiting = []
+
+    def place(self, base: str, truth: Floats) -> tuple[Stamps, list[Floats]]:
+        """Times [ns] and echoes, each (n, 3) [m] in the world, of the scans whose pose is now known.
+
+        ``truth`` has rows of time [ns], position [m] and quaternion (x, y, z, w) of the frame ``base``. Scans from
+        before it, and those of a laser whose mount nobody tells, are left out.
+        """
+        if not len(truth):
+            return np.empty(0, np.int64), []
+        due = [each for each in self._waiting if each.header.stamp.ns <= truth[-1, 0]]
+        self._waiting = self._waiting[len(due) :]
+        times, points = [], []
+        for scan in due:
+            mount = mounted(self._frames, base, scan.header.frame_id)
+            if mount is not None and scan.header.stamp.ns >= truth[0, 0]:
+                times.append(scan.header.stamp.ns)
+                points.append(_moved(_pose(truth, scan.header.stamp.ns).then(mount), echoes(scan)))
+        return np.array(times, np.int64), points
+
+
+def echoes(scan: LaserScan) -> Floats:
+    """Where the laser saw something, (n, 3) [m] in its own frame; rays without an echo are left out."""
+    ranges = scan.ranges.numpy().astype(np.float64)
+    angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
+    seen = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges <= scan.range_max)
+    near, turn = ranges[seen], angles[seen]
+    return np.column_stack((near * np.cos(turn), near * np.sin(turn), np.zeros(len(near))))
+
+
+def _pose(truth: Floats, time: int) -> Rigid:
+    """The pose at a time within ``truth``."""
+    after = int(np.searchsorted(truth[:, 0], time))
+    late = truth[after]
+    early = late if late[0] == time else truth[after - 1]
+    span = late[0] - early[0]
+    return _rigid(early).toward(_rigid(late), float((time - early[0]) / span) if span else 0.0)
+
+
+def _rigid(row: Floats) -> Rigid:
+    x, y, z, i, j, k, w = (float(each) for each in row[1:8])
+    return Rigid((x, y, z), (i, j, k, w))
+
+
+def _moved(pose: Rigid, points: Floats) -> Floats:
+    """Points p as R(turn) p + place."""
+    turn, w = np.array(pose.turn[:3]), pose.turn[3]
+    twice = 2 * np.cross(turn, points)
+    moved: Floats = points + w * twice + np.cross(turn, twice) + np.array(pose.place)
+    return moved
