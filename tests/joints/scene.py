@@ -41,8 +41,8 @@ class Scenery:
     """A stage, what is sent to it and asked of it."""
 
     def __init__(self, stage: Stage, bus: MemoryBus, node: Node, log: io.StringIO) -> None:
-        self.stage, self.node, self._log = stage, node, log
-        self._bus, self._transport = bus, MemoryTransport(bus)
+        self.stage, self.bus, self.node, self._log = stage, bus, node, log
+        self._transport = MemoryTransport(bus)
         self._outputs: dict[tuple[str, str], Output[Any]] = {}
 
     @property
@@ -72,7 +72,7 @@ class Scenery:
     def ask(self, request: Request[Any, R], message: Message) -> R:
         """Ask the simulation as another process would; raises CallFailed."""
         with ThreadPoolExecutor(1) as pool:
-            asked = pool.submit(call, MemoryTransport(self._bus), request, request.name.lstrip("/"), message, 20.0)
+            asked = pool.submit(call, MemoryTransport(self.bus), request, request.name.lstrip("/"), message, 20.0)
             while not asked.done():
                 self.node.turn()
             return asked.result()
