@@ -100,9 +100,10 @@ def scene(*robots: dict[str, Any]) -> Iterator[Scenery]:
         Node(MemoryTransport(bus), identity, "sim", Log(identity.node, out=log)) as node,
     ):
         stage = Stage(node, world, 0)
-        Desk(stage, Free(stage, node), node)
+        timing = Free(stage, node)
+        Desk(stage, timing, node)
         JointDesk(stage, node)
-        Properties(stage, node, params, SCENE)
+        Properties(stage, timing, node, params, SCENE)
         for entry in params.robots:
             stage.spawn(entry, Placement((entry.x, entry.y, 0.0)))
         yield Scenery(stage, bus, node, log)

@@ -232,7 +232,7 @@ def test_completion_knows_sets_and_parameters_and_gives_up_in_time(bench: Bench)
 
     assert of("get", part="robot") == ["robot_control"]
     assert of("get", part="/tb3") == ["/tb3_0/waypoint", "/tb3_1/waypoint"]
-    assert of("set", "robot_control", part="ref") == ["reference_type", "ref_angle"]
+    assert of("set", "robot_control", part="ref") == ["ref_angle", "reference_type"]
     began = time.monotonic()
     assert of("get", part="", endpoint="tcp/127.0.0.1:1") == []
     assert time.monotonic() - began < 1.0
