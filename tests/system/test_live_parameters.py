@@ -279,6 +279,19 @@ def test_a_run_in_lockstep_repeats_with_its_changes_and_without_what_is_saved(te
     assert not (terminal.folder / "params").exists()
 
 
+def test_a_damaged_file_ends_the_start_with_its_reason_on_the_terminal_and_stays_as_it_is(terminal: Terminal) -> None:
+    damaged = terminal.folder / "damaged.db"
+    damaged.write_bytes(b"SQLite format 3\0" + b"x" * 4000)
+    ended = terminal.up(
+        fleet(terminal.folder, "lockstep", "duration", 6), terminal.folder / "no", "--params", "damaged.db"
+    )
+    assert ended.status == 1
+    assert ended.err.count(f"{damaged} is a database of another program") == 1
+    assert "it was left as it is" in ended.err
+    assert "the fleet ended: params failed" in ended.err
+    assert damaged.read_bytes() == b"SQLite format 3\0" + b"x" * 4000
+
+
 def test_a_service_starts_without_the_parameter_service_and_follows_it_when_it_comes(tmp_path: Path) -> None:
     with Network(tmp_path) as network:
         waypoint = network.start("waypoint", "--namespace", "r", "--fleet-param", "max_linear=0.2")
