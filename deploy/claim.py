@@ -23,7 +23,7 @@ _PATIENCE_S = 1.0
 
 
 class Running(msgspec.Struct, frozen=True, kw_only=True):
-    """A fleet that runs: what its files, its supervisor and its router are called."""
+    """A fleet that runs: what its files, its supervisor and its router are called; ``saved`` are its parameters."""
 
     fleet: str
     mode: str
@@ -33,6 +33,7 @@ class Running(msgspec.Struct, frozen=True, kw_only=True):
     started: str
     domain: str = ""
     root: str = ""
+    saved: str = ""
 
 
 def folder(environment: Mapping[str, str] = os.environ) -> Path:
@@ -67,12 +68,22 @@ def running() -> tuple[Running, ...]:
     for path in sorted(folder().glob("*.json")):
         try:
             with path.open("rb") as file:
-                if not _held(file.fileno()):
+                if not held(file.fileno()):
                     continue
                 found.append(msgspec.json.decode(file.read(), type=Running))
         except (OSError, msgspec.MsgspecError):
             continue
     return tuple(found)
+
+
+def held(descriptor: int) -> bool:
+    """Whether another process has locked the open file for itself."""
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    fcntl.flock(descriptor, fcntl.LOCK_UN)
+    return False
 
 
 def _lock(descriptor: int) -> bool:
@@ -85,14 +96,6 @@ def _lock(descriptor: int) -> bool:
             if time.monotonic() > deadline:
                 return False
             time.sleep(0.02)
-
-
-def _held(descriptor: int) -> bool:
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    return False
 
 
 def _free(port: int) -> bool:

@@ -18,7 +18,8 @@ from services.runtime.errors import BadInput, unknown
 from services.runtime.leaves import flatten, leaves
 from services.runtime.parameters import build, check_value, read_assignments
 from services.runtime.service import Parameters, Service
-from services.sim import BaseParameters
+from services.sim import BaseParameters, JointParameters
+from services.sim.joints.terms import completed
 from services.sim.settings import configured
 
 
@@ -33,8 +34,8 @@ def parameter_sets(fleet: Fleet) -> dict[str, list[type[Parameters]]]:
         if (name := _set_of(service, identity(member, owner).node)) is not None:
             sets.setdefault(name, []).append(service.parameters)
     for robot in fleet.robot:
-        if read_model(robot.model).wheels is not None:
-            sets[f"/{robot.name}/base"] = [BaseParameters]
+        wheeled = read_model(robot.model).wheels is not None
+        sets[_of_robot(robot, wheeled)] = [BaseParameters if wheeled else JointParameters]
     return sets
 
 
@@ -48,9 +49,13 @@ def own_values(fleet: Fleet, plan: Sequence[Process]) -> dict[str, dict[str, Any
             stated = read_assignments(value for option, value in options if option == "--fleet-param")
             values.setdefault(name, {}).update(_live(build(service.parameters, stated)))
     for robot in fleet.robot:
-        made = configured(robot.model, build(BaseParameters, robot.parameters))
-        if made.settings is not None:
-            values[f"/{robot.name}/base"] = _live(made.parameters)
+        wheeled = read_model(robot.model).wheels is not None
+        made: Parameters = (
+            configured(robot.model, build(BaseParameters, robot.parameters)).parameters
+            if wheeled
+            else completed(robot.model, build(JointParameters, robot.parameters))
+        )
+        values[_of_robot(robot, wheeled)] = _live(made)
     return values
 
 
@@ -68,6 +73,11 @@ def check_changes(fleet: Fleet, source: Source) -> None:
             knowing = [each for each in records if any(leaf.name == name for leaf in leaves(each))]
             for record in knowing or records[:1]:
                 check_value(record, name, value, source.at("change", index, "values", name))
+
+
+def _of_robot(robot: Robot, wheeled: bool) -> str:
+    """The set that the simulation follows for a robot: of its base, or of its joints."""
+    return f"/{robot.name}/{'base' if wheeled else 'joints'}"
 
 
 def _set_of(service: Service, node: str) -> str | None:

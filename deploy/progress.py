@@ -11,6 +11,7 @@ from typing import Protocol
 
 from deploy.run_folder import write_state
 from deploy.supervisor.life import Life
+from deploy.supervisor.log_file import last_words, log_name
 from messages.elea import FleetState
 from services.panel.address import FILE, read
 
@@ -76,6 +77,7 @@ class Progress:
         self._screen, self._folder, self._news = screen, folder, news
         self._started = time.monotonic()
         self._complete = False
+        self._quoted: set[str] = set()
 
     def saw(self, life: Life, fleet: FleetState) -> None:
         """A process has changed its state."""
@@ -83,6 +85,7 @@ class Progress:
         shown = life.show()
         if life.state in _TROUBLE:
             self._screen.say(f"{shown.name} {shown.state}: {shown.reason}; see ./elea logs {shown.name}")
+            self._quote(shown.name, shown.reason)
         if life.process.kind == "panel" and life.state == "ready" and (page := read(self._folder / FILE)):
             self._screen.say(f"the page of this fleet: {page.url}")
         ready = sum(each.state == "ready" for each in fleet.processes)
@@ -91,6 +94,13 @@ class Progress:
             self._screen.say(f"all {ready} processes ready after {time.monotonic() - self._started:.1f} s")
         elif not self._complete and life.state == "ready":
             self._screen.say(f"{shown.name} ready ({ready} of {len(fleet.processes)})")
+
+    def _quote(self, name: str, reason: str) -> None:
+        """Why a process has ended itself, as it says, once."""
+        words = last_words(self._folder / "logs" / log_name(name)) if reason.startswith("exit status") else ""
+        if words and words not in self._quoted:
+            self._quoted.add(words)
+            self._screen.say(f"  {words}")
 
     def turned(self, lives: Sequence[Life]) -> None:
         """Another look at heartbeats is done."""

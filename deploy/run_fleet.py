@@ -13,6 +13,7 @@ import msgspec
 from deploy.claim import Running, claim
 from deploy.effective import Saved, effective, note
 from deploy.fleet import Fleet
+from deploy.parameter_file import check_unused
 from deploy.parameter_sets import own_values
 from deploy.process import processes
 from deploy.progress import Progress, Screen
@@ -50,7 +51,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def run_fleet(fleet: Fleet, terms: Terms, screen: Screen) -> Result:
-    """Run a fleet to its end; raises BadInput when it cannot begin: a taken port, a bad name."""
+    """Run a fleet to its end; raises BadInput when it cannot begin: a taken port or file, a bad name."""
     started = datetime.now().astimezone().isoformat(timespec="seconds")
     entry = Running(
         fleet=fleet.name,
@@ -61,10 +62,13 @@ def run_fleet(fleet: Fleet, terms: Terms, screen: Screen) -> Result:
         started=started,
         domain=terms.domain,
         root=str(ROOT),
+        saved=str(terms.saved or ""),
     )
     plan = processes(fleet, terms)
     own = own_values(fleet, plan)
     with claim(entry):
+        if terms.saved is not None:
+            check_unused(terms.saved)
         screen.say(f"{fleet.name}: {len(plan)} processes, {fleet.run.mode}; results go to {terms.folder}")
         warden = Warden()
         try:

@@ -9,7 +9,11 @@ from pathlib import Path
 LARGEST = 8 << 20
 """Bytes of a log file; it is then renamed to ``.1`` in place of an older one, and a new one begun."""
 
+LONGEST = 500
+"""Characters of a process's last words."""
+
 _CHUNK = 1 << 16
+_NOTE = "--- "
 
 
 def log_name(process: str) -> str:
@@ -28,9 +32,21 @@ def note(path: Path, text: str) -> None:
     """Append a line of the supervisor's own; a disk that refuses it is not worth a fleet."""
     try:
         with path.open("ab") as file:
-            file.write(f"--- {text}\n".encode())
+            file.write(f"{_NOTE}{text}\n".encode())
     except OSError:
         return
+
+
+def last_words(path: Path) -> str:
+    """The last line that the process itself has written, at most LONGEST characters; empty when there is none."""
+    try:
+        with path.open("rb") as file:
+            file.seek(max(0, path.stat().st_size - _CHUNK))
+            lines = file.read(_CHUNK).decode(errors="replace").splitlines()
+    except OSError:
+        return ""
+    own = (line.strip() for line in reversed(lines) if line.strip() and not line.startswith(_NOTE))
+    return next(own, "")[:LONGEST]
 
 
 def _pump(pipe: int, path: Path, largest: int) -> None:

@@ -7,7 +7,7 @@ from typing import Generic, TypeVar
 
 from messages.base import Message, WrongPayload, decoder, encode
 from messages.requests import Refusal, Request
-from services.runtime.errors import CallFailed, EleaError
+from services.runtime.errors import CallFailed, EleaError, NoAnswer
 from services.runtime.transport import Reply, Transport
 
 Q = TypeVar("Q", bound=Message)
@@ -21,7 +21,7 @@ _read_refusal = decoder(Refusal)
 
 
 def call(transport: Transport, request: Request[Q, R], key: str, message: Q, timeout: float = DEADLINE_S) -> R:
-    """Ask and wait; raises CallFailed when nobody serves, nobody answers in time, or the answer is a refusal."""
+    """Ask and wait; raises NoAnswer when nobody serves or nobody answers in time, CallFailed when it is refused."""
     return understand(request, key, transport.query(key, encode(message), timeout), timeout)
 
 
@@ -29,7 +29,7 @@ def understand(request: Request[Q, R], key: str, replies: Sequence[Reply], timeo
     """The answer in ``replies``; raises CallFailed as ``call`` does."""
     name = f"/{key}"
     if not replies:
-        raise CallFailed(f"nobody serves {name}: is the process that does running?")
+        raise NoAnswer(f"nobody serves {name}: is the process that does running?")
     for reply in replies:
         if not reply.ok:
             continue
@@ -39,12 +39,12 @@ def understand(request: Request[Q, R], key: str, replies: Sequence[Reply], timeo
             raise CallFailed(
                 f"{name} answered with something else than a {request.replies.__name__}: {error}"
             ) from None
-    raise CallFailed(_reason(name, replies[0].payload, timeout))
+    if replies[0].payload == b"Timeout":
+        raise NoAnswer(f"{name} did not answer within {timeout} s: it may be stuck, or have died")
+    raise CallFailed(_reason(name, replies[0].payload))
 
 
-def _reason(name: str, payload: bytes, timeout: float) -> str:
-    if payload == b"Timeout":
-        return f"{name} did not answer within {timeout} s: it may be stuck, or have died"
+def _reason(name: str, payload: bytes) -> str:
     try:
         return f"{name}: {_read_refusal(payload).reason}"
     except WrongPayload:

@@ -3,6 +3,7 @@
 EleaError
 ├── BadInput (ValueError)        a file, flag, name or value from outside is wrong       -> exit status 2
 ├── CallFailed (RuntimeError)    a request was refused, or nobody answered in time
+│   └── NoAnswer                 nobody serves it, or nobody answered in time
 ├── NoTransform (LookupError)    where one frame lies in another cannot be told
 │   ├── UnknownFrame             nobody has told of a frame of this name
 │   ├── NotConnected             the two frames lie in different trees
@@ -27,6 +28,10 @@ class BadInput(EleaError, ValueError):
 
 class CallFailed(EleaError, RuntimeError):
     """A request got an error reply, or none within its deadline."""
+
+
+class NoAnswer(CallFailed):
+    """Nobody serves a request, or nobody answered it in time."""
 
 
 class NoTransform(EleaError, LookupError):

@@ -11,7 +11,7 @@ from messages.names import key as key_of
 from messages.parameters import Announcement, Assignment, ParameterValues, UndoParameters
 from messages.requests import PARAMS_ANNOUNCE, PARAMS_UNDO
 from services.runtime.calls import call, understand
-from services.runtime.errors import CallFailed
+from services.runtime.errors import CallFailed, NoAnswer
 from services.runtime.graph import Entity, pattern
 from services.runtime.log import Log
 from services.runtime.marks import Marks
@@ -52,6 +52,7 @@ class Following:
         self._asking: dict[Followed[Any], tuple[Pending | None, float]] = {}
         self._undoing: list[tuple[Pending, str]] = []
         self._missed = False
+        self._patience: Callable[[], bool] | None = None
 
     @property
     def there(self) -> bool:
@@ -59,14 +60,21 @@ class Following:
         return bool(self._sessions)
 
     def expect(self, stopping: Callable[[], bool]) -> None:
-        """Block until the parameter service is there, AWAIT_S have passed, or the process is to stop."""
-        deadline = time.monotonic() + AWAIT_S
-        while not self.there and time.monotonic() < deadline and not stopping():
+        """Block until the parameter service is there, AWAIT_S have passed since this was first called, or the process
+        is to stop. ``begin`` then insists on an answer as long."""
+        if self._patience is None:
+            deadline = time.monotonic() + AWAIT_S
+            self._patience = lambda: time.monotonic() < deadline and not stopping()
+        while not self.there and self._patience():
             self._look()
             time.sleep(0.01)
 
     def begin(self, followed: Followed[Any], wait: bool = True) -> None:
-        """Announce a set; with ``wait``, block until the answer or START_S have passed."""
+        """Announce a set; with ``wait``, block until the answer or START_S have passed.
+
+        A service that is expected is asked again while the time of ``expect`` lasts: it may be seen before the link to
+        it carries a question.
+        """
         if not self.there:
             self._look()
         self._sets.append(followed)
@@ -75,11 +83,7 @@ class Following:
         elif not wait or self._quiet:
             self._ask(followed)
         else:
-            try:
-                announced = announcement(self._node, followed)
-                followed.told(call(self._transport, PARAMS_ANNOUNCE, _KEY, announced, START_S), self._source())
-            except CallFailed as error:
-                self._fail(followed, error)
+            self._introduce(followed)
 
     def end(self, followed: Followed[Any]) -> None:
         """Follow a set no more."""
@@ -108,6 +112,20 @@ class Following:
         member, own = publisher[:MEMBER_BYTES], publisher_id(AUTHORITY, "", key)
         same = publisher[:NODE_BYTES] == own[:NODE_BYTES] and publisher[MEMBER_BYTES:] == own[MEMBER_BYTES:]
         return same and self.marks is not None and member in self.marks.members
+
+    def _introduce(self, followed: Followed[Any]) -> None:
+        announced = announcement(self._node, followed)
+        while True:
+            try:
+                answer = call(self._transport, PARAMS_ANNOUNCE, _KEY, announced, START_S)
+            except CallFailed as error:
+                if isinstance(error, NoAnswer) and self._patience is not None and self._patience():
+                    time.sleep(0.01)
+                    continue
+                self._fail(followed, error)
+            else:
+                followed.told(answer, self._source())
+            return
 
     def _look(self) -> None:
         """Ask the network who is there now; the watch may tell a moment later."""

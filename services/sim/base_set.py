@@ -9,10 +9,9 @@ import msgspec
 
 from messages.simulation import DriveSettings
 from services.runtime.errors import BadInput
-from services.runtime.followed import Followed
-from services.runtime.leaves import differing, flatten
 from services.runtime.node import Node
 from services.sim import BaseParameters, RobotEntry
+from services.sim.robot_set import RobotSet
 from services.sim.settings import Configured, Settings, base_settings, completed, configured, effective
 
 
@@ -23,46 +22,29 @@ class BaseSet:
         own = _own(entry)
         assert own.settings is not None
         self.name, self._model, self._kind = entry.name, own.model, entry.model
-        self.settings: Settings = own.settings
         self._torque_driven = own.settings.gains is not None
-        self._log = node.log
-        plain = flatten(BaseParameters())
-        given = flatten(entry.parameters)
-        self._followed = Followed(
-            node,
-            f"{namespace}/base",
-            own.parameters,
-            fleet={name: given[name] for name in differing(given, plain)},
-            defaults=effective(entry.model, own.model, BaseParameters()),
-            fits=self._made,
+        figures = effective(entry.model, own.model, BaseParameters())
+        self._set: RobotSet[BaseParameters, Settings] = RobotSet(
+            node, entry.name, f"{namespace}/base", entry.parameters, own.parameters, figures, self._made, wait
         )
-        self._followed.begin(wait)
-        self._seen: BaseParameters = own.parameters
-        self.follow()
-        for warning in self.settings.warnings:
-            self._warn(warning)
+
+    @property
+    def settings(self) -> Settings:
+        """What the base is driven by."""
+        return self._set.made
 
     @property
     def parameters(self) -> BaseParameters:
         """What the settings are made of."""
-        return self._seen
+        return completed(self._model, self._set.params)
 
     def close(self) -> None:
         """Follow the set no more."""
-        self._followed.close()
+        self._set.close()
 
     def follow(self) -> bool:
         """Take what was admitted; whether the settings are others now."""
-        self._followed.refresh()
-        params = self._followed.params
-        if params is self._seen:
-            return False
-        before = self.settings.warnings
-        self.settings, self._seen = self._made(params), completed(self._model, params)
-        for warning in self.settings.warnings:
-            if warning not in before:
-                self._warn(warning)
-        return True
+        return self._set.follow()
 
     def change(self, asked: DriveSettings) -> None:
         """Set what is asked, for this run; raises BadInput or CallFailed with nothing changed."""
@@ -71,11 +53,11 @@ class BaseSet:
         }
         del told["name"]
         sides = "left_wheel_radius_multiplier", "right_wheel_radius_multiplier"
-        both = self._seen.wheel_radius_multiplier
+        both = self._set.params.wheel_radius_multiplier
         if both is not None and any(side in told for side in sides):
             # It wins over those of the sides, of which one is to change now.
             told = {"wheel_radius_multiplier": None, **dict.fromkeys(sides, both), **told}
-        self._followed.change(told)
+        self._set.followed.change(told)
 
     def drive_settings(self) -> DriveSettings:
         """All that ``change`` can change."""
@@ -87,9 +69,6 @@ class BaseSet:
         if (parameters.wheel_pid is not None) != self._torque_driven:
             raise BadInput("wheel_pid: a base is driven by torque or by speed from its spawn on; only gains change")
         return base_settings(self._kind, self._model, wheels, completed(self._model, parameters))
-
-    def _warn(self, warning: str) -> None:
-        self._log.warn(f"{self.name}: {warning}")
 
 
 def _own(entry: RobotEntry) -> Configured:

@@ -17,7 +17,18 @@ from services.sim.clearance import Clearance
 from services.sim.engine import configure, connect, load_scene
 from services.sim.loaded import Loaded, load
 from services.sim.quiet import pybullet
-from services.sim.world import Body, BodyState, Contact, Inertia, JointReadings, Lens, Placement, Stance, Vector
+from services.sim.world import (
+    Body,
+    BodyState,
+    Contact,
+    Inertia,
+    JointReadings,
+    Lens,
+    Placement,
+    Resistance,
+    Stance,
+    Vector,
+)
 
 SECOND = 1_000_000_000
 
@@ -120,6 +131,10 @@ class BulletWorld:
     def set_efforts(self, name: str, efforts: Mapping[str, float]) -> None:
         """Put efforts on joints for one step; 4 us for one joint."""
         self._find(name).set_efforts(efforts)
+
+    def resist(self, name: str, resistance: Mapping[str, Resistance]) -> None:
+        """Let joints resist so from now on, also after a reset."""
+        self._bodies[name] = self._find(name).resisting(resistance)
 
     def push(self, name: str, link: str, force: Vector, torque: Vector, point: Vector) -> None:
         """Act on a link for one step."""

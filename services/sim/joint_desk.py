@@ -29,7 +29,7 @@ from services.sim.joints.terms import positions
 from services.sim.joints.wrenches import Push
 from services.sim.sensors import joint_state
 from services.sim.stage import Stage
-from services.sim.world import Vector
+from services.sim.world import Resistance, Vector
 
 MOST_FORCE = 1e5
 """N and N m in each axis; more throws a robot out of the numbers that hold it."""
@@ -63,12 +63,10 @@ class JointDesk:
         robot = self._stage.find(joint.body)
         limits = read_limits(robot.entry.model)[joint.name]
         readings, place = self._world.joint_readings(joint.body), self._world.joints(joint.body).index(joint.name)
-        applied, jobs, resists = readings.effort[place], 0, robot.entry.joint_parameters
-        damping, friction = limits.damping, limits.friction
+        applied, jobs = readings.effort[place], 0
+        damping, friction = robot.resistance.get(joint.name, Resistance(limits.damping, limits.friction))
         if robot.actuators is not None:
             applied, jobs = robot.actuators.applied[joint.name], len(robot.actuators.jobs(joint.name))
-            damping = damping if resists.damping is None else resists.damping
-            friction = friction if resists.friction is None else resists.friction
         return JointProperties(
             model=joint.body,
             joint_name=joint.name,

@@ -10,7 +10,10 @@ from services.runtime.service import Parameters
 
 
 class JointParameters(Parameters, frozen=True, kw_only=True):
-    """How the joints of one model behave. None: as the model's URDF says."""
+    """How the joints of one model behave. None: as the model's URDF says.
+
+    The set of a robot ``a`` is ``/a/joints``. All are live but who tells its links.
+    """
 
     effort_mode: Annotated[
         Literal["replace", "sum"],
@@ -36,5 +39,6 @@ class JointParameters(Parameters, frozen=True, kw_only=True):
     ) = None
     noise: Annotated[bool, Meta(description="sensors have the noise of the real ones")] = True
     enable_link_tf: Annotated[
-        bool, Meta(description="links on /tf and /tf_static; false leaves them to the service state")
+        bool,
+        Meta(description="links on /tf and /tf_static; false leaves them to the service state", extra={"live": False}),
     ] = True

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from services.runtime.errors import unknown
 from services.sim.engine import load_body
 from services.sim.quiet import pybullet
-from services.sim.world import Body, BodyState, Inertia, JointReadings, Placement, Rotation, Vector
+from services.sim.world import Body, BodyState, Inertia, JointReadings, Placement, Resistance, Rotation, Vector
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,24 @@ class Loaded:
             forces=list(efforts.values()),
             physicsClientId=self.client,
         )
+
+    def resisting(self, resistance: Mapping[str, Resistance]) -> Loaded:
+        """Itself with joints that resist so.
+
+        Damping is the engine's; dry friction is a motor that wants to stand still and has no more than its force.
+        """
+        for index, (damping, friction) in [(self.index(joint), each) for joint, each in resistance.items()]:
+            pybullet.changeDynamics(self.number, index, jointDamping=damping, physicsClientId=self.client)
+            pybullet.setJointMotorControl2(
+                self.number,
+                index,
+                pybullet.VELOCITY_CONTROL,
+                targetVelocity=0.0,
+                force=friction,
+                physicsClientId=self.client,
+            )
+        every = {**dict(self.body.resistance), **resistance}
+        return replace(self, body=replace(self.body, resistance=tuple(every.items())))
 
     def set_joints(self, positions: Mapping[str, float]) -> None:
         """Put joints at positions, at rest."""
@@ -95,7 +113,9 @@ def load(client: int, body: Body) -> Loaded:
     count = pybullet.getNumJoints(number, client)
     rows = [pybullet.getJointInfo(number, index, client) for index in range(count)]
     movable = {row[1].decode(): row[0] for row in rows if row[2] != pybullet.JOINT_FIXED}
-    for joint, what in [(each.joint, "motor") for each in body.motors] + [(each, "start") for each, _ in body.start]:
+    named = [(each.joint, "motor") for each in body.motors]
+    named += [(joint, "start") for joint, _ in body.start] + [(joint, "resistance") for joint, _ in body.resistance]
+    for joint, what in named:
         if joint not in movable:
             pybullet.removeBody(number, physicsClientId=client)
             raise unknown("joint", joint, movable, f"{body.name}: {what}")
@@ -109,9 +129,8 @@ def load(client: int, body: Body) -> Loaded:
         torques=tuple(motor.torque for motor in body.motors),
         links={root: -1} | {row[12].decode(): row[0] for row in rows},
     )
-    _resist(loaded)
     loaded.set_joints(dict(body.start))
-    return loaded
+    return loaded.resisting(dict(body.resistance)) if body.resistance else loaded
 
 
 def _unit(turn: Rotation) -> Rotation:
@@ -119,20 +138,3 @@ def _unit(turn: Rotation) -> Rotation:
     x, y, z, w = turn
     length = (x * x + y * y + z * z + w * w) ** 0.5
     return x / length, y / length, z / length, w / length
-
-
-def _resist(loaded: Loaded) -> None:
-    """Damping is the engine's; dry friction is a motor that wants to stand still and has no more than its force."""
-    body, client = loaded.body, loaded.client
-    for index in loaded.joints.values():
-        if body.damping is not None:
-            pybullet.changeDynamics(loaded.number, index, jointDamping=body.damping, physicsClientId=client)
-        if body.friction:
-            pybullet.setJointMotorControl2(
-                loaded.number,
-                index,
-                pybullet.VELOCITY_CONTROL,
-                targetVelocity=0.0,
-                force=body.friction,
-                physicsClientId=client,
-            )

@@ -40,7 +40,7 @@ def run(ctx: Context[SimParameters]) -> None:
                 node.following.marks = timing.marks
             Desk(stage, timing, node)
             JointDesk(stage, node)
-            Properties(stage, node, params, scene)
+            Properties(stage, timing, node, params, scene)
             if params.mode == "free":
                 gather(node.transport, params.members, ctx.idle, node.log)
             timing.begin()

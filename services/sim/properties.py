@@ -12,14 +12,15 @@ from services.runtime.service import STEP_NS
 from services.sim import SimParameters
 from services.sim.entities import AT_REST, frame_state, link_named, pose_and_twist, seen_from
 from services.sim.stage import Stage
+from services.sim.timing import Timing
 from services.sim.world import GRAVITY, ITERATIONS, BodyState
 
 
 class Properties:
-    """Answers requests between two steps; nothing of it can be set while a run lasts."""
+    """Answers requests between two steps; of all this, only the factor of time can be set while a run lasts."""
 
-    def __init__(self, stage: Stage, node: Node, params: SimParameters, scene: Scene) -> None:
-        self._stage, self._world, self._params, self._scene = stage, stage.world, params, scene
+    def __init__(self, stage: Stage, timing: Timing, node: Node, params: SimParameters, scene: Scene) -> None:
+        self._stage, self._timing, self._world, self._params, self._scene = stage, timing, stage.world, params, scene
         node.serve(LINK_STATE, self._link_state)
         node.serve(LINK_PROPERTIES, self._link)
         node.serve(MODEL_PROPERTIES, self._model)
@@ -70,7 +71,7 @@ class Properties:
             tick=stage.tick,
             epoch=stage.epoch,
             mode=params.mode,
-            factor=params.factor,
+            factor=self._timing.factor,
             pause=stage.paused,
             time_step=STEP_NS / 1e9,
             gravity=Vector3(z=-GRAVITY),

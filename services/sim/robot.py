@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from messages.elea import ModelState
@@ -18,13 +19,14 @@ from services.sim import RobotEntry
 from services.sim.base import Base
 from services.sim.base_set import BaseSet
 from services.sim.commanders import Ages, Commanders
+from services.sim.joint_set import JointSet
 from services.sim.joints.actuators import Actuators
-from services.sim.joints.terms import doubts, positions, rule_of
+from services.sim.joints.terms import positions
 from services.sim.odometer import Odometer
 from services.sim.odometry import body_twist, pose_of
-from services.sim.settings import Settings, effective, odometry_settings
+from services.sim.settings import effective, odometry_settings
 from services.sim.telemetry import Telemetry
-from services.sim.world import Body, Motor, Placement, World
+from services.sim.world import Body, Motor, Placement, Resistance, World
 
 CMD_VEL_STAMPED = Topic(CMD_VEL.name, TwistStamped, CMD_VEL.rate, CMD_VEL.quality, "velocity command with its time")
 """What a base reads instead of ``CMD_VEL`` when ``use_stamped_vel`` is set."""
@@ -46,26 +48,24 @@ class Robot:
     ) -> None:
         self.entry, self.name, self.model = entry, entry.name, read_model(entry.model)
         self.namespace = "/" + (entry.namespace or entry.name).strip("/")
-        # A model without wheels has no base; the parameters of its joints would be a set of their own beside this one.
-        self._set = BaseSet(node, self.namespace, entry, wait) if self.model.wheels else None
-        settings = self._set.settings if self._set else None
-        parameters = self._set.parameters if self._set else effective(entry.model, self.model, entry.parameters)
+        kind = BaseSet if self.model.wheels else JointSet
+        self._set = kind(node, self.namespace, entry, wait)
         try:
             positions(entry.model, entry.joints)
-            world.spawn(_body(entry, self.model, place, settings))
+            world.spawn(_body(entry, self.model, place, self._set))
         except BadInput:
-            if self._set is not None:
-                self._set.close()
+            self._set.close()
             raise
-        for warning in () if settings else doubts(entry):
-            node.log.warn(f"{entry.name}: {warning}")
         self.base, self.actuators = None, None
-        if settings is not None:
+        if isinstance(self._set, BaseSet):
+            parameters, settings = self._set.parameters, self._set.settings
+            noise = parameters.noise
             self.base = Base(settings, commanders, ages, node.log)
             commands: Topic[Any] = CMD_VEL_STAMPED if settings.stamped else CMD_VEL
         else:
-            limits, commands = read_limits(entry.model), JOINT_EFFORT
-            self.actuators = Actuators(world, entry.name, limits, rule_of(entry), ages, node.log)
+            parameters = effective(entry.model, self.model, entry.parameters)
+            noise, limits, commands = self._set.noise, read_limits(entry.model), JOINT_EFFORT
+            self.actuators = Actuators(world, entry.name, limits, self._set.terms.rule, ages, node.log)
         self._node, self._world = node, world
         self._commands: Input[Any] = node.read(commands, f"{self.namespace}/{commands.name}")
         self._e_stop: Input[Any] = node.read(E_STOP, f"{self.namespace}/e_stop")
@@ -74,15 +74,13 @@ class Robot:
         self._collisions = 0
         odometer = Odometer(odometry_settings(self.model, parameters), world, entry.name, self.base)
         self.telemetry = Telemetry(
-            node, world, entry, self.model, self.namespace, seed, self.base, self.actuators, odometer
+            node, world, entry, self.model, self.namespace, seed, self.base, self.actuators, odometer, noise
         )
-        self.telemetry.noise = parameters.noise if self._set else entry.joint_parameters.noise
         self._follows = self.base is not None and odometer.settings.source == "open loop"
 
     def close(self) -> None:
         """Leave the world and the network."""
-        if self._set is not None:
-            self._set.close()
+        self._set.close()
         self._node.forget(self._commands, self._e_stop)
         self.telemetry.close()
         self._world.delete(self.name)
@@ -99,8 +97,12 @@ class Robot:
 
     def follow(self, now: int) -> None:
         """Take the changes of parameters that were admitted at this tick, all of one or none."""
-        if self._set is not None and self._set.follow():
-            self._retune(now)
+        if not self._set.follow():
+            return
+        if isinstance(self._set, BaseSet):
+            self._retune(self._set, now)
+        else:
+            self._stiffen(self._set)
 
     def obey(self, now: int, governed: set[bytes], factor: float) -> None:
         """Take the commands and emergency stops that were admitted at this tick."""
@@ -149,7 +151,7 @@ class Robot:
 
     def change(self, asked: DriveSettings, now: int) -> DriveSettings:
         """Replace the base's live parameters; returns all of them. Raises BadInput for a robot without a base."""
-        if self._set is None:
+        if not isinstance(self._set, BaseSet):
             raise BadInput(f"{self.name} is a {self.entry.model}, which has no driven wheels")
         self._set.change(asked)
         self.follow(now)
@@ -166,15 +168,24 @@ class Robot:
         state = self._world.state(self.name)
         return Placement(state.position, state.orientation)
 
-    def _retune(self, now: int) -> None:
-        assert self._set is not None
+    @property
+    def resistance(self) -> Mapping[str, Resistance]:
+        """What the joints of a model without wheels resist; of one with wheels nothing is told."""
+        return self._set.terms.resistance if isinstance(self._set, JointSet) else {}
+
+    def _retune(self, to: BaseSet, now: int) -> None:
         assert self.base is not None
-        rate, made = self.base.live.publish_rate, self._set.settings
+        rate, made, parameters = self.base.live.publish_rate, to.settings, to.parameters
         self.base.retune(made, now)
-        self.telemetry.noise = self._set.parameters.noise
-        self.telemetry.odometer.retune(odometry_settings(self.model, self._set.parameters))
+        self.telemetry.noise = parameters.noise
+        self.telemetry.odometer.retune(odometry_settings(self.model, parameters))
         if made.live.publish_rate != rate:
             self.telemetry.odometer.retime()
+
+    def _stiffen(self, to: JointSet) -> None:
+        assert self.actuators is not None
+        self.actuators.rule, self.telemetry.noise = to.terms.rule, to.noise
+        self._world.resist(self.name, to.terms.resistance)
 
     def _turns(self) -> tuple[float, float]:
         """How fast the wheels turn, rad/s."""
@@ -183,10 +194,10 @@ class Robot:
         return turns[self.base.settings.left_joint], turns[self.base.settings.right_joint]
 
 
-def _body(entry: RobotEntry, model: Model, place: Placement, settings: Settings | None) -> Body:
+def _body(entry: RobotEntry, model: Model, place: Placement, of: BaseSet | JointSet) -> Body:
     urdf, start = model_path(entry.model), tuple(entry.joints.items())
-    if settings is not None:
-        motors = Motor(settings.left_joint, settings.torque), Motor(settings.right_joint, settings.torque)
-        return Body(entry.name, urdf, place, motors, model.fixed_base, start)
-    asked = entry.joint_parameters
-    return Body(entry.name, urdf, place, (), model.fixed_base, start, asked.damping, asked.friction)
+    if isinstance(of, JointSet):
+        return Body(entry.name, urdf, place, (), model.fixed_base, start, tuple(of.terms.resistance.items()))
+    settings = of.settings
+    motors = Motor(settings.left_joint, settings.torque), Motor(settings.right_joint, settings.torque)
+    return Body(entry.name, urdf, place, motors, model.fixed_base, start)

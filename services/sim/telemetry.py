@@ -58,11 +58,12 @@ class Telemetry:
         base: Base | None,
         actuators: Actuators | None,
         odometer: Odometer,
+        noise: bool,
     ) -> None:
         self._node, self._world, self._model, self._seed = node, world, model, seed
         self._base, self._actuators, self.odometer = base, actuators, odometer
         self._name = entry.name
-        self.noise = entry.parameters.noise if model.wheels else entry.joint_parameters.noise
+        self.noise = noise
         self._joints = world.joints(entry.name)
         self.joint_steps = _steps(model.joint_rate or model.odometry_rate)
         topics: list[Topic[Any]] = [GROUND_TRUTH, JOINT_STATES, ROBOT_DESCRIPTION]

@@ -66,6 +66,13 @@ class JointReadings(NamedTuple):
     effort: tuple[float, ...]
 
 
+class Resistance(NamedTuple):
+    """What a joint resists its motion with: damping [N m s/rad or N s/m] and dry friction [N m or N]."""
+
+    damping: float = 0.0
+    friction: float = 0.0
+
+
 class Contact(NamedTuple):
     """Two things that touch: ``body`` is a body of the world, ``other`` another one or a static obstacle."""
 
@@ -85,8 +92,8 @@ class Motor:
 class Body:
     """What enters the world: a URDF whose root frame is put at ``placement``, at rest, and held there if ``fixed``.
 
-    ``start`` are positions of joints, 0 where none is stated. ``damping`` [N m s/rad or N s/m] and dry ``friction``
-    [N m or N] are those of all movable joints; None for what the URDF says.
+    ``start`` are positions of joints, 0 where none is stated. Joints without a ``resistance`` have the URDF's damping
+    and no friction.
     """
 
     name: str
@@ -95,8 +102,7 @@ class Body:
     motors: tuple[Motor, ...] = ()
     fixed: bool = False
     start: tuple[tuple[str, float], ...] = ()
-    damping: float | None = None
-    friction: float | None = None
+    resistance: tuple[tuple[str, Resistance], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -160,6 +166,9 @@ class World(Protocol):
 
     def set_efforts(self, name: str, efforts: Mapping[str, float]) -> None:
         """Put efforts [N m or N] on joints for one step, as they are: limits are for the caller to keep."""
+
+    def resist(self, name: str, resistance: Mapping[str, Resistance]) -> None:
+        """Let joints resist so from now on, also after a reset; the others stay as they are."""
 
     def push(self, name: str, link: str, force: Vector, torque: Vector, point: Vector) -> None:
         """Act on a link for one step: a force [N] at a point of the world [m] and a torque [N m], in world axes."""

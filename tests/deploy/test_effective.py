@@ -23,6 +23,7 @@ FLEET = Fleet(
             parameters={"brake": 1.0},
             services=(Member(kind="waypoint", parameters={"max_linear": 0.2, "goals": [[1, 0]]}),),
         ),
+        Robot(name="arm", model="arm", parameters={"effort_mode": "sum"}),
     ),
     change=(Change(at=1.0, set=SET, values={"tolerance": 0.1}),),
 )
@@ -34,11 +35,13 @@ def told(**values: tuple[Any, Origin]) -> dict[str, ParameterValues]:
     return {SET: ParameterValues(set=SET, values=made)}
 
 
-def test_the_fleet_s_own_values_are_those_of_its_services_and_bases() -> None:
+def test_the_fleet_s_own_values_are_those_of_its_services_bases_and_joints() -> None:
     assert (OWN[SET]["max_linear"], OWN[SET]["goals"], OWN[SET]["lag"]) == (0.2, ((1.0, 0.0),), 0.2)
     assert (OWN["/r/base"]["brake"], OWN["/r/base"]["cmd_vel_timeout"]) == (1.0, 0.25)
     assert "wheel_radius" not in OWN["/r/base"]
-    assert set(OWN) == {"/router", "/sim", "/grader", SET, "/r/base"}
+    assert (OWN["/arm/joints"]["effort_mode"], OWN["/arm/joints"]["damping"]) == ("sum", 0.0)
+    assert "enable_link_tf" not in OWN["/arm/joints"]
+    assert set(OWN) == {"/router", "/sim", "/grader", SET, "/r/base", "/arm/joints"}
 
 
 def test_a_run_on_the_fleet_s_values_says_nothing() -> None:

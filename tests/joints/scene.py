@@ -41,8 +41,8 @@ class Scenery:
     """A stage, what is sent to it and asked of it."""
 
     def __init__(self, stage: Stage, bus: MemoryBus, node: Node, log: io.StringIO) -> None:
-        self.stage, self.node, self._log = stage, node, log
-        self._bus, self._transport = bus, MemoryTransport(bus)
+        self.stage, self.bus, self.node, self._log = stage, bus, node, log
+        self._transport = MemoryTransport(bus)
         self._outputs: dict[tuple[str, str], Output[Any]] = {}
 
     @property
@@ -72,7 +72,7 @@ class Scenery:
     def ask(self, request: Request[Any, R], message: Message) -> R:
         """Ask the simulation as another process would; raises CallFailed."""
         with ThreadPoolExecutor(1) as pool:
-            asked = pool.submit(call, MemoryTransport(self._bus), request, request.name.lstrip("/"), message, 20.0)
+            asked = pool.submit(call, MemoryTransport(self.bus), request, request.name.lstrip("/"), message, 20.0)
             while not asked.done():
                 self.node.turn()
             return asked.result()
@@ -100,9 +100,10 @@ def scene(*robots: dict[str, Any]) -> Iterator[Scenery]:
         Node(MemoryTransport(bus), identity, "sim", Log(identity.node, out=log)) as node,
     ):
         stage = Stage(node, world, 0)
-        Desk(stage, Free(stage, node), node)
+        timing = Free(stage, node)
+        Desk(stage, timing, node)
         JointDesk(stage, node)
-        Properties(stage, node, params, SCENE)
+        Properties(stage, timing, node, params, SCENE)
         for entry in params.robots:
             stage.spawn(entry, Placement((entry.x, entry.y, 0.0)))
         yield Scenery(stage, bus, node, log)

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import resource
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from messages.topics import UPDATES
 from services.runtime.errors import CallFailed
+from tests.params.crowd import OWN
 from tests.params.sets import arm, asking, plain, serving, start
-from tests.processes import Network
+from tests.processes import Network, Process
 from tests.system.watched import Watched
 from tests.waiting import until
 
@@ -26,34 +27,25 @@ def network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Network]:
         yield made
 
 
-def crowd(network: Network, client: int) -> list[float]:
-    """One client's sets: a parameter of all clients, and one of its own; what was acknowledged."""
-    own = ("ss_Kp", "tr_Kp", "ref_angle", "offset")[client]
-    acknowledged = []
-    with asking(network, "crowd", timeout=30.0) as me:
-        for index in range(EACH):
-            value = client + index / 1000
-            answer = plain(me.set(request=f"{client}-{index}", window=index + 1, **{own: value}))
-            assert answer[own] == value
-            assert answer["window"] == index + 1
-            acknowledged.append(value)
-    return acknowledged
-
-
 def test_1000_sets_of_four_clients_at_once_lose_none_and_end_in_one_state(network: Network, tmp_path: Path) -> None:
     file = tmp_path / "params.db"
-    with asking(network, "crowd") as client, network.node(domain="crowd") as early, ThreadPoolExecutor(CLIENTS) as pool:
+    with asking(network, "crowd") as client, network.node(domain="crowd") as early:
         process = serving(network, client, file, "--domain", "crowd")
         client.announce(arm())
         follower = Watched(early.read(UPDATES, f"{SET}/parameter_updates"))
-        asked = [pool.submit(crowd, network, index) for index in range(CLIENTS)]
-        acknowledged = [each.result() for each in asked]
+        words = ["-m", "tests.params.crowd", network.endpoint]
+        crowd = [Process([*words, str(index), str(EACH)], tmp_path / f"{index}.log") for index in range(CLIENTS)]
+        assert [each.wait(60.0) for each in crowd] == [0] * CLIENTS, [each.text for each in crowd]
+        acknowledged = [json.loads(each.text.splitlines()[-1]) for each in crowd]
         changes = client.history()
         assert len(changes) == CLIENTS * EACH
         assert len({each.revision for each in changes}) == CLIENTS * EACH
-        for own, values in zip(("ss_Kp", "tr_Kp", "ref_angle", "offset"), acknowledged, strict=True):
+        senders = [one.name for each in changes for one in each.after if one.name in OWN]
+        assert len(set(senders[EACH : 2 * EACH])) > 1, "they were at it at the same time"
+        for own, values in zip(OWN, acknowledged, strict=True):
             kept = [one.value for each in reversed(changes) for one in each.after if one.name == own]
             assert kept == values
+            assert len(values) == EACH
         state = client.get()
         until(lambda: follower.all() and follower.all()[-1].revision == state.revision, what="the last update")
         assert follower.all()[-1].values == state.values

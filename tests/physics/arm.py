@@ -18,7 +18,7 @@ from services.sim.bullet import BulletWorld
 from services.sim.commanders import Ages
 from services.sim.joints.actuators import Actuators
 from services.sim.joints.effort import Rule
-from services.sim.world import Body
+from services.sim.world import Body, Resistance
 from tests.physics.rig import DT, STEP_NS
 
 JOINT = "bear_link"
@@ -104,13 +104,14 @@ class Stand:
 def stand(
     model: Literal["arm", "arm_corrected"] = "arm",
     rule: Rule | None = None,
-    damping: float | None = None,
-    friction: float | None = None,
+    damping: float = 0.0,
+    friction: float = 0.0,
     start: float = 0.0,
 ) -> Iterator[Stand]:
     """An arm whose joint stands at ``start`` [deg]."""
     with BulletWorld(Scene(), STEP_NS) as world:
         at = ((JOINT, math.radians(start)),)
-        world.spawn(Body("arm", model_path(model), fixed=True, start=at, damping=damping, friction=friction))
+        resists = ((JOINT, Resistance(damping, friction)),)
+        world.spawn(Body("arm", model_path(model), fixed=True, start=at, resistance=resists))
         log = Log("/sim", out=io.StringIO())
         yield Stand(world, Actuators(world, "arm", read_limits(model), rule or Rule(), Ages(), log))

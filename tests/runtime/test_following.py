@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Annotated, Any, Literal
 
 import pytest
@@ -19,6 +19,7 @@ from services.runtime.context import Context
 from services.runtime.errors import BadInput, CallFailed
 from services.runtime.followed import Followed
 from services.runtime.following import START_S
+from services.runtime.graph import Entity
 from services.runtime.memory_transport import MemoryBus, MemoryTransport
 from services.runtime.node import Node
 from services.runtime.parameters import ALL
@@ -209,6 +210,19 @@ def test_no_answer_a_bad_one_and_a_refusal_leave_a_node_on_its_own_values(bus: M
         query.reply(b"\xc1 nonsense")
         assert follow(made, followed) == 0
     assert followed.params == Gains()
+
+
+def test_a_service_that_is_expected_is_asked_until_its_link_carries_a_question(bus: MemoryBus) -> None:
+    """Its token may be seen, while links come up, before anything that is asked of it arrives."""
+    with MemoryTransport(bus) as early, pilot(bus) as (made, followed), ExitStack() as late:
+        early.token(Entity(early.session, "srv", "/params", PARAMS_ANNOUNCE.name).key)
+        made.expects_params = True
+        come = threading.Timer(0.2, lambda: late.enter_context(Authority(bus, lambda asked: told(asked.set, {"p": 2}))))
+        come.start()
+        followed.begin()
+        come.join(10)
+        assert followed.params == Gains(p=2.0)
+        assert "own for now" not in log_of(made)
 
 
 def test_a_node_changes_its_own_parameters_through_the_service_that_owns_them(bus: MemoryBus) -> None:

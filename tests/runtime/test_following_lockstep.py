@@ -80,6 +80,7 @@ def _authority(dawdle: random.Random) -> Callable[[Node], None]:
 
 def _member(rate: float, dawdle: random.Random, seen: list[Any]) -> Callable[[Node], None]:
     def run(made: Node) -> None:
+        made.expects_params = True  # as every process of a fleet: its link to the service may not be up yet
         followed = Followed(made, made.identity.node, Gain())
         followed.begin()
         ctx: Context[Gain] = Context(made, followed.params, rate, lockstep=True, followed=followed)
@@ -98,8 +99,7 @@ def _run(connected: Callable[[], Transport], seed: int, order: tuple[str, ...]) 
     own: list[tuple[int, float]] = []
     params = Loop(connected(), "params", _authority(dawdle))
     with connected() as transport, node(MemoryBus(), "sim", transport=transport) as made:
-        while not any("announce" in each for each in transport.tokens("@elea/*/srv/*/*/*/*")):
-            time.sleep(0.01)
+        made.expects_params = True
         followed = Followed(made, "/sim", Gain())
         followed.begin()
         simulation = Simulation(made, ("/params", *(f"/{name}" for name in RATES)))

@@ -5,29 +5,32 @@ from __future__ import annotations
 import json
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import psutil
 import pytest
 
-from messages.elea import Health
-from messages.parameters import Assignment, HistoryOf, ParameterSet, ParameterValues, SetParameters
-from messages.requests import PARAMS_GET, PARAMS_HISTORY, PARAMS_SET, SET_DRIVE, SUPERVISOR_RESTART, Name
+from messages.gazebo import JointName
+from messages.parameters import HistoryOf, ParameterValues
+from messages.requests import (
+    JOINT_PROPERTIES,
+    PARAMS_HISTORY,
+    SET_DRIVE,
+    SUPERVISOR_RESTART,
+    WORLD_PROPERTIES,
+    Name,
+)
 from messages.simulation import DriveSettings
-from messages.topics import CMD_VEL, HEALTH, PLAN, UPDATES
+from messages.std import Empty
+from messages.topics import PLAN, UPDATES
 from services.runtime.errors import CallFailed
-from services.runtime.identity import Identity
-from services.runtime.log import Log
-from services.runtime.node import Node
-from services.runtime.zenoh_config import configuration
-from services.runtime.zenoh_transport import ZenohTransport
+from tests.ports import free_port
 from tests.processes import Network
 from tests.system.terminal import Terminal
+from tests.system.tuner import Tuner, tuner
 from tests.waiting import until
 
-PILOT, BASE = "/r/waypoint", "/r/base"
+PILOT, BASE, SQUARE, JOINTS = "/r/waypoint", "/r/base", "/s/square", "/arm/joints"
 
 FLEET = """
 name = "tuned"
@@ -40,6 +43,15 @@ name = "r"
 model = "burger"
 parameters = {{ cmd_vel_timeout = 0.4 }}
 services = [{{ kind = "waypoint", parameters = {{ goals = [[100, 0]], max_linear = 0.2 }} }}]
+[[robot]]
+name = "s"
+model = "p3dx"
+pose = {{ x = 0, y = 5 }}
+services = [{{ kind = "square", parameters = {{ side = 50, linear_speed = 0.2, log = "" }} }}]
+[[robot]]
+name = "arm"
+model = "arm"
+pose = {{ x = 0, y = -5 }}
 """
 CHANGES = """
 [[change]]
@@ -50,63 +62,11 @@ values = { max_linear = 0.1 }
 at = 4.0
 set = "/r/base"
 values = { "linear.max_velocity" = 0.05 }
+[[change]]
+at = 4.0
+set = "/arm/joints"
+values = { damping = 5.0 }
 """
-
-
-class Tuner:
-    """A node beside a running fleet that sets, gets, and listens."""
-
-    def __init__(self, node: Node) -> None:
-        self.node = node
-        self._commands, self._health = node.read(CMD_VEL, "/r/cmd_vel"), node.read(HEALTH)
-        self._speed = 0.0
-        self._beats: dict[str, Health] = {}
-
-    def set(self, name: str, run: bool = False, **values: Any) -> ParameterValues:
-        stated = tuple(Assignment(name=each.replace("__", "."), value=value) for each, value in values.items())
-        return self.node.call(PARAMS_SET, SetParameters(set=name, values=stated, run=run, who="test"))
-
-    def get(self, name: str) -> dict[str, tuple[Any, str]]:
-        told = self.node.call(PARAMS_GET, ParameterSet(set=name))
-        return {each.name: (each.value, each.origin) for each in told.values}
-
-    def until(self, name: str, **expected: tuple[Any, str]) -> None:
-        def there() -> bool:
-            try:
-                return expected.items() <= self.get(name).items()
-            except CallFailed:
-                return False
-
-        until(there, 30, f"{name} {expected}")
-
-    def until_speed(self, wanted: float) -> None:
-        """Until the waypoint service commands this speed."""
-
-        def there() -> bool:
-            self.node.admit()
-            for command, _ in self._commands.batch:
-                self._speed = command.linear.x
-            return abs(self._speed - wanted) < 1e-6
-
-        until(there, 20, f"{wanted} m/s commanded")
-
-    def refused(self, node: str, topic: str) -> int:
-        """How many samples of a topic a node has refused, by its heartbeat."""
-        self.node.admit()
-        for beat, _ in self._health.batch:
-            self._beats[beat.node] = beat
-        known = self._beats.get(node, Health())
-        return sum(each.refused for each in known.inputs if each.topic == topic)
-
-
-@contextmanager
-def tuner(port: int) -> Iterator[Tuner]:
-    identity = Identity.of("tuner")
-    with (
-        ZenohTransport(configuration("direct", (f"tcp/127.0.0.1:{port}",))) as transport,
-        Node(transport, identity, "tester", Log(identity.node)) as node,
-    ):
-        yield Tuner(node)
 
 
 @pytest.fixture
@@ -181,6 +141,20 @@ def test_a_fleet_is_tuned_while_it_drives_and_keeps_what_was_saved(terminal: Ter
         )
         with pytest.raises(CallFailed, match="cannot change while"):
             t.set(BASE, wheel_radius=0.1)
+
+        # A square goes on at another speed, the joints of an arm resist more, and time runs slower.
+        t.until_speed(0.2, "s", within=0.02)
+        t.set(SQUARE, linear_speed=0.4)
+        t.until_speed(0.4, "s", within=0.02)
+        with pytest.raises(CallFailed, match="side cannot change while"):
+            t.set(SQUARE, side=2.0)
+        assert t.get(JOINTS)["damping"] == (0.0, "default")
+        t.set(JOINTS, run=True, damping=5.0, effort_mode="sum")
+        asked = JointName(model="arm", joint_name="bear_link")
+        until(lambda: t.node.call(JOINT_PROPERTIES, asked).damping == 5.0, 10, "damping of the joint")
+        t.set("/sim", run=True, factor=0.25)
+        until(lambda: t.node.call(WORLD_PROPERTIES, Empty()).factor == 0.25, 10, "the factor of time")
+        assert t.until_later(0.4) > 0.3 / 0.25, "four seconds of the wall for one of the simulation"
     terminal.do("down")
     note = "/r/waypoint max_linear = 0.12 (saved; the fleet's is 0.2)"
     report = json.loads((results / "report.json").read_text())
@@ -193,6 +167,11 @@ def test_a_fleet_is_tuned_while_it_drives_and_keeps_what_was_saved(terminal: Ter
         assert t.get(PILOT)["max_linear"] == (0.12, "saved")
         assert t.get(BASE)["wheel_separation_multiplier"] == (1.0, "default")
         t.until_speed(0.12)
+    second = terminal.do("up", file, "--port", str(free_port()), "--report", str(terminal.folder / "second"))
+    assert second.status == 2
+    assert f"the fleet tuned (port {terminal.port}) uses the file of parameters" in second.err
+    assert f"./elea down --port {terminal.port}, give this fleet a file of its own with --params FILE" in second.err
+    assert list((terminal.folder / "second" / "logs").iterdir()) == [], "nothing was started"
     terminal.do("down")
     told = (terminal.folder / "again" / "supervisor.log").read_text()
     assert f"saved parameters win over the fleet's: {note}; --no-saved leaves them out" in told
@@ -209,11 +188,25 @@ def test_a_run_in_lockstep_repeats_with_its_changes_and_without_what_is_saved(te
     assert one["run"]["trajectory_hash"] == other["run"]["trajectory_hash"]
     assert one["parameters"] == other["parameters"]
     assert one["parameters"][PILOT]["max_linear"] == {"value": 0.1, "origin": "run"}
+    assert one["parameters"][JOINTS] == {"damping": {"value": 5.0, "origin": "run"}}
     assert one["notes"] == other["notes"] == []
     # 0.2 m/s from 0 to 3 s, 0.1 to 4 s, then 0.05; within what it takes to set off.
     assert 0.70 < one["robots"]["r"]["path_length_m"] < 0.80
     assert (terminal.folder / "own.db").exists()
     assert not (terminal.folder / "params").exists()
+
+
+def test_a_damaged_file_ends_the_start_with_its_reason_on_the_terminal_and_stays_as_it_is(terminal: Terminal) -> None:
+    damaged = terminal.folder / "damaged.db"
+    damaged.write_bytes(b"SQLite format 3\0" + b"x" * 4000)
+    ended = terminal.up(
+        fleet(terminal.folder, "lockstep", "duration", 6), terminal.folder / "no", "--params", "damaged.db"
+    )
+    assert ended.status == 1
+    assert ended.err.count(f"{damaged} is a database of another program") == 1
+    assert "it was left as it is" in ended.err
+    assert "the fleet ended: params failed" in ended.err
+    assert damaged.read_bytes() == b"SQLite format 3\0" + b"x" * 4000
 
 
 def test_a_service_starts_without_the_parameter_service_and_follows_it_when_it_comes(tmp_path: Path) -> None:

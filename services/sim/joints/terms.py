@@ -1,39 +1,52 @@
-"""From a robot's entry and its URDF to the terms on which its joints take efforts."""
+"""From a robot's parameters and its URDF to the terms on which its joints take efforts."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import msgspec
 
 from models.limits import read_limits
 from services.runtime.errors import BadInput, unknown
-from services.sim import RobotEntry
+from services.sim import JointParameters
 from services.sim.joints.effort import Rule
+from services.sim.world import Resistance
 
 
-def rule_of(entry: RobotEntry) -> Rule:
-    """How efforts on the joints of a robot become one."""
-    asked = entry.joint_parameters
-    return Rule(asked.effort_mode, asked.effort_clamp, asked.velocity_rule)
+@dataclass(frozen=True)
+class Terms:
+    """How efforts on the joints of a robot become one, and what each joint resists.
+
+    ``warnings`` are what URDF and parameters say that is hardly meant so.
+    """
+
+    rule: Rule
+    resistance: Mapping[str, Resistance]
+    warnings: tuple[str, ...]
 
 
-def doubts(entry: RobotEntry) -> Iterator[str]:
-    """What the URDF of a robot says of its joints that is hardly meant so, one warning each."""
-    gazebo = entry.joint_parameters.velocity_rule == "gazebo"
-    for joint, limits in read_limits(entry.model).items():
-        if limits.velocity == 0:
-            meant = (
-                'is a limit (velocity_rule = "gazebo"): once the joint moves, no effort acts along its motion'
-                if gazebo
-                else 'is taken as unspecified; velocity_rule = "gazebo" makes a limit of it'
-            )
-            yield f"joint {joint}: the URDF's velocity limit of 0 {meant}"
-        if limits.effort == 0:
-            yield f"joint {joint}: the URDF's effort limit is 0: no effort will move it"
-    if entry.joint_parameters.effort_mode == "sum":
-        yield (
-            'effort_mode = "sum": jobs that overlap add up, as in Gazebo. A controller whose jobs last longer than its '
-            "period multiplies its gains"
+def terms_of(model: str, parameters: JointParameters) -> Terms:
+    """The terms of a robot of the model ``model``."""
+    rule = Rule(parameters.effort_mode, parameters.effort_clamp, parameters.velocity_rule)
+    damping, friction = parameters.damping, parameters.friction
+    resistance = {
+        joint: Resistance(
+            limits.damping if damping is None else damping, limits.friction if friction is None else friction
         )
+        for joint, limits in read_limits(model).items()
+    }
+    return Terms(rule, resistance, tuple(_doubts(model, rule)))
+
+
+def completed(model: str, parameters: JointParameters) -> JointParameters:
+    """The parameters with the URDF's figures where they have None and all joints have the same figure."""
+    figures = {}
+    for name in ("damping", "friction"):
+        every = {getattr(limits, name) for limits in read_limits(model).values()}
+        if getattr(parameters, name) is None and len(every) == 1:
+            figures[name] = every.pop()
+    return msgspec.structs.replace(parameters, **figures)
 
 
 def positions(model: str, joints: Mapping[str, float]) -> None:
@@ -47,3 +60,21 @@ def positions(model: str, joints: Mapping[str, float]) -> None:
             raise BadInput(f"joint {joint} = {position:g}: its limits are {lower:g} and {upper:g}")
         if position != position or abs(position) > 1e6:
             raise BadInput(f"joint {joint} = {position}: no position")
+
+
+def _doubts(model: str, rule: Rule) -> Iterator[str]:
+    for joint, limits in read_limits(model).items():
+        if limits.velocity == 0:
+            meant = (
+                'is a limit (velocity_rule = "gazebo"): once the joint moves, no effort acts along its motion'
+                if rule.velocity == "gazebo"
+                else 'is taken as unspecified; velocity_rule = "gazebo" makes a limit of it'
+            )
+            yield f"joint {joint}: the URDF's velocity limit of 0 {meant}"
+        if limits.effort == 0:
+            yield f"joint {joint}: the URDF's effort limit is 0: no effort will move it"
+    if rule.mode == "sum":
+        yield (
+            'effort_mode = "sum": jobs that overlap add up, as in Gazebo. A controller whose jobs last longer than its '
+            "period multiplies its gains"
+        )
