@@ -14,6 +14,7 @@ import click
 
 from deploy.claim import running
 from deploy.commands.options import chosen, json_option, port_option
+from deploy.commands.table import Verb, Verbs
 from deploy.fleet import PORT
 from services.runtime.errors import BadInput, EleaError
 from services.runtime.process import ROOT
@@ -25,12 +26,20 @@ class NotWhole(EleaError):
     """A bag is torn or damaged, or not all of it could be used."""
 
 
-@click.group("bag")
+TABLE = {
+    "record": Verb("bag:record", "Record topics until Ctrl-C."),
+    "play": Verb("bag:play", "Play a bag back on simulated time."),
+    "info": Verb("bag:info", "Show what a bag holds."),
+    "export": Verb("bag:export", "Write a bag as CSV, as a recording for the viewer, or mended."),
+}
+
+
+@click.command("bag", cls=Verbs, table=TABLE)
 def command() -> None:
     """Record, play, inspect and export bags: MCAP files in a rosbag2 folder, which ROS 2's own tools read."""
 
 
-@command.command("record")
+@click.command("record")
 @click.argument("topics", nargs=-1)
 @click.option("-a", "--all", "everything", is_flag=True, help="Record all topics, also those that come later.")
 @click.option("-e", "--regex", default="", help="Record the topics in whose names this is found.")
@@ -66,7 +75,7 @@ def record(
     _become("recorder", parameters, _network(connect, domain, port))
 
 
-@command.command("play")
+@click.command("play")
 @click.argument("bag", type=click.Path(path_type=Path))
 @click.option("-r", "--rate", type=float, help="Times as fast as simulated time; 1 by default, 0: as fast as it can.")
 @click.option("-l", "--loop", is_flag=True, help="Begin again at the end, in a new epoch.")
@@ -115,7 +124,7 @@ def play(bag: Path, lockstep: str, connect: str, domain: str, port: int | None, 
     _become("player", parameters, arguments)
 
 
-@command.command("info")
+@click.command("info")
 @click.argument("bag", type=click.Path(path_type=Path))
 @json_option
 def info(bag: Path, as_json: bool) -> None:
@@ -136,7 +145,7 @@ def info(bag: Path, as_json: bool) -> None:
         raise NotWhole("; ".join(found.troubles))
 
 
-@command.command("export")
+@click.command("export")
 @click.argument("bag", type=click.Path(path_type=Path))
 @click.option("--to", "form", type=click.Choice(["csv", "rrd", "rosbag2"]), default="csv", help="csv by default.")
 @click.option("-o", "--output", default="", help="Folder, or file of an rrd; beside the bag by default.")
