@@ -27,7 +27,7 @@ _NEEDS = {"router": (), "params": ("router",), "sim": ("router", "params")}
 class Process(msgspec.Struct, frozen=True, kw_only=True):
     """One process. The fleet ends with a ``required`` one; ``depends_on`` names those that must be ready before.
 
-    Simulation time begins when every process that ``begins`` it is ready: the sim, and in lockstep its members.
+    Simulation time begins when every process that ``begins`` it is ready: the sim and those that it waits for.
     """
 
     name: str
@@ -52,7 +52,7 @@ class _Stated(msgspec.Struct, frozen=True):
 def processes(fleet: Fleet, terms: Terms) -> tuple[Process, ...]:
     """Every process of the fleet, those first that others depend on: router, parameters, simulation, then the rest."""
     stated = _stated(fleet)
-    members = tuple(each.node for each in stated if _steps(each.member.kind)) if fleet.run.mode != "real" else ()
+    members = tuple(each.node for each in stated if _awaited(each.member.kind, fleet.run.mode))
     return tuple(_process(each, fleet, terms, members) for each in stated)
 
 
@@ -66,8 +66,10 @@ def _stated(fleet: Fleet) -> list[_Stated]:
     return stated
 
 
-def _steps(kind: str) -> bool:
-    """Whether the simulation waits for services of this kind in lockstep."""
+def _awaited(kind: str, mode: str) -> bool:
+    """Whether time begins with services of this kind: in real time only recorders, which would miss its beginning."""
+    if mode == "real":
+        return kind == "recorder"
     service = declaration(kind)
     return service.holds_lockstep and service.rate is not None
 

@@ -89,6 +89,9 @@ def record(
     "--wait", "--wait-for-subscribers", type=float, default=0.0, metavar="S", help="Wait for subscribers first."
 )
 @click.option("--lockstep", metavar="NODES", default="", help="Be their simulation: they step with the bag; /a/b,/c.")
+@click.option(
+    "--latency", type=click.IntRange(0, 1), help="With --lockstep, that of the fleet; as it was recorded by default."
+)
 @click.option("--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default.")
 @click.option("--domain", default="", help="Domain of the fleet.")
 @port_option
@@ -104,7 +107,9 @@ def play(bag: Path, lockstep: str, connect: str, domain: str, port: int | None, 
     open_bag(bag)
     members = [each if each.startswith("/") else f"/{each}" for each in lockstep.split(",") if each]
     rate = given["rate"] if given["rate"] is not None else 0.0 if members else 1.0
-    names = ("loop", "exclude", "start", "duration", "clock", "wait")
+    if given["latency"] is not None and not members:
+        raise BadInput("--latency is for --lockstep: name the nodes that step with the bag, or leave it out")
+    names = ("loop", "exclude", "start", "duration", "clock", "wait", "latency")
     parameters = {name: given[name] for name in names} | {
         "bag": str(bag.absolute()),
         "topics": given["topics"],

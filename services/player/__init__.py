@@ -33,6 +33,10 @@ class PlayerParameters(Parameters, frozen=True, kw_only=True):
         Meta(ge=0, le=1e6, description="wait at most so long for subscribers; 0: not at all", extra={"unit": "s"}),
     ] = 0.0
     members: Annotated[tuple[str, ...], Meta(description="nodes that step with the bag, in lockstep")] = ()
+    latency: Annotated[
+        Annotated[int, Meta(ge=0, le=1)] | None,
+        Meta(description="in lockstep, ticks of its sender that a message takes; null: as the bag was recorded"),
+    ] = None
 
 
 SERVICE = Service(

@@ -14,6 +14,7 @@ from services.bag.typed import record_of, unknown_record
 from services.player import PlayerParameters
 from services.player.choice import Choice, choose, is_clock
 from services.player.clockwork import RATE, Clockwork
+from services.player.latency import SETTINGS, recorded_latency
 from services.player.pace import Following, Pace, Wall
 from services.player.playback import Playback
 from services.player.steps import Steps
@@ -50,7 +51,7 @@ def run(ctx: Context[PlayerParameters]) -> None:
     recorded = any(is_clock(channel) for channel in choice.played)
     clockwork = Clockwork(node, not theirs, p.clock or (0.0 if recorded else RATE))
     outputs = {channel: _output(node, channel) for channel in choice.played if not is_clock(channel)}
-    pace = _pace(ctx, bool(theirs), clockwork)
+    pace = _pace(ctx, bag, bool(theirs), clockwork)
     _await_subscribers(ctx, outputs)
     playback = Playback(bag, choice, p.start, p.duration)
     _play(ctx, playback, pace, clockwork, outputs)
@@ -88,10 +89,14 @@ def _play(
         ctx.idle()
 
 
-def _pace(ctx: Context[PlayerParameters], follows: bool, clockwork: Clockwork) -> Pace:
+def _pace(ctx: Context[PlayerParameters], bag: Bag, follows: bool, clockwork: Clockwork) -> Pace:
     p = ctx.params
     if p.members:
-        return Steps(ctx.kernel, p.members, p.rate, clockwork)
+        latency = p.latency if p.latency is not None else recorded_latency(bag)
+        if latency is None:
+            latency = 0
+            ctx.log.info(f"{p.bag} does not hold {SETTINGS}, which tells the latency of its run: 0 is taken")
+        return Steps(ctx.kernel, p.members, p.rate, clockwork, latency)
     return Following(ctx, p.rate) if follows else Wall(ctx.kernel, p.rate, clockwork)
 
 

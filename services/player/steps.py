@@ -13,13 +13,19 @@ from services.runtime.service import STEP_NS
 
 
 class Steps:
-    """In lockstep: the members are waited for at each of their ticks, as a simulation does it."""
+    """In lockstep: the members are waited for at each of their ticks, as a simulation does it.
 
-    def __init__(self, node: Node, members: tuple[str, ...], rate: float, clockwork: Clockwork) -> None:
-        self._node, self._clockwork, self._rate = node, clockwork, rate
+    With ``latency`` 1 what they send counts when they are due again, with 0 at once: so it was when the bag was made.
+    """
+
+    def __init__(
+        self, node: Node, members: tuple[str, ...], rate: float, clockwork: Clockwork, latency: int = 0
+    ) -> None:
+        self._node, self._clockwork, self._rate, self._latency = node, clockwork, rate, latency
         self._barrier = Barrier(node.transport, node.outbox, members, node.log, node.wait, lambda: self._go(0))
         self._next: int | None = None
         self._epoch = 0
+        self._released = False
         self._begun, self._origin = 0.0, -1
 
     def begin(self) -> None:
@@ -44,6 +50,7 @@ class Steps:
     def finish(self) -> None:
         if self._next is not None:
             self._step()
+        self._barrier.collect(0)  # whatever is still under way, since every member is due at 0
 
     def _advance(self, time_ns: int) -> None:
         """Step as often as lies before ``time_ns``: its own messages are part of the step that follows."""
@@ -55,9 +62,14 @@ class Steps:
         assert self._next is not None
         self._node.turn()
         self._barrier.update()
-        if self._barrier.due(self._next):
-            self._barrier.release(self._go(self._next), self._node.outputs)
-            self._node.outbox.release()
+        if not self._barrier.due(self._next):
+            return
+        if self._released:
+            self._barrier.collect(self._next)
+        self._barrier.release(self._go(self._next), self._node.outputs)
+        self._node.outbox.release()
+        self._released = bool(self._latency)
+        if not self._latency:
             self._barrier.collect(self._next)
 
     def _pace(self, moment: Moment) -> None:

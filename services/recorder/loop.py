@@ -29,7 +29,7 @@ def run(ctx: Context[RecorderParameters]) -> None:
         tape = Tape(bag, listening, ctx.log)
         try:
             gather(node.transport, [each for each in p.members if each != ctx.node], ctx.idle, ctx.log)
-            listening.update()
+            listening.look()
             if missing := listening.missing:
                 ctx.log.warn(f"nobody publishes or reads {', '.join(missing)} yet: recorded as soon as somebody does")
             if ctx.lockstep:

@@ -77,7 +77,7 @@ class SimParameters(Parameters, frozen=True, kw_only=True):
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="seed of the sensors' noise", extra=_FIXED)] = 0
     members: Annotated[
         tuple[str, ...],
-        Meta(description="nodes that lockstep waits for at each tick, the free mode at the start", extra=_FIXED),
+        Meta(description="nodes that lockstep waits for at each tick, the other modes at the start", extra=_FIXED),
     ] = ()
 
 

@@ -41,7 +41,7 @@ def run(ctx: Context[SimParameters]) -> None:
             Desk(stage, timing, node)
             JointDesk(stage, node)
             Properties(stage, timing, node, params, scene)
-            if params.mode == "free":
+            if params.mode != "lockstep":
                 gather(node.transport, params.members, ctx.idle, node.log)
             timing.begin()
             node.heart.state = "running"

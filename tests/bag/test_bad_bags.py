@@ -8,9 +8,6 @@ from pathlib import Path
 import pytest
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
-from rosbags.rosbag2 import StoragePlugin
-from rosbags.rosbag2 import Writer as RosWriter
-from rosbags.typesys import Stores, get_typestore
 
 from messages.geometry import Twist, Vector3
 from messages.rosgraph import Log
@@ -21,29 +18,8 @@ from services.bag.info import info
 from services.bag.reading import open_bag
 from services.bag.typed import Typed, why_not
 from services.runtime.errors import BadInput
+from tests.bag.foreign import of_rosbag2
 from tests.bag.make import START, make_bag
-
-STORE = get_typestore(Stores.ROS2_JAZZY)
-TWIST = "float64 x\n"
-
-
-def of_rosbag2(folder: Path) -> Path:
-    """A bag as ROS 2 would have written it, by rosbags."""
-    with RosWriter(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        twist = writer.add_connection("/cmd_vel", "geometry_msgs/msg/Twist", typestore=STORE)
-        log = writer.add_connection("/rosout", "rcl_interfaces/msg/Log", typestore=STORE)
-        battery = writer.add_connection("/battery", "sensor_msgs/msg/BatteryState", typestore=STORE)
-        types = STORE.types
-        vector, time = types["geometry_msgs/msg/Vector3"], types["builtin_interfaces/msg/Time"]
-        move = types["geometry_msgs/msg/Twist"](linear=vector(x=0.5, y=0, z=0), angular=vector(x=0, y=0, z=-1))
-        line = types["rcl_interfaces/msg/Log"](
-            stamp=time(sec=3, nanosec=4), level=30, name="n", msg="careful", file="f", function="g", line=7
-        )
-        for number in range(3):
-            writer.write(twist, START + number * 10**8, STORE.serialize_cdr(move, "geometry_msgs/msg/Twist"))
-        writer.write(log, START + 5, STORE.serialize_cdr(line, "rcl_interfaces/msg/Log"))
-        writer.write(battery, START + 6, b"\0\1\0\0" + bytes(100))
-    return folder
 
 
 def test_a_bag_of_ros_2_is_read(tmp_path: Path) -> None:

@@ -10,13 +10,16 @@ import pytest
 from mcap.writer import Writer as McapWriter
 
 from messages.geometry import Twist
+from messages.parameters import Parameter, ParameterValues
 from messages.requests import PAUSE, RESUME
 from messages.rosgraph import Clock
 from messages.std import Empty, String, Time
 from messages.topics import CLOCK, CMD_VEL, ODOM, ROBOT_DESCRIPTION, Quality, Topic
 from services.bag.channel import raw_channel
 from services.bag.folder import BagFolder
+from services.bag.reading import open_bag
 from services.bag.typed import unknown_record
+from services.player.latency import SETTINGS, recorded_latency
 from services.runtime.inputs import Input
 from services.runtime.node import Node
 from tests.bag.make import START, drive, make_bag, put
@@ -179,9 +182,24 @@ def test_what_cannot_be_played_ends_with_a_reason(network: Network, bag: Path, t
         ((str(bag), "--exclude", "("), 2, "not a regular expression"),
         ((str(bag), "--rate", "-1"), 2, "rate = -1.0"),
         ((str(bag), "--remap", "odom"), 2, "not a remapping rule"),
+        ((str(bag), "--latency", "1"), 2, "--latency is for --lockstep"),
         ((str(bag), "--wait", "0.3"), 1, "nobody has subscribed to"),
     ]
     for arguments, status, reason in cases:
         ended = Terminal(tmp_path).do("bag", "play", *arguments, "--connect", network.endpoint)
         assert (ended.status, reason in ended.err) == (status, True), (arguments, ended)
         assert "Traceback" not in ended.err
+
+
+@pytest.mark.parametrize(
+    ("mode", "latency", "wanted"), [("lockstep", 1, 1), ("lockstep", 0, 0), ("real", 1, 0), ("lockstep", "one", 0)]
+)
+def test_a_bag_tells_the_latency_of_its_run(tmp_path: Path, mode: str, latency: int | str, wanted: int) -> None:
+    values = tuple(Parameter(name=name, value=value) for name, value in (("mode", mode), ("latency", latency)))
+    with BagFolder(tmp_path / "bag") as made:
+        put(made, [("/clock", Clock(), 0), (SETTINGS, ParameterValues(set="/sim", values=values), 0)])
+    assert recorded_latency(open_bag(tmp_path / "bag")) == wanted
+
+
+def test_a_bag_of_others_tells_no_latency(bag: Path) -> None:
+    assert recorded_latency(open_bag(bag)) is None

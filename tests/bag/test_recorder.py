@@ -151,6 +151,23 @@ def test_a_full_disk_stops_nothing_and_is_told(tmp_path: Path) -> None:
     assert all((tmp_path / "bag" / each.name).stat().st_size <= 400_000 for each in (tmp_path / "bag").iterdir())
 
 
+@pytest.mark.parametrize("mode", ["real", "free"])
+def test_a_recording_begins_with_the_run(tmp_path: Path, mode: str) -> None:
+    terminal = Terminal(tmp_path)
+    fleet = tmp_path / "fleet.toml"
+    fleet.write_text(f'name = "f"\n[run]\nmode = "{mode}"\nends = "never"\n[[robot]]\nname = "r"\nmodel = "burger"\n')
+    ended = terminal.up(fleet, tmp_path / "run", "--record", "--duration", "2")
+    assert ended.status == 0, ended.err
+    found, typed, first = read(tmp_path / "run" / "bag"), Typed(), {}
+    for each in found:
+        first.setdefault(each.channel.topic, (each.sequence, each.publish_time))
+    for topic in ("/clock", "/tf", "/r/odom", "/r/ground_truth", "/r/joint_states", "/r/scan"):
+        assert first[topic] == (1, 0), topic
+    assert first["/r/imu"] == (1, 10_000_000), "one step is needed for a specific force"
+    clock = next(typed.message(each) for each in found if each.channel.topic == "/clock")
+    assert clock == Clock()
+
+
 def test_which_topics_are_recorded() -> None:
     def choose(**given: object) -> Selection:
         return Selection(RecorderParameters(**given), lambda name: name if name[0] == "/" else f"/r/{name}")  # type: ignore[arg-type]

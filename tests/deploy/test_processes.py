@@ -77,6 +77,14 @@ def test_lasers_are_recorded_where_nobody_waits_for_the_simulation() -> None:
     assert read_assignments(options(plan["logger"], "--fleet-param"))["scans"] is True
 
 
+def test_on_the_wall_clock_time_begins_with_the_recorder() -> None:
+    fleet = read_fleet(find_fleet("lab"))
+    recorded = msgspec.structs.replace(fleet, service=(*fleet.service, Member(kind="recorder")), run=Run(mode="real"))
+    plan = expand(recorded)
+    assert read_assignments(options(plan["sim"], "--fleet-param"))["members"] == ["/recorder"]
+    assert {each.name for each in plan.values() if each.begins} == {"sim", "recorder"}
+
+
 def test_what_the_end_of_each_means() -> None:
     plan = expand(read_fleet(find_fleet("lab")))
     assert {each.name for each in plan.values() if each.required} == {"router", "params", "sim", "grader"}

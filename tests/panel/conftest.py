@@ -32,28 +32,38 @@ SOON_S = 20.0
 
 
 class Watched:
-    """A fleet under the real supervisor, its panel, and a node of the test's own beside it."""
+    """A fleet of a file beside this one under the real supervisor, its panel, and a node of the test's own.
 
-    def __init__(self, folder: Path) -> None:
+    ``robots`` are the namespaces of those that drive, ``size`` is the number of its processes.
+    """
+
+    def __init__(self, folder: Path, file: str = "fleet.toml", robots: tuple[str, ...] = ROBOTS, size: int = 8) -> None:
         self.folder, self.port = folder, free_port()
+        self._file, self._robots, self._size = Path(__file__).with_name(file), robots, size
         self._stack = ExitStack()
 
     def __enter__(self) -> Self:
-        file = Path(__file__).with_name("fleet.toml")
-        command = ["-m", "deploy", "up", str(file), "--report", str(self.folder / "run"), "--port", str(self.port)]
+        command = [
+            "-m",
+            "deploy",
+            "up",
+            str(self._file),
+            "--report",
+            str(self.folder / "run"),
+            "--port",
+            str(self.port),
+        ]
         state = {"XDG_STATE_HOME": str(self.folder / "state")}
         self.up = self._stack.enter_context(Process([*command, "--no-view"], self.folder / "up.log", state))
         self.node = self._stack.enter_context(self.beside("tester"))
         self._state = self.node.read(FLEET_STATE)
-        self._truth = {robot: self.node.read(GROUND_TRUTH, f"{robot}/ground_truth") for robot in ROBOTS}
-        self._base = {robot: self.node.read(BASE_STATUS, f"{robot}/base_status") for robot in ROBOTS}
+        self._truth = {robot: self.node.read(GROUND_TRUTH, f"{robot}/ground_truth") for robot in self._robots}
+        self._base = {robot: self.node.read(BASE_STATUS, f"{robot}/base_status") for robot in self._robots}
         self.processes: dict[str, ProcessState] = {}
         self.truth: dict[str, Odometry] = {}
         self.base: dict[str, BaseStatus] = {}
-        self.wait(
-            lambda: len(self.processes) == 8 and all(p.state == "ready" for p in self.processes.values()), START_S
-        )
-        self.wait(lambda: len(self.truth) == len(self.base) == 3)
+        self.wait(self._all_ready, START_S)
+        self.wait(lambda: len(self.truth) == len(self.base) == len(self._robots))
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -86,7 +96,7 @@ class Watched:
         for state, _ in self._state.batch:
             assert isinstance(state, FleetState)
             self.processes = {each.name: each for each in state.processes}
-        for robot in ROBOTS:
+        for robot in self._robots:
             for truth, _ in self._truth[robot].batch:
                 self.truth[robot] = truth
             for base, _ in self._base[robot].batch:
@@ -115,7 +125,10 @@ class Watched:
     def begin_anew(self) -> None:
         """All robots to where they were spawned, at rest."""
         self.node.call(RESET_WORLD, Empty())
-        self.wait(lambda: all(map(self.stands, ROBOTS)))
+        self.wait(lambda: all(map(self.stands, self._robots)))
+
+    def _all_ready(self) -> bool:
+        return len(self.processes) == self._size and all(each.state == "ready" for each in self.processes.values())
 
 
 @pytest.fixture(scope="package")

@@ -11,6 +11,7 @@ from playwright.sync_api import Page, expect
 
 from messages.topics import CLOCK
 from tests.panel.conftest import ROBOTS, SOON_S, Pages, Watched
+from tests.panel.widgets import drawn, parameter, saved, slide
 from tests.processes import Process
 from tests.waiting import until
 
@@ -24,21 +25,6 @@ def point(page: Page, x: float, y: float) -> dict[str, float]:
     """Where a point of the world lies on the map."""
     at = page.evaluate("([x, y]) => window.elea.map.camera.toScreen(x, y)", [x, y])
     return {"x": at[0], "y": at[1]}
-
-
-def drawn(page: Page, line: str) -> float | None:
-    """The newest value of a line, as its plot's legend shows it."""
-    text = page.locator(f".chip:has-text('{line}') .value").first.inner_text()
-    return float(text) if text != "–" else None
-
-
-def parameter(page: Page, set_: str, name: str) -> str:
-    return f"details.set:has(.name:text-is('{set_}')) [data-name='{name}']"
-
-
-def slide(page: Page, widget: str, value: float) -> None:
-    """Drag a slider there."""
-    page.locator(f"{widget} input[type=range]").fill(str(value))
 
 
 def test_a_clicked_goal_makes_the_robot_go(fleet: Watched, pages: Pages) -> None:
@@ -164,9 +150,7 @@ def test_a_field_is_chosen_held_and_saved(fleet: Watched, pages: Pages) -> None:
     began = fleet.truth["/tb3_1"].header.stamp.ns
     fleet.wait(lambda: fleet.truth["/tb3_1"].header.stamp.ns > began + 2_000_000_000, what="two seconds of samples")
     page.click("#plots-pause")
-    with page.expect_download() as saving:
-        plot.locator("button:has-text('CSV')").click()
-    rows = saving.value.path().read_text().splitlines()
+    rows = saved(page, plot)
     assert rows[0] == "time [s],/tb3_1/odom pose.pose.position.y,/tb3_1/odom pose.pose.orientation.yaw"
     assert len(rows) > 10
     times = [float(row.split(",")[0]) for row in rows[1:]]

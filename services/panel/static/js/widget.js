@@ -102,6 +102,7 @@ export class Widget {
   update(value, origin) {
     const changed = JSON.stringify(value) !== JSON.stringify(this.value);
     this.value = value;
+    if (changed) this.refuse(""); // it was of a value that nobody wants any more
     say(this.origin, origin === "default" ? "" : origin);
     show(this.back, origin === "run" || origin === "saved");
     if (!this.held && !this.busy && document.activeElement !== this.box) this.write(value);

@@ -1,0 +1,87 @@
+"""The arm's gain in a real browser: a slider sets it, and the plot shows what the real arm makes of it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from math import radians, sin
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from services.arm import ArmParameters
+from tests.panel.conftest import SOON_S, Pages, Watched
+from tests.panel.widgets import drawn, parameter, saved, slide
+from tests.waiting import until
+
+SET, REFERENCE = "/robot_control", 30.0
+ARM = ArmParameters()
+NEAR = 0.002
+"""deg by which the error may differ from what statics says."""
+PAUSE_MS = 500
+"""Wall time between two saved files: Chromium refuses a page that offers many at once."""
+LINE = "robot_control/error"
+STILL_S = 1.0
+"""Simulation time over which the error must stand there."""
+
+
+@pytest.fixture(scope="module")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Watched]:
+    """In place of the fleet of this folder's other tests."""
+    with Watched(tmp_path_factory.mktemp("arm"), "arm.toml", robots=(), size=7) as watched:
+        yield watched
+
+
+def left(gain: float) -> float:
+    """The error [deg] at which the effort ``gain`` [N m/deg] times the error carries the arm's weight."""
+    error = 0.0
+    for _ in range(20):
+        error = ARM.gravity_torque * sin(radians(REFERENCE - error - ARM.gravity_rest)) / gain
+    return error
+
+
+def held(page: Page) -> list[float]:
+    """The errors of the last STILL_S that the page's plot holds; none when it does not hold so much yet."""
+    head, *rows = saved(page, page.locator(f".plot:has(.chip:has-text('{LINE}'))"))
+    assert head == f"time [s],/{LINE} data"
+    samples = [(float(time), float(error)) for time, error in (row.split(",") for row in rows)]
+    if not samples or samples[-1][0] - samples[0][0] < STILL_S:
+        return []
+    return [error for time, error in samples if time > samples[-1][0] - STILL_S]
+
+
+def stands(page: Page, error: float) -> bool:
+    """Whether the plot holds nothing but this error of late; looked up when its legend shows it, for so many files."""
+    shown = drawn(page, LINE)
+    if shown is None or abs(shown - error) > NEAR:
+        return False
+    page.wait_for_timeout(PAUSE_MS)
+    errors = held(page)
+    return len(errors) > 50 and all(abs(each - error) < NEAR for each in errors)
+
+
+def test_a_slider_changes_the_gain_and_the_plot_shows_it(pages: Pages) -> None:
+    page = pages.open("plots")
+    gain = parameter(page, SET, "ss_Kp")
+    box = page.locator(f"{gain} input[type=number]")
+    page.fill("input[placeholder='Filter parameters']", "ss_Kp")
+    expect(box).to_have_value("37.5")
+    assert left(37.5) == pytest.approx(0.374, abs=0.0005), "14.02 N m / 37.5 N m/deg"
+    until(lambda: stands(page, 0.374), SOON_S, "the plot holds the error that the usual gain leaves")
+
+    slide(page, gain, 0.276)  # the slider is finer at its low end: 1000 N m/deg times the cube of its place
+    expect(box).to_have_value("21")
+    expect(page.locator(f"{gain} .origin")).to_have_text("run")
+    until(lambda: stands(page, left(21.0)), SOON_S, "the plot holds the error that the new gain leaves")
+    assert left(21.0) == pytest.approx(14.02 / 21.0, rel=0.01)
+
+    box.fill("1200")
+    box.press("Enter")
+    expect(page.locator(f"{gain} .reason")).to_contain_text(re.compile(r"ss_Kp.*1200.*0.*1000"))
+    expect(box).to_have_value("21")
+    assert stands(page, left(21.0)), "what was refused has moved nothing"
+
+    page.click(f"{gain} button[title='Take back what was set']")
+    expect(box).to_have_value("37.5")
+    expect(page.locator(f"{gain} .reason")).to_be_hidden()
+    until(lambda: stands(page, left(37.5)), SOON_S, "it is as it was")

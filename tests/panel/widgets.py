@@ -1,0 +1,27 @@
+"""What a person does with the widgets and plots of the page, and reads off them."""
+
+from __future__ import annotations
+
+from playwright.sync_api import Locator, Page
+
+
+def drawn(page: Page, line: str) -> float | None:
+    """The newest value of a line, as its plot's legend shows it."""
+    text = page.locator(f".chip:has-text('{line}') .value").first.inner_text()
+    return float(text) if text != "–" else None
+
+
+def parameter(page: Page, set_: str, name: str) -> str:
+    return f"details.set:has(.name:text-is('{set_}')) [data-name='{name}']"
+
+
+def slide(page: Page, widget: str, value: float) -> None:
+    """Drag a slider there."""
+    page.locator(f"{widget} input[type=range]").fill(str(value))
+
+
+def saved(page: Page, plot: Locator) -> list[str]:
+    """All that a plot holds: the rows of its CSV, the first with the names."""
+    with page.expect_download() as saving:
+        plot.locator("button:has-text('CSV')").click()
+    return saving.value.path().read_text().splitlines()
