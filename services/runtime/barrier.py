@@ -22,6 +22,9 @@ from services.runtime.outputs import Output
 from services.runtime.transport import Inlet, Outlet, Transport
 from services.runtime.wire import member_id
 
+AGAIN_S = 2.0
+"""Wall time after which what was not seen or not answered at the start is looked for, and asked, again."""
+
 
 @dataclass
 class _Member:
@@ -32,7 +35,8 @@ class _Member:
     period_ns: int
     outlet: Outlet
     reads: set[str] = field(default_factory=set)
-    greeted: bool = False
+    greeting: bytes = b""
+    greeted_at: float = 0.0
     active: bool = False
     told: int = -1
     answer: Done | None = None
@@ -43,7 +47,7 @@ class _Member:
 class Barrier:
     """Waits for members.
 
-    ``idle`` is called with the inlet to wait on whenever it has to wait, ``now`` tells where the simulation stands.
+    ``idle`` is called with the inlet to wait on whenever it has to wait; ``now`` tells where the simulation stands.
     """
 
     def __init__(
@@ -70,17 +74,20 @@ class Barrier:
 
     def gather(self) -> None:
         """Block until the whole roster has joined and every member sees every other."""
-        started = reported = time.monotonic()
+        started = reported = looked = time.monotonic()
         while True:
+            if (now := time.monotonic()) - looked > AGAIN_S:
+                looked = now
+                for watch in (self._watch, self._reads_watch):
+                    watch.look()
             self.update()
             active = {member.node for member in self._members.values() if member.active}
             missing = [node for node in self._roster if node not in active]
             if not missing:
                 return
-            if time.monotonic() - reported > 5.0:
-                reported = time.monotonic()
-                waited = reported - started
-                self._log.warn(f"waiting for {', '.join(missing)} since {waited:.0f} s: did they start?")
+            if now - reported > 5.0:
+                reported = now
+                self._log.warn(f"waiting for {', '.join(missing)} since {now - started:.0f} s: did they start?")
             self._idle(self._inlet)
 
     def update(self) -> None:
@@ -107,9 +114,8 @@ class Barrier:
             elif entity.node in self._roster and entity.session not in self._members:
                 self._add(entity)
         for member in list(self._members.values()):
-            if not member.greeted and self._all_here():
-                member.greeted = True
-                self._tell(member, msgspec.structs.replace(self._now(), roster=self._present()))
+            if not member.active and self._all_here():
+                self._greet(member)
 
     def due(self, time_ns: int) -> bool:
         """Whether any member steps at this time."""
@@ -154,9 +160,18 @@ class Barrier:
 
     def _all_here(self) -> bool:
         """Greetings wait for the whole roster at the start; later ones go out at once."""
-        return bool(self._generation) and (
-            any(member.active for member in self._members.values()) or set(self._roster) <= set(self._present())
-        )
+        begun = any(member.active for member in self._members.values())
+        return bool(self._generation) and (begun or set(self._roster) <= set(self._present()))
+
+    def _greet(self, member: _Member) -> None:
+        """Greet a member, and again while it does not answer: either may be lost while links come up."""
+        if not member.greeting:
+            member.greeting = self._tell(member, msgspec.structs.replace(self._now(), roster=self._present()))
+        elif time.monotonic() - member.greeted_at > AGAIN_S:
+            self._outbox.put(member.outlet.put, member.greeting, b"")
+        else:
+            return
+        member.greeted_at = time.monotonic()
 
     def _add(self, entity: Entity) -> None:
         self._generation += 1
@@ -184,7 +199,8 @@ class Barrier:
         self.marks.members = {member.id for member in self._members.values()}
         self._stride = math.gcd(*(member.period_ns for member in self._members.values())) or 1
 
-    def _tell(self, member: _Member, go: Go) -> None:
+    def _tell(self, member: _Member, go: Go) -> bytes:
+        """Send what is new for the member with a Go; what was sent."""
         members: tuple[bytes, ...] = ()
         if member.told != self._generation:
             member.told = self._generation
@@ -192,7 +208,9 @@ class Barrier:
             members = (*(m.id for s, m in self._members.items() if s != own), self._own_id)
         marks, known, member.marks, member.known = member.marks, member.known, {}, {}
         leave = msgspec.structs.replace(go, members=members, marks=marks, known=known)
-        self._outbox.put(member.outlet.put, encode(leave), b"")
+        payload = encode(leave)
+        self._outbox.put(member.outlet.put, payload, b"")
+        return payload
 
     @property
     def _own_id(self) -> bytes:
@@ -211,11 +229,12 @@ class Barrier:
                 self._drop(done.session)
                 self._log.info(f"{member.node} has finished")
                 continue
-            if self._pending.get(done.session) == done.tick:
-                member.answer = done
-                continue
-            member.active = True
-            self._hear(done)
+            if not done.greets:
+                if self._pending.get(done.session) == done.tick:
+                    member.answer = done
+            elif not member.active:
+                member.active = True
+                self._hear(done)
 
     def _hear(self, done: Done) -> None:
         """Let through what a member says it has sent."""

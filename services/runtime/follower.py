@@ -26,6 +26,8 @@ class Follower:
         self._done: Outlet | None = None
         self._simulation = ""
         self._token: Token | None = None
+        self._answered = ""
+        self._answer = Done(session="", tick=0)
 
     def join(self) -> None:
         """Show readiness; every input is declared by now, so whoever sees this token reaches them."""
@@ -56,6 +58,13 @@ class Follower:
     def finish(self, tick: int, marks: Numbers, known: Numbers) -> None:
         """Report the step as taken."""
         self._tell(Done(session=self._transport.session, tick=tick, marks=marks, known=known))
+
+    def greet(self, tick: int, marks: Numbers, known: Numbers) -> None:
+        """Answer a greeting. One that comes again, as the answer was lost, gets the same answer."""
+        if self._answered != self._simulation:
+            self._answered = self._simulation
+            self._answer = Done(session=self._transport.session, tick=tick, marks=marks, known=known, greets=True)
+        self._tell(self._answer)
 
     def leave(self) -> None:
         """Tell the simulation not to wait any more."""

@@ -41,7 +41,7 @@ class Go(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
 class Done(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     """A step is taken; ``known`` holds what was sent before the fellows were certain to listen.
 
-    One that is ``leaving`` takes no more steps.
+    One that is ``leaving`` takes no more steps; one that ``greets`` answers a greeting, and stands for no step.
     """
 
     session: str
@@ -49,6 +49,7 @@ class Done(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     marks: Numbers = {}
     known: Numbers = {}
     leaving: bool = False
+    greets: bool = False
 
 
 read_go = decoder(Go)

@@ -153,6 +153,9 @@ class MemoryWatch:
     def take(self) -> TokenEvent | None:
         return self.events.popleft() if self.events else None
 
+    def look(self) -> None:
+        pass
+
 
 class MemoryToken:
     """A liveliness token."""

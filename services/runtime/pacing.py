@@ -153,7 +153,9 @@ class LockstepPacer:
             return None
         self._silence.heard(go.paused)
         if go.roster:
-            self._greeting, self._deadline = go, time.monotonic() + LINK_S
+            if self._greeting is None:
+                self._deadline = time.monotonic() + LINK_S
+            self._greeting = go
             self._link()
             return None
         if go.paused:
@@ -177,4 +179,4 @@ class LockstepPacer:
                 return
             self._node.log.warn(f"not all of {', '.join(self._greeting.roster)} in sight after {LINK_S} s")
         tick, self._greeting = self._greeting.tick, None
-        self._follower.finish(tick, *greeting_numbers(self._node.outputs))
+        self._follower.greet(tick, *greeting_numbers(self._node.outputs))

@@ -118,6 +118,10 @@ class Watch(Protocol):
         """The oldest event waiting, or None."""
         ...
 
+    def look(self) -> None:
+        """Ask anew which tokens are there: one that was missed while links came up is then told of."""
+        ...
+
 
 class Transport(Protocol):
     """A connection to the network, closed by ``with``."""

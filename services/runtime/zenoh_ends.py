@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import zenoh
@@ -100,11 +101,21 @@ class ZenohServer(Mailbox):
 class ZenohWatch(Mailbox):
     """Liveliness events, in order, each change once: while links come up, Zenoh may tell of a token twice."""
 
-    def __init__(self) -> None:
+    def __init__(self, ask: Callable[[], Iterable[str]]) -> None:
         super().__init__()
+        self._ask = ask
         self._alive: set[str] = set()
+        self._found: deque[TokenEvent] = deque()
+
+    def look(self) -> None:
+        for key in self._ask():
+            if key not in self._alive:
+                self._alive.add(key)
+                self._found.append(TokenEvent(key, True))
 
     def take(self) -> TokenEvent | None:
+        if self._found:
+            return self._found.popleft()
         while self.items:
             sample = self.items.popleft()
             key, alive = str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT

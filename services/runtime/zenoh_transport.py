@@ -107,7 +107,7 @@ class ZenohTransport:
         return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
 
     def watch(self, pattern: str) -> ZenohWatch:
-        watch = ZenohWatch()
+        watch = ZenohWatch(lambda: self.tokens(pattern))
         handler = self._handing_over(watch)
         watch.handle = self._zenoh.liveliness().declare_subscriber(pattern, handler, history=True)
         return watch

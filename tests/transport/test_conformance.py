@@ -211,6 +211,7 @@ def test_tokens_come_and_go(connect: Connect) -> None:
     until(seen(1))
     late = other.token("@elea/x/late")
     until(seen(2))
+    watch.look()  # what is known is not told again
     early.close()
     until(seen(3))
     other.close()

@@ -1,0 +1,84 @@
+"""The start of lockstep where the network loses something: greetings and answers go again, and count once."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+import pytest
+
+from services.runtime import barrier
+from services.runtime.barrier import Barrier
+from services.runtime.errors import Stopped
+from services.runtime.follower import Follower
+from services.runtime.lockstep import Go
+from services.runtime.memory_transport import MemoryBus
+from services.runtime.node import Node
+from services.runtime.service import STEP_NS
+from services.runtime.transport import Transport
+from tests.runtime.bench import node
+from tests.waiting import until
+
+MARKS = {"truth": {b"m" * 16: 7}}
+"""Numbers that a member tells with its answer."""
+
+
+@pytest.fixture(autouse=True)
+def _soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(barrier, "AGAIN_S", 0.05)
+
+
+def _node(transport: Transport, name: str) -> Node:
+    return node(MemoryBus(), name, transport=transport)
+
+
+class Waiting:
+    """A simulation that gathers one member, in a thread."""
+
+    def __init__(self, made: Node) -> None:
+        self.node = made
+        self.barrier = Barrier(made.transport, made.outbox, ("/m",), made.log, made.wait, self.go)
+        self._thread = threading.Thread(target=self._gather)
+        self._thread.start()
+
+    def go(self) -> Go:
+        return Go(simulation=self.node.transport.session, tick=0, time=0, epoch=0)
+
+    def _gather(self) -> None:
+        try:
+            self.barrier.gather()
+        except Stopped:
+            return
+
+    @property
+    def gathered(self) -> bool:
+        return not self._thread.is_alive()
+
+    def end(self) -> None:
+        self.node.stopping = not self.gathered
+        self._thread.join(10)
+
+
+def test_a_lost_greeting_goes_again_and_a_lost_answer_is_given_again_the_same(connect: Callable[[], Transport]) -> None:
+    with connect() as here, connect() as there, _node(here, "sim") as made, _node(there, "m") as member:
+        follower = Follower(member.transport, "/m", STEP_NS)
+        sim = Waiting(made)
+        try:
+            follower.join()
+
+            def greeted() -> bool:
+                return (go := follower.take()) is not None and go.roster == ("/m",)
+
+            until(greeted, what="a first greeting, which counts as lost")
+            until(greeted, what="the second")
+            assert not sim.gathered
+            follower.greet(0, MARKS, {})
+            until(lambda: sim.gathered, what="the answer")
+        finally:
+            sim.end()
+        assert sim.barrier.marks.reached == MARKS
+        sim.barrier.release(sim.go(), [])
+        follower.greet(0, {"late": {b"m" * 16: 1}}, {})  # it comes again, as before, and stands for no step
+        follower.finish(0, {"truth": {b"m" * 16: 8}}, {})
+        sim.barrier.collect(0)
+        assert sim.barrier.marks.reached == {"truth": {b"m" * 16: 8}}
