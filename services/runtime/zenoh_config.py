@@ -57,7 +57,7 @@ def configuration(
                     "lease": 2000,
                     "keep_alive": 4,
                     "queue": {
-                        "size": {each: 16 if role == "router" else 2 for each in ("data", "real_time")},
+                        "size": dict.fromkeys(("data", "real_time"), 16 if role == "router" else 2),
                         "congestion_control": {
                             "drop": {"wait_before_drop": 1_000_000 if reliable else 1_000},
                             "block": {"wait_before_close": 5_000_000 if reliable else 1_000_000},
