@@ -126,7 +126,7 @@ def test_played_back_it_makes_the_same_commands(recorded: Recorded, tmp_path: Pa
     own file, 1.
     """
     schedule = [msgspec.to_builtins(each) for each in read_fleet(find_fleet("lab")).change]
-    members = {"/params": {"schedule": schedule}}
+    members: dict[str, dict[str, object]] = {"/params": {"schedule": schedule}}
     for node in ("/tb3_1/waypoint", "/p3dx/square", "/arm/reference", "/arm/arm"):
         members[node] = stated(recorded, node)
     played = ("/clock", "/tb3_1/odom", "/p3dx/odom", "/p3dx/ground_truth", "/arm/joint_states")
@@ -136,7 +136,7 @@ def test_played_back_it_makes_the_same_commands(recorded: Recorded, tmp_path: Pa
             namespace, _, kind = node.rpartition("/")
             wait = () if kind == "params" else ("--await-params",)
             network.start(kind, "--lockstep", "--namespace", namespace or "/", *wait, *options(parameters))
-        again = {"output": str(tmp_path / "again"), "topics": commands, "members": list(members)}
+        again: dict[str, object] = {"output": str(tmp_path / "again"), "topics": commands, "members": list(members)}
         recorder = network.start("recorder", "--lockstep", *options(again))
         ended = recorded.terminal.do(
             *("bag", "play", str(recorded.bag), *(word for each in played for word in ("--topics", each))),
