@@ -21,6 +21,7 @@ from deploy.report.notes import notes
 from deploy.report.record import Effective, Report, RunFacts
 from deploy.report.write import write_report
 from deploy.supervisor.child import Nursery
+from deploy.supervisor.log_file import log_name
 from deploy.supervisor.node_bus import node_bus
 from deploy.supervisor.supervisor import Outcome, Supervisor
 from deploy.supervisor.warden import Warden
@@ -41,13 +42,15 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     trouble: str = ""
 
     def status(self, fleet: Fleet) -> int:
-        """The exit status of ``up``: 0 when the run ended as it should and every check holds, else 1 or INTERRUPTED.
+        """The exit status of ``up``: 0 when all processes ended as they should and every check holds, else 1 or
+        INTERRUPTED.
 
         A fleet that never ends by itself is meant to be interrupted.
         """
         if self.outcome.ended == "interrupted" and fleet.run.ends != "never":
             return INTERRUPTED
-        return 0 if self.outcome.ended != "failed" and self.report is not None and self.report.ok else 1
+        well = self.outcome.ended != "failed" and not self.outcome.complaints
+        return 0 if well and self.report is not None and self.report.ok else 1
 
 
 def run_fleet(fleet: Fleet, terms: Terms, screen: Screen) -> Result:
@@ -82,6 +85,8 @@ def run_fleet(fleet: Fleet, terms: Terms, screen: Screen) -> Result:
             warden.close()
         if outcome.ended != "graded":
             screen.say(f"the fleet ended: {outcome.reason}")
+        for name in outcome.complaints:
+            screen.say(f"{name} ended with an error: {_last_line(terms.folder / 'logs' / log_name(name))}")
         found = notes(fleet) + note(told, own, fleet)
         return _graded(fleet, terms.folder, outcome, started, found, effective(told, own))
 
@@ -97,6 +102,15 @@ async def _until_end(supervisor: Supervisor, screen: Screen) -> Outcome:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         loop.add_signal_handler(number, interrupt)
     return await supervisor.run()
+
+
+def _last_line(log: Path) -> str:
+    """What a process said last, else where to look."""
+    try:
+        lines = log.read_text(errors="replace").splitlines()
+    except OSError:
+        lines = []
+    return lines[-1] if lines else f"see {log}"
 
 
 def _graded(

@@ -22,10 +22,15 @@ PATIENCE_S = (5.0, 3.0)
 """Wall time that a process has to end after SIGINT, then after SIGTERM; SIGKILL follows."""
 
 _NOT_STARTED = 127
+_ERRORS = (1, 2)
+"""Exit statuses by which a service tells of an error."""
 
 
 class Life:
-    """One process of a fleet. ``changed`` is called with it at each change of state."""
+    """One process of a fleet. ``changed`` is called with it at each change of state.
+
+    One that ``complains`` was well when it was asked to end, and then ended with an error of its own.
+    """
 
     def __init__(
         self,
@@ -40,6 +45,7 @@ class Life:
         self.ready = asyncio.Event()
         self.restarts: list[float] = []
         self.note = ""
+        self.complains = False
         self._reason = ""
         self._nursery, self._changed, self._dice, self._grace = nursery, changed, dice, grace
         self._needs: Sequence[Life] = ()
@@ -94,6 +100,7 @@ class Life:
             self.ready.clear()
             child = self._child
             if child is not None and child.status is None:
+                was_ready = self.state == "ready"
                 self._enter("stopping")
                 for number, seconds in zip((signal.SIGINT, signal.SIGTERM), patience, strict=True):
                     child.signal(number)
@@ -102,6 +109,7 @@ class Life:
                 else:
                     child.signal(signal.SIGKILL)
                     await child.ended()
+                self.complains = was_ready and child.status in _ERRORS
             if self.state not in ("finished", "failed"):
                 self._enter("stopped")
 

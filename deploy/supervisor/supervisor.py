@@ -32,12 +32,14 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     """How a run ended: its grader finished, a required process failed, or it was interrupted.
 
     ``wall_seconds`` counts from the moment when simulation time could begin, from the start if that never came.
+    ``complaints`` are the processes that ended with an error when they were asked to end.
     """
 
     ended: Ended
     reason: str
     wall_seconds: float
     restarts: int
+    complaints: tuple[str, ...] = ()
 
 
 class Witness(Protocol):
@@ -92,7 +94,8 @@ class Supervisor:
         finally:
             self.hurry()
         restarts = sum(len(life.restarts) for life in self.lives.values())
-        return Outcome(ended=ended, reason=reason, wall_seconds=wall, restarts=restarts)
+        complaints = tuple(name for name, life in self.lives.items() if life.complains)
+        return Outcome(ended=ended, reason=reason, wall_seconds=wall, restarts=restarts, complaints=complaints)
 
     def interrupt(self) -> None:
         """End the fleet in an orderly way; asked again, end it at once."""

@@ -34,6 +34,9 @@ def configuration(
     each other. Leases of 2 s on both sides, because each side waits for the lease that the *other* announces; retries
     after 0.1 to 0.5 s, because the default of 4 s leaves a fleet dumb after its router returns. Shared memory is off:
     a receiver keeps 17 MB for each sender that restarts. ``reliable`` (lockstep) never drops for want of room.
+
+    A router, which waits for nobody, queues 16 batches for each link in place of 2: of a lockstep fleet at full speed,
+    clients lost 27 of 49,500 samples, mostly commands, each a batch of its own; and then none.
     """
     listens = tuple(endpoint(each) for each in listen) or (("tcp/127.0.0.1:0",) if role == "direct" else ())
     tree: dict[str, Any] = {
@@ -54,10 +57,11 @@ def configuration(
                     "lease": 2000,
                     "keep_alive": 4,
                     "queue": {
+                        "size": dict.fromkeys(("data", "real_time"), 16 if role == "router" else 2),
                         "congestion_control": {
                             "drop": {"wait_before_drop": 1_000_000 if reliable else 1_000},
                             "block": {"wait_before_close": 5_000_000 if reliable else 1_000_000},
-                        }
+                        },
                     },
                 },
                 "rx": {"max_message_size": LARGEST_MESSAGE},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -33,6 +34,30 @@ from services.runtime.main import main
 main(SERVICE)
 """
 """A recorder whose files cannot grow beyond a limit: the kernel refuses it as it does on a full disk."""
+
+SHORT_OF_SPACE = """
+import resource
+from dataclasses import replace
+from services.recorder import SERVICE
+from services.recorder.loop import run as record
+from services.runtime.main import main
+
+def run(ctx):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))
+    record(ctx)
+
+main(replace(SERVICE, run=run))
+"""
+FLEET = """
+name = "f"
+[run]
+ends = "goals"
+duration = 30
+[[robot]]
+name = "r"
+model = "burger"
+services = [{ kind = "waypoint", parameters = { goals = [[1.5, 0.0]] } }]
+"""
 
 
 @pytest.fixture(scope="module")
@@ -149,6 +174,19 @@ def test_a_full_disk_stops_nothing_and_is_told(tmp_path: Path) -> None:
     assert numbers
     assert numbers == sorted(set(numbers)), "whole chunks, each once"
     assert all((tmp_path / "bag" / each.name).stat().st_size <= 400_000 for each in (tmp_path / "bag").iterdir())
+
+
+def test_a_run_whose_bag_is_not_whole_says_so(tmp_path: Path) -> None:
+    """The run itself is as good as ever: its report says that all checks hold."""
+    terminal = Terminal(tmp_path)
+    (tmp_path / "limited.py").write_text(SHORT_OF_SPACE)
+    fleet = tmp_path / "fleet.toml"
+    fleet.write_text(FLEET + '[[service]]\nkind = "limited.py"\nparameters = { output = "bag", resume = true }\n')
+    ended = terminal.up(fleet, tmp_path / "run", "--no-saved")
+    assert ended.status == 1, ended.err
+    assert "recorder ended with an error" in ended.err
+    assert "messages are missing from" in ended.err
+    assert json.loads((tmp_path / "run" / "report.json").read_text())["ok"] is True
 
 
 @pytest.mark.parametrize("mode", ["real", "free"])
