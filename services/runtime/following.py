@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 AUTHORITY = PARAMS_ANNOUNCE.name.rpartition("/")[0]
 """The node of the parameter service: ``/params``."""
 
+SIGHT_S = 0.25
+"""Wall time that a starting node looks for a parameter service which it does not see at once."""
 START_S = 2.0
 """Wall time that a starting node waits for the parameter service's answer, when that is there."""
 AWAIT_S = 10.0
@@ -77,6 +79,8 @@ class Following:
         """
         if not self.there:
             self._look()
+            if wait and not self._quiet and self._transport.settle_s:
+                self._look_again()
         self._sets.append(followed)
         if not self.there:
             self._miss("no parameter service is there: running on its own values; it is followed when it comes")
@@ -112,6 +116,13 @@ class Following:
         member, own = publisher[:MEMBER_BYTES], publisher_id(AUTHORITY, "", key)
         same = publisher[:NODE_BYTES] == own[:NODE_BYTES] and publisher[MEMBER_BYTES:] == own[MEMBER_BYTES:]
         return same and self.marks is not None and member in self.marks.members
+
+    def _look_again(self) -> None:
+        """While links come up, a service that is there may be out of sight for a moment."""
+        deadline = time.monotonic() + SIGHT_S
+        while not self.there and time.monotonic() < deadline:
+            time.sleep(SIGHT_S / 5)
+            self._look()
 
     def _introduce(self, followed: Followed[Any]) -> None:
         announced = announcement(self._node, followed)

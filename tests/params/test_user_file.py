@@ -69,9 +69,11 @@ def test_the_parameters_of_a_file_are_set_checked_followed_and_kept(tmp_path: Pa
         commands.until(0.3, 0.2)
         assert mine.stop() == 0
 
-        again = network.run(file, "--namespace", "tb3_0")
+        network.run(file, "--namespace", "tb3_0")
         commands.until(0.3, 0.0)
-        assert "speed = 0.3 (saved)" in again.text
+        status, said = elea(network, tmp_path, "param", "get", SET)
+        (line,) = (each for each in said.splitlines() if "speed" in each)
+        assert (status, "0.3" in line, "saved" in line) == (0, True, True), said
 
 
 class Commands:
