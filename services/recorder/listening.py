@@ -71,6 +71,7 @@ class Listening:
             self._node.log.warn(f"{topic} is {entity.record}, which is unknown here: it is kept as MessagePack")
         described = _topic(topic, record or unknown_record(entity.record), entity.detail)
         self.heard[topic] = self._node.read(described, topic, raw=record is None)
+        self._node.turn()  # a hundred subscriptions on a busy machine take longer than a heartbeat may
 
 
 def _topic(name: str, record: type[Message], quality: str) -> Topic[Any]:
