@@ -9,9 +9,6 @@ import click
 
 from services.runtime.process import ROOT
 
-ALL = ("--numprocesses", "logical", "--dist", "loadfile")
-"""How all tests run: as many at a time as there are cores, those of a file one after the other."""
-
 
 @click.command("test", context_settings={"ignore_unknown_options": True, "help_option_names": []})
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
@@ -19,4 +16,4 @@ def command(arguments: tuple[str, ...]) -> None:
     """Run the tests of the project; the arguments are pytest's, with paths from the project's folder."""
     os.chdir(ROOT)
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    os.execve(sys.executable, [sys.executable, "-P", "-m", "pytest", *(arguments or ALL)], environment)
+    os.execve(sys.executable, [sys.executable, "-P", "-m", "pytest", *arguments], environment)

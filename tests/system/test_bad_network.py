@@ -57,7 +57,12 @@ def driver(running: World) -> Process:
 
 @pytest.fixture(scope="module")
 def session(running: World) -> Iterator[zenoh.Session]:
+    """A foreign session that those whom it will bother can hear: what is put before its links are up is lost."""
     with stranger(running.network.endpoint) as made:
+        for key in ("tb3_0/e_stop", "tb3_0/goal_pose", "tb3_0/cmd_vel"):
+            publisher = made.declare_publisher(key)
+            until(lambda p=publisher: p.matching_status.matching, WITHIN_S, f"somebody who hears {key}")  # type: ignore[misc]
+            publisher.undeclare()
         yield made
 
 
