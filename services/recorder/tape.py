@@ -56,6 +56,11 @@ class Tape:
 
     def take(self) -> None:
         """What has come since the last call, in the order in which it was sent."""
+        clock = self._listening.clock
+        # Inputs are emptied in turn: what a clock told meanwhile belongs before what came after it.
+        early = clock.batch
+        clock.admit()
+        clock.batch = [*early, *clock.batch]
         wall, since = time.time_ns(), self._since
         heard: list[tuple[int, Heard]] = []
         sources = {**self._listening.heard, CLOCK.name: self._listening.clock}
