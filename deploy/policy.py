@@ -10,6 +10,9 @@ from msgspec import Meta
 
 When = Literal["never", "on-failure", "always"]
 
+BAD_INPUT = 2
+"""Exit status after which a process is not started again: what it was given is wrong, and would be again."""
+
 JITTER = 0.2
 """Largest part by which a pause is lengthened or shortened, so that what fell together does not rise together."""
 
@@ -48,15 +51,20 @@ class Failed(msgspec.Struct, frozen=True):
 Verdict = Finished | Restart | Failed
 
 
-def after_exit(policy: Policy, restarts: Sequence[float], now: float, status: int, chance: float) -> Verdict:
+def after_exit(
+    policy: Policy, restarts: Sequence[float], now: float, status: int, chance: float, said: str = ""
+) -> Verdict:
     """What follows an exit.
 
     ``restarts`` holds the times [s] of earlier restarts on the clock of ``now``; ``status`` is the exit status,
-    negative for a signal, as in ``subprocess``; ``chance`` in [0, 1) draws the jitter.
+    negative for a signal, as in ``subprocess``; ``chance`` in [0, 1) draws the jitter; ``said`` is what it said last.
+    As systemd's RestartPreventExitStatus, BAD_INPUT counts whatever the policy says.
     """
     if status == 0 and policy.when != "always":
         return Finished()
     how = describe_exit(status)
+    if status == BAD_INPUT:
+        return Failed(f"{how}: {said}" if said else how)
     if policy.when == "never":
         return Failed(how)
     recent = sum(1 for each in restarts if now - each < policy.window)

@@ -78,6 +78,7 @@ class Progress:
         self._started = time.monotonic()
         self._complete = False
         self._quoted: set[str] = set()
+        self._starved: set[str] = set()
 
     def saw(self, life: Life, fleet: FleetState) -> None:
         """A process has changed its state."""
@@ -102,10 +103,22 @@ class Progress:
             self._quoted.add(words)
             self._screen.say(f"  {words}")
 
+    def _tell_starved(self, lives: Sequence[Life]) -> None:
+        """Say once of each process that the machine is too busy for it."""
+        now = time.monotonic()
+        for life in lives:
+            if (silent := life.starved(now)) and life.process.name not in self._starved:
+                self._starved.add(life.process.name)
+                self._screen.say(
+                    f"{life.process.name}: no heartbeat for {silent:.1f} s, it waits for a processor: "
+                    "this machine is too busy for the fleet"
+                )
+
     def turned(self, lives: Sequence[Life]) -> None:
         """Another look at heartbeats is done."""
         for line in self._news():
             self._screen.say(line)
+        self._tell_starved(lives)
         waiting = [life.process.name for life in lives if life.state in ("waiting", "starting", *_TROUBLE)]
         notes = [life.note for life in lives if life.process.kind in ("grader", "sim") and life.note]
         if any(life.state == "stopping" for life in lives):

@@ -26,6 +26,7 @@ class Quality(Enum):
     COMMAND = "newest wins, express, ahead of everything else"
     EVENT = "every one arrives, the sender waits"
     LATCHED = "every one arrives, and the last of each publisher reaches late joiners"
+    VITAL = "newest wins, in a queue of its own that no flood of data fills"
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +92,7 @@ UPDATES = Topic(
     "~parameter_updates", ParameterValues, 0, Quality.LATCHED, "a set's values, after each change", 1 << 20, "/params"
 )
 ROSOUT = Topic("/rosout", Log, 0, Quality.EVENT, "the log of every node")
-HEALTH = Topic("/health", Health, 0, Quality.SENSOR, "heartbeat of every node, once a second of wall time")
+HEALTH = Topic("/health", Health, 0, Quality.VITAL, "heartbeat of every node, once a second of wall time")
 FLEET_STATE = Topic("/supervisor/state", FleetState, 0, Quality.LATCHED, "the processes of the fleet")
 
 TOPICS: tuple[Topic[Message], ...] = (

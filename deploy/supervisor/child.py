@@ -6,6 +6,8 @@ import asyncio
 import os
 import signal
 import subprocess
+import threading
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -13,14 +15,17 @@ from deploy.supervisor.log_file import log_name, pump
 from deploy.supervisor.warden import Warden
 from services.runtime.process import PARENT, ROOT
 
+_LAST_WORDS_S = 0.5
+"""Wall time in which the log of a process that has ended must be complete."""
+
 
 class Child:
     """A running process; whoever starts it awaits ``ended``, which also ends what the process left in its group."""
 
-    def __init__(self, popen: subprocess.Popen[bytes], warden: Warden) -> None:
+    def __init__(self, popen: subprocess.Popen[bytes], warden: Warden, log: threading.Thread) -> None:
         self.pid = popen.pid
         self.status: int | None = None
-        self._popen, self._warden = popen, warden
+        self._popen, self._warden, self._log = popen, warden, log
         warden.guard(self.pid)
 
     def signal(self, number: signal.Signals) -> None:
@@ -35,6 +40,7 @@ class Child:
             os.killpg(self.pid, signal.SIGKILL)
             self.status = self._popen.wait()
             self._warden.release(self.pid)
+            await self._written()
         return self.status
 
     async def ended_within(self, seconds: float) -> bool:
@@ -44,6 +50,12 @@ class Child:
         except TimeoutError:
             return False
         return True
+
+    async def _written(self) -> None:
+        """Wait until its last words are in the log; whoever else holds the pipe may keep it open for longer."""
+        deadline = time.monotonic() + _LAST_WORDS_S
+        while self._log.is_alive() and time.monotonic() < deadline:
+            await asyncio.sleep(0.005)
 
 
 class Nursery:
@@ -86,8 +98,7 @@ class Nursery:
             raise
         finally:
             os.close(into)
-        pump(out, self.log(name))
-        return Child(popen, self._warden)
+        return Child(popen, self._warden, pump(out, self.log(name)))
 
 
 async def _exit_of(pid: int) -> None:

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import random
 import signal
 import time
 from collections.abc import Callable, Sequence
 from typing import Literal
 
-from deploy.policy import Failed, Finished, Restart, after_exit, describe_exit
+from deploy.policy import BAD_INPUT, Failed, Finished, Restart, after_exit, describe_exit
 from deploy.process import Process
 from deploy.supervisor.child import Child, Nursery
-from deploy.supervisor.log_file import note
-from deploy.supervisor.pulse import GRACE_S, Pulse
+from deploy.supervisor.log_file import last_words, note
+from deploy.supervisor.processor import Look
+from deploy.supervisor.pulse import GRACE_S, LIMIT_S, Pulse
 from messages.elea import Health, ProcessState
+from services.runtime.errors import TRY_AGAIN
 
 State = Literal["waiting", "starting", "ready", "backing off", "stopping", "stopped", "finished", "failed"]
 
@@ -22,7 +25,8 @@ PATIENCE_S = (5.0, 3.0)
 """Wall time that a process has to end after SIGINT, then after SIGTERM; SIGKILL follows."""
 
 _NOT_STARTED = 127
-_ERRORS = (1, 2)
+_WORTH_TELLING_S = 0.1
+_ERRORS = (1, BAD_INPUT, TRY_AGAIN)
 """Exit statuses by which a service tells of an error."""
 
 
@@ -50,7 +54,7 @@ class Life:
         self._nursery, self._changed, self._dice, self._grace = nursery, changed, dice, grace
         self._needs: Sequence[Life] = ()
         self._child: Child | None = None
-        self._pulse = Pulse(0.0)
+        self._pulse, self._look = Pulse(0.0), Look()
         self._hung = ""
         self._task: asyncio.Task[None] | None = None
         self._ending = asyncio.Lock()
@@ -72,15 +76,28 @@ class Life:
 
     def judge(self, now: float, late: bool) -> None:
         """Kill the process if it hangs. It is excused while the judge is ``late`` himself, or when what it depends on
-        is down: its heartbeats may not get through then.
+        is down: its heartbeats may not get through then. Time in which it, or the judge, waits for a processor does not
+        count: a restart would wait as well.
         """
         if self._child is None or self.state not in ("starting", "ready"):
             return
         if late or not all(need.well(now) for need in self._needs):
             self._pulse.excuse(now)
-        elif self._pulse.hangs(now):
+        if not self._pulse.is_late(now):
+            self._look.forget()
+            return
+        self._pulse.defer(self._look.held_up(now))
+        if self._pulse.hangs(now):
             self._hung = f"no heartbeat for {self._pulse.silence(now):.1f} s"
+            if self._pulse.held_up > _WORTH_TELLING_S:
+                self._hung += f", {self._pulse.held_up:.1f} s of them in wait for a processor"
             self._child.signal(signal.SIGKILL)
+
+    def starved(self, now: float) -> float:
+        """For how long [s] it has been silent because the machine is busy; 0 when it beats in time."""
+        silent = self._pulse.silence(now)
+        alive = self.state == "ready" and silent > LIMIT_S
+        return silent if alive and self._pulse.held_up > _WORTH_TELLING_S else 0.0
 
     def well(self, now: float) -> bool:
         """Whether it runs and beats."""
@@ -133,7 +150,9 @@ class Life:
                 await need.ready.wait()
             status = await self._run_once()
             how = self._hung or describe_exit(status)
-            match after_exit(self.process.policy, self.restarts, time.monotonic(), status, self._dice.random()):
+            said = last_words(self._nursery.log(self.process.name))
+            now, chance = time.monotonic(), self._dice.random()
+            match after_exit(self.process.policy, self.restarts, now, status, chance, said):
                 case Finished():
                     return self._enter("finished", how)
                 case Failed(reason):
@@ -152,7 +171,7 @@ class Life:
         except OSError as error:
             note(log, f"cannot start {self.process.argv[0]}: {error}")
             return _NOT_STARTED
-        self._pulse = Pulse(time.monotonic(), self._grace)
+        self._pulse, self._look = Pulse(time.monotonic(), self._grace), Look(self._child.pid, os.getpid())
         self._enter("starting")
         try:
             return await self._child.ended()

@@ -61,10 +61,10 @@ class NodeBus:
 
 @contextmanager
 def node_bus(router: str, domain: str = "", sets: Iterable[str] = ()) -> Iterator[NodeBus]:
-    """The bus that meets the others at the endpoint ``router``, which may come later, and hears these sets."""
+    """The bus that meets the others at the endpoint ``router``, which the supervisor starts, and hears these sets."""
     identity = Identity.of("supervisor")
     with (
-        ZenohTransport(configuration("direct", (router,), domain=domain)) as transport,
+        ZenohTransport(configuration("direct", (router,), domain=domain, first=True), settle_s=0.0) as transport,
         Node(transport, identity, "supervisor", Log(identity.node)) as node,
     ):
         yield NodeBus(node, sets)

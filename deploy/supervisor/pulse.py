@@ -11,6 +11,9 @@ LIMIT_S = MISSED * PERIOD_S
 GRACE_S = 20.0
 """Wall time that a process has for its first heartbeat: imports, models and links, on a busy machine."""
 
+LOOK_S = LIMIT_S / 2
+"""Wall time before that limit from which on it is looked at why no heartbeat comes."""
+
 RECOVERY_S = 3.0
 """Wall time in which heartbeats must come again after what carries them was down."""
 
@@ -20,16 +23,27 @@ class Pulse:
 
     def __init__(self, now: float, grace: float = GRACE_S) -> None:
         self.beaten = False
+        self.held_up = 0.0
+        """Time [s] of the present silence in which it could not beat, as far as it was looked at."""
         self._last, self._deadline = now, now + grace
 
     def heard(self, now: float) -> None:
         """A heartbeat has come."""
-        self.beaten = True
+        self.beaten, self.held_up = True, 0.0
         self._last, self._deadline = now, now + LIMIT_S
 
     def excuse(self, now: float, seconds: float = RECOVERY_S) -> None:
         """Silence is not its fault at present: it has ``seconds`` from now."""
         self._deadline = max(self._deadline, now + seconds)
+
+    def defer(self, seconds: float) -> None:
+        """For ``seconds`` it could not beat, whatever it did: they do not count."""
+        self.held_up += seconds
+        self._deadline += seconds
+
+    def is_late(self, now: float) -> bool:
+        """Whether it is time to look for the reason of its silence."""
+        return now > self._deadline - self.held_up - LOOK_S
 
     def well(self, now: float) -> bool:
         """Whether it beats, at most one beat late."""

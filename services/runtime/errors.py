@@ -2,6 +2,7 @@
 
 EleaError
 ├── BadInput (ValueError)        a file, flag, name or value from outside is wrong       -> exit status 2
+│   └── TryAgain                 it is wrong for now: a name taken, a network out of reach -> exit status 75
 ├── CallFailed (RuntimeError)    a request was refused, or nobody answered in time
 │   └── NoAnswer                 nobody serves it, or nobody answered in time
 ├── NoTransform (LookupError)    where one frame lies in another cannot be told
@@ -17,6 +18,9 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+TRY_AGAIN = 75
+"""Exit status after TryAgain: EX_TEMPFAIL of sysexits(3)."""
+
 
 class EleaError(Exception):
     """Anything that this project raises on purpose."""
@@ -24,6 +28,10 @@ class EleaError(Exception):
 
 class BadInput(EleaError, ValueError):
     """Something from outside is wrong: the text says what, where, the limit and the likely cause."""
+
+
+class TryAgain(BadInput):
+    """What was asked for cannot be had for now, through no fault of its own: the same may work a moment later."""
 
 
 class CallFailed(EleaError, RuntimeError):

@@ -19,7 +19,7 @@ State = Literal["starting", "waiting", "running", "paused", "stopping"]
 
 
 class Heart:
-    """Beats when ``beat`` is called and a period has passed."""
+    """Beats when ``beat`` is called and a period has passed, or somebody begins to listen."""
 
     def __init__(self, node: str) -> None:
         self.state: State = "starting"
@@ -28,12 +28,15 @@ class Heart:
         self._node = node
         self._beats = 0
         self._due = 0.0
+        self._wanted = False
 
     def beat(self, output: Output[Health], inputs: Sequence[Input[Any]], outputs: Sequence[Output[Any]]) -> None:
         """Publish the node's health if it is time."""
-        now = time.monotonic()
-        if now < self._due:
+        now, wanted = time.monotonic(), output.wanted
+        if now < self._due and wanted <= self._wanted:
+            self._wanted = wanted
             return
+        self._wanted = wanted
         self._due = now + PERIOD_S
         self._beats += 1
         output.publish(

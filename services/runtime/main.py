@@ -12,7 +12,7 @@ from typing import Any
 import click
 import msgspec
 
-from services.runtime.errors import BadInput, EleaError, Stopped
+from services.runtime.errors import TRY_AGAIN, BadInput, EleaError, Stopped, TryAgain
 from services.runtime.parameters import bounds, build, describe, read_assignments, stated
 from services.runtime.service import Parameters, Service
 
@@ -38,7 +38,10 @@ def declaring() -> Iterator[None]:
 
 
 def main(service: Service) -> None:
-    """Parse the command line, run the service and end the process: status 0, 1 after an error, 2 for bad input."""
+    """Parse the command line, run the service and end the process.
+
+    Its status is 0, 1 after an error, 2 for bad input, and TRY_AGAIN when the same may work later.
+    """
     if _declaring.get():
         raise Declared(service)
     from services.runtime import process
@@ -74,7 +77,7 @@ def _run(service: Service, options: dict[str, Any]) -> int:
         status = 0
     except BadInput as error:
         sys.stderr.write(f"{service.name}: {error}\n")
-        status = 2
+        status = TRY_AGAIN if isinstance(error, TryAgain) else 2
     except EleaError as error:
         sys.stderr.write(f"{service.name}: {error}\n")
     process.end_within(process.CLOSE_S, status)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Self
@@ -13,8 +14,9 @@ import zenoh
 from zenoh.handlers import Callback, RingChannel
 
 from messages.topics import Quality
-from services.runtime.errors import BadInput
+from services.runtime.errors import TryAgain
 from services.runtime.transport import BEAT_S, Inlet, Reply
+from services.runtime.zenoh_config import OPEN_MS
 from services.runtime.zenoh_ends import (
     NUDGE,
     Mailbox,
@@ -31,36 +33,40 @@ from services.runtime.zenoh_ends import (
 # router keeps to the defaults: it has to pass on what it receives, and lost large messages under load with one thread.
 _THREADS = "(rx: (worker_threads: 1), acc: (handover: rx), net: (handover: rx))"
 
+_IN_TIME = 0.8
+"""Part of OPEN_MS within which a peer has opened because all its links are up, and not because time was up."""
+
 _DROP, _BLOCK = zenoh.CongestionControl.DROP, zenoh.CongestionControl.BLOCK
 _QUALITIES: dict[Quality, dict[str, Any]] = {
     Quality.SENSOR: {"congestion_control": _DROP, "priority": zenoh.Priority.DATA},
     Quality.COMMAND: {"congestion_control": _DROP, "priority": zenoh.Priority.REAL_TIME, "express": True},
     Quality.EVENT: {"congestion_control": _BLOCK, "priority": zenoh.Priority.DATA},
     Quality.LATCHED: {"congestion_control": _BLOCK, "priority": zenoh.Priority.DATA},
+    Quality.VITAL: {"congestion_control": _DROP, "priority": zenoh.Priority.INTERACTIVE_HIGH, "express": True},
 }
 
 
 class ZenohTransport:
     """One Zenoh session. A single small thread nudges the loop; no other Python thread exists."""
 
-    settle_s = 0.7  # mostly 0.01, at times 0.5
-
-    def __init__(self, configuration: dict[str, Any]) -> None:
-        self._configuration = configuration
+    def __init__(self, configuration: dict[str, Any], settle_s: float = 0.7) -> None:
+        self._configuration, self.settle_s = configuration, settle_s
         self._waiting: ZenohInlet | None = None
         self._poked = False
         self._awake = threading.Event()
         self.open = True
+        self.linked = False
 
     def __enter__(self) -> Self:
         zenoh.init_log_from_env_or("off")
-        wanted = self._configuration["connect"]["endpoints"]
+        wanted, began = self._configuration["connect"]["endpoints"], time.monotonic()
         try:
             with _few_threads(self._configuration["mode"] != "router"):
                 self._zenoh = zenoh.open(zenoh.Config.from_json5(json.dumps(self._configuration)))
         except zenoh.ZError as error:
             listens = self._configuration["listen"]["endpoints"]
-            raise BadInput(f"cannot join the network (connect {wanted}, listen {listens}): {error}") from None
+            raise TryAgain(f"cannot join the network (connect {wanted}, listen {listens}): {error}") from None
+        self.linked = self._found_all(time.monotonic() - began)
         self.session = str(self._zenoh.zid())
         self._ticker = threading.Thread(target=self._beat, name="nudge", daemon=True)
         self._ticker.start()
@@ -129,6 +135,13 @@ class ZenohTransport:
             self.open = False
             self._awake.set()
             self._zenoh.close()  # type: ignore[no-untyped-call]
+
+    def _found_all(self, seconds: float) -> bool:
+        """Whether everybody is in sight, after an opening that took so long."""
+        wanted, mode = self._configuration["connect"]["endpoints"], self._configuration["mode"]
+        if mode == "peer":
+            return bool(self._zenoh.info.routers_zid()) and seconds < _IN_TIME * OPEN_MS / 1e3
+        return mode == "client" or not wanted
 
     def _handing_over(self, mailbox: Mailbox) -> Callback[Any]:
         def hand_over(item: Any) -> None:

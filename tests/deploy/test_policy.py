@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deploy.policy import Failed, Finished, Policy, Restart, Verdict, after_exit
+from deploy.policy import Failed, Finished, Policy, Restart, Verdict, When, after_exit
+from services.runtime.errors import TRY_AGAIN
 
 MIDDLE = 0.5
 """A chance that draws no jitter."""
@@ -64,6 +65,16 @@ def test_restarts_leave_the_window_one_by_one() -> None:
 )
 def test_first_exit(when: str, status: int, verdict: Verdict) -> None:
     assert replay(Policy(when=when), [(1.0, status)]) == [verdict]  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("when", ["never", "on-failure", "always"])
+def test_what_was_given_bad_input_is_not_started_again(when: When) -> None:
+    assert after_exit(Policy(when=when), [], 1.0, 2, MIDDLE, "no file a.csv") == Failed("exit status 2: no file a.csv")
+    assert after_exit(Policy(when=when), [0.5], 1.0, 2, MIDDLE) == Failed("exit status 2")
+
+
+def test_what_may_work_a_moment_later_is_tried_again() -> None:
+    assert replay(Policy(), [(0.1, TRY_AGAIN)] * 2) == [Restart(0.1), Restart(0.2)]
 
 
 def test_no_restart_at_all_with_a_limit_of_zero() -> None:

@@ -51,7 +51,7 @@ def test_the_graph_shows_what_a_node_declares(bus: MemoryBus) -> None:
         seen = {(e.kind, e.name, e.record, e.detail) for e in snapshot(made.transport) if e.node == "/tb3_0/waypoint"}
     assert seen == {
         ("node", "waypoint", "-", "-"),
-        ("pub", "/health", "elea_msgs/Health", "SENSOR"),
+        ("pub", "/health", "elea_msgs/Health", "VITAL"),
         ("pub", "/rosout", "rosgraph_msgs/Log", "EVENT"),
         ("pub", "/tb3_0/cmd_vel", "geometry_msgs/Twist", "COMMAND"),
         ("sub", "/tb3_0/odom", "nav_msgs/Odometry", "SENSOR"),
