@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
+from itertools import islice
 from typing import Any, Generic, TypeVar
 
 from messages.base import FAULTS, Message, bare_decoder
@@ -35,8 +36,8 @@ class Input(Generic[M]):
     def __init__(self, topic: Topic[M], name: str, key: str, transport: Transport, raw: bool = False) -> None:
         self.topic, self.name, self.key = topic, name, key
         self.encoding = encoding(topic.record.ROS_TYPE)
-        capacity = EVENTS if topic.quality is Quality.EVENT else CAPACITY
-        self.inlet: Inlet = transport.subscribe(key, capacity, topic.quality is Quality.LATCHED)
+        self._capacity = EVENTS if topic.quality is Quality.EVENT else CAPACITY
+        self.inlet: Inlet = transport.subscribe(key, self._capacity, topic.quality is Quality.LATCHED)
         self.batch: list[tuple[M, Origin | None]] = []
         self.received = self.lost = self.refused = self.foreign = 0
         self.reason = ""
@@ -100,9 +101,10 @@ class Input(Generic[M]):
         )
 
     def _drain(self) -> list[tuple[M, Origin | None]]:
+        """What is there, at most as much as the ring holds: in a flood, more comes for as long as one takes."""
         taken: list[tuple[M, Origin | None]] = []
-        take, open_ = self.inlet.take, self._open
-        while (sample := take()) is not None:
+        open_ = self._open
+        for sample in islice(iter(self.inlet.take, None), self._capacity):
             if (entry := open_(sample)) is not None:
                 taken.append(entry)
         return taken

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from itertools import islice
 from typing import NamedTuple, Protocol
 
 from messages.base import WrongPayload, decoder
@@ -18,6 +19,9 @@ from services.runtime.wire import detach, encoding
 
 SILENCE_S = 0.5
 """Wall time without a clock after which the loop calls itself waiting."""
+
+_CLOCKS = 16
+"""Clocks kept, and taken in one go; only the newest counts."""
 
 
 class Instant(NamedTuple):
@@ -85,7 +89,7 @@ class ClockPacer:
     def __init__(self, node: Node, period_ns: int) -> None:
         transport = node.transport
         self._key, self._encoding = node.identity.key(CLOCK.name), encoding(Clock.ROS_TYPE)
-        self.inlet = transport.subscribe(self._key, 16)
+        self.inlet = transport.subscribe(self._key, _CLOCKS)
         self._read = decoder(Clock)
         self._period_ns = period_ns
         self._node = node
@@ -98,8 +102,7 @@ class ClockPacer:
 
     def next(self) -> Instant | None:
         clock, simulation = None, b""
-        while (sample := self.inlet.take()) is not None:
-            payload, attachment, source = sample
+        for payload, attachment, source in islice(iter(self.inlet.take, None), _CLOCKS):
             if self.inlet.key(source) != self._key or self.inlet.encoding(source) not in ("", self._encoding):
                 continue
             try:

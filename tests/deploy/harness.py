@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -99,6 +100,14 @@ def gone(pid: int) -> bool:
         return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:
         return True
+
+
+def own_silence(log: str) -> float:
+    """For how long the process that was killed last had been silent while it could have beaten [s]."""
+    said = re.findall(r"no heartbeat for ([\d.]+) s(?:, ([\d.]+) s of them in wait for a processor)?", log)
+    assert said, log
+    silent, held_up = said[-1]
+    return float(silent) - float(held_up or 0)
 
 
 FAST = Policy(first=0.05, longest=0.2, limit=3)

@@ -60,3 +60,6 @@ HOPELESS = _HEAD.format(topology="direct") + _service(
     "crash_at_once", "required = true\nrestart = { first = 0.05, longest = 0.1, limit = 2 }"
 )
 """It cannot do without what cannot start."""
+
+UNFIT = _HEAD.format(topology="direct") + _service("bad_input", "required = true")
+"""It cannot do without what was told something wrong."""

@@ -7,13 +7,22 @@ from pathlib import Path
 import pytest
 
 from tests.faults.fleet import START_S, Fleet
-from tests.faults.fleets import HOPELESS
+from tests.faults.fleets import HOPELESS, UNFIT
 from tests.waiting import until
 
 
 @pytest.mark.usefixtures("alone")
-def test_a_fleet_ends_with_what_it_cannot_do_without(tmp_path: Path) -> None:
-    with Fleet(HOPELESS, 0, tmp_path) as fleet:
+@pytest.mark.parametrize(
+    ("description", "name", "said", "lives", "reason"),
+    [
+        (HOPELESS, "crash_at_once", "the lidar does not answer", 3, "exit status 1; restarted 2 times within 30 s"),
+        (UNFIT, "bad_input", "the configuration is bad", 1, "exit status 2: the configuration is bad"),
+    ],
+)
+def test_a_fleet_ends_with_what_it_cannot_do_without(
+    tmp_path: Path, description: str, name: str, said: str, lives: int, reason: str
+) -> None:
+    with Fleet(description, 0, tmp_path) as fleet:
 
         def ended() -> bool:
             fleet.count()
@@ -21,5 +30,7 @@ def test_a_fleet_ends_with_what_it_cannot_do_without(tmp_path: Path) -> None:
 
         until(ended, START_S, "the fleet to end")
         assert fleet.supervisor.status == 1
-        assert "the fleet ended: crash_at_once failed" in fleet.supervisor.text
+        assert f"the fleet ended: {name} failed: {reason}" in fleet.supervisor.text
+        own = [line for line in fleet.log(name).splitlines() if not line.startswith("---")]
+        assert own.count(said) == lives
         assert fleet.left() == []

@@ -9,6 +9,7 @@ import pytest
 
 from messages.std import Bool
 from messages.topics import E_STOP
+from services.runtime.errors import TRY_AGAIN
 from tests.faults.track import STANDING
 from tests.teleop.drive import FULL, WITHIN_S, Drive, driving, seated, smooth
 from tests.teleop.seat import Seat, Strokes, well_held
@@ -162,7 +163,7 @@ def test_after_an_error_the_terminal_is_as_it_was(fault: str, status: int) -> No
 
 def test_a_second_teleop_of_a_robot_is_refused(drive: Drive) -> None:
     with seated(drive), Seat(["-m", "deploy", "teleop", "--connect", drive.network.endpoint]) as second:
-        assert second.wait() == 2
+        assert second.wait() == TRY_AGAIN
         until(lambda: "a node /rover/teleop is already there" in second.text, WITHIN_S, "the reason")
         assert second.attributes == second.before
 

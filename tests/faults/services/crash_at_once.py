@@ -1,8 +1,8 @@
-"""Its configuration is bad: it ends before it has joined the network."""
+"""It lacks what it needs: it ends before it has joined the network."""
 
 from __future__ import annotations
 
 import sys
 
-sys.stderr.write("the configuration is bad\n")
-sys.exit(2)
+sys.stderr.write("the lidar does not answer\n")
+sys.exit(1)
