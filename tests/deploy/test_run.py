@@ -19,6 +19,7 @@ import pytest
 from deploy.run_fleet import INTERRUPTED
 from services.runtime.process import ROOT
 from tests.deploy.harness import gone
+from tests.ports import free_port
 
 FLEET = """
 name = "one"
@@ -41,9 +42,7 @@ class Desk:
     def __init__(self, folder: Path) -> None:
         self.folder, self.results = folder, folder / "results"
         self._environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_STATE_HOME": str(folder / "state")}
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.port = int(probe.getsockname()[1])
+        self.port = free_port()
 
     def fleet(self, mode: str, ends: str, goals: str, topology: str = "direct") -> str:
         """A fleet file of one robot."""
