@@ -1,10 +1,19 @@
-"""A skipped test is a failure where nobody looks at the output: in CI."""
+"""For all tests: fleets that a developer runs stay out of sight, and in CI a skipped test is a failure."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 
 import pytest
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """What commands note of the fleets that run, for the commands of this test run alone."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        yield
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:

@@ -58,7 +58,7 @@ def router(place: Place, asked: bool) -> Iterator[Finding]:
             yield ok("router", f"{place.router} joined within {took:.2f} s, {len(_nodes(entities))} nodes")
             yield from nodes(entities, _beats(transport))
     except BadInput as error:
-        yield fail("router", str(error), _advice(running()))
+        yield fail("router", str(error), _advice(place.router, running()))
 
 
 def nodes(entities: Sequence[Entity], beats: dict[str, Health]) -> Iterator[Finding]:
@@ -115,10 +115,13 @@ def _troubled(beats: dict[str, Health]) -> bool:
     return any(b.state == "waiting" or any(i.lost or i.refused for i in b.inputs) for b in beats.values())
 
 
-def _advice(fleets: Sequence[Running]) -> str:
-    if not fleets:
-        return "start a fleet: ./elea up; or name its router with --connect"
-    return "the fleet may be starting, or its router hang: ./elea ps, ./elea logs router, ./elea restart router"
+def _advice(router: str, fleets: Sequence[Running]) -> str:
+    port = router.rpartition(":")[2]
+    if any(str(each.port) == port for each in fleets):
+        return "the fleet may be starting, or its router hang: ./elea ps, ./elea logs router, ./elea restart router"
+    advice = "start a fleet: ./elea up; or name its router with --connect"
+    elsewhere = ", ".join(f"{each.fleet} with --port {each.port}" for each in fleets)
+    return f"{advice}; running: {elsewhere}" if elsewhere else advice
 
 
 def _taken(port: int) -> bool:

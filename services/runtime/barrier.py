@@ -16,7 +16,7 @@ from messages.topics import Quality
 from services.runtime.graph import Entity, pattern
 from services.runtime.lockstep import CAPACITY, ENCODING, Done, Go, done_key, go_key, numbers, read_done
 from services.runtime.log import Log
-from services.runtime.marks import Marks, Numbers, merge
+from services.runtime.marks import Marks, Numbers
 from services.runtime.outbox import Outbox
 from services.runtime.outputs import Output
 from services.runtime.transport import Inlet, Outlet, Transport
@@ -66,7 +66,8 @@ class Barrier:
         self._inlet = transport.subscribe(done_key(transport.session), CAPACITY)
         self._reads_watch = transport.watch(pattern("sub"))
         self._watch = transport.watch(pattern("step"))
-        self._reads: dict[str, set[str]] = {}
+        self._readers: dict[str, set[str]] = {}
+        """The sessions that read a key."""
         self._members: dict[str, _Member] = {}
         self._pending: dict[str, int] = {}
         self._generation = 0
@@ -100,8 +101,8 @@ class Barrier:
         while (event := self._reads_watch.take()) is not None:
             entity = Entity.parse(event.key)
             if entity is not None:
-                reads = self._reads.setdefault(entity.session, set())
-                (reads.add if event.alive else reads.discard)(key_of(entity.name))
+                readers = self._readers.setdefault(key_of(entity.name), set())
+                (readers.add if event.alive else readers.discard)(entity.session)
         for token in tokens:
             entity = Entity.parse(token.key)
             if entity is None:
@@ -188,7 +189,6 @@ class Barrier:
             return False
         self._generation += 1
         self._pending.pop(session, None)
-        self._reads.pop(session, None)
         self._count()
         self._outbox.release()
         member.outlet.close()
@@ -245,6 +245,7 @@ class Barrier:
     def _spread(self, news: Numbers, kind: str, sender: str = "") -> None:
         """Keep the numbers for every member that reads the key."""
         for key, reached in news.items():
-            for session, member in self._members.items():
-                if session != sender and key in self._reads.get(session, ()):
-                    merge(getattr(member, kind), {key: reached})
+            for session in self._readers.get(key, ()):
+                if session != sender and (member := self._members.get(session)) is not None:
+                    kept: Numbers = getattr(member, kind)
+                    kept.setdefault(key, {}).update(reached)

@@ -8,9 +8,9 @@ from typing import Literal
 
 from messages.names import BadName, mangle, unmangle
 from messages.names import key as absolute
-from services.runtime.transport import Transport
+from services.runtime.transport import TOKENS, Transport
 
-ROOT = "@elea"
+ROOT = TOKENS
 EVERYTHING = f"{ROOT}/*/*/*/*/*/*"
 
 _SESSION = re.compile(r"[0-9a-f]{1,32}")

@@ -52,7 +52,7 @@ class Input(Generic[M]):
         """Take what has come. With ``marks`` (lockstep), members' samples wait until their tick is over."""
         fresh = self._drain()
         if marks is None:
-            self.batch = [*self._held, *fresh]
+            self.batch = [*self._held, *fresh] if self._held else fresh
             self._held.clear()
             return
         if awaited := marks.awaited.get(self.key):

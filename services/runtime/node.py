@@ -114,6 +114,7 @@ class Node:
 
     def call(self, request: Request[Q, R], message: Q, timeout: float = DEADLINE_S, name: str | None = None) -> R:
         """Ask another node; raises CallFailed. The caller's loop stands still until the reply or the deadline."""
+        self.outbox.release()
         return call(self.transport, request, self.identity.key(name or request.name), message, timeout)
 
     def show_step(self, period_ns: int) -> None:

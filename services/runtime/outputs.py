@@ -6,7 +6,7 @@ from typing import Generic, TypeVar
 
 from messages.base import Message, encode
 from messages.elea import OutputHealth
-from messages.topics import Topic
+from messages.topics import Quality, Topic
 from services.runtime.outbox import Outbox
 from services.runtime.transport import Transport
 from services.runtime.wire import attach, encoding, publisher_id
@@ -31,7 +31,9 @@ class Output(Generic[M]):
         self.sent = self.marked = 0
         self._record = topic.record
         self._outlet = transport.publish(key, encoding(topic.record.ROS_TYPE), topic.quality)
-        self._put, self._outbox = self._outlet.put, outbox or Outbox()
+        # A command waits for no burst, or what holds it back would act later.
+        self._put = self._outlet.put
+        self._outbox = Outbox() if outbox is None or topic.quality is Quality.COMMAND else outbox
 
     def publish(self, message: M) -> None:
         """Send ``message``; raises TypeError when it is not the topic's record."""

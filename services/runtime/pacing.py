@@ -164,13 +164,17 @@ class LockstepPacer:
         if go.paused:
             return None
         self._step = go
+        # The simulation waits for commands and Done; all else that the step tells leaves behind them, in one go.
+        self._node.outbox.hold()
         return Instant(go.time, go.epoch, go.simulation)
 
     def finish(self) -> None:
         assert self._step is not None
         self._follower.finish(self._step.tick, numbers(self._node.outputs), {})
+        self._node.outbox.release()
 
     def leave(self) -> None:
+        self._node.outbox.release()
         self._follower.leave()
 
     def _link(self) -> None:

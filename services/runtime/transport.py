@@ -15,6 +15,8 @@ from messages.topics import Quality
 
 BEAT_S = 0.1
 """``wait`` returns at least this often [s of wall time]."""
+TOKENS = "@elea"
+"""First chunk of the key of every token."""
 
 
 Sample = tuple[bytes, bytes, Any]
@@ -160,11 +162,11 @@ class Transport(Protocol):
         ...
 
     def token(self, key: str) -> Token:
-        """Show that this process lives, for as long as the token is kept."""
+        """Show that this process lives, for as long as the token is kept; ``key`` begins with the chunk TOKENS."""
         ...
 
     def tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
-        """The tokens there are now."""
+        """The tokens that are in sight now; on a fresh connection, those whose links are up."""
         ...
 
     def watch(self, pattern: str) -> Watch:

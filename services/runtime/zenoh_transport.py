@@ -11,15 +11,16 @@ from contextlib import contextmanager
 from typing import Any, Self
 
 import zenoh
-from zenoh.handlers import Callback, RingChannel
+from zenoh.handlers import Callback, FifoChannel, RingChannel
 
 from messages.topics import Quality
 from services.runtime.errors import TryAgain
-from services.runtime.transport import BEAT_S, Inlet, Reply
+from services.runtime.transport import BEAT_S, TOKENS, Inlet, Reply
 from services.runtime.zenoh_config import OPEN_MS
 from services.runtime.zenoh_ends import (
     NUDGE,
     Mailbox,
+    ZenohCensus,
     ZenohInlet,
     ZenohOutlet,
     ZenohPending,
@@ -35,6 +36,8 @@ _THREADS = "(rx: (worker_threads: 1), acc: (handover: rx), net: (handover: rx))"
 
 _IN_TIME = 0.8
 """Part of OPEN_MS within which a peer has opened because all its links are up, and not because time was up."""
+_MOST_TOKENS = 1 << 20
+"""Answers that a question for tokens can hold; a fleet of twelve processes has 400."""
 
 _DROP, _BLOCK = zenoh.CongestionControl.DROP, zenoh.CongestionControl.BLOCK
 _QUALITIES: dict[Quality, dict[str, Any]] = {
@@ -68,6 +71,10 @@ class ZenohTransport:
             raise TryAgain(f"cannot join the network (connect {wanted}, listen {listens}): {error}") from None
         self.linked = self._found_all(time.monotonic() - began)
         self.session = str(self._zenoh.zid())
+        self._census = ZenohCensus()
+        if self._configuration["mode"] != "client":  # the router answers a client, and whole
+            hear = Callback(self._census.hear, indirect=False)
+            self._census.handle = self._zenoh.liveliness().declare_subscriber(f"{TOKENS}/**", hear, history=True)
         self._ticker = threading.Thread(target=self._beat, name="nudge", daemon=True)
         self._ticker.start()
         return self
@@ -109,8 +116,10 @@ class ZenohTransport:
         return ZenohToken(self._zenoh.liveliness().declare_token(key))
 
     def tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
-        replies = self._zenoh.liveliness().get(pattern, timeout=timeout)
-        return sorted({str(reply.ok.key_expr) for reply in replies if reply.ok is not None})
+        # With Zenoh's own FIFO, 256 deep, a get that more tokens answer than fit never returns.
+        replies = self._zenoh.liveliness().get(pattern, FifoChannel(_MOST_TOKENS), timeout=timeout)
+        found = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+        return sorted(found | self._census.matching(pattern))
 
     def watch(self, pattern: str) -> ZenohWatch:
         watch = ZenohWatch(lambda: self.tokens(pattern))

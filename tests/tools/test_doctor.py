@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from deploy.claim import Running
 from deploy.commands.options import Place
 from deploy.doctor import installation, leftovers, machine, network, places, screen
 from messages.base import encode
@@ -65,6 +66,12 @@ def test_a_missing_router_fails_with_advice() -> None:
     assert "no router at" in line
     assert "-> start a fleet: ./elea up" in ran.stdout
     assert ran.stdout.splitlines()[-1].endswith("1 failures")
+
+
+def test_the_advice_is_about_the_router_that_was_asked_for() -> None:
+    lab = Running(fleet="lab", mode="real", port=7500, pid=1, folder="", started="")
+    assert "its router hang" in network._advice("tcp/127.0.0.1:7500", [lab])
+    assert network._advice("tcp/127.0.0.1:7447", [lab]).endswith("running: lab with --port 7500")
 
 
 def test_a_port_in_foreign_hands_is_told() -> None:

@@ -233,3 +233,20 @@ def test_closing_twice_does_no_harm(connect: Connect) -> None:
     transport = connect()
     transport.close()
     transport.close()
+
+
+def test_a_crowd_of_tokens_is_seen_whole_by_everyone(connect: Connect) -> None:
+    """Nine connections with 70 tokens each: more than Zenoh's own queue of answers holds."""
+    crowd = [connect() for _ in range(8)]
+    kept = [each.token(f"@elea/{number}/{token}") for number, each in enumerate(crowd) for token in range(70)]
+    newcomer = connect()
+    mine = newcomer.token("@elea/newcomer/0")
+    for each in (*crowd, newcomer):
+        until(lambda each=each: len(each.tokens("@elea/*/*")) == len(kept) + 1, what="all tokens")
+    for each in (*crowd, newcomer):
+        assert [len(each.tokens("@elea/*/*")) for _ in range(10)] == [len(kept) + 1] * 10
+    assert len(newcomer.tokens("@elea/3/*")) == 70
+    crowd[3].close()
+    until(lambda: not newcomer.tokens("@elea/3/*"), what="the end of them")
+    mine.close()
+    until(lambda: not crowd[0].tokens("@elea/newcomer/*"), what="the end of one")

@@ -1,0 +1,78 @@
+"""What leaves when: commands at once, then Done, then the rest of a step in one go; and nothing is forgotten."""
+
+from __future__ import annotations
+
+from messages.base import encode
+from messages.std import Float64
+from messages.topics import Quality, Topic
+from services.runtime.lockstep import Done, Go, done_key, go_key, read_done
+from services.runtime.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.node import Node
+from services.runtime.pacing import LockstepPacer
+from services.runtime.transport import Transport
+from tests.runtime.bench import node
+
+TRAIL = Topic("/trail", Float64, 50, Quality.SENSOR, "what nobody waits for")
+EFFORT = Topic("/effort", Float64, 50, Quality.COMMAND, "what the simulation waits for")
+
+
+class Peer:
+    """A simulation that lets one member step, and hears in what order it is answered."""
+
+    def __init__(self, transport: Transport, member: Node) -> None:
+        self._go = transport.publish(go_key(member.transport.session), "", Quality.EVENT)
+        self._session = transport.session
+        self._inlets = {
+            name: transport.subscribe(key, 8)
+            for name, key in (("effort", "effort"), ("done", done_key(transport.session)), ("trail", "trail"))
+        }
+        self.done = Done(session="", tick=0)
+
+    def release(self, tick: int) -> None:
+        self._go.put(encode(Go(simulation=self._session, tick=tick, time=tick, epoch=0)), attachment=b"")
+
+    def heard(self) -> dict[str, int]:
+        """How many samples of each kind have come since the last look."""
+        counts = {}
+        for name, inlet in self._inlets.items():
+            while (sample := inlet.take()) is not None:
+                counts[name] = counts.get(name, 0) + 1
+                if name == "done":
+                    self.done = read_done(sample[0])
+        return counts
+
+
+def test_commands_and_done_leave_before_the_rest_of_a_step() -> None:
+    bus = MemoryBus()
+    with MemoryTransport(bus) as outside, node(bus, "member") as member:
+        trail, effort = member.write(TRAIL), member.write(EFFORT)
+        peer, pacer = Peer(outside, member), LockstepPacer(member, 5_000_000)
+        peer.release(7)
+        assert pacer.next() is not None
+        trail.publish(Float64(data=1.0))
+        effort.publish(Float64(data=2.0))
+        trail.publish(Float64(data=3.0))
+        assert peer.heard() == {"effort": 1}, "a command waits for nothing"
+        member.outbox.held, burst = [], member.outbox.held
+        pacer.finish()
+        assert peer.heard() == {"done": 1}, "Done is in no burst"
+        assert (peer.done.tick, sorted(peer.done.marks)) == (7, ["effort", "trail"])
+        member.outbox.held = burst
+        member.outbox.release()
+        assert peer.heard() == {"trail": 2}
+        trail.publish(Float64(data=4.0))
+        assert peer.heard() == {"trail": 1}, "between steps everything leaves at once"
+
+
+def test_a_step_that_breaks_off_loses_nothing() -> None:
+    bus = MemoryBus()
+    with MemoryTransport(bus) as outside, node(bus, "member") as member:
+        trail = member.write(TRAIL)
+        peer, pacer = Peer(outside, member), LockstepPacer(member, 5_000_000)
+        peer.release(1)
+        assert pacer.next() is not None
+        trail.publish(Float64(data=1.0))
+        assert peer.heard() == {}
+        pacer.leave()
+        assert peer.heard() == {"trail": 1, "done": 1}
+        assert peer.done.leaving
