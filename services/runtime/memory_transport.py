@@ -27,7 +27,6 @@ class MemoryTransport:
     """One connection to a MemoryBus."""
 
     settle_s = 0.0
-    linked = True
 
     def __init__(self, bus: MemoryBus) -> None:
         self._bus = bus

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from typing import Any, Self, TypeVar
@@ -23,6 +22,7 @@ from services.runtime.log import Log
 from services.runtime.marks import Marks
 from services.runtime.outbox import Outbox
 from services.runtime.outputs import Output
+from services.runtime.register import present
 from services.runtime.transport import Inlet, Token, Transport
 
 M = TypeVar("M", bound=Message)
@@ -31,8 +31,6 @@ R = TypeVar("R", bound=Message)
 
 TAKEOVER_S = 1.5
 """Wall time in which the token of a predecessor that was killed must have gone."""
-GLANCE_S = 0.05
-"""Wall time between two looks for others of the name where everybody is in sight: a token on its way arrives in it."""
 CLOCK_PATIENCE_S = 2.0
 """Wall time without a first clock after which a node says so."""
 
@@ -52,7 +50,6 @@ class Node:
         self.clock_patience_s = CLOCK_PATIENCE_S
         self.stopping = False
         self._tokens: dict[tuple[Kind, str], Token] = {}
-        self._confirm_at = math.inf
 
     def __enter__(self) -> Self:
         self._claim()
@@ -126,8 +123,6 @@ class Node:
         """What every loop does again and again: end when asked, answer requests, beat."""
         if self.stopping:
             raise Stopped("the process was asked to end")
-        if time.monotonic() > self._confirm_at:
-            self._confirm()
         for served in self.served:
             served.answer()
         if self.following is not None:
@@ -151,41 +146,34 @@ class Node:
         """Take the node's name; raises TryAgain when another process holds it and does not go."""
         mine = Entity(self.transport.session, "node", self.identity.node, self.kind)
         self._tokens["node", self.identity.node] = self.transport.token(mine.key)
-        if self.transport.linked and self._alone(mine.session):
-            self._confirm_at = time.monotonic() + self.transport.settle_s
-            return
+        settle = self.transport.settle_s
+        if self._sees_everybody():
+            if not self._sessions("node") - {mine.session}:
+                return
+            settle *= 2  # the other may come at the same moment, and take as long to see everybody
         started = seen = time.monotonic()
         while True:
             rivals = self._rivals(mine.session)
             now = time.monotonic()
             # While links come up, a token that is there may be out of sight for a moment.
             seen = now if rivals else seen
-            if not rivals and now - seen >= self.transport.settle_s:
+            if not rivals and now - seen >= settle:
                 return
             if rivals and now - started > TAKEOVER_S:
-                raise self._taken(rivals[0])
+                raise TryAgain(
+                    f"a node {self.identity.node} is already there (session {rivals[0]}): "
+                    "give this one another --name or --namespace, or stop the other"
+                )
             time.sleep(0.02)
 
-    def _alone(self, mine: str) -> bool:
-        """Whether nobody else bears the name, nor asks for it at the same moment."""
-        for _ in range(2):
-            if self._sessions("node") - {mine}:
-                return False
-            time.sleep(GLANCE_S if self.transport.settle_s else 0.0)
-        return True
-
-    def _confirm(self) -> None:
-        """Two that took the name at the very same moment may not have seen each other: one of them goes now."""
-        self._confirm_at = math.inf
-        earlier = sorted(each for each in self._sessions("pub") if each < self.transport.session)
-        if earlier:
-            raise self._taken(earlier[0])
-
-    def _taken(self, session: str) -> TryAgain:
-        return TryAgain(
-            f"a node {self.identity.node} is already there (session {session}): "
-            "give this one another --name or --namespace, or stop the other"
-        )
+    def _sees_everybody(self) -> bool:
+        """Wait until everybody is in sight of whom the router knows; False when that cannot be told, or takes long."""
+        deadline = time.monotonic() + self.transport.settle_s
+        while (expected := present(self.transport)) is not None and time.monotonic() < deadline:
+            if expected <= set(self.transport.tokens(pattern("node"))):
+                return True
+            time.sleep(0.01)
+        return False
 
     def _rivals(self, mine: str) -> list[str]:
         """Sessions with a better claim to the name: those at work under it, else those that ask at the same moment."""

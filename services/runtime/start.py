@@ -28,7 +28,9 @@ def serve(service: Service, options: dict[str, Any]) -> None:
     if (options["lockstep"] and service.holds_lockstep) or service.observer:
         give_way()
     tree = _configuration(service, options)
-    with ZenohTransport(tree) as transport, Node(transport, identity, service.name, log) as node:
+    # Before a router nobody is there, unless it is to join others.
+    settle = {"settle_s": 0.0} if service.routes and not options["params"].link else {}
+    with ZenohTransport(tree, **settle) as transport, Node(transport, identity, service.name, log) as node:
 
         def stop() -> None:
             node.stopping = True

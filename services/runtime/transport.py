@@ -132,8 +132,6 @@ class Transport(Protocol):
     """The unique id of this connection, as hexadecimal digits."""
     open: bool
     """Whether it was not closed yet."""
-    linked: bool
-    """Whether everybody who was there when it was opened is in sight."""
     settle_s: float
     """Wall time in which links to the others come up; what is out of sight for longer is not there."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import threading
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Self
@@ -16,7 +15,6 @@ from zenoh.handlers import Callback, FifoChannel, RingChannel
 from messages.topics import Quality
 from services.runtime.errors import TryAgain
 from services.runtime.transport import BEAT_S, TOKENS, Inlet, Reply
-from services.runtime.zenoh_config import OPEN_MS
 from services.runtime.zenoh_ends import (
     NUDGE,
     Mailbox,
@@ -34,8 +32,6 @@ from services.runtime.zenoh_ends import (
 # router keeps to the defaults: it has to pass on what it receives, and lost large messages under load with one thread.
 _THREADS = "(rx: (worker_threads: 1), acc: (handover: rx), net: (handover: rx))"
 
-_IN_TIME = 0.8
-"""Part of OPEN_MS within which a peer has opened because all its links are up, and not because time was up."""
 _MOST_TOKENS = 1 << 20
 """Answers that a question for tokens can hold; a fleet of twelve processes has 400."""
 
@@ -58,18 +54,16 @@ class ZenohTransport:
         self._poked = False
         self._awake = threading.Event()
         self.open = True
-        self.linked = False
 
     def __enter__(self) -> Self:
         zenoh.init_log_from_env_or("off")
-        wanted, began = self._configuration["connect"]["endpoints"], time.monotonic()
+        wanted = self._configuration["connect"]["endpoints"]
         try:
             with _few_threads(self._configuration["mode"] != "router"):
                 self._zenoh = zenoh.open(zenoh.Config.from_json5(json.dumps(self._configuration)))
         except zenoh.ZError as error:
             listens = self._configuration["listen"]["endpoints"]
             raise TryAgain(f"cannot join the network (connect {wanted}, listen {listens}): {error}") from None
-        self.linked = self._found_all(time.monotonic() - began)
         self.session = str(self._zenoh.zid())
         self._census = ZenohCensus()
         if self._configuration["mode"] != "client":  # the router answers a client, and whole
@@ -144,13 +138,6 @@ class ZenohTransport:
             self.open = False
             self._awake.set()
             self._zenoh.close()  # type: ignore[no-untyped-call]
-
-    def _found_all(self, seconds: float) -> bool:
-        """Whether everybody is in sight, after an opening that took so long."""
-        wanted, mode = self._configuration["connect"]["endpoints"], self._configuration["mode"]
-        if mode == "peer":
-            return bool(self._zenoh.info.routers_zid()) and seconds < _IN_TIME * OPEN_MS / 1e3
-        return mode == "client" or not wanted
 
     def _handing_over(self, mailbox: Mailbox) -> Callback[Any]:
         def hand_over(item: Any) -> None:
