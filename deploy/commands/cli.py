@@ -56,6 +56,10 @@ def main() -> None:
             elea.main(prog_name="elea")
         finally:
             sys.stdout.flush()
+    except SystemExit as ended:
+        if "_ELEA_COMPLETE" in os.environ:
+            os._exit(0 if ended.code is None else int(ended.code))  # a question without an answer may still wait
+        raise
     except BadInput as error:
         sys.stderr.write(f"elea: {error}\n")
         sys.exit(2)
