@@ -10,7 +10,7 @@ FOUR = ["-n", "4", "--dist", "loadfile", "--no-loadscope-reorder"]
 
 
 @pytest.mark.parametrize(
-    "arguments", [[], ["tests/physics", "-x"], ["-k", "lockstep"], ["tests/live", "tests/ports.py"]]
+    "arguments", [[], ["tests/physics", "-x"], ["-k", "panel"], ["tests/live", "tests/ports.py"]]
 )
 def test_whole_folders_run_several_at_a_time(arguments: list[str]) -> None:
     assert at_a_time(arguments, 2) == FOUR
