@@ -12,7 +12,7 @@ from typing import Protocol
 from deploy.run_folder import write_state
 from deploy.supervisor.life import Life
 from deploy.supervisor.log_file import last_words, log_name
-from messages.elea import FleetState
+from messages.elea import FleetState, ProcessState
 from services.panel.address import FILE, read
 
 PLAIN_PERIOD_S = 10.0
@@ -85,8 +85,7 @@ class Progress:
         write_state(self._folder, fleet)
         shown = life.show()
         if life.state in _TROUBLE:
-            self._screen.say(f"{shown.name} {shown.state}: {shown.reason}; see ./elea logs {shown.name}")
-            self._quote(shown.name, shown.reason)
+            self._tell_trouble(life, shown)
         if life.process.kind == "panel" and life.state == "ready" and (page := read(self._folder / FILE)):
             self._screen.say(f"the page of this fleet: {page.url}")
         ready = sum(each.state == "ready" for each in fleet.processes)
@@ -96,10 +95,14 @@ class Progress:
         elif not self._complete and life.state == "ready":
             self._screen.say(f"{shown.name} ready ({ready} of {len(fleet.processes)})")
 
-    def _quote(self, name: str, reason: str) -> None:
-        """Why a process has ended itself, as it says, once."""
+    def _tell_trouble(self, life: Life, shown: ProcessState) -> None:
+        """What has happened to a process, and why it has ended itself, as it says, once."""
+        name, reason = shown.name, shown.reason
         words = last_words(self._folder / "logs" / log_name(name)) if reason.startswith("exit status") else ""
-        if words and words not in self._quoted:
+        if words and words in reason and life.process.required:
+            return  # the end of the fleet tells the same
+        self._screen.say(f"{name} {shown.state}: {reason}; see ./elea logs {name}")
+        if words and words not in reason and words not in self._quoted:
             self._quoted.add(words)
             self._screen.say(f"  {words}")
 

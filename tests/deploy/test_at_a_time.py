@@ -9,9 +9,7 @@ from deploy.commands.test import at_a_time
 FOUR = ["-n", "4", "--dist", "loadfile", "--no-loadscope-reorder"]
 
 
-@pytest.mark.parametrize(
-    "arguments", [[], ["tests/physics", "-x"], ["-k", "panel"], ["tests/live", "tests/ports.py"]]
-)
+@pytest.mark.parametrize("arguments", [[], ["tests/physics", "-x"], ["-k", "panel"], ["tests/live", "tests/ports.py"]])
 def test_whole_folders_run_several_at_a_time(arguments: list[str]) -> None:
     assert at_a_time(arguments, 2) == FOUR
     assert at_a_time(arguments, 64)[1] == "8"
