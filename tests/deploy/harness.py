@@ -36,6 +36,7 @@ class Stage:
         self.folder, self.bus, self.warden = folder, FileBus(folder), Warden()
         self.nursery = Nursery(folder, self.warden)
         self.seen: list[tuple[float, str, str]] = []
+        self.said: list[str] = []
         self._patience, self._grace = patience, grace
 
     def supervisor(self, *processes: Process) -> Supervisor:
@@ -49,6 +50,13 @@ class Stage:
         self.seen.append((time.monotonic(), life.process.name, life.state))
 
     def turned(self, lives: Sequence[Life]) -> None:
+        pass
+
+    def say(self, line: str) -> None:
+        """What a person is told, when this is the screen too."""
+        self.said.append(line)
+
+    def show(self, line: str) -> None:
         pass
 
     def states(self, name: str) -> list[str]:
