@@ -41,7 +41,8 @@ _QUALITIES: dict[Quality, dict[str, Any]] = {
     Quality.COMMAND: {"congestion_control": _DROP, "priority": zenoh.Priority.REAL_TIME, "express": True},
     Quality.EVENT: {"congestion_control": _BLOCK, "priority": zenoh.Priority.DATA},
     Quality.LATCHED: {"congestion_control": _BLOCK, "priority": zenoh.Priority.DATA},
-    Quality.VITAL: {"congestion_control": _DROP, "priority": zenoh.Priority.INTERACTIVE_HIGH, "express": True},
+    # Not express: what waits for the sending thread gathers in one packet, and is not one packet too many.
+    Quality.VITAL: {"congestion_control": _DROP, "priority": zenoh.Priority.INTERACTIVE_HIGH},
 }
 
 

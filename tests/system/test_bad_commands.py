@@ -1,4 +1,7 @@
-"""Command lines, fleet files and circumstances that cannot work: exit status 2 at once, and what to do about it."""
+"""Command lines, fleet files and circumstances that cannot work: exit status 2 at once, and what to do about it.
+
+What may work later, as it does when the other ends, has a status of its own.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from messages.topics import HEALTH
+from services.runtime.errors import TRY_AGAIN
 from tests.processes import Network, start_service
 from tests.system.terminal import Terminal
 from tests.system.watched import WITHIN_S, Watched
@@ -104,7 +108,7 @@ def test_router_on_a_taken_port(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         endpoint = f"tcp/127.0.0.1:{server.getsockname()[1]}"
         process = start_service("router", "--param", f"listen={endpoint}", logs=tmp_path)
-        assert process.wait(20.0) == 2
+        assert process.wait(20.0) == TRY_AGAIN
     assert endpoint in process.text
     assert "Traceback" not in process.text
 
@@ -115,7 +119,7 @@ def test_second_service_of_a_name(tmp_path: Path) -> None:
         first = network.start("waypoint", "--namespace", "tb3_0")
         until(lambda: any(each.pid == first.pid for each in health.all()), WITHIN_S, "the first one's heart")
         second = network.start("waypoint", "--namespace", "tb3_0")
-        assert second.wait(20.0) == 2
+        assert second.wait(20.0) == TRY_AGAIN
         assert "a node /tb3_0/waypoint is already there" in second.text
         assert "another --name or --namespace, or stop the other" in second.text
         beats = len(health.all())

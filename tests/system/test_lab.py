@@ -139,11 +139,11 @@ def same(one: Lap, other: Lap) -> None:
 
 
 def test_on_the_wall_clock(terminal: Terminal, first: Lap) -> None:
-    lap = drive(terminal, "real", terminal.folder / "short.toml", "--mode", "real", "--factor", "5")
+    lap = drive(terminal, "real", terminal.folder / "short.toml", "--mode", "real", "--factor", "2")
     assert (lap.run["mode"], lap.run["ended"]) == ("real", "goals")
     assert lap.ended.status == (0 if lap.report["ok"] else 1), lap.ended.err
     assert [lap.report["robots"][name]["points_reached"] for name in ROBOTS] == [2] * 4
-    assert lap.run["real_time_factor"] <= 5.1
+    assert lap.run["real_time_factor"] <= 2.04
     assert lap.run["trajectory_hash"] != first.run["trajectory_hash"]
 
 
