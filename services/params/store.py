@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -21,6 +21,11 @@ MEMORY = ":memory:"
 KEPT_REQUESTS = 4096
 """Replies kept for who asks again; a retry comes within seconds."""
 KEPT_CHANGES = 50_000
+"""Changes kept, of all sets together; older ones can neither be seen nor taken back."""
+KEPT_BYTES = 32 << 20
+"""Bytes of replies, and of changes, that are kept; the oldest go first."""
+_LOOK_WRITES, _LOOK_BYTES = 256, KEPT_BYTES // 8
+"""Writes, or bytes written, after which the file is looked through for what is too old to keep."""
 
 
 class NotSaved(EleaError):
@@ -36,11 +41,12 @@ class Kept(NamedTuple):
 
 
 class Undoable(NamedTuple):
-    """A change that an undo may take back."""
+    """A change that an undo may take back, or has ``undone`` already."""
 
     id: int
     back: Back
     run: bool
+    undone: bool
 
 
 @dataclass(frozen=True)
@@ -94,7 +100,7 @@ class Store:
 
     def __init__(self, connection: sqlite3.Connection) -> None:
         self._db = connection
-        self._writes = 0
+        self._writes = self._bytes = 0
         self._run_since = 0
 
     def sets(self) -> dict[str, Kept]:
@@ -128,15 +134,25 @@ class Store:
     def undoable(self, name: str) -> Undoable | None:
         """The newest change of a set that was not taken back yet."""
         row = self._db.execute(
-            'SELECT id, back, run FROM history WHERE "set" = ? AND lasting AND NOT undone ORDER BY id DESC LIMIT 1',
+            'SELECT id, back, run, undone FROM history WHERE "set" = ? AND lasting AND NOT undone '
+            "ORDER BY id DESC LIMIT 1",
             (name,),
         ).fetchone()
-        if row is None:
-            return None
-        back = msgspec.json.decode(row[1], type=Back)
-        if row[0] <= self._run_since:
-            back = replace(back, run={})
-        return Undoable(row[0], back, bool(row[2]))
+        return None if row is None else self._undoable(*row)
+
+    def change(self, name: str, revision: int) -> Undoable | None:
+        """The change of a set that made a revision, without what later changes that still count have touched."""
+        touched: set[str] = set()
+        rows = self._db.execute(
+            'SELECT change, id, back, run, undone FROM history WHERE "set" = ? AND lasting ORDER BY id DESC', (name,)
+        )
+        for change, number, text, run, undone in rows:
+            made = msgspec.json.decode(change, type=ParameterChange).revision
+            if made <= revision:
+                return self._undoable(number, text, run, undone, touched) if made == revision else None
+            if not undone:
+                touched.update(msgspec.json.decode(text, type=Back).names)
+        return None
 
     def write(self, entry: Entry) -> None:
         """Write a change; raises NotSaved, and then nothing of it counts."""
@@ -148,6 +164,7 @@ class Store:
         with self._whole("the end of a run"):
             self._db.execute("UPDATE history SET lasting = 0 WHERE run AND lasting")
             self._db.execute("DELETE FROM requests WHERE run")
+            self._prune()
         (self._run_since,) = self._db.execute("SELECT coalesce(max(id), 0) FROM history").fetchone()
 
     def progress(self, run: str, epoch: int) -> frozenset[int]:
@@ -178,6 +195,12 @@ class Store:
                 self._db.execute("ROLLBACK")
         self._into_file()
 
+    def _undoable(self, number: int, text: str, run: int, undone: int, touched: Collection[str] = ()) -> Undoable:
+        back = msgspec.json.decode(text, type=Back)
+        names = tuple(each for each in back.names if each not in touched)
+        before = {} if number <= self._run_since else back.run
+        return Undoable(number, replace(back, names=names, run=before), bool(run), bool(undone))
+
     def _write(self, entry: Entry) -> None:
         db, name = self._db, entry.set
         values = (name, entry.revision)
@@ -206,13 +229,29 @@ class Store:
                 'INSERT INTO history ("set", change, back, run, lasting, seal) VALUES (?, ?, ?, ?, ?, ?)',
                 (*texts, entry.run, entry.lasting, seal(*texts)),
             )
+            self._bytes += sum(map(len, texts))
         if entry.request is not None:
             asked = (*entry.request, int(entry.run))
             db.execute("INSERT INTO requests VALUES (?, ?, ?, ?, ?)", (*asked, seal(*asked)))
+            self._bytes += len(entry.request[2])
         self._writes += 1
-        if self._writes % 256 == 0:
-            db.execute("DELETE FROM requests WHERE rowid <= (SELECT max(rowid) FROM requests) - ?", (KEPT_REQUESTS,))
-            db.execute("DELETE FROM history WHERE id <= (SELECT max(id) FROM history) - ?", (KEPT_CHANGES,))
+        if self._writes >= _LOOK_WRITES or self._bytes >= _LOOK_BYTES:
+            self._prune()
+
+    def _prune(self) -> None:
+        """Forget the oldest changes and replies beyond what is kept."""
+        self._writes = self._bytes = 0
+        for table, key, size, most in (
+            ("requests", "rowid", "length(reply)", KEPT_REQUESTS),
+            ("history", "id", "length(change) + length(back)", KEPT_CHANGES),
+        ):
+            self._db.execute(
+                f"""DELETE FROM {table} WHERE {key} <= coalesce((SELECT max(number) FROM (
+                    SELECT {key} AS number, row_number() OVER newest AS place, sum({size}) OVER newest AS bytes
+                    FROM {table} WINDOW newest AS (ORDER BY {key} DESC)
+                ) WHERE place > ? OR bytes > ?), 0)""",
+                (most, KEPT_BYTES),
+            )
 
     def _into_file(self) -> None:
         """Empty the log. If that fails, the change is still durable in the log."""

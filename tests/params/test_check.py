@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from messages.base import LARGEST
 from messages.parameters import ParameterDescription
-from services.params.check import expected, fit, taken_apart, within
+from services.params.check import expected, fit, taken_apart
+from services.runtime.allowed import within
 from services.runtime.errors import BadInput
 from tests.messages.strategies import STEADY
 

@@ -11,9 +11,10 @@ from msgspec import Meta
 
 from messages.base import decoder, encode
 from messages.parameters import ParameterDescription
+from services.runtime.allowed import within
 from services.runtime.errors import BadInput
 from services.runtime.leaves import flatten, nest
-from services.runtime.parameters import bounds, build, check_value, describe, read_assignments, read_value, stated
+from services.runtime.parameters import build, check_value, describe, read_assignments, read_value, stated
 from services.runtime.service import Parameters
 
 
@@ -102,7 +103,7 @@ def test_descriptions_of_tables_choices_lists_and_what_is_fixed() -> None:
         True,
         True,
     )
-    assert (bounds(top), top.unit, top.level) == ("above 0, below 2", "m/s", 8)
+    assert (within(top), top.level) == ("above 0 and below 2 m/s", 8)
     assert (must.name, must.default, must.optional, must.level) == ("limits.must", None, True, 8)
     assert (law.type, law.choices, law.optional, law.text, law.level) == ("str", ("a", "b"), True, "which", 2)
     assert (path.type, path.default, path.low, path.high) == ("float[][]", ((0.5, 0.5),), -1, 1)
@@ -136,6 +137,6 @@ def test_what_a_table_states_is_told_by_dotted_names() -> None:
 
 def test_descriptions_tell_bounds_units_and_text() -> None:
     gain, steps, *_ = describe(Gains)
-    assert (gain.name, gain.type, gain.default, bounds(gain), gain.unit) == ("gain", "float", 1.0, "0 to 5", "1/s")
+    assert (gain.name, gain.type, gain.default, within(gain)) == ("gain", "float", 1.0, "0 to 5 1/s")
     assert gain.text == "how hard"
-    assert bounds(steps) == "at least 1"
+    assert within(steps) == "at least 1"

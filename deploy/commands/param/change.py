@@ -37,7 +37,7 @@ def set_command(set_name: str, words: tuple[str, ...], clamp: bool, run: bool, a
         one = client.one(set_name)
         before = client.values(one.set)
         values = given(words, one) if one.nodes else {}
-        check(one, values, clamp)
+        check(one, before, values, clamp)
         after = client.set(one.set, assigned(values), clamp, run)
     _say(before, after, tuple(values), as_json)
 
