@@ -133,10 +133,9 @@ def _number(description: ParameterDescription, value: float, where: str, notes: 
         inward = 1 if bound == low else -1
         whole = math.ceil(bound) if inward > 0 else math.floor(bound)
         nearest = whole + inward if excluded and whole == bound else whole
-        if _too_low(description, nearest) or _too_high(description, nearest):
-            raise BadInput(f"{refusal}; it cannot be clamped, no whole number lies within")
-    elif excluded:
-        raise BadInput(f"{refusal}; it cannot be clamped, the bound itself is excluded")
+    if _too_low(description, nearest) or _too_high(description, nearest):
+        why = "the bound itself is excluded" if excluded else "nothing lies within"
+        raise BadInput(f"{refusal}; it cannot be clamped, {why}")
     notes.append(f"{where} = {value!r} was clamped to {nearest!r} ({within(description)})")
     return nearest
 

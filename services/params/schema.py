@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -107,7 +108,7 @@ def _sound(described: ParameterDescription, where: str) -> ParameterDescription:
     bounded = described.low is not None or described.high is not None
     if bounded and parts[0] not in ("int", "float"):
         raise BadInput(f"{where}: {name} has bounds, but {described.type} has none")
-    if described.low is not None and described.high is not None and described.low > described.high:
+    if described.low is not None and described.high is not None and _empty(described, described.low, described.high):
         raise BadInput(f"{where}: the bounds of {name} exclude everything: {described.low} to {described.high}")
     lengths = (*described.shortest, *described.longest)
     if len(described.shortest) != len(described.longest) or len(described.shortest) > parts[1] + (parts[0] == "str"):
@@ -120,6 +121,15 @@ def _sound(described: ParameterDescription, where: str) -> ParameterDescription:
         return msgspec.structs.replace(described, default=fit(described, described.default).value)
     except BadInput as error:
         raise BadInput(f"{where}: the default does not fit: {error}") from None
+
+
+def _empty(described: ParameterDescription, low: float, high: float) -> bool:
+    """Whether no value lies between the bounds, no whole one for an int."""
+    if described.type.startswith("int"):
+        first = math.floor(low) + 1 if described.above else math.ceil(low)
+        last = math.ceil(high) - 1 if described.below else math.floor(high)
+        return first > last
+    return low > high or (low == high and (described.above or described.below))
 
 
 def _check_relations(one: ParameterDescription, described: Mapping[str, ParameterDescription], where: str) -> None:

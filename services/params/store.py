@@ -82,7 +82,9 @@ def opened(file: str) -> Iterator[Store]:
         try:
             connection = connect(path)
         except sqlite3.Error as error:
-            raise BadInput(f"cannot use the file of parameters {path}: {error}") from None
+            raise BadInput(
+                f"cannot use the file of parameters {path}: {error}: is its folder, where its log lies, read-only?"
+            ) from None
         try:
             store = Store(connection)
             store.forget_run()

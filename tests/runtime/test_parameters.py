@@ -11,7 +11,7 @@ from msgspec import Meta
 
 from messages.base import decoder, encode
 from messages.parameters import ParameterDescription
-from services.runtime.allowed import within
+from services.runtime.allowed import beside, long, within
 from services.runtime.errors import BadInput
 from services.runtime.leaves import flatten, nest
 from services.runtime.parameters import build, check_value, describe, read_assignments, read_value, stated
@@ -113,6 +113,43 @@ def test_descriptions_of_tables_choices_lists_and_what_is_fixed() -> None:
     assert given.default == 1.5
     for each in describe(All):
         assert decoder(ParameterDescription)(encode(each)) == each
+
+
+class Band(Parameters, frozen=True, kw_only=True):
+    low: Annotated[float | None, Meta(extra={"at_most": "high"})] = None
+    high: float = 1.0
+
+
+class Bands(Parameters, frozen=True, kw_only=True):
+    band: Band = Band()
+    slow: Annotated[float, Meta(extra={"at_most": "fast"})] = 1.0
+    fast: float = 2.0
+    smooth: Annotated[bool, Meta(extra={"excludes": ("band.low",)})] = False
+    corners: Annotated[tuple[tuple[float, float], ...], Meta(max_length=4)] = ()
+    name: Annotated[str, Meta(max_length=8)] = ""
+    names: tuple[Annotated[str, Meta(min_length=1, max_length=8)], ...] = ()
+
+
+def test_descriptions_tell_lengths_and_what_holds_between_parameters() -> None:
+    low, high, slow, fast, smooth, corners, name, names = describe(Bands)
+    assert (low.at_most, high.at_most, slow.at_most, fast.at_most) == ("band.high", "", "fast", "")
+    assert (smooth.excludes, low.excludes) == (("band.low",), ())
+    assert (corners.shortest, corners.longest) == ((0, 2), (4, 2))
+    assert (name.shortest, name.longest, names.shortest, names.longest) == ((0,), (8,), (0, 1), (0, 8))
+    assert (long(corners), long(name)) == ("at most 4 items, 2 items each", "at most 8 characters")
+    assert long(names) == "at least 1 and at most 8 characters each"
+    assert (beside(slow), beside(smooth)) == ("at most fast", "not with band.low")
+
+
+def test_values_that_contradict_each_other_are_refused_wherever_they_come_from() -> None:
+    assert build(Bands, {"slow": 3, "fast": 3, "band": {"low": None, "high": -1}}).slow == 3
+    for values, says in (
+        ({"slow": 3}, "here: slow = 3.0 is above fast = 2.0, which it may not exceed"),
+        ({"band": {"low": 2}}, "band.low = 2.0 is above band.high = 1.0"),
+        ({"smooth": True, "band": {"low": 0}}, "smooth = True and band.low = 0.0 exclude each other"),
+    ):
+        with pytest.raises(BadInput, match=says):
+            build(Bands, values, "here")
 
 
 @pytest.mark.parametrize("record", [All(), All(limits=Limits(must=3), law="b", path=((1.0, 0.0), (0.0, 1.0)))])
