@@ -109,7 +109,7 @@ class Desk:
         if asked.set:
             self._state(asked.set)
         changes, size = [], 0
-        for each in self._store.history(asked.set, asked.limit):
+        for each in self._store.past.history(asked.set, asked.limit):
             size += len(encode(each))
             if size > MOST_HISTORY:
                 break
@@ -161,7 +161,7 @@ class Desk:
         """Carry a request out, unless it was already under its id: then give the same answer."""
         if not asked.id:
             return carry_out()
-        known = self._store.reply(asked.id)
+        known = self._store.past.reply(asked.id)
         if known is None:
             return carry_out()
         digest, reply = known
@@ -171,8 +171,8 @@ class Desk:
 
     def _undo(self, asked: UndoParameters) -> ParameterValues:
         state = self._state(asked.set)
-        store, revision = self._store, asked.revision
-        undoable = store.change(asked.set, revision) if revision else store.undoable(asked.set)
+        past, revision = self._store.past, asked.revision
+        undoable = past.change(asked.set, revision) if revision else past.undoable(asked.set)
         if undoable is None:
             which = f" that made revision {revision}" if revision else ""
             raise BadInput(f"{asked.set}: there is no change{which} to take back")

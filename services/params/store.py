@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,18 +14,11 @@ import msgspec
 from messages.parameters import ParameterChange, Value
 from services.params.change import Back
 from services.params.file import claimed, connect
+from services.params.past import Past
 from services.params.tables import SCHEMA, read_value, seal, write_value
 from services.runtime.errors import BadInput, EleaError
 
 MEMORY = ":memory:"
-KEPT_REQUESTS = 4096
-"""Replies kept for who asks again; a retry comes within seconds."""
-KEPT_CHANGES = 50_000
-"""Changes kept, of all sets together; older ones can neither be seen nor taken back."""
-KEPT_BYTES = 32 << 20
-"""Bytes of replies, and of changes, that are kept; the oldest go first."""
-_LOOK_WRITES, _LOOK_BYTES = 256, KEPT_BYTES // 8
-"""Writes, or bytes written, after which the file is looked through for what is too old to keep."""
 
 
 class NotSaved(EleaError):
@@ -38,15 +31,6 @@ class Kept(NamedTuple):
     revision: int
     saved: Mapping[str, Value]
     owners: Mapping[str, frozenset[str]]
-
-
-class Undoable(NamedTuple):
-    """A change that an undo may take back, or has ``undone`` already."""
-
-    id: int
-    back: Back
-    run: bool
-    undone: bool
 
 
 @dataclass(frozen=True)
@@ -102,8 +86,7 @@ class Store:
 
     def __init__(self, connection: sqlite3.Connection) -> None:
         self._db = connection
-        self._writes = self._bytes = 0
-        self._run_since = 0
+        self.past = Past(connection)
 
     def sets(self) -> dict[str, Kept]:
         """All sets that were ever changed or announced."""
@@ -117,45 +100,6 @@ class Store:
             known[name] = known.get(name, frozenset()) | {node}
         return {name: Kept(each.revision, saved.get(name, {}), owners.get(name, {})) for name, each in kept.items()}
 
-    def reply(self, request: str) -> tuple[str, bytes] | None:
-        """Digest and reply of a request that was carried out under this id."""
-        found: tuple[str, bytes] | None = self._db.execute(
-            "SELECT digest, reply FROM requests WHERE id = ?", (request,)
-        ).fetchone()
-        return found
-
-    def history(self, name: str, limit: int) -> Iterator[ParameterChange]:
-        """The newest changes of a set, or of all for an empty name."""
-        rows = self._db.execute(
-            """SELECT change, undone FROM history WHERE ?1 = '' OR "set" = ?1 ORDER BY id DESC LIMIT ?2""",
-            (name, limit),
-        )
-        for change, undone in rows:
-            yield msgspec.structs.replace(msgspec.json.decode(change, type=ParameterChange), undone=bool(undone))
-
-    def undoable(self, name: str) -> Undoable | None:
-        """The newest change of a set that was not taken back yet."""
-        row = self._db.execute(
-            'SELECT id, back, run, undone FROM history WHERE "set" = ? AND lasting AND NOT undone '
-            "ORDER BY id DESC LIMIT 1",
-            (name,),
-        ).fetchone()
-        return None if row is None else self._undoable(*row)
-
-    def change(self, name: str, revision: int) -> Undoable | None:
-        """The change of a set that made a revision, without what later changes that still count have touched."""
-        touched: set[str] = set()
-        rows = self._db.execute(
-            'SELECT change, id, back, run, undone FROM history WHERE "set" = ? AND lasting ORDER BY id DESC', (name,)
-        )
-        for change, number, text, run, undone in rows:
-            made = msgspec.json.decode(change, type=ParameterChange).revision
-            if made <= revision:
-                return self._undoable(number, text, run, undone, touched) if made == revision else None
-            if not undone:
-                touched.update(msgspec.json.decode(text, type=Back).names)
-        return None
-
     def write(self, entry: Entry) -> None:
         """Write a change; raises NotSaved, and then nothing of it counts."""
         with self._whole(entry.set):
@@ -166,8 +110,8 @@ class Store:
         with self._whole("the end of a run"):
             self._db.execute("UPDATE history SET lasting = 0 WHERE run AND lasting")
             self._db.execute("DELETE FROM requests WHERE run")
-            self._prune()
-        (self._run_since,) = self._db.execute("SELECT coalesce(max(id), 0) FROM history").fetchone()
+            self.past.prune()
+        self.past.new_run()
 
     def progress(self, run: str, epoch: int) -> frozenset[int]:
         """The numbers of the scheduled changes that this run has had since its last reset."""
@@ -197,14 +141,8 @@ class Store:
                 self._db.execute("ROLLBACK")
         self._into_file()
 
-    def _undoable(self, number: int, text: str, run: int, undone: int, touched: Collection[str] = ()) -> Undoable:
-        back = msgspec.json.decode(text, type=Back)
-        names = tuple(each for each in back.names if each not in touched)
-        before = {} if number <= self._run_since else back.run
-        return Undoable(number, replace(back, names=names, run=before), bool(run), bool(undone))
-
     def _write(self, entry: Entry) -> None:
-        db, name = self._db, entry.set
+        db, name, size = self._db, entry.set, 0
         values = (name, entry.revision)
         db.execute("INSERT OR REPLACE INTO sets VALUES (?, ?, ?)", (*values, seal(*values)))
         for parameter, text in entry.saved.items():
@@ -231,29 +169,12 @@ class Store:
                 'INSERT INTO history ("set", change, back, run, lasting, seal) VALUES (?, ?, ?, ?, ?, ?)',
                 (*texts, entry.run, entry.lasting, seal(*texts)),
             )
-            self._bytes += sum(map(len, texts))
+            size += sum(map(len, texts))
         if entry.request is not None:
             asked = (*entry.request, int(entry.run))
             db.execute("INSERT INTO requests VALUES (?, ?, ?, ?, ?)", (*asked, seal(*asked)))
-            self._bytes += len(entry.request[2])
-        self._writes += 1
-        if self._writes >= _LOOK_WRITES or self._bytes >= _LOOK_BYTES:
-            self._prune()
-
-    def _prune(self) -> None:
-        """Forget the oldest changes and replies beyond what is kept."""
-        self._writes = self._bytes = 0
-        for table, key, size, most in (
-            ("requests", "rowid", "length(reply)", KEPT_REQUESTS),
-            ("history", "id", "length(change) + length(back)", KEPT_CHANGES),
-        ):
-            self._db.execute(
-                f"""DELETE FROM {table} WHERE {key} <= coalesce((SELECT max(number) FROM (
-                    SELECT {key} AS number, row_number() OVER newest AS place, sum({size}) OVER newest AS bytes
-                    FROM {table} WINDOW newest AS (ORDER BY {key} DESC)
-                ) WHERE place > ? OR bytes > ?), 0)""",
-                (most, KEPT_BYTES),
-            )
+            size += len(entry.request[2])
+        self.past.grown(size)
 
     def _into_file(self) -> None:
         """Empty the log. If that fails, the change is still durable in the log."""

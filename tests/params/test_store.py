@@ -88,8 +88,8 @@ def test_a_full_disk_refuses_the_change_and_leaves_everything_as_it_was(tmp_path
 def test_the_past_is_bounded_in_number_and_in_bytes_even_for_services_that_live_shortly(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("services.params.store.KEPT_CHANGES", 25)
-    monkeypatch.setattr("services.params.store.KEPT_REQUESTS", 15)
+    monkeypatch.setattr("services.params.past.KEPT_CHANGES", 25)
+    monkeypatch.setattr("services.params.past.KEPT_REQUESTS", 15)
     for life in range(3):
         with desk(tmp_path / "params.db") as at:
             for index in range(15):
@@ -102,8 +102,8 @@ def test_the_past_is_bounded_in_number_and_in_bytes_even_for_services_that_live_
         at = of(store)
         assert seen(at)[0]["p1"] == 214.0
         assert at.undo(UndoParameters(set=SET)).values
-        monkeypatch.setattr("services.params.store.KEPT_BYTES", 1 << 16)
-        monkeypatch.setattr("services.params.store._LOOK_BYTES", 1 << 13)
+        monkeypatch.setattr("services.params.past.KEPT_BYTES", 1 << 16)
+        monkeypatch.setattr("services.params.past._LOOK_BYTES", 1 << 13)
         for index in range(25):
             put(at, reference_type="sine", text=f"{index:02}" * 1500)
         (kept,) = store._db.execute("SELECT sum(length(change) + length(back)) FROM history").fetchone()
