@@ -32,7 +32,7 @@ class Undoable(NamedTuple):
 
 
 class Past:
-    """What the tables of history and requests hold. What grows in them is reported here, and looked through at times."""
+    """What the tables of history and requests hold. Who adds to them reports it here, and at times they are pruned."""
 
     def __init__(self, connection: sqlite3.Connection) -> None:
         self._db = connection

@@ -6,7 +6,7 @@ import msgspec
 from msgspec import Meta
 
 from messages.requests import SIM_REQUESTS
-from messages.topics import CLOCK, TF, TF_STATIC
+from messages.topics import CLOCK, LINK_STATES, MODEL_STATES, TF, TF_STATIC
 from services.runtime.service import Parameters, Service
 from services.sim.base_parameters import BaseParameters as BaseParameters
 from services.sim.joint_parameters import JointParameters as JointParameters
@@ -62,7 +62,7 @@ SERVICE = Service(
     name="sim",
     about="Physics, sensors, base drivers and simulation time.",
     run="services.sim.loop:run",
-    writes=(CLOCK, TF, TF_STATIC),
+    writes=(CLOCK, TF, TF_STATIC, MODEL_STATES, LINK_STATES),
     serves=SIM_REQUESTS,
     parameters=SimParameters,
     holds_lockstep=False,

@@ -10,18 +10,21 @@ from messages.gazebo import LinkName, SetConfiguration
 from messages.geometry import Point, Pose, Twist
 from messages.parameters import Assignment
 from messages.requests import (
+    DELETE,
     GET_STATE,
     LINK_PROPERTIES,
     LINK_STATE,
     MODEL_PROPERTIES,
     SET_CONFIGURATION,
     SET_STATE,
+    SIM_REQUESTS,
     SPAWN,
     WORLD_PROPERTIES,
     Name,
 )
 from messages.simulation import GetModelState, SetModelState, SpawnModel
 from messages.std import Empty
+from messages.topics import LINK_STATES, MODEL_STATES
 from tests.joints.scene import entry, scene
 
 
@@ -106,6 +109,43 @@ def test_a_model_is_spawned_in_a_frame_with_joints_and_parameters() -> None:
         base = on.stage.find("b").base
         assert base is not None
         assert base.settings.timeout == 1.5
+
+
+def test_the_states_of_all_are_told_in_gazebo_s_words_while_somebody_listens() -> None:
+    with scene(entry("arm"), entry("tb3", "burger", x=3.0)) as on:
+        before = on.node.write(MODEL_STATES), on.node.write(LINK_STATES)
+        on.run(0.2)
+        assert [each.sent for each in before] == [0, 0]
+        models, links = on.hear(MODEL_STATES, "/gazebo/model_states"), on.hear(LINK_STATES, "/gazebo/link_states")
+        on.ask(
+            SET_STATE, SetModelState(name="tb3", pose=Pose.planar(3.0, 1.0, math.pi / 2), twist=Twist.planar(0.2, 0))
+        )
+        on.run(0.2)
+        models.admit()
+        links.admit()
+        assert (len(models.batch), len(links.batch)) == (5, 5), "25 Hz"
+        (first, _), *_ = models.batch
+        assert first.name == ("arm", "tb3")
+        assert first.pose[1].position.y == pytest.approx(1.0, abs=0.02)
+        assert first.twist[1].linear.y == pytest.approx(0.2, abs=0.02), "in the world's axes"
+        on.stage.tell()
+        links.admit()
+        ((told, _),) = links.batch
+        assert told.name[:3] == ("arm::root", "arm::bear_link", "arm::end_link")
+        assert {each.partition("::")[0] for each in told.name} == {"arm", "tb3"}
+        for name in ("arm::end_link", "tb3::base_scan"):
+            asked = on.ask(LINK_STATE, LinkName(link_name=name))
+            at = told.name.index(name)
+            assert (told.pose[at], told.twist[at]) == (asked.pose, asked.twist)
+        on.ask(DELETE, Name(name="tb3"))
+        on.run(0.05)
+        models.admit()
+        assert models.batch[-1][0].name == ("arm",)
+
+
+def test_what_is_declared_is_served() -> None:
+    with scene() as on:
+        assert {each.request.name for each in on.node.served} == {each.name for each in SIM_REQUESTS}
 
 
 def test_properties_of_the_world_of_models_and_of_links() -> None:
