@@ -42,6 +42,15 @@ def test_history_says_who_when_and_from_what_to_what(at: Counter) -> None:
     assert newest.run
 
 
+def test_a_clock_on_the_wall_that_goes_back_changes_no_order(at: Counter, monkeypatch: pytest.MonkeyPatch) -> None:
+    for wall, value in ((2 * 10**18, 10), (10**18, 11), (0, 12)):
+        monkeypatch.setattr("services.params.ledger.time.time_ns", lambda wall=wall: wall)
+        at.set(ref_angle=value)
+    assert [each.after[0].value for each in at.history()] == [12.0, 11.0, 10.0]
+    assert [each.wall_time for each in at.history()] == [0, 10**18, 2 * 10**18]
+    assert plain(at.undo())["ref_angle"] == 11.0
+
+
 def test_a_retry_with_the_same_id_applies_once_and_gets_the_same_answer(at: Counter) -> None:
     first = at.set(request="a", ref_angle=10)
     at.set(request="b", ref_angle=11)
