@@ -15,6 +15,7 @@ from services.runtime.outputs import Output
 from services.runtime.service import STEP_NS
 from services.sim import RobotEntry
 from services.sim.commanders import Ages, Commanders
+from services.sim.everything import Everything
 from services.sim.frames import fixed, moving
 from services.sim.joints.wrenches import Wrenches
 from services.sim.robot import Robot
@@ -24,7 +25,7 @@ CONTROL = 4
 """Physics steps between two looks at the commands, and two messages of the clock: 50 Hz. Where joints are told faster,
 these come as often, for who controls them; in lockstep, members are heard whenever they are due."""
 FRAMES = 8
-"""Physics steps between two messages of ``/tf``: 25 Hz, as odometry comes."""
+"""Physics steps between two messages of ``/tf``, and of all states: 25 Hz, as odometry comes."""
 STATUS = 40
 """Physics steps between two states of the bases: 5 Hz."""
 
@@ -46,6 +47,7 @@ class Stage:
         self._clock: Output[Any] = node.write(CLOCK)
         self._tf: Output[Any] = node.write(TF)
         self._tf_static: Output[Any] = node.write(TF_STATIC)
+        self._everything = Everything(node, world)
         self._told = -1
         self.pace = CONTROL
 
@@ -125,8 +127,10 @@ class Stage:
             robot.telemetry.motion(now, tick)
             if tick % STATUS == 0:
                 robot.report(now)
-        if tick % FRAMES == 0 and self._tf.wanted:
-            self._tf.publish(moving(self.robots, self.world, now))
+        if tick % FRAMES == 0:
+            self._everything.tell()
+            if self._tf.wanted:
+                self._tf.publish(moving(self.robots, self.world, now))
 
     def tell_frames(self) -> None:
         """Publish the fixed transforms."""
