@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
-
-from services.runtime.service import STEP_NS
+from typing import NamedTuple
 
 NS = 1e-9
 ALIKE, ALIKE_DEG = 0.2, 2.0
 """Share, or deg/s, by which two rates may differ that belong to one motion: a sine of 30 deg and 0.2 Hz has up to 1."""
-LAG_NS = STEP_NS // 2
-"""By so much the joint's measured rate lags: the engine's is the mean of its last step. The wanted one does so too."""
-
 OVERDUE = 2
 """Intervals after the last sample at which it is taken to stand still."""
+
+
+class Motion(NamedTuple):
+    """What is wanted at an instant: deg, deg/s, deg/s2."""
+
+    angle: float
+    rate: float = 0.0
+    acceleration: float = 0.0
 
 
 class Target:
@@ -44,15 +48,19 @@ class Target:
         """Seconds since the last sample; inf before the first."""
         return math.inf if self.sample is None else (now - self._at) * NS
 
-    def at(self, now: int, smooth: bool) -> tuple[float, float]:
-        """Angle [deg] and its rate [deg/s] at ``now``; there must be a sample. It goes on for one interval at most."""
+    def at(self, now: int, smooth: bool, span: int = 0) -> Motion:
+        """What is wanted at ``now``; there must be a sample. It goes on for one interval at most.
+
+        The rate is the mean over ``span`` until now, as the measured one is that it is compared with.
+        """
         assert self.sample is not None
         if not smooth:
-            return self.sample, 0.0
+            return Motion(self.sample)
         since = min(now - self._at, self._interval) * NS
         angle = self.sample + (self._rate + self._acceleration * since / 2) * since
-        overdue = now - self._at > OVERDUE * self._interval
-        return angle, 0.0 if overdue else self._rate + self._acceleration * (since - LAG_NS * NS)
+        if now - self._at > OVERDUE * self._interval:
+            return Motion(angle)
+        return Motion(angle, self._rate + self._acceleration * (since - span * NS / 2), self._acceleration)
 
     def rest(self) -> None:
         """No more samples are expected: stay at the last."""
