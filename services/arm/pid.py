@@ -72,8 +72,8 @@ class Pid:
         return gains.kp * now.error + self.integral + gains.kd * rate + ahead + self.bump
 
     def _filter(self, constant: float, now: Sight, dt: float) -> None:
-        if self._damped is None:
-            self._damped, self._damped_wanted = now.rate, now.wanted_rate
+        if self._damped is None or dt <= 0:
+            self._damped, self._damped_wanted = now.rate, now.wanted_rate  # what was before is of another time
         share = 1.0 - math.exp(-dt / constant) if constant > 0 else 1.0
         self._damped += share * (now.rate - self._damped)
         self._damped_wanted += share * (now.wanted_rate - self._damped_wanted)

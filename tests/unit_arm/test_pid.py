@@ -60,6 +60,12 @@ def test_tracking_feeds_forward_what_the_motion_takes() -> None:
     assert gains_of(ArmParameters(controller_type="tr")).moving(100.0) == 0.0, "with the weight or not at all"
 
 
+def test_over_a_gap_in_time_no_old_rate_counts() -> None:
+    law, damped = Pid(), gains(kp=0.0, kd=1.0, filter=0.02)
+    law.step(damped, at(0.0, rate=100.0), DT_CONTROL)
+    assert law.step(damped, at(0.0, rate=0.0), 0.0) == 0.0
+
+
 def test_the_integral_is_summed_over_time_and_rests_without_it() -> None:
     law = Pid()
     for _ in range(100):
