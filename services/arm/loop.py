@@ -146,7 +146,8 @@ class _Hand:
         elif self._astray:
             self._ctx.log.info("references are back")
         self._astray = silent
-        return target.at(now, smooth=p.law == "default", span=seen.span)
+        wanted = target.at(now, smooth=p.law == "default", span=seen.span)
+        return wanted._replace(angle=max(p.lower, min(p.upper, wanted.angle)))
 
     def _tell(self, p: ArmParameters, tick: Tick, now: Sight, effort: float) -> None:
         stamp, duration = Time.of(tick.time), max(p.duration, LEAST_PERIODS / p.rate)
