@@ -74,7 +74,7 @@ class Target:
         if not smooth:
             return Motion(self.sample)
         passed, period = (now - self._cadence.at) * NS, self._cadence.period * NS
-        since = min(passed, LATE * period)
+        since = max(-period, min(passed, LATE * period))
         angle = self.sample + (self._rate + self._acceleration * since / 2) * since
         if passed > OVERDUE * period:
             return Motion(angle)

@@ -102,7 +102,7 @@ def stepped(law: str, rate: int, gravity: bool = False) -> StepFigures:
 
 
 @cache
-def swung(law: str, rate: int, gravity: bool = False) -> Played:
+def swung(law: str, rate: float, gravity: bool = False) -> Played:
     with stand() as on:
         return play(on, ArmParameters(controller_type="tr", law=law, rate=rate, gravity=gravity), swing, 11.0)
 
@@ -177,6 +177,15 @@ def test_late_references_are_no_kicks(rate: int) -> None:
     assert errors["default"] < 0.8 * errors["seed"]
     assert efforts["default"] < 25.0
     assert efforts["seed"] > 70.0
+
+
+@pytest.mark.parametrize("rate", [40.0, 200.0 / 3.0])
+def test_a_rate_that_hears_no_two_references_alike_has_no_kicks(rate: float) -> None:
+    """At 40 Hz four references come 25 ms after each other and the fifth with the fourth."""
+    tracking = swung("default", rate).exercise.tracking
+    assert tracking.rms == pytest.approx(0.19, abs=0.02)
+    assert _hardest(swung("default", rate)) < 13.0
+    assert _hardest(swung("seed", rate)) > 50.0
 
 
 def _hardest(played: Played) -> float:
