@@ -7,7 +7,7 @@ from typing import Any
 from messages.names import BadName, validate
 from messages.rosgraph import Clock
 from messages.std import Time
-from messages.topics import CLOCK, TF, TF_STATIC
+from messages.topics import CLOCK, E_STOP, TF, TF_STATIC
 from services.runtime.errors import BadInput, unknown
 from services.runtime.marks import Marks
 from services.runtime.node import Node
@@ -48,6 +48,7 @@ class Stage:
         self._tf: Output[Any] = node.write(TF)
         self._tf_static: Output[Any] = node.write(TF_STATIC)
         self._everything = Everything(node, world)
+        self._e_stop, self._stopped = node.read(E_STOP, f"/{E_STOP.name}"), False
         self._told = -1
         self.pace = CONTROL
 
@@ -70,7 +71,8 @@ class Stage:
     def spawn(self, entry: RobotEntry, place: Placement, wait: bool = False) -> Robot:
         """Add a robot; raises BadInput when its name is taken or wrong, or it would overlap with something.
 
-        With ``wait`` it starts on the parameters that the parameter service has for it, else they come a moment later.
+        While all are stopped it is, too. With ``wait`` it starts on the parameters that the parameter service has for
+        it, else they come a moment later.
         """
         try:
             validate(entry.name)
@@ -81,6 +83,8 @@ class Stage:
             raise BadInput(f"a robot {entry.name!r} is already there")
         robot = Robot(self._node, self.world, entry, place, self._seed, self._commanders, self._ages, wait)
         self._robots[entry.name] = robot, place
+        if self._stopped:
+            robot.stop()
         self._set_pace()
         self.tell_frames()
         return robot
@@ -146,6 +150,7 @@ class Stage:
         Who is gone counts last: a command that came just before its sender went must not outlive it.
         """
         self._node.admit(marks)
+        self._stopped = self._e_stop.batch[-1][0].data if self._e_stop.batch else self._stopped
         governed = marks.members if marks is not None else set()
         gone = list(self._commanders.gone())
         if marks is not None and marks.died:

@@ -126,6 +126,7 @@ def test_an_arm_its_reference_and_the_grader_are_told_of_its_joint() -> None:
     assert told["a/arm"]["joint"] == "bear_link"
     assert told["a/arm"]["gravity_torque"] == pytest.approx(27.15, abs=0.01)
     assert told["a/arm"]["gravity_rest"] == pytest.approx(-1.4635, abs=0.001)
+    assert told["a/arm"]["inertia"] == pytest.approx(3.8655, abs=0.0001)
     assert told["a/arm"]["saturation"] == 150.0
     for name in ("a/arm", "a/reference"):
         assert (told[name]["lower"], told[name]["upper"]) == pytest.approx((-90.0, 90.0), abs=0.001)
