@@ -21,6 +21,9 @@ from services.sim.settings import configured
 IMPLIED = ("router", "params", "sim", "grader")
 """Services that every fleet has; a fleet file states one only to set its parameters."""
 
+ONLOOKERS = ("panel",)
+"""Services on which nothing in a run depends, nor anything that it leaves: what they miss is not the run's loss."""
+
 
 class Terms(msgspec.Struct, frozen=True, kw_only=True):
     """What the command line adds to a fleet file: where results go, the network, whether to open a viewer.
@@ -40,8 +43,13 @@ def endpoint(fleet: Fleet) -> str:
     return f"tcp/127.0.0.1:{fleet.run.port}"
 
 
-def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> dict[str, Any]:
-    """The parameters that a service gets from the fleet; its own table in the fleet file wins over them."""
+def wired(
+    kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...], readers: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    """The parameters that a service gets from the fleet; its own table in the fleet file wins over them.
+
+    ``members`` are the nodes that time waits for, ``readers`` those whose losses the run answers for.
+    """
     run, robots = fleet.run, fleet.robot
     match kind:
         case "router":
@@ -68,6 +76,7 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
                 "ends": run.ends,
                 "not_before": not_before(fleet),
                 "duration": run.duration,
+                "readers": list(readers),
                 "output": str(terms.folder),
             }
         case "logger":

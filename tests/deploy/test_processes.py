@@ -56,6 +56,15 @@ def test_lab_starts_in_order_and_steps_together() -> None:
     assert {each.node for each in plan.values() if each.begins} == {*members, "/sim"}
 
 
+def test_losses_of_every_process_count_but_for_the_panel() -> None:
+    fleet = read_fleet(find_fleet("lab"))
+    recorded = msgspec.structs.replace(fleet, service=(*fleet.service, Member(kind="recorder")))
+    plan = expand(recorded)
+    assert {"panel", "recorder", "logger", "tb3_0/waypoint"} <= set(plan)
+    readers = read_assignments(options(plan["grader"], "--fleet-param"))["readers"]
+    assert set(readers) == {each.node for each in plan.values()} - {"/panel"}
+
+
 def test_nobody_steps_together_on_the_wall_clock() -> None:
     fleet = read_fleet(find_fleet("lab"))
     free = expand(msgspec.structs.replace(fleet, run=Run(mode="free")))

@@ -9,9 +9,12 @@ from math import pi
 import pytest
 
 from messages.geometry import Twist
+from messages.nav import Odometry
 from messages.requests import PAUSE
 from messages.simulation import SimTime
 from messages.std import Bool
+from messages.topics import BASE_STATUS, GROUND_TRUTH
+from services.panel.drive import STAMPED
 from services.panel.frame import MARK
 from services.panel.words import Drive, Estop, Goal, Pause, Release, Want, Wish
 from tests.panel.bench import Bench, bench
@@ -102,6 +105,22 @@ def test_time_that_begins_anew_ends_a_stop_that_was_held(at: Bench) -> None:
     speeds(at)
     at.turn(1.0)
     assert speeds(at) == []
+
+
+def test_a_panel_that_ends_stops_what_it_drives_in_the_time_of_the_simulation(at: Bench) -> None:
+    stamped = at.robot.node.read(STAMPED, "/s/cmd_vel")
+    truth, _ = at.robot.node.write(GROUND_TRUTH, "/s/ground_truth"), at.robot.node.write(BASE_STATUS, "/s/base_status")
+    truth.publish(Odometry())
+    page = at.page()
+    at.say(page, Want(channels=("clock",)))
+    at.turn(0.2, tell=True)
+    at.say(page, Drive(robot="/s", v=0.2))
+    at.turn(0.1, tell=True)
+    at.hub.driver.close()
+    stamped.admit()
+    commands = [message for message, _ in stamped.batch]
+    assert commands[-1].twist.linear.x == 0.0
+    assert commands[-1].header.stamp.ns >= commands[-2].header.stamp.ns > 0, "a base drops what has no time"
 
 
 def test_a_stop_is_latched_for_one_and_for_all(at: Bench) -> None:

@@ -1,6 +1,6 @@
 // The view of the graph: who publishes and reads what, how often, what was lost, and how old the last word is.
 
-import { el, memory, say, svg } from "./dom.js";
+import { el, memory, renew, say, svg } from "./dom.js";
 import { layout, NODE, ROW } from "./graph_layout.js";
 import { details, loss, rate } from "./graph_details.js";
 import { store } from "./store.js";
@@ -46,7 +46,7 @@ export function startGraph(link) {
     drawing.replaceChildren(picture);
     table.replaceChildren(...topics.map((topic) => {
       const cells = [el("td", { class: "num" }), el("td", { class: "num" }), el("td", { class: "num quiet" })];
-      const row = el("tr", { onclick: () => choose({ topic: topic.name }) }, el("td", {}, topic.name), ...cells);
+      const row = el("tr", { onclick: () => choose({ topic: topic.name }) }, el("td", {}, el("button", { class: "link" }, topic.name)), ...cells);
       marks.push(() => {
         const known = store.rates.topics[topic.name];
         say(cells[0], rate(known, topic));
@@ -69,8 +69,13 @@ export function startGraph(link) {
     return path;
   }
 
+  // What a press of a box chooses, by mouse and by key.
+  const chooses = (what, label) => ({ tabindex: 0, role: "button", "aria-label": label,
+    onclick: (event) => { event.stopPropagation(); choose(what); },
+    onkeydown: (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); choose(what); } } });
+
   function nodeBox(name, x, y, width) {
-    const box = svg("g", { class: "node", "data-node": name, onclick: (event) => { event.stopPropagation(); choose({ node: name }); } },
+    const box = svg("g", { class: "node", "data-node": name, ...chooses({ node: name }, `node ${name}`) },
       svg("rect", { x: x + 0.5, y: y - NODE / 2 + 2.5, width: width - 1, height: NODE - 5, rx: 5 }),
       svg("circle", { cx: x + 11, cy: y, r: 3.5 }), svg("text", { x: x + 20, y: y + 4 }, clipped(name, 22)), svg("title", {}, name));
     marks.push(() => {
@@ -83,7 +88,7 @@ export function startGraph(link) {
 
   function topicBox(topic, x, y, width) {
     const number = svg("text", { x: x + width - 8, y: y + 4, "text-anchor": "end", class: "num" });
-    const box = svg("g", { class: "topic", "data-topic": topic.name, onclick: (event) => { event.stopPropagation(); choose({ topic: topic.name }); } },
+    const box = svg("g", { class: "topic", "data-topic": topic.name, ...chooses({ topic: topic.name }, `topic ${topic.name}`) },
       svg("rect", { x: x + 0.5, y: y - ROW / 2 + 1.5, width: width - 1, height: ROW - 3, rx: 3 }),
       svg("text", { x: x + 8, y: y + 4 }, clipped(topic.name, Math.floor((width - 90) / 7))), number, svg("title", {}, topic.name));
     marks.push(() => {
@@ -112,7 +117,7 @@ export function startGraph(link) {
       each.classList.toggle("lit", Boolean(chosen) && lit);
     }
     element.classList.toggle("with-details", Boolean(chosen));
-    aside.replaceChildren(...(chosen ? details(chosen, choose) : []));
+    renew(aside, chosen ? details(chosen, choose) : []);
   }
 
   function choose(what) {

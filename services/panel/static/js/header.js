@@ -56,11 +56,12 @@ export function startHeader(link) {
   startFactor(link);
 }
 
-// The factor of simulation time, where the simulation has it as a live parameter.
+// The factor of simulation time, where that keeps to the wall clock.
 function startFactor(link) {
   const box = byId("factor-set");
+  let mode = "real";
   const refresh = () => {
-    const found = findParameter("factor", (set) => set.includes("sim"));
+    const found = mode === "real" ? findParameter("factor", (set) => set.includes("sim")) : null;
     show(byId("factor-box"), Boolean(found));
     if (!found) return;
     box.min = found.description.low ?? "";
@@ -69,6 +70,7 @@ function startFactor(link) {
   };
   link.on("sets", refresh);
   link.on("values", refresh);
+  link.on("fleet", ({ state }) => { mode = state ? state.mode : "real"; refresh(); });
   box.addEventListener("change", () => {
     const found = findParameter("factor", (set) => set.includes("sim"));
     if (!found || box.value === "") return;

@@ -182,6 +182,7 @@ export class GroundMap {
   }
 
   down(event) {
+    if (event.button > 0) return;
     this.canvas.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
     this.moved = 0;

@@ -55,7 +55,7 @@ export class Plot {
 
   add(topic, path) {
     if (this.has(topic, path)) return;
-    if (this.source.all.size >= 32) { note("32 series are followed at once, no more", "bad"); return; }
+    if (this.source.all.size >= 32 && !this.source.has(topic, path)) { note("32 series are followed at once, no more", "bad"); return; }
     const series = this.source.open(topic, path);
     const used = new Set(this.lines.map((line) => line.paint));
     let index = 0;

@@ -47,10 +47,11 @@ export function startRobots(link) {
   function row(ns) {
     const parts = { pose: el("span", { class: "num quiet" }), state: el("span", { class: "state" }) };
     parts.swatch = el("i", { class: "swatch" });
-    parts.stop = el("button", { class: "stop small", title: "Stop this robot until it is reset", onclick: (event) => { event.stopPropagation(); order(ns, true); } }, "Stop");
-    parts.reset = el("button", { class: "small", onclick: (event) => { event.stopPropagation(); order(ns, false); } }, "Reset");
-    parts.row = el("div", { class: "robot", role: "button", tabIndex: 0, onclick: () => select(ns), onkeydown: (event) => { if (event.key === "Enter") select(ns); } },
-      el("div", { class: "line" }, parts.swatch, el("b", {}, ns.slice(1)), parts.model = el("small", { class: "quiet" }), el("span", { class: "fill" }), parts.reset, parts.stop),
+    parts.stop = el("button", { class: "stop small", title: "Stop this robot until it is reset", "aria-label": `Stop ${ns.slice(1)}`, onclick: (event) => { event.stopPropagation(); order(ns, true); } }, "Stop");
+    parts.reset = el("button", { class: "small", title: "Let this robot move again", "aria-label": `Reset ${ns.slice(1)}`, onclick: (event) => { event.stopPropagation(); order(ns, false); } }, "Reset");
+    parts.name = el("button", { class: "bare pick", title: "Choose this robot to drive and to send" }, ns.slice(1));
+    parts.row = el("div", { class: "robot", onclick: () => select(ns) },
+      el("div", { class: "line" }, parts.swatch, parts.name, parts.model = el("small", { class: "quiet" }), el("span", { class: "fill" }), parts.reset, parts.stop),
       el("div", { class: "line" }, parts.state, el("span", { class: "fill" }), parts.pose));
     parts.row.dataset.robot = ns;
     return parts;
@@ -70,7 +71,8 @@ export function startRobots(link) {
       const [text, kind] = condition(robot);
       say(parts.state, text);
       parts.state.className = `state ${kind}`;
-      parts.row.setAttribute("aria-selected", String(robot.ns === selected));
+      parts.name.setAttribute("aria-pressed", String(robot.ns === selected));
+      parts.row.classList.toggle("chosen", robot.ns === selected);
       parts.row.classList.toggle("is-stopped", robot.stopped);
       show(parts.reset, robot.stopped || robot.asked);
       show(parts.stop, robot.drives);
