@@ -48,6 +48,22 @@ def test_a_hand_that_stays_drives_twenty_times_a_second_and_one_that_falls_silen
     assert all(each.name != "/a/cmd_vel" for each in at.hub._feeds._node.outputs), "others may drive now"
 
 
+def test_a_hand_that_comes_back_is_obeyed_at_once(at: Bench) -> None:
+    """The publication ends when others may drive; its numbers must not begin anew, or bases drop them as old."""
+    page = at.page()
+    at.say(page, Want(channels=("clock",)))
+    for _ in range(20):
+        at.say(page, Drive(robot="/a", v=0.2))
+        at.turn(0.1, tell=True)
+    at.say(page, Release())
+    at.turn(at.params.give_way + 0.5, tell=True)
+    assert all(each.name != "/a/cmd_vel" for each in at.hub._feeds._node.outputs), "it has ended"
+    speeds(at)
+    at.say(page, Drive(robot="/a", v=-0.1))
+    at.turn(tell=True)
+    assert speeds(at) == [-0.1]
+
+
 @pytest.mark.parametrize("how", ["release", "close"])
 def test_a_hand_that_goes_stops_at_once(at: Bench, how: str) -> None:
     page = at.page()
