@@ -90,6 +90,8 @@ def test_robots_and_graph_are_reached_by_keys(fleet: Watched, pages: Pages) -> N
     expect(page.locator(".drive b")).to_have_text("Drive tb3_1")
     page.click("#tab-graph")
     page.locator("g.topic[data-topic='/tb3_1/odom']").focus()
+    with fleet.beside("passer_by"):  # the graph is drawn anew, and the keys are still where they were
+        expect(page.locator("g.node[data-node='/passer_by']").first).to_be_visible()
     page.keyboard.press("Enter")
     expect(page.locator(".details h2")).to_have_text("/tb3_1/odom")
 
@@ -107,3 +109,32 @@ def test_a_button_beside_figures_that_change_stays_the_same_button(fleet: Watche
     assert held.evaluate("(each) => each.isConnected")
     button.click()
     expect(page.locator(".details h2")).to_have_text("/tb3_0/waypoint")
+
+
+BACKGROUND = "(each) => getComputedStyle(each).backgroundColor"
+THEME = """(name) => {
+  const probe = document.createElement("i");
+  probe.style.backgroundColor = `var(--${name})`;
+  document.body.append(probe);
+  const colour = getComputedStyle(probe).backgroundColor;
+  probe.remove();
+  return colour;
+}"""
+
+
+def test_a_button_under_the_pointer_keeps_the_colours_that_its_words_are_read_on(pages: Pages) -> None:
+    page = pages.open("plots")
+    pressed = page.locator("#show-parameters")
+    expect(pressed).to_have_attribute("aria-pressed", "true")
+    pressed.hover()
+    assert pressed.evaluate(BACKGROUND) == page.evaluate(THEME, "accent")
+    page.click("#reset")
+    expect(page.locator("#reset")).to_have_text("Sure?")
+    assert page.locator("#reset").evaluate(BACKGROUND) == page.evaluate(THEME, "warn")
+
+
+def test_on_a_phone_the_chosen_robot_is_in_sight(pages: Pages) -> None:
+    page = pages.open("robots", 390, 844)
+    for robot in ("/tb3_2", "/tb3_0"):
+        page.evaluate("(robot) => window.elea.map.hand.select(robot)", robot)
+        expect(page.locator(f"[data-robot='{robot}']")).to_be_in_viewport(ratio=0.95)

@@ -8,12 +8,12 @@ from math import pi
 
 import pytest
 
-from messages.geometry import Twist
-from messages.nav import Odometry
+from messages.geometry import Pose, PoseStamped, Twist
+from messages.nav import Odometry, Path
 from messages.requests import PAUSE
 from messages.simulation import SimTime
 from messages.std import Bool
-from messages.topics import BASE_STATUS, GROUND_TRUTH
+from messages.topics import BASE_STATUS, GROUND_TRUTH, PLAN
 from services.panel.drive import STAMPED
 from services.panel.frame import MARK
 from services.panel.words import Drive, Estop, Goal, Pause, Release, Want, Wish
@@ -171,6 +171,19 @@ def test_a_goal_of_the_world_goes_out_in_the_frame_that_the_robot_drives_by(at: 
     assert goal.header.frame_id == "a/odom"
     assert (goal.pose.position.x, goal.pose.position.y) == pytest.approx((3.0, 0.0))
     assert goal.pose.orientation.yaw == pytest.approx(0.0)
+
+
+def test_the_panel_reads_of_a_robot_what_is_told_and_shows_who_can_be_stopped(at: Bench) -> None:
+    page = at.page()
+    at.say(page, Want(channels=("poses", "robots")))
+    at.turn(0.2, tell=True)
+    told = {each.name for each in at.hub._feeds._node.inputs if each.name.startswith("/a/")}
+    assert told == {"/a/ground_truth", "/a/odom", "/a/base_status"}, "no subscription to what nobody publishes"
+    [robot] = at.told(page, "robots")[-1]["robots"]
+    assert (robot["ns"], robot["drives"], robot["stops"]) == ("/a", True, True)
+    at.robot.node.write(PLAN, "/a/plan").publish(Path(poses=(PoseStamped(pose=Pose.planar(1.0, 0.0)),)))
+    at.turn(0.3, tell=True)
+    assert at.told(page, "robots")[-1]["robots"][0]["plan"] == [pytest.approx([1.0, 3.0])], "taken up as it comes"
 
 
 def test_poses_lie_in_the_world(at: Bench) -> None:

@@ -27,7 +27,7 @@ export function startDrive(link, chosen) {
     el("div", { class: "drive-body" }, pad, el("div", { class: "sliders" },
       el("label", {}, el("span", { class: "line" }, "Speed", el("span", { class: "fill" }), speedText), speed),
       el("label", {}, el("span", { class: "line" }, "Turn", el("span", { class: "fill" }), turnText), turn),
-      el("small", { class: "quiet keys" }, "Hold W A S D, the arrows, or u i o j l m , ."))));
+      el("small", { class: "quiet keys" }, el("span", {}, "Hold W A S D or the arrows,"), el("span", {}, "or u i o  j l  m , . to drive by keys")))));
 
   function shown() {
     say(speedText, `${Number(speed.value).toFixed(2)} m/s`);

@@ -30,7 +30,7 @@ export function startGraph(link) {
     const topics = shownTopics();
     say(count, `${store.nodes.length} nodes, ${topics.length} of ${store.topics.length} topics`);
     const { left, middle, right, height } = layout(topics);
-    const width = Math.max(780, drawing.clientWidth - 20), side = 170, wide = Math.min(380, width - 2 * side - 160);
+    const width = Math.max(640, drawing.clientWidth - 20), side = width < 760 ? 140 : 170, wide = Math.min(380, width - 2 * side - 110);
     const from = (width - wide) / 2;
     const edges = svg("g", { class: "edges" }), boxes = svg("g");
     marks = [];
@@ -43,7 +43,9 @@ export function startGraph(link) {
     for (const [name, y] of right) boxes.append(nodeBox(name, width - side, y, side));
     for (const topic of topics) boxes.append(topicBox(topic, from, middle.get(topic.name), wide));
     const picture = svg("svg", { width, height: Math.max(60, height), viewBox: `0 0 ${width} ${Math.max(60, height)}`, onclick: () => choose(null) }, edges, boxes);
+    const held = drawing.contains(document.activeElement) ? document.activeElement.dataset : null;
     drawing.replaceChildren(picture);
+    if (held) [...drawing.querySelectorAll("[tabindex]")].find(({ dataset }) => dataset.node === held.node && dataset.topic === held.topic)?.focus({ preventScroll: true });
     table.replaceChildren(...topics.map((topic) => {
       const cells = [el("td", { class: "num" }), el("td", { class: "num" }), el("td", { class: "num quiet" })];
       const row = el("tr", { onclick: () => choose({ topic: topic.name }) }, el("td", {}, el("button", { class: "link" }, topic.name)), ...cells);
@@ -77,7 +79,7 @@ export function startGraph(link) {
   function nodeBox(name, x, y, width) {
     const box = svg("g", { class: "node", "data-node": name, ...chooses({ node: name }, `node ${name}`) },
       svg("rect", { x: x + 0.5, y: y - NODE / 2 + 2.5, width: width - 1, height: NODE - 5, rx: 5 }),
-      svg("circle", { cx: x + 11, cy: y, r: 3.5 }), svg("text", { x: x + 20, y: y + 4 }, clipped(name, 22)), svg("title", {}, name));
+      svg("circle", { cx: x + 11, cy: y, r: 3.5 }), svg("text", { x: x + 20, y: y + 4 }, clipped(name, Math.floor((width - 28) / 6.4))), svg("title", {}, name));
     marks.push(() => {
       const health = store.rates.nodes[name];
       box.classList.toggle("bad", Boolean(health && health.age > 3));
