@@ -9,7 +9,7 @@ from playwright.sync_api import Page, expect
 
 from messages.requests import WORLD_PROPERTIES
 from messages.std import Empty
-from messages.topics import GOAL_POSE
+from messages.topics import GOAL_POSE, ODOM
 from tests.panel.conftest import SOON_S, Pages, Watched
 from tests.waiting import until
 
@@ -90,7 +90,8 @@ def test_robots_and_graph_are_reached_by_keys(fleet: Watched, pages: Pages) -> N
     expect(page.locator(".drive b")).to_have_text("Drive tb3_1")
     page.click("#tab-graph")
     page.locator("g.topic[data-topic='/tb3_1/odom']").focus()
-    with fleet.beside("passer_by"):  # the graph is drawn anew, and the keys are still where they were
+    with fleet.beside("passer_by") as node:  # the graph is drawn anew, and the keys are still where they were
+        node.read(ODOM, "/tb3_1/odom")
         expect(page.locator("g.node[data-node='/passer_by']").first).to_be_visible()
     page.keyboard.press("Enter")
     expect(page.locator(".details h2")).to_have_text("/tb3_1/odom")
