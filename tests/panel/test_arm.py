@@ -70,6 +70,11 @@ def test_a_slider_changes_the_gain_and_the_plot_shows_it(pages: Pages) -> None:
     assert left(37.5) == pytest.approx(0.374, abs=0.0005), "14.02 N m / 37.5 N m/deg"
     until(lambda: stands(page, 0.374), SOON_S, "the plot holds the error that the usual gain leaves")
 
+    unit, pane = (page.locator(each).bounding_box() for each in (f"{gain} .unit", ".pane.parameters"))
+    assert unit is not None
+    assert pane is not None
+    assert unit["x"] + unit["width"] <= pane["x"] + pane["width"], "the unit is read whole"
+
     slide(page, gain, 0.276)  # the slider is finer at its low end: 1000 N m/deg times the cube of its place
     expect(box).to_have_value("21")
     expect(page.locator(f"{gain} .origin")).to_have_text("run")

@@ -139,3 +139,36 @@ def test_on_a_phone_the_chosen_robot_is_in_sight(pages: Pages) -> None:
     for robot in ("/tb3_2", "/tb3_0"):
         page.evaluate("(robot) => window.elea.map.hand.select(robot)", robot)
         expect(page.locator(f"[data-robot='{robot}']")).to_be_in_viewport(ratio=0.95)
+
+
+@pytest.mark.parametrize("size", [(390, 844), (800, 600), (1024, 768), (1280, 720)])
+def test_what_stops_robots_is_whole_on_every_screen_also_when_they_are_stopped(
+    pages: Pages, size: tuple[int, int]
+) -> None:
+    page = pages.open("robots", *size)
+    page.click("[data-robot='/tb3_1'] .stop")
+    for text in ("STOPPED 1/3", "STOPPED"):
+        expect(page.locator("#stop")).to_have_text(text)
+        for button in ("#stop", "#stop-reset", "#pause", "#stick"):
+            expect(page.locator(button)).to_be_in_viewport(ratio=1)
+        page.click("#stop")
+    page.click("#stop-reset")
+    expect(page.locator("#stop")).to_have_text("STOP")
+
+
+def test_the_first_look_is_at_everything(pages: Pages) -> None:
+    page = pages.open("robots", 390, 844)
+    until(lambda: page.evaluate("window.elea.map.fitted"), SOON_S, "a map")
+    shown = page.evaluate(
+        """() => { const { camera, robots, poses } = window.elea.map; return robots.map(({ ns }) => {
+          const [x, y] = camera.toScreen(...poses[ns]);
+          return x > 0 && y > 0 && x < camera.width && y < camera.height; }); }"""
+    )
+    assert shown == [True] * 3
+    scale = page.evaluate("window.elea.map.camera.scale")
+    page.locator("canvas.map").hover()
+    page.mouse.wheel(0, -200)
+    until(lambda: page.evaluate("window.elea.map.camera.scale") > scale, SOON_S, "nearer")
+    near = page.evaluate("window.elea.map.camera.scale")
+    page.evaluate("window.elea.map.know(window.elea.map.robots)")
+    assert page.evaluate("window.elea.map.camera.scale") == near, "what a hand has moved stays"

@@ -13,11 +13,11 @@ from messages.nav import Odometry, Path
 from messages.requests import PAUSE
 from messages.simulation import SimTime
 from messages.std import Bool
-from messages.topics import BASE_STATUS, GROUND_TRUTH, PLAN
+from messages.topics import BASE_STATUS, E_STOP, GROUND_TRUTH, PLAN
 from services.panel.drive import STAMPED
 from services.panel.frame import MARK
 from services.panel.words import Drive, Estop, Goal, Pause, Release, Want, Wish
-from tests.panel.bench import Bench, bench
+from tests.panel.bench import Bench, bench, node
 
 
 @pytest.fixture
@@ -272,3 +272,28 @@ def test_the_graph_follows_who_comes_and_goes(at: Bench) -> None:
     at.robot.node.transport.close()
     at.turn(0.5)
     assert {each["name"] for each in at.told(page, "graph")[-1]["nodes"]} == {"/panel"}
+
+
+def test_a_rate_is_told_once_it_is_known_and_the_age_is_that_of_the_newest_publisher(at: Bench) -> None:
+    page = at.page()
+    at.say(page, Want(channels=("rates",)))
+    at.turn(0.5, tell=True)
+    with node(at.bus, "other") as other:
+        outputs = [at.robot.node.write(E_STOP, "/both"), other.write(E_STOP, "/both")]
+
+        def beat(seconds: float, speakers: int) -> dict[str, float]:
+            for each in outputs[:speakers]:
+                each.publish(Bool(data=True))
+            for each in (at.robot.node, other):
+                each.heart.hurry()
+                each.turn()
+            at.turn(seconds, tell=True)
+            topics = at.told(page, "rates")[-1]["topics"]
+            assert isinstance(topics, dict)
+            return topics.get("/both", {})
+
+        assert beat(1.0, 2) == {}, "one heartbeat tells no rate"
+        assert beat(1.0, 2)["age"] <= 1.0
+        for _ in range(4):
+            told = beat(1.0, 1)
+        assert told["age"] <= 1.0, "one of the two goes on"
