@@ -20,6 +20,9 @@ _RESTART: dict[str, When] = {"router": "always", "grader": "never"}
 """A router has no work that could be done; a grader that comes back has lost what it measured."""
 
 
+SUPERVISOR = "/supervisor"
+"""The node of who starts them all."""
+
 _NEEDS = {"router": (), "params": ("router",), "sim": ("router", "params")}
 """What must be ready before; everything else needs router and simulation, and by them the parameters."""
 
@@ -53,7 +56,7 @@ def processes(fleet: Fleet, terms: Terms) -> tuple[Process, ...]:
     """Every process of the fleet, those first that others depend on: router, parameters, simulation, then the rest."""
     stated = _stated(fleet)
     members = tuple(each.node for each in stated if _awaited(each.member.kind, fleet.run.mode))
-    readers = tuple(each.node for each in stated if each.member.kind not in ONLOOKERS)
+    readers = (SUPERVISOR, *(each.node for each in stated if each.member.kind not in ONLOOKERS))
     return tuple(_process(each, fleet, terms, members, readers) for each in stated)
 
 
