@@ -9,7 +9,7 @@ import msgspec
 
 from deploy.arm_wiring import graded_arms, not_before, states
 from deploy.fleet import PORT, Fleet, Robot
-from deploy.run_folder import BAG_FOLDER
+from deploy.run_folder import BAG_FOLDER, RECORDING_FILE
 from models.figures import read_model
 from services.logger import LoggerParameters
 from services.panel.address import FILE as PANEL_FILE
@@ -87,7 +87,7 @@ def wired(
                 "states": states(fleet),
                 # In lockstep all wait for the simulation, which in lab needs a tenth more CPU for its lasers.
                 "scans": run.mode != "lockstep",
-                "file": str(terms.folder / "run.rrd"),
+                "file": str(terms.folder / RECORDING_FILE),
                 **_live_port(run.port),
                 **viewer,
             }
