@@ -66,14 +66,18 @@ def command(
 
 def _recording(run: Path) -> Path:
     """The recording to show; one of a bag is made beside it, anew when the bag is newer."""
-    from deploy.run_folder import BAG_FOLDER
+    from deploy.run_folder import BAG_FOLDER, RECORDING_FILE
+    from services.logger.earlier import earlier
 
     if not run.exists():
         raise BadInput(f"there is no run {run}: give the folder of a run, an .rrd, or a bag")
     if run.suffix == ".rrd":
         return run.absolute()
-    if (run / "run.rrd").is_file():
-        return (run / "run.rrd").absolute()
+    if (recording := (run / RECORDING_FILE).absolute()).is_file():
+        if before := earlier(recording):
+            names = " and ".join(each.name for each in before)
+            sys.stderr.write(f"elea: the logger was restarted; what it recorded before is in {names} beside it\n")
+        return recording
     return _of_bag(run / BAG_FOLDER if (run / BAG_FOLDER).is_dir() else run)
 
 
