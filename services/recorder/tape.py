@@ -10,14 +10,17 @@ from typing import Any
 from messages.base import Message
 from messages.cdr.extras import split
 from messages.cdr.write import NotWritable, writer
-from messages.topics import CLOCK
-from services.bag.channel import BESIDE, Channel, channel_of, raw_channel
+from messages.topics import CLOCK, Quality
+from services.bag.channel import BESIDE, SENDER, Channel, Sender, channel_of, raw_channel
 from services.bag.folder import BagFolder
 from services.recorder.listening import Listening
 from services.recorder.times import Times, arrival
 from services.runtime.inputs import Input
 from services.runtime.log import Log
-from services.runtime.wire import Origin
+from services.runtime.wire import NODE_BYTES, Origin
+
+_FOREIGN = b"foreign"
+"""Stands for all senders that do not tell who they are."""
 
 Heard = tuple[Input[Any], Any, Origin | None]
 
@@ -30,6 +33,7 @@ class Tape:
         self._times = Times()
         self._channels: dict[tuple[str, str], Channel] = {}
         self._numbers: Counter[str] = Counter()
+        self._first: dict[str, bytes] = {}
         self._since = time.time_ns()
         self._told = 0
         self.unfit: Counter[str] = Counter()
@@ -111,6 +115,9 @@ class Tape:
         if origin is None:
             self._numbers[name] += 1
         sequence = origin.sequence if origin is not None else self._numbers[name]
+        if source.topic.quality is Quality.LATCHED and (node := self._other(name, origin)):
+            note = writer(Sender)(Sender(node=node))
+            self._add(self._channel_of(name + SENDER, Sender(), source), sequence, log_time, publish_time, note)
         if name in self._listening.raw:
             raw = raw_channel(name, source.topic.record.ROS_TYPE, source.topic.quality)
             self._add(self._channel(name, raw), sequence, log_time, publish_time, message)
@@ -124,6 +131,14 @@ class Tape:
         except NotWritable as error:
             self.unfit[name] += 1
             self._log.warn(f"{name}: a message has no place in its ROS type and is not recorded: {error}", every=5.0)
+
+    def _other(self, name: str, origin: Origin | None) -> bytes:
+        """The node behind a message, unless it was the first on its topic.
+
+        A late joiner has the last message of each node; one that was started anew takes the place of the old one.
+        """
+        node = origin.publisher[:NODE_BYTES] if origin is not None else _FOREIGN
+        return node if self._first.setdefault(name, node) != node else b""
 
     def _add(self, channel: Channel, sequence: int, log_time: int, publish_time: int, data: bytes) -> None:
         try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -58,18 +57,6 @@ name = "r"
 model = "burger"
 services = [{ kind = "waypoint", parameters = { goals = [[1.5, 0.0]] } }]
 """
-
-
-@pytest.fixture(scope="module")
-def network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Network]:
-    with Network(tmp_path_factory.mktemp("recorder")) as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def node(network: Network) -> Iterator[Node]:
-    with network.node() as made:
-        yield made
 
 
 def record(network: Network, node: Node, folder: Path, *options: str) -> Process:

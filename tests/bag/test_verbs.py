@@ -7,7 +7,6 @@ import os
 import signal
 import sys
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 from subprocess import PIPE, Popen
 from time import sleep
@@ -26,18 +25,6 @@ from tests.live.rig import interrupt
 from tests.processes import Network
 from tests.system.terminal import Terminal
 from tests.waiting import until
-
-
-@pytest.fixture(scope="module")
-def network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Network]:
-    with Network(tmp_path_factory.mktemp("verbs")) as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def node(network: Network) -> Iterator[Node]:
-    with network.node() as made:
-        yield made
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from deploy.commands.options import Place, json_option, place_options
+from deploy.commands.options import json_option, place_options
 from deploy.commands.topic.shared import topic_argument
+from deploy.place import Place
 
 if TYPE_CHECKING:
     from deploy.live.ends import Ends
