@@ -51,12 +51,16 @@ class Tape:
                 self._write(source, message, origin, wall, now)
 
     def take_rest(self, now: int) -> None:
-        """What came after the last tick, at ``now`` [ns]: nobody had it yet; its own stamp tells its time, if any."""
+        """What came after the last tick, at ``now`` [ns]: nobody had it yet, so its time lies after that tick.
+
+        Its own stamp tells it, if it has a later one.
+        """
         wall = time.time_ns()
-        self._times.clock = now
         for name in sorted(self._listening.heard):
             for message, origin in self._listening.heard[name].batch:
-                self._write(self._listening.heard[name], message, origin, wall, self._times.of(message, wall, True))
+                self._times.clock = now
+                later = max(self._times.of(message, wall, True), now + 1)
+                self._write(self._listening.heard[name], message, origin, wall, later)
 
     def take(self) -> None:
         """What has come since the last call, in the order in which it was sent."""
