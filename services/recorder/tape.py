@@ -10,9 +10,11 @@ from typing import Any
 from messages.base import Message
 from messages.cdr.extras import split
 from messages.cdr.write import NotWritable, writer
-from messages.topics import CLOCK, Quality
+from messages.tf import TFMessage
+from messages.topics import CLOCK, TF, TF_STATIC, Quality
 from services.bag.channel import BESIDE, SENDER, Channel, Sender, channel_of, raw_channel
 from services.bag.folder import BagFolder
+from services.recorder.fitting import Fitting
 from services.recorder.listening import Listening
 from services.recorder.times import Times, arrival
 from services.runtime.inputs import Input
@@ -31,6 +33,7 @@ class Tape:
     def __init__(self, bag: BagFolder, listening: Listening, log: Log) -> None:
         self._bag, self._listening, self._log = bag, listening, log
         self._times = Times()
+        self._fitting = Fitting()
         self._channels: dict[tuple[str, str], Channel] = {}
         self._numbers: Counter[str] = Counter()
         self._first: dict[str, bytes] = {}
@@ -45,6 +48,7 @@ class Tape:
         So it is what a replay must repeat at this tick. The order is the same in every run.
         """
         wall = time.time_ns()
+        self._learn()
         for name in sorted(self._listening.heard, key=lambda name: (name != CLOCK.name, name)):
             source = self._listening.heard[name]
             for message, origin in source.batch:
@@ -56,6 +60,7 @@ class Tape:
         Its own stamp tells it, if it has a later one.
         """
         wall = time.time_ns()
+        self._learn()
         for name in sorted(self._listening.heard):
             for message, origin in self._listening.heard[name].batch:
                 self._times.clock = now
@@ -70,6 +75,7 @@ class Tape:
         clock.admit()
         clock.batch = [*early, *clock.batch]
         wall, since = time.time_ns(), self._since
+        self._learn()
         heard: list[tuple[int, Heard]] = []
         sources = {**self._listening.heard, CLOCK.name: self._listening.clock}
         for source in sources.values():
@@ -114,6 +120,12 @@ class Tape:
         """Messages that were sent and did not arrive, by topic."""
         return {name: source.lost for name, source in sorted(self._listening.heard.items()) if source.lost}
 
+    def _learn(self) -> None:
+        """Whatever comes with a description of a robot may tell how its frames are called."""
+        for topic in (TF, TF_STATIC):
+            if (source := self._listening.heard.get(topic.name)) is not None and source.topic.record is TFMessage:
+                self._fitting.learn(message for message, _ in source.batch)
+
     def _write(self, source: Input[Any], message: Any, origin: Origin | None, log_time: int, publish_time: int) -> None:
         name = source.name
         if origin is None:
@@ -127,6 +139,8 @@ class Tape:
             self._add(self._channel(name, raw), sequence, log_time, publish_time, message)
             return
         main, beside = split(message)
+        if beside is None:
+            main, beside = self._fitting.split(name, main)
         try:
             for each, topic in ((beside, name + BESIDE), (main, name)):
                 if each is not None:

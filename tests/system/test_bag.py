@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
-from rerun.chunk import RrdReader
+from rerun.chunk import Chunk, RrdReader
 from rosbags.highlevel import AnyReader
 
 from deploy.catalogue import declaration
@@ -23,12 +23,15 @@ from messages.cdr.extras import split
 from messages.elea import FleetState
 from messages.parameters import ParameterValues
 from messages.requests import SUPERVISOR_STOP, Name
-from messages.topics import CLOCK, FLEET_STATE
+from messages.std import String
+from messages.tf import TFMessage
+from messages.topics import CLOCK, FLEET_STATE, ROBOT_DESCRIPTION
 from services.bag.info import BagInfo
 from services.bag.reading import open_bag
 from services.bag.typed import Typed
 from services.logger.convert import convert
 from services.logger.palette import COLOURS
+from services.recorder.fitting import prefixed
 from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
@@ -120,6 +123,9 @@ def test_two_other_readers_find_the_same_in_every_type(recorded: Recorded) -> No
     wanted = defaultdict(list)
     for entry, message in recorded.messages:
         if message is not None:
+            namespace, _, name = entry.channel.topic.strip("/").rpartition("/")
+            if name == ROBOT_DESCRIPTION.name and isinstance(message, String):
+                message = String(data=prefixed(message.data, f"{namespace}/"))
             wanted[entry.channel.topic].append(seen(split(message)[0]))
     compared: Counter[str] = Counter()
     with AnyReader([recorded.bag]) as reader:
@@ -141,11 +147,23 @@ def test_two_other_readers_find_the_same_in_every_type(recorded: Recorded) -> No
 
 
 def test_the_viewer_opens_it(recorded: Recorded, tmp_path: Path) -> None:
-    """As it is, by the viewer's own importer: frames, joints, poses and log become what it can draw."""
+    """As it is, by the viewer's own importer: frames, joints, poses, bodies and log become what it can draw."""
     convert(sorted(recorded.bag.glob("*.mcap")), tmp_path / "own.rrd")
     chunks = list(RrdReader(tmp_path / "own.rrd").stream())
     entities = {str(each.entity_path) for each in chunks}
     assert {"/tf", "/tb3_0/joint_states", "/tb3_0/plan", "/rosout"} <= entities, entities
+    told = [message for _, message in recorded.messages if isinstance(message, TFMessage)]
+    frames = {each.child_frame_id for message in told for each in message.transforms}
+    for robot in (*ROBOTS, "arm"):
+        shapes = [each for each in chunks if str(each.entity_path).startswith(f"/{robot}/visual_geometries/")]
+        hung = {frame for each in shapes for frame in column(each, "CoordinateFrame:frame")}
+        assert len(hung) > 1, robot
+        assert hung <= frames, f"{robot}: each shape hangs on a frame that is told of"
+
+
+def column(chunk: Chunk, name: str) -> list[str]:
+    rows = chunk.to_record_batch()
+    return [value for row in rows.column(name).to_pylist() for value in row] if name in rows.schema.names else []
 
 
 def test_view_makes_a_picture_of_it(recorded: Recorded, tmp_path: Path) -> None:
