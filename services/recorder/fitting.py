@@ -1,8 +1,9 @@
 """Descriptions of robots that fit the frames in the bag: their links carry the robot's prefix, as on ``/tf``.
 
 On the bus a description is that of its model, and a reader adds the prefix, as ROS 2's robot_state_publisher has it in
-``frame_prefix``. A viewer that opens the bag has nobody to tell it the prefix: rerun 0.41 looks for a frame of each
-link's own name, and draws all robots of one name in one place.
+``frame_prefix``. A viewer that opens the bag has nobody to tell it the prefix. rerun 0.41 takes the names of links for
+frames and the name of the robot for the place of its shapes: of four robots of one model it keeps one, and a single
+link whose frame nobody tells of leaves its whole view empty.
 """
 
 from __future__ import annotations
@@ -54,7 +55,8 @@ class Fitting:
         for each in (wanted, f"{namespace.rpartition('/')[2]}/", ""):
             if any(f"{each}{link}" in self._frames for link in links):
                 return each
-        return wanted
+        found = {frame.removesuffix(link) for link in links for frame in self._frames if frame.endswith(f"/{link}")}
+        return found.pop() if len(found) == 1 else wanted
 
 
 def prefixed(urdf: str, prefix: str) -> str:

@@ -39,6 +39,8 @@ def split(topic: str, text: str, *frames: str) -> tuple[Message, Message | None]
         ("/r/robot_description", ("r/base", "r/arm", "q/arm"), "r/"),
         ("/lab/r/robot_description", ("/lab/r/arm",), "lab/r/"),
         ("/lab/r/robot_description", ("r/arm", "q/arm"), "r/"),
+        ("/lab/r/robot_description", ("my/own/arm", "q/wheel"), "my/own/"),
+        ("/lab/r/robot_description", ("one/arm", "two/arm"), "lab/r/"),
     ],
 )
 def test_links_bear_the_prefix_that_the_frames_have(topic: str, frames: tuple[str, ...], prefix: str) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
+from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from messages.base import Message
@@ -26,6 +28,7 @@ from services.runtime.node import Node
 from tests.bag.foreign import STORE
 from tests.bag.make import START
 from tests.processes import Network
+from tests.system.terminal import Terminal
 from tests.waiting import until
 
 
@@ -69,8 +72,13 @@ def _held(bag: Path) -> list[Entry]:
 
 def test_who_joins_a_replay_late_gets_the_last_of_every_node(network: Network, node: Node, tmp_path: Path) -> None:
     recorded(network, tmp_path / "bag")
-    told = {each.topic: each.messages for each in info(open_bag(tmp_path / "bag")).topics}
-    assert (told["/tf_static"], told["/twice/robot_description"]) == (3, 3)
+    held = {each.topic: each.messages for each in info(open_bag(tmp_path / "bag")).topics}
+    assert (held["/tf_static"], held["/twice/robot_description"]) == (3, 3)
+    with AnyReader([tmp_path / "bag"]) as reader:
+        read = [(each.topic, reader.deserialize(data, each.msgtype)) for each, _, data in reader.messages()]
+    assert [topic for topic, _ in read].count("/tf_static/_sender") == 1, (
+        "of the second node; the first one is not noted"
+    )
     player = network.start("player", "--param", f"bag={tmp_path / 'bag'}")
     fixed, texts = heard(node)
     until(lambda: (fixed.take(), len(fixed.found) == 3)[1], 20.0, player.text)
@@ -81,6 +89,8 @@ def test_who_joins_a_replay_late_gets_the_last_of_every_node(network: Network, n
         until(lambda: (others.take(), len(others.found) == 2)[1], 20.0, "the texts of both nodes")
         assert set(again.found) == {frames(3.0, "left/base"), frames(2.0, "right/base")}
         assert set(others.found) == {String(data="last of /left"), String(data="first of /right")}
+    told = Terminal(tmp_path).do("topic", "info", "-v", "/tf_static", "--connect", network.endpoint, "--json")
+    assert [each["node"] for each in json.loads(told.out)["publishers"]] == ["/player", "/player"], "one for each node"
     assert player.stop() == 0, player.text
 
 
