@@ -85,11 +85,16 @@ def _of_bag(path: Path) -> Path:
     from deploy.bag_export import export_bag
     from services.bag.reading import open_bag
 
-    bag = open_bag(path)
-    made = path.resolve().with_suffix(".rrd")
+    bag, whole = open_bag(path), path.resolve()
+    made = whole.with_name(f"{whole.stem if whole.is_file() else whole.name}.rrd")
     newest = max(each.stat().st_mtime for each in bag.files)
     if not made.is_file() or made.stat().st_mtime < newest:
-        told = export_bag(path, "rrd", str(made))
+        part = made.with_name(f".{made.name}")  # one that is left half done is not taken for the bag
+        told = export_bag(path, "rrd", str(part))
+        try:
+            part.replace(made)
+        except OSError as error:
+            raise BadInput(f"{made} cannot be written: {error.strerror}") from None
         for trouble in told.troubles:
             sys.stderr.write(f"elea: {trouble}\n")
     return made
