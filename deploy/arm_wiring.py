@@ -44,6 +44,7 @@ def arm_wired(kind: str, fleet: Fleet, robot: Robot | None) -> dict[str, Any]:
         **ends,
         "gravity_torque": weight.torque,
         "gravity_rest": math.degrees(weight.rest),
+        "inertia": weight.inertia,
     }
 
 

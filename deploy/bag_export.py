@@ -96,7 +96,7 @@ def _chosen(bag: Bag, topics: tuple[str, ...]) -> frozenset[str]:
     known = {channel.topic for channel in bag.channels() if not beside(channel)}
     if not known:
         raise BadInput("; ".join([f"{bag.path} holds no messages", *bag.troubles]))
-    for topic in topics:
-        if topic not in known:
-            raise unknown("topic", topic, known, str(bag.path))
-    return frozenset(topics or known)
+    names = frozenset(topic if topic.startswith("/") else f"/{topic}" for topic in topics)
+    for topic in sorted(names - known):
+        raise unknown("topic", topic, known, str(bag.path))
+    return names or frozenset(known)

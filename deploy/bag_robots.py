@@ -12,7 +12,7 @@ from messages.topics import GROUND_TRUTH, ROBOT_DESCRIPTION
 from models import MODELS, model_path
 from models.figures import read_model
 from services.bag.reading import Bag
-from services.bag.typed import Typed, why_not
+from services.bag.typed import Typed, beside, why_not
 
 _MARGIN = 0.5
 """Metres around the robots' ways that the first picture shows."""
@@ -33,7 +33,8 @@ def robots_in(bag: Bag) -> Robots:
     typed = Typed()
     for entry in bag.entries():
         namespace, _, name = entry.channel.topic.rpartition("/")
-        if name not in (GROUND_TRUTH.name, ROBOT_DESCRIPTION.name) or why_not(entry.channel):
+        wanted = name in (GROUND_TRUTH.name, ROBOT_DESCRIPTION.name) or beside(entry.channel)
+        if not wanted or why_not(entry.channel):
             continue
         try:
             message = typed.message(entry)

@@ -14,11 +14,14 @@ from deploy.fleet import Fleet, Member, Robot
 from deploy.fleet_check import identity
 from deploy.own_service import is_own
 from deploy.policy import Policy, When
-from deploy.wiring import IMPLIED, Terms, endpoint, wired
+from deploy.wiring import IMPLIED, ONLOOKERS, Terms, endpoint, wired
 
 _RESTART: dict[str, When] = {"router": "always", "grader": "never"}
 """A router has no work that could be done; a grader that comes back has lost what it measured."""
 
+
+SUPERVISOR = "/supervisor"
+"""The node of who starts them all."""
 
 _NEEDS = {"router": (), "params": ("router",), "sim": ("router", "params")}
 """What must be ready before; everything else needs router and simulation, and by them the parameters."""
@@ -53,7 +56,8 @@ def processes(fleet: Fleet, terms: Terms) -> tuple[Process, ...]:
     """Every process of the fleet, those first that others depend on: router, parameters, simulation, then the rest."""
     stated = _stated(fleet)
     members = tuple(each.node for each in stated if _awaited(each.member.kind, fleet.run.mode))
-    return tuple(_process(each, fleet, terms, members) for each in stated)
+    readers = (SUPERVISOR, *(each.node for each in stated if each.member.kind not in ONLOOKERS))
+    return tuple(_process(each, fleet, terms, members, readers) for each in stated)
 
 
 def _stated(fleet: Fleet) -> list[_Stated]:
@@ -74,9 +78,11 @@ def _awaited(kind: str, mode: str) -> bool:
     return service.holds_lockstep and service.rate is not None
 
 
-def _process(stated: _Stated, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> Process:
+def _process(
+    stated: _Stated, fleet: Fleet, terms: Terms, members: tuple[str, ...], readers: tuple[str, ...]
+) -> Process:
     member, kind = stated.member, stated.member.kind
-    told = {**wired(kind, fleet, terms, members), **arm_wired(kind, fleet, stated.robot)}
+    told = {**wired(kind, fleet, terms, members, readers), **arm_wired(kind, fleet, stated.robot)}
     parameters = {**told, **_shifted(stated)}
     match member.restart:
         case None:

@@ -11,12 +11,14 @@ import msgspec
 from deploy.report.record import PICTURE_FILE, REPORT_FILE
 from messages.elea import FleetState
 from services.grader.records import MEASUREMENTS_FILE, TRAJECTORIES_FILE
+from services.logger.earlier import earlier
 from services.panel.address import FILE as PANEL_FILE
 from services.runtime.errors import BadInput
 from services.runtime.process import ROOT
 from services.square import LOG_FILE
 
 RUNS = ROOT / "runs"
+RECORDING_FILE = "run.rrd"
 BAG_FOLDER = "bag"
 """Where a run's recorder writes, in the folder of the run."""
 METADATA_FILE = "metadata.yaml"
@@ -39,8 +41,8 @@ def make_folder(fleet: str, report: str = "", now: datetime | None = None) -> Pa
         for part in (path / BAG_FOLDER).glob("*"):
             if part.name == METADATA_FILE or part.suffix == ".mcap":
                 part.unlink()
-        for log in (path / "logs").glob("*.log*"):
-            log.unlink()
+        for each in (path / RECORDING_FILE, *earlier(path / RECORDING_FILE), *(path / "logs").glob("*.log*")):
+            each.unlink(missing_ok=True)
     except OSError as error:
         raise BadInput(f"the folder {path} cannot be written: {error.strerror}; choose one with --report") from None
     return path

@@ -9,7 +9,7 @@ import msgspec
 
 from deploy.arm_wiring import graded_arms, not_before, states
 from deploy.fleet import PORT, Fleet, Robot
-from deploy.run_folder import BAG_FOLDER
+from deploy.run_folder import BAG_FOLDER, RECORDING_FILE
 from models.figures import read_model
 from services.logger import LoggerParameters
 from services.panel.address import FILE as PANEL_FILE
@@ -20,6 +20,9 @@ from services.sim.settings import configured
 
 IMPLIED = ("router", "params", "sim", "grader")
 """Services that every fleet has; a fleet file states one only to set its parameters."""
+
+ONLOOKERS = ("panel",)
+"""Services on which nothing in a run depends, nor anything that it leaves: what they miss is not the run's loss."""
 
 
 class Terms(msgspec.Struct, frozen=True, kw_only=True):
@@ -40,8 +43,13 @@ def endpoint(fleet: Fleet) -> str:
     return f"tcp/127.0.0.1:{fleet.run.port}"
 
 
-def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> dict[str, Any]:
-    """The parameters that a service gets from the fleet; its own table in the fleet file wins over them."""
+def wired(
+    kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...], readers: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    """The parameters that a service gets from the fleet; its own table in the fleet file wins over them.
+
+    ``members`` are the nodes that time waits for, ``readers`` those whose losses the run answers for.
+    """
     run, robots = fleet.run, fleet.robot
     match kind:
         case "router":
@@ -68,6 +76,7 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
                 "ends": run.ends,
                 "not_before": not_before(fleet),
                 "duration": run.duration,
+                "readers": list(readers),
                 "output": str(terms.folder),
             }
         case "logger":
@@ -78,7 +87,7 @@ def wired(kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...]) -> di
                 "states": states(fleet),
                 # In lockstep all wait for the simulation, which in lab needs a tenth more CPU for its lasers.
                 "scans": run.mode != "lockstep",
-                "file": str(terms.folder / "run.rrd"),
+                "file": str(terms.folder / RECORDING_FILE),
                 **_live_port(run.port),
                 **viewer,
             }

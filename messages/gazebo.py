@@ -1,4 +1,4 @@
-"""elea_msgs of Gazebo's world services: efforts, wrenches, joints, links and properties, scoped by model.
+"""Gazebo's world services as elea_msgs: efforts, wrenches, joints, links and properties, scoped by model; its topics.
 
 A joint or link is named alone where one model only has it, or as ``model::name`` or ``model/name``.
 """
@@ -122,3 +122,21 @@ class WorldProperties(Message, frozen=True, kw_only=True):
     ground_friction: Finite = 0.0
     obstacles: tuple[str, ...] = ()
     model_names: tuple[str, ...] = ()
+
+
+class ModelStates(Message, frozen=True, kw_only=True):
+    """Where all models are and how they move, in the world's axes; the three lists are in the same order."""
+
+    ROS_TYPE: ClassVar[str] = "gazebo_msgs/ModelStates"
+    name: tuple[str, ...] = ()
+    pose: tuple[Pose, ...] = ()
+    twist: tuple[Twist, ...] = ()
+
+
+class LinkStates(Message, frozen=True, kw_only=True):
+    """The same of all links, each named ``model::link``."""
+
+    ROS_TYPE: ClassVar[str] = "gazebo_msgs/LinkStates"
+    name: tuple[str, ...] = ()
+    pose: tuple[Pose, ...] = ()
+    twist: tuple[Twist, ...] = ()

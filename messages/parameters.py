@@ -24,8 +24,11 @@ class ParameterDescription(Message, frozen=True, kw_only=True):
     """One parameter: its type, default, inclusive bounds (exclusive where said), choices, unit and text.
 
     ``type`` is ``bool``, ``int``, ``float``, ``str``, or one of these with ``[]`` or ``[][]`` behind it; ``optional``
-    allows null. ``live`` tells that the service follows a change while it runs; the others are for a fleet file or a
-    command line to say. ``level`` is the bit mask that listeners get when it changes, as in dynamic_reconfigure.
+    allows null. ``shortest`` and ``longest`` bound the items of each level of a list, from the outside, and behind them
+    the characters of a text; 0 is no bound. ``at_most`` names another parameter of the set that this one may not
+    exceed; ``excludes`` names some that must be off (null or false) while this one is on. ``live`` tells that the
+    service follows a change while it runs; the others are for a fleet file or a command line to say. ``level`` is the
+    bit mask that listeners get when it changes, as in dynamic_reconfigure.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ParameterDescription"
@@ -37,6 +40,10 @@ class ParameterDescription(Message, frozen=True, kw_only=True):
     above: bool = False
     below: bool = False
     choices: tuple[str, ...] = ()
+    shortest: tuple[Count, ...] = ()
+    longest: tuple[Count, ...] = ()
+    at_most: str = ""
+    excludes: tuple[str, ...] = ()
     optional: bool = False
     unit: str = ""
     text: str = ""
@@ -89,6 +96,7 @@ class Announcement(Message, frozen=True, kw_only=True):
     """A node says which parameters it has in which set, and the values that its fleet file and command line give.
 
     ``run`` are values that were set for this run alone: they count where the parameter service, come back, knows none.
+    ``leaves`` says instead that the node follows the set no more, as when a robot leaves the world.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Announcement"
@@ -98,6 +106,7 @@ class Announcement(Message, frozen=True, kw_only=True):
     fleet: tuple[Assignment, ...] = ()
     command_line: tuple[Assignment, ...] = ()
     run: tuple[Assignment, ...] = ()
+    leaves: bool = False
 
 
 class ParameterSet(Message, frozen=True, kw_only=True):
@@ -143,10 +152,14 @@ class ResetParameters(Message, frozen=True, kw_only=True):
 
 
 class UndoParameters(Message, frozen=True, kw_only=True):
-    """Take the newest change of a set back that was not yet taken back."""
+    """Take the newest change of a set back that was not yet taken back, or the one that made its ``revision``.
+
+    An older one gives back what no later change has touched; asked again, it is taken back already and nothing happens.
+    """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/UndoParameters"
     set: SetName = ""
+    revision: Count = 0
     id: RequestId = ""
     who: Who = ""
 

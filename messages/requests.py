@@ -113,7 +113,7 @@ PARAMS_RESET = Request("/params/reset", ResetParameters, ParameterValues, "forge
 PARAMS_UNDO = Request("/params/undo", UndoParameters, ParameterValues, "take the newest change of a set back")
 PARAMS_HISTORY = Request("/params/history", HistoryOf, ParameterHistory, "who changed what, and when")
 
-REQUESTS: tuple[Request[Message, Message], ...] = (
+SIM_REQUESTS: tuple[Request[Message, Message], ...] = (
     SPAWN,
     DELETE,
     LIST,
@@ -136,9 +136,17 @@ REQUESTS: tuple[Request[Message, Message], ...] = (
     LINK_PROPERTIES,
     MODEL_PROPERTIES,
     WORLD_PROPERTIES,
+)
+"""What the simulation serves."""
+
+SUPERVISOR_REQUESTS: tuple[Request[Message, Message], ...] = (
     SUPERVISOR_START,
     SUPERVISOR_STOP,
     SUPERVISOR_RESTART,
+)
+"""What the supervisor of a fleet serves."""
+
+PARAMS_REQUESTS: tuple[Request[Message, Message], ...] = (
     PARAMS_ANNOUNCE,
     PARAMS_LIST,
     PARAMS_GET,
@@ -147,4 +155,7 @@ REQUESTS: tuple[Request[Message, Message], ...] = (
     PARAMS_UNDO,
     PARAMS_HISTORY,
 )
+"""What the parameter service serves."""
+
+REQUESTS: tuple[Request[Message, Message], ...] = (*SIM_REQUESTS, *SUPERVISOR_REQUESTS, *PARAMS_REQUESTS)
 """Every request of this project."""

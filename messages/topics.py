@@ -7,6 +7,7 @@ from typing import Generic, TypeVar
 from messages.base import Message
 from messages.control import JointControllerState
 from messages.elea import BaseStatus, FleetState, GoalStatus, Health
+from messages.gazebo import LinkStates, ModelStates
 from messages.geometry import PoseStamped, Twist, TwistStamped
 from messages.joints import JointEffort
 from messages.nav import Odometry, Path
@@ -70,6 +71,12 @@ TF = Topic("/tf", TFMessage, 25, Quality.SENSOR, "moving transforms of all robot
 TF_STATIC = Topic(
     "/tf_static", TFMessage, 0, Quality.LATCHED, "fixed transforms, all of a publisher's in one message", 1 << 20
 )
+MODEL_STATES = Topic(
+    "/gazebo/model_states", ModelStates, 25, Quality.SENSOR, "where all models are, while somebody listens", 1 << 18
+)
+LINK_STATES = Topic(
+    "/gazebo/link_states", LinkStates, 25, Quality.SENSOR, "where all links are, while somebody listens", 1 << 20
+)
 ROBOT_DESCRIPTION = Topic("robot_description", String, 0, Quality.LATCHED, "the URDF of a robot", 1 << 20)
 JOINT_EFFORT = Topic("joint_effort", JointEffort, 100, Quality.COMMAND, "effort on a joint, for a time")
 REFERENCE = Topic("/robot_control/reference", Float32, 50, Quality.SENSOR, "where the arm should be, degrees")
@@ -115,6 +122,8 @@ TOPICS: tuple[Topic[Message], ...] = (
     STATUS,
     TF,
     TF_STATIC,
+    MODEL_STATES,
+    LINK_STATES,
     ROBOT_DESCRIPTION,
     JOINT_EFFORT,
     REFERENCE,

@@ -12,10 +12,9 @@ from typing import Any
 
 import click
 
-from deploy.claim import running
-from deploy.commands.options import chosen, json_option, port_option
+from deploy.commands.options import json_option, place_options
 from deploy.commands.table import Verb, Verbs
-from deploy.fleet import PORT
+from deploy.place import Place
 from services.runtime.errors import BadInput, EleaError
 from services.runtime.process import ROOT
 
@@ -49,12 +48,8 @@ def command() -> None:
     "-b", "--max-size", default="0", metavar="BYTES", help="Split files at this size; 100M, 1Gi are understood."
 )
 @click.option("-d", "--max-duration", type=float, default=0.0, metavar="S", help="Split files after so much wall time.")
-@click.option("--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default.")
-@click.option("--domain", default="", help="Domain of the fleet.")
-@port_option
-def record(
-    topics: tuple[str, ...], everything: bool, connect: str, domain: str, port: int | None, **given: Any
-) -> None:
+@place_options
+def record(topics: tuple[str, ...], everything: bool, place: Place, **given: Any) -> None:
     """Record TOPICS, or all with -a, until Ctrl-C.
 
     The status is 1 when the disk did not take everything; the bag is then readable as far as it goes.
@@ -72,7 +67,7 @@ def record(
         "max_size": _bytes(given["max_size"]),
         "max_duration": given["max_duration"],
     }
-    _become("recorder", parameters, _network(connect, domain, port))
+    _become("recorder", parameters, place.arguments)
 
 
 @click.command("play")
@@ -92,10 +87,8 @@ def record(
 @click.option(
     "--latency", type=click.IntRange(0, 1), help="With --lockstep, that of the fleet; as it was recorded by default."
 )
-@click.option("--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default.")
-@click.option("--domain", default="", help="Domain of the fleet.")
-@port_option
-def play(bag: Path, lockstep: str, connect: str, domain: str, port: int | None, **given: Any) -> None:
+@place_options
+def play(bag: Path, lockstep: str, place: Place, **given: Any) -> None:
     """Play BAG back on simulated time, with /clock unless a simulation runs: then on its time.
 
     Heartbeats, states of processes and parameters are played only when their topics are named. With --lockstep the
@@ -116,7 +109,7 @@ def play(bag: Path, lockstep: str, connect: str, domain: str, port: int | None, 
         "rate": rate,
         "members": members,
     }
-    arguments = _network(connect, domain, port)
+    arguments = place.arguments
     for rule in given["remap"]:
         arguments += ["--remap", rule]
     if members:
@@ -172,15 +165,6 @@ def _bytes(text: str) -> int:
     if found is None:
         raise BadInput(f"--max-size {text!r} is no size: write bytes, or 100M, 1.5Gi")
     return round(float(found[1]) * _UNITS[found[2] or ""])
-
-
-def _network(connect: str, domain: str, port: int | None) -> list[str]:
-    """Where to join: as told, else the fleet that runs."""
-    if not connect and running():
-        fleet = chosen(port)
-        connect, domain = f"tcp/127.0.0.1:{fleet.port}", domain or fleet.domain
-    arguments = ["--connect", connect or f"tcp/127.0.0.1:{port or PORT}"]
-    return [*arguments, "--domain", domain] if domain else arguments
 
 
 def _become(service: str, parameters: dict[str, Any], arguments: list[str]) -> None:

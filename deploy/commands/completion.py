@@ -41,8 +41,8 @@ def ask(ctx: click.Context, question: Callable[[Transport], Iterable[str]]) -> l
     answer: list[str] = []
 
     def visit_and_ask() -> None:
-        from deploy.commands.network import visit
-        from deploy.commands.options import place_of
+        from deploy.live.visit import visit
+        from deploy.place import place_of
 
         given = {name: ctx.params.get(name) for name in ("connect", "domain", "port")}
         try:

@@ -10,7 +10,8 @@ import sys
 import click
 
 from deploy.claim import Running, running
-from deploy.commands.options import chosen, port_option
+from deploy.commands.options import port_option
+from deploy.place import chosen
 
 LONGEST_S = 60.0
 """Wall time that a fleet has to stop by SIGINT, with its report, before its supervisor is killed."""

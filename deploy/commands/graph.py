@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from deploy.commands.options import Place, json_option, place_options
+from deploy.commands.options import json_option, place_options
+from deploy.place import Place
 
 if TYPE_CHECKING:
     from services.runtime.graph import Entity
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 @json_option
 def command(place: Place, as_json: bool) -> None:
     """List every node with what it publishes, subscribes and serves, asked of the network now."""
-    from deploy.commands.network import visit
+    from deploy.live.visit import visit
     from services.runtime.graph import snapshot
 
     with visit(place.router, place.domain) as transport:

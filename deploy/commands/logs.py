@@ -11,7 +11,8 @@ import click
 
 from deploy.claim import running
 from deploy.commands.completion import PROCESS
-from deploy.commands.options import chosen, json_option, port_option
+from deploy.commands.options import json_option, port_option
+from deploy.place import chosen
 from deploy.run_folder import latest_folder
 from deploy.supervisor.log_file import log_name
 from services.runtime.errors import BadInput, unknown

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 import click
 
 from deploy.claim import Running, running
-from deploy.commands.options import chosen, json_option, port_option
+from deploy.commands.options import json_option, port_option
 from deploy.fleet import PORT
+from deploy.place import chosen
 from services.runtime.errors import EleaError
 from services.runtime.process import PARENT, ROOT
 
@@ -63,7 +64,7 @@ def _of(fleet: Running) -> Address | None:
 
 def _own(connect: str, domain: str, page_port: int | None, as_json: bool, no_open: bool) -> int:
     """Run a panel until it ends; its exit status."""
-    from deploy.commands.network import visit
+    from deploy.live.visit import visit
     from services.panel.address import read
 
     with visit(connect, domain):

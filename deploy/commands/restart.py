@@ -8,7 +8,8 @@ import sys
 import click
 
 from deploy.commands.completion import PROCESS
-from deploy.commands.options import chosen, json_option, port_option
+from deploy.commands.options import json_option, port_option
+from deploy.place import chosen
 
 
 @click.command("restart")
@@ -17,7 +18,7 @@ from deploy.commands.options import chosen, json_option, port_option
 @json_option
 def command(name: str, port: int | None, as_json: bool) -> None:
     """Stop process NAME, as `./elea ps` calls it, and start it again."""
-    from deploy.commands.network import visit
+    from deploy.live.visit import visit
     from messages.names import key
     from messages.requests import SUPERVISOR_RESTART, Name
     from services.runtime.calls import call

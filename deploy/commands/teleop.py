@@ -9,7 +9,8 @@ import time
 
 import click
 
-from deploy.commands.options import Place, place_options
+from deploy.commands.options import place_options
+from deploy.place import Place
 from services.runtime.parameters import build
 from services.runtime.process import ROOT
 from services.teleop import TeleopParameters
@@ -45,7 +46,7 @@ def command(namespace: str, fixed: bool, stamped: bool, place: Place, **values: 
     A key moves the robot for as long as it is held. Teleop wins over a controller, and gives the robot back to it some
     seconds after the last key.
     """
-    from deploy.commands.network import visit
+    from deploy.live.visit import visit
     from services.runtime.graph import snapshot
     from services.teleop.bases import bases, choose
 
@@ -62,8 +63,7 @@ def command(namespace: str, fixed: bool, stamped: bool, place: Place, **values: 
         while not (found := bases(snapshot(transport))) and time.monotonic() < deadline:
             time.sleep(0.1)
     base = choose(namespace, found, place.router)
-    arguments = ["--namespace", base.namespace, "--connect", place.router]
-    arguments += ["--domain", place.domain] if place.domain else []
+    arguments = ["--namespace", base.namespace, *place.arguments]
     arguments += [word for name, value in parameters.items() for word in ("--param", f"{name}={json.dumps(value)}")]
     sys.stdout.flush()
     os.execve(

@@ -66,14 +66,18 @@ def command(
 
 def _recording(run: Path) -> Path:
     """The recording to show; one of a bag is made beside it, anew when the bag is newer."""
-    from deploy.run_folder import BAG_FOLDER
+    from deploy.run_folder import BAG_FOLDER, RECORDING_FILE
+    from services.logger.earlier import earlier
 
     if not run.exists():
         raise BadInput(f"there is no run {run}: give the folder of a run, an .rrd, or a bag")
     if run.suffix == ".rrd":
         return run.absolute()
-    if (run / "run.rrd").is_file():
-        return (run / "run.rrd").absolute()
+    if (recording := (run / RECORDING_FILE).absolute()).is_file():
+        if before := earlier(recording):
+            names = " and ".join(each.name for each in before)
+            sys.stderr.write(f"elea: the logger was restarted; what it recorded before is in {names} beside it\n")
+        return recording
     return _of_bag(run / BAG_FOLDER if (run / BAG_FOLDER).is_dir() else run)
 
 
@@ -81,11 +85,16 @@ def _of_bag(path: Path) -> Path:
     from deploy.bag_export import export_bag
     from services.bag.reading import open_bag
 
-    bag = open_bag(path)
-    made = path.resolve().with_suffix(".rrd")
+    bag, whole = open_bag(path), path.resolve()
+    made = whole.with_name(f"{whole.stem if whole.is_file() else whole.name}.rrd")
     newest = max(each.stat().st_mtime for each in bag.files)
     if not made.is_file() or made.stat().st_mtime < newest:
-        told = export_bag(path, "rrd", str(made))
+        part = made.with_name(f".{made.name}")  # one that is left half done is not taken for the bag
+        told = export_bag(path, "rrd", str(part))
+        try:
+            part.replace(made)
+        except OSError as error:
+            raise BadInput(f"{made} cannot be written: {error.strerror}") from None
         for trouble in told.troubles:
             sys.stderr.write(f"elea: {trouble}\n")
     return made

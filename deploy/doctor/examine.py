@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from deploy.commands.options import Place, place_of
 from deploy.doctor import Check, Finding, fail, installation, leftovers, machine, network, places, screen
 from deploy.live.output import say, say_json
+from deploy.place import Place, place_of
 from deploy.version import VERSION
 from services.runtime.errors import BadInput
 from services.runtime.zenoh_config import endpoint

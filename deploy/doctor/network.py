@@ -7,8 +7,8 @@ import time
 from collections.abc import Iterator, Sequence
 
 from deploy.claim import Running, running
-from deploy.commands.options import Place
 from deploy.doctor import Finding, fail, ok, warn
+from deploy.place import Place
 from messages.elea import Health
 from services.runtime.errors import BadInput
 from services.runtime.graph import Entity
@@ -47,7 +47,7 @@ def router(place: Place, asked: bool) -> Iterator[Finding]:
     if not asked and not running():
         yield ok("router", "no fleet runs")
         return
-    from deploy.commands.network import visit
+    from deploy.live.visit import visit
     from services.runtime.graph import snapshot
 
     began = time.monotonic()

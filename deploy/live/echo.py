@@ -6,7 +6,6 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from deploy.commands.options import Place
 from deploy.live.ends import absolute, topics
 from deploy.live.fields import Path, check_path, parse_path, pick
 from deploy.live.known import known_record, record_of, ros_type
@@ -17,6 +16,7 @@ from deploy.live.reader import Reader, info
 from deploy.live.session import Session, session
 from deploy.live.subject import await_subject, is_latched, type_of
 from deploy.live.text import MOST, block, cells, flow, row, trimmed
+from deploy.place import Place
 from services.runtime.errors import EleaError
 from services.runtime.graph import snapshot
 

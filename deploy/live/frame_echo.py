@@ -7,10 +7,10 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from deploy.commands.options import Place
 from deploy.live.frame_watch import FrameWatch
 from deploy.live.output import note, say, say_json
 from deploy.live.session import session
+from deploy.place import Place
 from services.runtime.errors import NoTransform
 from services.runtime.frame_buffer import Found
 

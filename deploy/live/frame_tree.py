@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from deploy.commands.options import Place
 from deploy.live.frame_watch import FrameWatch
 from deploy.live.output import note, say, say_json
 from deploy.live.session import session
+from deploy.place import Place
 from services.runtime.errors import EleaError
 
 

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from deploy.commands.options import Place
 from deploy.live.clock import SimClock
-from deploy.live.ends import absolute
+from deploy.live.ends import Ends, absolute, topics
 from deploy.live.listener import Heard, Listener
 from deploy.live.output import note, say, say_json
 from deploy.live.session import Session, session
 from deploy.live.subject import await_subject, is_latched, type_of
+from deploy.place import Place
 from services.runtime.errors import EleaError
+from services.runtime.graph import snapshot
 
 PERIOD_S = 1.0
 """Wall time between two reports."""
@@ -66,8 +67,8 @@ class Meter(Protocol):
 class _Channel:
     """A topic, its meter, and the samples whose time is not known yet."""
 
-    def __init__(self, live: Session, name: str, meter: Meter, terms: Terms) -> None:
-        ends = await_subject(live, name, terms.wait)
+    def __init__(self, live: Session, name: str, meter: Meter, terms: Terms, graph: Mapping[str, Ends]) -> None:
+        ends = await_subject(live, name, terms.wait, graph)
         latched = is_latched(ends)
         self.name, self.meter, self._count = name, meter, terms.count
         self.listener = Listener(live.transport, name, latched)
@@ -104,8 +105,9 @@ def measure(place: Place, role: str, names: Sequence[str], make: Callable[[str],
     """Measure the topics with a meter each; the exit status. Raises EleaError when nothing came within the timeout."""
     wanted = list(dict.fromkeys(absolute(each) for each in names))
     with session(place, role) as live:
+        graph = topics(snapshot(live.transport))
         clock = SimClock(live.transport)
-        channels = [_Channel(live, name, make(name), terms) for name in wanted]
+        channels = [_Channel(live, name, make(name), terms, graph) for name in wanted]
         epoch, due = None, time.monotonic() + PERIOD_S
         for _ in live.turns(channels[0].listener.inlet, terms.timeout):
             clock.follow()

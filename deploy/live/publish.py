@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from deploy.commands.options import Place
 from deploy.live.clock import SimClock
 from deploy.live.ends import Ends, absolute, is_hidden, nearest, topics
 from deploy.live.known import record_of, topic_of
@@ -16,6 +15,7 @@ from deploy.live.output import note, say, say_json
 from deploy.live.session import Session, session
 from deploy.live.text import flow, trimmed
 from deploy.live.values import Draft, split_type
+from deploy.place import Place
 from messages.base import Message
 from messages.names import key as key_of
 from messages.plain import plain_record

@@ -71,15 +71,20 @@ class Window:
 def rate(moments: Sequence[tuple[int, int]]) -> Rate | None:
     """The rate of messages at ``moments``: (time [ns], number lost before it); None when they span no time.
 
-    What happened after the first instant up to the last is counted. Where several share an instant, the last one may
-    not be complete yet, and is left out.
+    What happened after the first instant up to the last is counted, what was lost between them as well. Where several
+    share an instant, the last one may not be complete yet, and is left out; and what was lost before an instant may
+    belong to it or to the one before, so the count then begins and ends where nothing was.
     """
     moments = sorted(moments)
     instants: dict[int, int] = {}
+    gaps: dict[int, int] = {}
     for time, lost in moments:
         instants[time] = instants.get(time, 0) + 1 + lost
-    bursts = len(moments) > len(instants)
-    times = list(instants)[: -1 if bursts and len(instants) > 2 else None]
+        gaps[time] = gaps.get(time, 0) + lost
+    times = list(instants)
+    if len(moments) > len(instants) and len(times) > 2:
+        ends = [before for before, after in pairwise(times) if not gaps[after]]
+        times = times[times.index(ends[0]) : times.index(ends[-1]) + 1] if len(ends) > 1 else times[:-1]
     if len(times) < 2:
         return None
     span = (times[-1] - times[0]) / SECOND

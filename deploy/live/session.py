@@ -6,9 +6,9 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from deploy.commands.network import visit
-from deploy.commands.options import Place
 from deploy.live.output import leave_quietly, reader_gone
+from deploy.live.visit import visit
+from deploy.place import Place
 from services.runtime.graph import Entity, Kind
 from services.runtime.process import on_stop
 from services.runtime.transport import Inlet, Token, Transport

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from deploy.live.ends import Ends, absent, nearest, topics
 from deploy.live.known import topic_of
 from deploy.live.listener import Listener
@@ -14,12 +16,15 @@ _FOREIGN_S = 1.0
 """Wall time in which a sender that is not in the graph may make itself heard."""
 
 
-def await_subject(live: Session, name: str, wait: bool) -> Ends:
-    """The topic that is to be heard; with ``wait`` also one that nobody knows. Raises BadInput as ``find_subject``."""
+def await_subject(live: Session, name: str, wait: bool, graph: Mapping[str, Ends] | None = None) -> Ends:
+    """The topic that is to be heard; with ``wait`` also one that nobody knows. Raises BadInput as ``find_subject``.
+
+    ``graph`` are the topics of the network, where they are known already.
+    """
+    known = topics(snapshot(live.transport)) if graph is None else graph
     if not wait:
-        ends = find_subject(live, name)
+        ends = find_subject(live, name, known)
     else:
-        known = topics(snapshot(live.transport))
         ends = known.get(name, Ends(name))
         if name not in known and (hint := nearest(name, known)):
             note(f"no topic {name} is on the network{hint}")
@@ -28,9 +33,9 @@ def await_subject(live: Session, name: str, wait: bool) -> Ends:
     return ends
 
 
-def find_subject(live: Session, name: str) -> Ends:
+def find_subject(live: Session, name: str, graph: Mapping[str, Ends] | None = None) -> Ends:
     """The topic ``name``; raises BadInput when it is neither in the graph nor heard for a second."""
-    known = topics(snapshot(live.transport))
+    known = topics(snapshot(live.transport)) if graph is None else graph
     if name in known:
         return known[name]
     listener = Listener(live.transport, name)

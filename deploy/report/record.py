@@ -57,7 +57,11 @@ class RunFigures(msgspec.Struct, frozen=True, kw_only=True):
     seed: Annotated[int, _text("seed of all random numbers of the run")]
     version: Annotated[str, _text("version of Elea")]
     trajectory_hash: Annotated[str, _text("SHA-256 over all ground-truth samples of all robots, hexadecimal")]
-    messages_lost: Annotated[int, _positive("messages that any reader missed, by the gaps in their numbers")]
+    messages_lost: Annotated[int, _positive("messages that the fleet's processes missed, by the gaps in their numbers")]
+    onlookers_lost: Annotated[
+        dict[str, Annotated[int, Meta(ge=1)]],
+        _text("the same of each node on which no run depends, as panels and tools; those that missed none left out"),
+    ]
     restarts: Annotated[int, _positive("processes restarted during the run")]
 
 
@@ -99,5 +103,6 @@ def run_figures(facts: RunFacts, measured: Measurements) -> RunFigures:
         version=facts.version,
         trajectory_hash=measured.trajectory_hash,
         messages_lost=measured.messages_lost,
+        onlookers_lost=measured.onlookers_lost,
         restarts=facts.restarts,
     )

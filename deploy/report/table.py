@@ -58,7 +58,13 @@ def missed(report: Report) -> list[str]:
 
 def told(report: Report) -> list[str]:
     """What the table has no columns for."""
-    return [*squares(report), *stops(report), *arms(report), *report.notes]
+    return [*squares(report), *stops(report), *arms(report), *report.notes, *onlookers(report)]
+
+
+def onlookers(report: Report) -> list[str]:
+    """What those missed who only looked on: it is not the run's loss."""
+    missed = ", ".join(f"{node} {count}" for node, count in report.run.onlookers_lost.items())
+    return [f"messages missed by onlookers, which the run does not depend on: {missed}"] if missed else []
 
 
 def bases(report: Report) -> dict[str, RobotFigures]:

@@ -1,4 +1,4 @@
-"""What two records say beyond their ROS 2 types: it is recorded beside them, so that nothing is lost."""
+"""What records say beyond their ROS 2 types, or said before they were made to fit: it is recorded beside them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from msgspec import Meta
 
 from messages.base import Count, Message
 from messages.rosgraph import DEBUG, ERROR, FATAL, INFO, WARN, Clock, Log
-from messages.std import Header, Time
+from messages.std import Header, String, Time
 
 LEVELS = {DEBUG: 10, INFO: 20, WARN: 30, ERROR: 40, FATAL: 50}
 """ROS 2's levels of a log line by those of ROS 1, which travel on the bus."""
@@ -48,7 +48,14 @@ class ClockExtra(Message, frozen=True, kw_only=True):
     paused: bool = False
 
 
-EXTRAS: dict[type[Message], type[Message]] = {Clock: ClockExtra, Log: LogExtra}
+class StringExtra(Message, frozen=True, kw_only=True):
+    """A text as it travelled, where another one is recorded for ROS 2's tools."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/StringExtra"
+    data: str = ""
+
+
+EXTRAS: dict[type[Message], type[Message]] = {Clock: ClockExtra, Log: LogExtra, String: StringExtra}
 """The record beside another one."""
 
 ROS_RECORDS: dict[type[Message], type[Message]] = {Log: RosLog}
@@ -82,6 +89,8 @@ def join(message: Message, extra: Message | None) -> Message:
     match message, extra:
         case Clock(clock=time), ClockExtra(tick=tick, epoch=epoch, paused=paused):
             return Clock(clock=time, tick=tick, epoch=epoch, paused=paused)
+        case String(), StringExtra(data=text):
+            return String(data=text)
         case RosLog() as line, _:
             beside = extra if isinstance(extra, LogExtra) else LogExtra(level=_LEVELS.get(line.level, line.level))
             return Log(

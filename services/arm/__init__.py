@@ -43,13 +43,20 @@ class ArmParameters(Parameters, frozen=True, kw_only=True):
     saturation: Annotated[float, _number(0, 1000, "N m", "largest effort")] = 200.0
     windup_guard: Annotated[float, _number(0, 10_000, "deg s", "seed: bound of the summed error")] = 20.0
     derivative_filter: Annotated[
-        float, _number(0, 0.02, "s", "default: time constant of the rate's first-order filter; 0 is none")
-    ] = 0.005
-    gravity: Annotated[bool, Meta(description="feed the effort forward that holds the arm against its weight")] = False
+        float,
+        _number(0, 0.02, "s", "default: time constant of the filter of the rate, a period's mean; 0 is none"),
+    ] = 0.001
+    gravity: Annotated[
+        bool,
+        Meta(
+            description="feed forward what holds the arm's weight; in tracking, by the default law, also what moves it"
+        ),
+    ] = False
     gravity_torque: Annotated[
         float, _number(0, 100_000, "N m", "the arm's weight times the distance of its centre of mass", live=False)
     ] = 27.148
     gravity_rest: Annotated[float, _number(-360, 360, "deg", "angle at which it hangs at rest", live=False)] = -1.4635
+    inertia: Annotated[float, _number(0, 100_000, "kg m2", "the arm's inertia about the joint", live=False)] = 3.8655
     rate: Annotated[
         float, _number(40, 200, "Hz", "control rate; in lockstep a whole number of physics steps", live=False)
     ] = 100.0

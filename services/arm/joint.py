@@ -3,23 +3,39 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from messages.sensor import JointState
+from services.runtime.service import STEP_NS
+
+
+class Reading(NamedTuple):
+    """Angle [deg], and rate [deg/s]: the mean over ``span`` [ns] until the angle was taken."""
+
+    angle: float
+    rate: float
+    span: int
 
 
 class Joint:
-    """Takes the angle and the rate of one joint out of joint states."""
+    """Takes the angle and the rate of one joint out of joint states.
+
+    The rate is the change of the angle since the states that were read before: a mean over a control period, in which
+    nothing is left out, and so the first stage of the law's filter. It lies between the velocities that are told at
+    both ends, so an arm that is put elsewhere has not moved fast. After a gap it is the velocity that is told, which is
+    the mean over the engine's last step.
+    """
 
     def __init__(self, name: str) -> None:
         self.name = name
         self.trouble = ""
-        self._last: tuple[int, float] | None = None
-        self._rate = 0.0
+        self._last: tuple[int, Reading] | None = None
+        self._told = 0.0
 
-    def read(self, state: JointState) -> tuple[float, float] | None:
-        """Angle [deg] and rate [deg/s]; None, with ``trouble``, when the states do not tell the joint's angle.
+    def read(self, state: JointState, longest: int) -> Reading | None:
+        """The joint; None, with ``trouble``, when the states do not tell its angle.
 
-        Without a velocity the rate is the change since the states before.
+        States that are read more than ``longest`` [ns] after those before make a gap.
         """
         if self.name not in state.name or not state.position:
             names = ", ".join(state.name) or "none"
@@ -27,10 +43,15 @@ class Joint:
             return None
         index, stamp = state.name.index(self.name), state.header.stamp.ns
         angle = math.degrees(state.position[index])
-        if state.velocity:
-            return angle, math.degrees(state.velocity[index])
-        if self._last is not None and stamp > self._last[0]:
-            self._rate = (angle - self._last[1]) / ((stamp - self._last[0]) * 1e-9)
-        if self._last is None or stamp > self._last[0]:
-            self._last = stamp, angle
-        return angle, self._rate
+        told = math.degrees(state.velocity[index]) if state.velocity else None
+        if self._last is None or stamp < self._last[0]:
+            reading = Reading(angle, told or 0.0, STEP_NS)
+        elif stamp == self._last[0]:
+            return self._last[1]
+        elif (span := stamp - self._last[0]) <= longest or told is None:
+            mean = (angle - self._last[1].angle) / (span * 1e-9)
+            reading = Reading(angle, mean if told is None else sorted((self._told, mean, told))[1], span)
+        else:
+            reading = Reading(angle, told, STEP_NS)
+        self._last, self._told = (stamp, reading), told or 0.0
+        return reading

@@ -17,9 +17,9 @@ from messages.topics import (
 from services.arm import ArmParameters
 from services.arm.controller import Controller
 from services.arm.gains import gains_of
-from services.arm.joint import Joint
+from services.arm.joint import Joint, Reading
 from services.arm.pid import Sight
-from services.arm.target import Target
+from services.arm.target import Motion, Target
 from services.runtime.context import Context, Tick
 from services.runtime.errors import BadInput
 
@@ -73,12 +73,11 @@ class _Hand:
         if seen is None:
             self._let_go(tick.time)
             return
-        angle, rate = seen
-        wanted, wanted_rate = self._wanted(p, tick.time, angle)
+        wanted = self._wanted(p, tick.time, seen)
         if not self._holds:
             self._holds = True
-            self._ctx.log.info(f"holding {p.joint} from {angle:.2f} deg on")
-        now = Sight(wanted, wanted_rate, angle, rate)
+            self._ctx.log.info(f"holding {p.joint} from {seen.angle:.2f} deg on")
+        now = Sight(wanted.angle, wanted.rate, seen.angle, seen.rate, wanted.acceleration)
         dt = tick.dt if 0 < tick.dt <= PERIODS / p.rate else 0.0
         self._tell(p, tick, now, self._controller.step(p, now, dt))
 
@@ -107,10 +106,10 @@ class _Hand:
                     every=COMPLAINT_S,
                 )
 
-    def _see(self, p: ArmParameters, now: int) -> tuple[float, float] | None:
+    def _see(self, p: ArmParameters, now: int) -> Reading | None:
         state = self._states.fresh(p.state_timeout)
         if state is not None:
-            seen = self._joint.read(state)
+            seen = self._joint.read(state, round(LEAST_PERIODS / p.rate * 1e9))
             if seen is None:
                 self._ctx.log.warn(f"{self._joint.trouble}, letting go: is joint right?", every=COMPLAINT_S)
             return seen
@@ -124,19 +123,19 @@ class _Hand:
 
     def _let_go(self, now: int) -> None:
         self.release(now)
-        self._controller, self._found, self._holds = Controller(), None, False
+        self._joint, self._controller = Joint(self._ctx.params.joint), Controller()
+        self._found, self._holds = None, False
 
-    def _wanted(self, p: ArmParameters, now: int, angle: float) -> tuple[float, float]:
-        """Angle [deg] and its rate [deg/s]."""
+    def _wanted(self, p: ArmParameters, now: int, seen: Reading) -> Motion:
         target = self._target
         if target.sample is None:
-            self._found = angle if self._found is None else self._found
+            self._found = seen.angle if self._found is None else self._found
             if self._waited(now, p.reference_timeout):
                 self._ctx.log.warn(
                     f"no reference on {REFERENCE.name} yet, holding {self._found:.2f} deg: is its service running?",
                     every=COMPLAINT_S,
                 )
-            return self._found, 0.0
+            return Motion(self._found)
         silent = target.age(now) > p.reference_timeout
         if silent:
             target.rest()
@@ -147,7 +146,8 @@ class _Hand:
         elif self._astray:
             self._ctx.log.info("references are back")
         self._astray = silent
-        return target.at(now, smooth=p.law == "default")
+        wanted = target.at(now, smooth=p.law == "default", span=seen.span)
+        return wanted._replace(angle=max(p.lower, min(p.upper, wanted.angle)))
 
     def _tell(self, p: ArmParameters, tick: Tick, now: Sight, effort: float) -> None:
         stamp, duration = Time.of(tick.time), max(p.duration, LEAST_PERIODS / p.rate)

@@ -12,12 +12,16 @@ BLEND_S = 0.2
 
 
 class Sight(NamedTuple):
-    """One instant: what is wanted, deg and deg/s, and what is, deg and deg/s."""
+    """One instant: what is wanted, deg and deg/s, and what is, deg and deg/s; and the wanted acceleration, deg/s2.
+
+    Both rates are means over the same time until now.
+    """
 
     wanted: float
     wanted_rate: float
     angle: float
     rate: float
+    wanted_acceleration: float = 0.0
 
     @property
     def error(self) -> float:
@@ -26,10 +30,11 @@ class Sight(NamedTuple):
 
 
 class Pid:
-    """u = kp e + i + kd (w r' - q') + g(q) + b, within the saturation.
+    """u = kp e + i + kd (w r' - q') + g(q) + m(r'') + b, within the saturation.
 
     e is the error, i the integral of ki e, r' and q' the rates of reference and arm through a first-order filter, w the
-    reference's share, g the effort that holds the weight. b is the bump that a change of gains would make, taken out
+    reference's share, g the effort that holds the weight, m the one that moves it as the reference does, both where
+    they are fed forward. b is the bump that a change of gains would make, taken out
     at once and let in with BLEND_S. The integral is an effort, so a new ki does not rescale it; without ki it goes
     into b. In saturation it is drawn back by what is cut off, with the time constant sqrt(Ti Td), to 0 at most:
     saturation that proportional and derivative bring about alone winds nothing up, in neither sense.
@@ -63,11 +68,12 @@ class Pid:
 
     def _sum(self, gains: Gains, now: Sight) -> float:
         rate = gains.weight * self._damped_wanted - (self._damped or 0.0)
-        return gains.kp * now.error + self.integral + gains.kd * rate + gains.holding(now.angle) + self.bump
+        ahead = gains.holding(now.angle) + gains.moving(now.wanted_acceleration)
+        return gains.kp * now.error + self.integral + gains.kd * rate + ahead + self.bump
 
     def _filter(self, constant: float, now: Sight, dt: float) -> None:
-        if self._damped is None:
-            self._damped, self._damped_wanted = now.rate, now.wanted_rate
+        if self._damped is None or dt <= 0:
+            self._damped, self._damped_wanted = now.rate, now.wanted_rate  # what was before is of another time
         share = 1.0 - math.exp(-dt / constant) if constant > 0 else 1.0
         self._damped += share * (now.rate - self._damped)
         self._damped_wanted += share * (now.wanted_rate - self._damped_wanted)

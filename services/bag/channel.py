@@ -25,6 +25,20 @@ class Raw(Message, frozen=True, kw_only=True):
 BESIDE = "/_elea"
 """Ends the topic on which is recorded what ROS 2's type of another one lacks; hidden from ROS's own tools."""
 
+SENDER = "/_sender"
+"""Ends the topic on which is recorded who sent what is latched, where several nodes do; hidden like the other one."""
+
+
+class Sender(Message, frozen=True, kw_only=True):
+    """The node that sent the message which follows, as bytes that stand for its name.
+
+    The node that was the first on its topic is not noted.
+    """
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/Sender"
+    node: bytes = b""
+
+
 _QOS = """\
 - history: keep_last
   depth: {depth}

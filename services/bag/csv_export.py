@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
+from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -52,27 +53,29 @@ def export_csv(bag: Bag, folder: Path, wanted: Callable[[str], bool]) -> list[Ex
     sheets, refused = _sheets(bag, wanted)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        _write(bag, folder, sheets)
+        names = _names(sheets)
+        _write(bag, {channel: folder / name for channel, name in names.items()}, sheets)
     except (OSError, ValueError) as error:
         raise BadInput(f"the tables cannot be written to {folder}: {error}") from None
+    told = list(refused.values())
     for channel, sheet in sheets.items():
         unread = f"{sheet.unread} messages are not of their type" if sheet.unread else ""
-        refused[channel.topic] = Exported(channel.topic, _path(folder, channel), sheet.rows, unread)
-    return [refused[topic] for topic in sorted(refused)]
+        told.append(Exported(channel.topic, folder / names[channel], sheet.rows, unread))
+    return sorted(told, key=lambda each: (each.topic, str(each.file)))
 
 
-def _sheets(bag: Bag, wanted: Callable[[str], bool]) -> tuple[dict[Channel, _Sheet], dict[str, Exported]]:
+def _sheets(bag: Bag, wanted: Callable[[str], bool]) -> tuple[dict[Channel, _Sheet], dict[Channel, Exported]]:
     """The topics with their columns, and those that cannot be had."""
     sheets: dict[Channel, _Sheet] = {}
-    refused: dict[str, Exported] = {}
+    refused: dict[Channel, Exported] = {}
     for entry in bag.entries():
         channel = entry.channel
-        if not wanted(channel.topic) or channel.topic in refused:
+        if not wanted(channel.topic) or channel in refused:
             continue
         try:
             sheet = sheets.get(channel) or sheets.setdefault(channel, _Sheet(channel))
         except WrongPayload as error:
-            refused[channel.topic] = Exported(channel.topic, None, 0, str(error))
+            refused[channel] = Exported(channel.topic, None, 0, str(error))
             continue
         if (row := sheet.row(entry.data)) is None:
             sheet.unread += 1
@@ -81,11 +84,11 @@ def _sheets(bag: Bag, wanted: Callable[[str], bool]) -> tuple[dict[Channel, _She
     return sheets, refused
 
 
-def _write(bag: Bag, folder: Path, sheets: dict[Channel, _Sheet]) -> None:
+def _write(bag: Bag, files: dict[Channel, Path], sheets: dict[Channel, _Sheet]) -> None:
     with ExitStack() as stack:
         writers = {}
         for channel, sheet in sheets.items():
-            stream = stack.enter_context(_path(folder, channel).open("w", newline="", encoding="utf-8"))
+            stream = stack.enter_context(files[channel].open("w", newline="", encoding="utf-8"))
             writers[channel] = csv.writer(stream)
             writers[channel].writerow(["time", "log_time", *sheet.columns])
         for entry in bag.entries():
@@ -95,8 +98,14 @@ def _write(bag: Bag, folder: Path, sheets: dict[Channel, _Sheet]) -> None:
                 each.rows += 1
 
 
-def _path(folder: Path, channel: Channel) -> Path:
-    return folder / f"{channel.topic.strip('/').replace('/', '__')}.csv"
+def _names(channels: Iterable[Channel]) -> dict[Channel, str]:
+    """A file for each channel, called like its topic; where the name is taken, as by another type, it is numbered."""
+    names: dict[Channel, str] = {}
+    for channel in channels:
+        stem = channel.topic.strip("/").replace("/", "__")
+        tries = (f"{stem}{f'_{number}' if number else ''}.csv" for number in count())
+        names[channel] = next(each for each in tries if each not in names.values())
+    return names
 
 
 def flattened(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:

@@ -9,6 +9,7 @@ from types import TracebackType
 from typing import Self
 
 from services.bag.channel import Channel
+from services.bag.contents import facts_of
 from services.bag.mcap_file import CHUNK, McapFile
 from services.bag.metadata import METADATA_FILE, FileFacts, metadata_text
 from services.runtime.errors import BadInput
@@ -32,7 +33,7 @@ class BagFolder:
 
     A new file begins when one has ``max_size`` [bytes] or spans ``max_duration`` [s of log time]; 0 is no limit.
     What the disk does not take is told by OSError of ``add`` and ``flush``, and counted in ``unwritten``; what comes
-    later is tried again. With ``resume`` the folder may be there: its files are kept and the count goes on.
+    later is tried again. With ``resume`` the folder may be there: its files are kept and the numbers of files go on.
     """
 
     def __init__(self, folder: Path, max_size: int = 0, max_duration: float = 0.0, resume: bool = False) -> None:
@@ -40,6 +41,7 @@ class BagFolder:
         self._max_size, self._max_ns = max_size, round(max_duration * 1e9)
         self.topics: dict[Channel, Tally] = {}
         self.notes: dict[str, str] = {}
+        self._before: list[FileFacts] = []
         self._past: list[FileFacts] = []
         self._dropped = 0
         self._file: McapFile | None = None
@@ -50,7 +52,9 @@ class BagFolder:
         """Raises BadInput when the folder cannot be made, or is there already."""
         try:
             self.folder.mkdir(parents=True, exist_ok=self._resume)
-            self._next = max((number_of(each) for each in self.folder.glob("*.mcap")), default=-1) + 1
+            there = sorted(self.folder.glob("*.mcap"), key=lambda file: (number_of(file), file.name))
+            self._before = [facts for each in there if (facts := facts_of(each)) is not None]
+            self._next = max(map(number_of, there), default=-1) + 1
             self._begin()
         except FileExistsError:
             raise BadInput(f"{self.folder} is there already: choose another folder for the bag") from None
@@ -148,7 +152,7 @@ class BagFolder:
 
     def _describe(self) -> None:
         """Write metadata.yaml, whole or not at all; raises OSError."""
-        text = metadata_text(self._past)
+        text = metadata_text([*self._before, *self._past])
         beside = self.folder / f".{METADATA_FILE}"
         try:
             beside.write_text(text)

@@ -89,7 +89,7 @@ def info(bag: Bag) -> BagInfo:
         files=tuple(FileInfo(name=each.name, bytes=each.stat().st_size) for each in bag.files),
         troubles=tuple(bag.troubles),
         lost=_table(bag.notes, "lost"),
-        unwritten=int(bag.notes.get("unwritten", "0")),
+        unwritten=_number(bag.notes, "unwritten"),
     )
 
 
@@ -105,6 +105,11 @@ def _topic(channel: Channel, count: _Count) -> TopicInfo:
         playable=not reason,
         reason=reason,
     )
+
+
+def _number(notes: Mapping[str, str], name: str) -> int:
+    text = notes.get(name, "")
+    return int(text) if text.isascii() and text.isdigit() and len(text) < 20 else 0
 
 
 def _table(notes: Mapping[str, str], name: str) -> dict[str, int]:

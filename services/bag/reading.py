@@ -27,12 +27,17 @@ class Entry(NamedTuple):
 
 @dataclass
 class Bag:
-    """The files of a bag, in order. ``troubles`` tells what could not be read, once ``entries`` has come upon it."""
+    """The files of a bag, in order.
+
+    ``troubles`` tells what could not be read, once ``entries`` has come upon it; ``ours``, whether our recorder wrote
+    all that it has come upon.
+    """
 
     path: Path
     files: list[Path]
     troubles: list[str] = field(default_factory=list)
     notes: dict[str, str] = field(default_factory=dict)
+    ours: bool = False
 
     @property
     def size(self) -> int:
@@ -41,7 +46,7 @@ class Bag:
 
     def entries(self) -> Iterator[Entry]:
         """Every message in the order of its recording; raises BadInput when nothing at all can be read."""
-        self.troubles, self.notes = [], {}
+        self.troubles, self.notes, self.ours = [], {}, True
         for file in self.files:
             yield from self._of(file)
 
@@ -53,6 +58,7 @@ class Bag:
         with file.open("rb") as stream:
             scan = Scan(stream, file)
             for message in scan.messages():
+                self.ours = self.ours and scan.ours
                 yield Entry(scan.channels[message.channel], *message[1:])
             self.troubles += scan.troubles
             self.notes |= scan.notes

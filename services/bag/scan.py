@@ -108,24 +108,11 @@ class Scan:
                 self._schemas[schema.id] = schema
             case Opcode.CHANNEL:
                 record = ChannelRecord.read(stream)
-                self.channels.setdefault(record.id, self._channel(record))
+                self.channels.setdefault(record.id, channel_from(record, self._schemas.get(record.schema_id)))
             case Opcode.METADATA:
                 notes = Metadata.read(stream)
                 if notes.name == LIBRARY:
                     self.notes |= notes.metadata
-
-    def _channel(self, record: ChannelRecord) -> Channel:
-        schema = self._schemas.get(record.schema_id)
-        if (kept := record.metadata.get("elea_type")) is not None:
-            return raw_channel(record.topic, kept, quality_of(record.metadata))
-        return Channel(
-            topic=record.topic,
-            type=short(schema.name) if schema is not None else "",
-            encoding=record.message_encoding,
-            schema=schema.data.decode() if schema is not None else "",
-            form=schema.encoding if schema is not None else "",
-            quality=quality_of(record.metadata),
-        )
 
     def _chunk(self, data: bytes) -> Iterator[Line]:
         records = _unpacked(Chunk.read(ReadDataStream(BytesIO(data))))
@@ -154,6 +141,20 @@ class Scan:
         if self.channels[number].encoding == RAW and self.ours:
             payload = _unwrap(payload).data
         return Line(number, sequence, log_time, publish_time, payload)
+
+
+def channel_from(record: ChannelRecord, schema: Schema | None) -> Channel:
+    """The channel that two records of a file describe."""
+    if (kept := record.metadata.get("elea_type")) is not None:
+        return raw_channel(record.topic, kept, quality_of(record.metadata))
+    return Channel(
+        topic=record.topic,
+        type=short(schema.name) if schema is not None else "",
+        encoding=record.message_encoding,
+        schema=schema.data.decode() if schema is not None else "",
+        form=schema.encoding if schema is not None else "",
+        quality=quality_of(record.metadata),
+    )
 
 
 def _unpacked(chunk: Chunk) -> bytes:

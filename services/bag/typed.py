@@ -12,10 +12,10 @@ from messages.cdr.definition import BadDefinition, parse
 from messages.cdr.extras import EXTRAS, ROS_RECORDS, join
 from messages.cdr.read import plain_reader, record_reader
 from messages.records import RECORDS
-from services.bag.channel import BESIDE, CDR, RAW, Channel
+from services.bag.channel import BESIDE, CDR, RAW, SENDER, Channel, Sender
 from services.bag.reading import Entry
 
-_BESIDE = {each.ROS_TYPE: each for each in EXTRAS.values()}
+_BESIDE = {each.ROS_TYPE: each for each in EXTRAS.values()} | {Sender.ROS_TYPE: Sender}
 _OURS = {ros.ROS_TYPE: ours for ours, ros in ROS_RECORDS.items()}
 
 Reader = Callable[[bytes], Any]
@@ -34,8 +34,9 @@ def unknown_record(ros_type: str) -> type[Message]:
 
 
 def beside(channel: Channel) -> bool:
-    """Whether a channel holds what another one's type lacks."""
-    return channel.topic.endswith(BESIDE) and channel.type in _BESIDE
+    """Whether a channel holds what another one lacks."""
+    ending = SENDER if channel.type == Sender.ROS_TYPE else BESIDE
+    return channel.topic.endswith(ending) and channel.type in _BESIDE
 
 
 def why_not(channel: Channel) -> str:
@@ -59,6 +60,7 @@ class Typed:
     def __init__(self) -> None:
         self._readers: dict[Channel, Reader] = {}
         self._beside: dict[str, tuple[int, int, Message]] = {}
+        self._senders: dict[str, tuple[int, int, bytes]] = {}
 
     def message(self, entry: Entry) -> Message | None:
         """The record; None for what belongs to the message that follows. Raises WrongPayload.
@@ -70,12 +72,20 @@ class Typed:
         if read is None:
             read = self._readers[channel] = _reader(channel)
         found: Message = read(entry.data)
+        if isinstance(found, Sender):
+            self._senders[channel.topic.removesuffix(SENDER)] = (entry.sequence, entry.log_time, found.node)
+            return None
         if beside(channel):
             self._beside[channel.topic.removesuffix(BESIDE)] = (entry.sequence, entry.log_time, found)
             return None
         extra = self._beside.pop(channel.topic, None)
         belongs = extra is not None and extra[:2] == (entry.sequence, entry.log_time)
         return join(found, extra[2] if extra is not None and belongs else None)
+
+    def sender(self, entry: Entry) -> bytes:
+        """Which of several nodes on a latched topic has sent this message; empty for the first of them."""
+        noted = self._senders.pop(entry.channel.topic, None)
+        return noted[2] if noted is not None and noted[:2] == (entry.sequence, entry.log_time) else b""
 
 
 def plain_of(channel: Channel) -> Reader:

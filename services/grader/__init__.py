@@ -52,6 +52,10 @@ class GraderParameters(Parameters, frozen=True, kw_only=True):
         float,
         Meta(ge=0, le=1e7, description="earliest end by goals: after the last scheduled change", extra={"unit": "s"}),
     ] = 0.0
+    readers: Annotated[
+        tuple[str, ...],
+        Meta(description="nodes whose losses count, the fleet's own; those of others are told apart", extra=_FIXED),
+    ] = ()
     output: Annotated[str, Meta(description="folder of measurements.json and trajectories.npz", extra=_FIXED)] = "."
     reach_tolerance: Annotated[
         float,

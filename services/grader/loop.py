@@ -39,12 +39,12 @@ def run(ctx: Context[GraderParameters]) -> None:
     watched = [WatchedArm(ctx, name, arms[name]) if name in arms else Watched(ctx, name) for name in robots]
     health = ctx.stream(HEALTH)
     halting = {each.name.strip("/"): each for each in p.halting}
-    graded = Run(robots, p.reach_tolerance, halting, arms)
+    graded = Run(robots, p.reach_tolerance, halting, arms, p.readers)
     ended: Ended = "stopped"
     try:
         for tick in ctx.ticks():
             if tick.reset:
-                graded = Run(robots, p.reach_tolerance, halting, arms)
+                graded = Run(robots, p.reach_tolerance, halting, arms, p.readers)
             for robot in watched:
                 robot.pass_on(graded, tick.time, halting)
             graded.health(health.take())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from enum import IntEnum
 
 from messages.control import JointControllerState
@@ -49,13 +49,14 @@ class Run:
         reach_tolerance: float,
         halting: Mapping[str, Halting] | None = None,
         arms: Mapping[str, Arm] | None = None,
+        readers: Collection[str] = (),
     ) -> None:
         bases, jointed = halting or {}, arms or {}
         self.robots: dict[str, RobotMeter | ArmMeter] = {
             name: ArmMeter(jointed[name]) if name in jointed else RobotMeter(reach_tolerance, bases.get(name))
             for name in sorted(robots)
         }
-        self.losses = Losses()
+        self.losses = Losses(readers)
         self._waiting: list[tuple[int, Kind, str, Judged]] = []
         self._end = 0
         self._instant = -1
@@ -99,6 +100,7 @@ class Run:
             sim_seconds=self._end / SECOND,
             trajectory_hash=trajectory_hash({name: meter.fingerprint for name, meter in self.robots.items()}),
             messages_lost=self.losses.total(),
+            onlookers_lost=self.losses.onlookers(),
             robots={name: meter.figures(self._lost(name)) for name, meter in self.robots.items()},
         )
 

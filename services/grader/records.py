@@ -88,7 +88,7 @@ class RobotFigures(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", 
     commands_timed_out: Annotated[int, _count("times the base stopped because its command had grown too old")]
     stale_dropped: Annotated[int, _count("commands that were too old on arrival and not obeyed")]
     commands_refused: Annotated[int, _count("commands that were malformed or out of bounds")]
-    messages_lost: Annotated[int, _count("messages of the robot's topics that a reader missed")]
+    messages_lost: Annotated[int, _count("messages of the robot's topics that a process of the fleet missed")]
     samples: Annotated[int, _count("ground-truth samples measured")]
 
 
@@ -127,7 +127,7 @@ class ArmFigures(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", ta
         Annotated[float, _figure("simulation time at which it had finished: set-point and arm had rested for 1 s", "s")]
         | None
     )
-    messages_lost: Annotated[int, _count("messages of the arm's topics that a reader missed")]
+    messages_lost: Annotated[int, _count("messages of the arm's topics that a process of the fleet missed")]
     samples: Annotated[int, _count("joint states measured")]
 
 
@@ -144,6 +144,7 @@ class Measurements(msgspec.Struct, frozen=True, kw_only=True):
     sim_seconds: float
     trajectory_hash: str
     messages_lost: int
+    onlookers_lost: dict[str, int]
     robots: dict[str, Figures]
 
 

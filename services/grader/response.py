@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -47,7 +48,6 @@ class Step:
         if abs(way) < 0.1 * self.size:
             return None
         shares = [(time, (angle - start) / way) for time, angle in samples]
-        outside = [time for time, share in shares if abs(share - 1.0) > BAND]
         return StepFigures(
             at_s=self.begin,
             from_deg=self.before,
@@ -55,9 +55,17 @@ class Step:
             final_deg=final,
             rise_s=_crossing(shares, 0.9) - _crossing(shares, 0.1),
             overshoot_percent=100.0 * max(0.0, max(share for _, share in shares) - 1.0),
-            settling_s=outside[-1] - self.begin,
+            settling_s=_settled(shares) - self.begin,
             steady_error_deg=abs(self.after - final),
         )
+
+
+def _settled(shares: Sequence[Sample]) -> float:
+    """When it came into the band for good, on the straight line from its last sample outside to the next one."""
+    last = max(number for number, (_, share) in enumerate(shares) if abs(share - 1.0) > BAND)
+    (t0, a), (t1, b) = shares[last], shares[min(last + 1, len(shares) - 1)]
+    edge = 1.0 + math.copysign(BAND, a - 1.0)
+    return t0 if a == b else min(t1, t0 + (t1 - t0) * (edge - a) / (b - a))
 
 
 def _crossing(shares: Sequence[Sample], level: float) -> float:

@@ -11,6 +11,7 @@ from messages.topics import ROSOUT
 from models.figures import read_model
 from services.logger import LoggerParameters
 from services.logger.ear import Ear
+from services.logger.earlier import set_aside
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 
@@ -27,6 +28,8 @@ def run(ctx: Context[LoggerParameters]) -> None:
     file = Path(p.file or "run.rrd").absolute()
     port = p.port if p.serve else None
     robots = crew(p.robots, p.models)
+    if aside := set_aside(file):
+        ctx.log.warn(f"{file.name} was there already, as after a crash: what it holds is kept as {aside.name}")
     with Recording(file, robots, p.extent, ctx.log.warn, port, p.memory, p.footer) as recording:
         ctx.log.info(f"recording to {file}" + (f", live at {recording.url}" if recording.url else ""))
         show(ctx, recording)

@@ -58,7 +58,7 @@ class Driver:
         self.params = params
         self._node, self._robots = node, robots
         self._seats: dict[str, _Seat] = {}
-        self._era = 0
+        self._era = self._sim_ns = 0
 
     @property
     def busy(self) -> bool:
@@ -93,6 +93,7 @@ class Driver:
 
     def turn(self, now: float, sim_ns: int, era: int) -> None:
         """Send what is due; ``now`` is wall time [s]."""
+        self._sim_ns = sim_ns
         if era != self._era:
             self._era = era
             for seat in self._seats.values():
@@ -113,7 +114,7 @@ class Driver:
     def close(self) -> None:
         """The panel ends: robots that it drives are told to stand."""
         for seat in self._seats.values():
-            self._send(seat, STILL, 0)
+            self._send(seat, STILL, self._sim_ns)
 
     def _sit(self, robot: Robot) -> _Seat:
         name, record = f"{robot.namespace}/{CMD_VEL.name}", robot.drives

@@ -129,17 +129,20 @@ class RatesChannel:
                     for each in health.inputs
                 },
             }
-            for topic, rates in self._rates(heard).items():
+            for topic, (by_sim, by_wall) in self._rates(heard).items():
                 known = topics.setdefault(topic, {"hz": 0.0, "wall": 0.0, "age": None, "sent": 0})
-                known["hz"] += rates[0]
-                known["wall"] += rates[1]
+                known["hz"] += by_sim
+                known["wall"] += by_wall
                 known["sent"] += heard.beats[-1][2][topic]
                 if topic in heard.grew:
-                    known["age"] = min(known["age"] or 1e9, round(self._now - heard.grew[topic], 1))
+                    age = round(self._now - heard.grew[topic], 1)
+                    known["age"] = age if known["age"] is None else min(known["age"], age)
         return as_json("rates", nodes=nodes, topics=topics)
 
     def _rates(self, heard: _Heard) -> dict[str, tuple[float, float]]:
-        """Of each publication: samples per second of simulation time and of wall time."""
+        """Of each publication: samples per second of simulation time and of wall time; none before two heartbeats."""
+        if len(heard.beats) < 2:
+            return {}
         wall, sim, sent = heard.beats[0]
         wall_now, sim_now, sent_now = heard.beats[-1]
         rates = {}

@@ -82,6 +82,7 @@ def described(robot: Robot, stops: Stops) -> dict[str, Any]:
         "model": base.model if base else "",
         "radius": _radius(base.model) if base else 0.0,
         "drives": bool(robot.drives),
+        "stops": robot.stops,
         "goals": robot.takes_goals,
         "source": base.source if base else "",
         "timed_out": base.timed_out if base else False,

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from messages.elea import BaseStatus, GoalStatus
 from messages.nav import Odometry, Path
 from messages.tf import TFMessage
-from messages.topics import BASE_STATUS, CMD_VEL, GOAL_POSE, GROUND_TRUTH, ODOM, PLAN, STATUS, TF_STATIC, Topic
+from messages.topics import BASE_STATUS, CMD_VEL, E_STOP, GOAL_POSE, GROUND_TRUTH, ODOM, PLAN, STATUS, TF_STATIC, Topic
 from services.panel.feeds import Feeds, Hold
 from services.panel.network import Network
 
@@ -43,6 +43,7 @@ class Robot:
     namespace: str
     drives: str = ""
     takes_goals: bool = False
+    stops: bool = False
     truth: Spot | None = None
     estimate: Spot | None = None
     speed: tuple[float, float] = (0.0, 0.0)
@@ -90,23 +91,26 @@ class Robots:
             self._hear(robot)
 
     def _reconcile(self) -> None:
-        """Robots are those whose true pose is told; who takes their commands and goals is seen beside."""
+        """Robots are those whose true pose is told; who takes their commands, stops and goals is seen beside."""
         drives = {each.name: each.record for each in self._network.ending("sub", CMD_VEL.name)}
         goals = {each.name for each in self._network.ending("sub", GOAL_POSE.name)}
-        bases = {each.name for each in self._network.ending("pub", BASE_STATUS.name)}
+        stops = {each.name for each in self._network.ending("sub", E_STOP.name)}
+        told = {each.name for each in self._network.entities if each.kind == "pub"}
         found: dict[str, Robot] = {}
         for each in self._network.ending("pub", GROUND_TRUTH.name):
             namespace = each.name.rpartition("/")[0]
             robot = found[namespace] = self.found.get(namespace) or Robot(namespace)
             robot.drives = drives.get(f"{namespace}/{CMD_VEL.name}", "")
-            robot.drives = robot.drives if f"{namespace}/{BASE_STATUS.name}" in bases else ""
+            robot.drives = robot.drives if f"{namespace}/{BASE_STATUS.name}" in told else ""
+            robot.stops = f"{namespace}/{E_STOP.name}" in stops
             robot.takes_goals = f"{namespace}/{GOAL_POSE.name}" in goals
         self.found = dict(sorted(found.items()))
         self.version += 1
         wanted = {(TF_STATIC.name, TFMessage.ROS_TYPE): TF_STATIC.quality.name} if self._topics else {}
         for namespace in self.found:
             for topic in self._topics:
-                wanted[f"{namespace}/{topic.name}", topic.record.ROS_TYPE] = topic.quality.name
+                if (name := f"{namespace}/{topic.name}") in told:
+                    wanted[name, topic.record.ROS_TYPE] = topic.quality.name
         self._hold.want(wanted)
 
     def _place(self, message: TFMessage) -> None:

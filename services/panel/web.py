@@ -63,8 +63,11 @@ def application(gate: Pass, board: Board) -> Starlette:
 async def converse(ws: WebSocket, board: Board) -> None:
     """Serve one page until it goes."""
     loop, roused = asyncio.get_running_loop(), asyncio.Event()
+    try:
+        await ws.accept()
+    except OSError:
+        return  # it went before it was let in, and has no place to give back
     page = board.join(_waker(loop, roused))
-    await ws.accept()
     if page is None:
         await ws.close(1013, "too many pages are open")
         return

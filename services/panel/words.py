@@ -140,8 +140,6 @@ _decoder: msgspec.json.Decoder[Said] = msgspec.json.Decoder(Said)
 
 def understand(text: str) -> Said:
     """What a page said; raises BadInput with the field and the reason."""
-    if len(text) > LARGEST:
-        raise BadInput(f"{len(text)} characters, the limit is {LARGEST}")
     try:
         said = _decoder.decode(text)
     except (msgspec.MsgspecError, RecursionError, UnicodeEncodeError) as error:

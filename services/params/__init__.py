@@ -8,15 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from messages.parameters import Value
-from messages.requests import (
-    PARAMS_ANNOUNCE,
-    PARAMS_GET,
-    PARAMS_HISTORY,
-    PARAMS_LIST,
-    PARAMS_RESET,
-    PARAMS_SET,
-    PARAMS_UNDO,
-)
+from messages.requests import PARAMS_REQUESTS
 from messages.topics import DESCRIPTIONS, UPDATES
 from services.runtime.service import Parameters, Service
 
@@ -45,15 +37,7 @@ SERVICE = Service(
     about="Keeps every service's parameters: checks, applies, saves and publishes what is set.",
     run="services.params.loop:run",
     writes=(DESCRIPTIONS, UPDATES),
-    serves=(
-        PARAMS_ANNOUNCE,
-        PARAMS_LIST,
-        PARAMS_GET,
-        PARAMS_SET,
-        PARAMS_RESET,
-        PARAMS_UNDO,
-        PARAMS_HISTORY,
-    ),
+    serves=PARAMS_REQUESTS,
     rate=10,
     parameters=ParamsParameters,
 )

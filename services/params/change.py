@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from messages.parameters import ResetParameters, SetParameters, Value
 from services.params.check import fit, shown
 from services.params.state import State
+from services.runtime.allowed import contradictions
 from services.runtime.errors import BadInput, unknown
 
 Layer = dict[str, Value]
@@ -80,11 +81,12 @@ def plan_set(state: State, asked: SetParameters) -> Change:
             run[name] = value
             given = shown(state.schema.command_line[name])
             notes.append(f"{name}: the command line says {given}; this value counts for this run, and later without it")
-    return _changed(state, saved, run, tuple(fitted), asked.run, notes)
+    return _agreeing(_changed(state, saved, run, tuple(fitted), asked.run, notes))
 
 
 def plan_reset(state: State, asked: ResetParameters) -> Change:
-    """Forget what was set of some names, of all when none is given; raises BadInput for an unknown one."""
+    """Forget what was set of some names, of all when none is given; raises BadInput for an unknown one, and where what
+    counts then would contradict what stays set."""
     known = {*state.schema.parameters, *state.saved, *state.run}
     for name in asked.names:
         if name not in known:
@@ -94,11 +96,11 @@ def plan_reset(state: State, asked: ResetParameters) -> Change:
     saved = {name: value for name, value in state.saved.items() if name not in names}
     run = {name: value for name, value in state.run.items() if name not in names}
     for_run = bool(names) and not any(name in state.saved for name in names)
-    return _changed(state, saved, run, names, for_run, [] if names else ["nothing was set"])
+    return _agreeing(_changed(state, saved, run, names, for_run, [] if names else ["nothing was set"]))
 
 
 def plan_undo(state: State, back: Back, for_run: bool) -> Change:
-    """Put the layers back as they were; raises BadInput when a value fits no longer."""
+    """Put the layers back as they were; raises BadInput when a value fits no longer, or not with the others."""
     saved, run = dict(state.saved), dict(state.run)
     for name in back.names:
         for layer, old in ((saved, back.saved), (run, back.run)):
@@ -112,7 +114,7 @@ def plan_undo(state: State, back: Back, for_run: bool) -> Change:
                     layer[name] = fit(described, old[name]).value
                 except BadInput as error:
                     raise BadInput(f"the last change cannot be taken back, its schema has changed: {error}") from None
-    return _changed(state, saved, run, back.names, for_run, [])
+    return _agreeing(_changed(state, saved, run, back.names, for_run, []))
 
 
 def plan_new_run(state: State) -> Change | None:
@@ -127,6 +129,15 @@ def unannounced(state: State) -> str:
     """Why nothing can be set."""
     kept = f" (saved values are kept for it: {', '.join(state.saved)})" if state.saved else ""
     return f"no running service has announced {state.name}{kept}: start it first"
+
+
+def _agreeing(change: Change) -> Change:
+    """The change, unless what it touches contradicts something afterwards: raises BadInput."""
+    after = change.after
+    values = {name: each.value for name, each in after.values().items()}
+    if faults := list(contradictions(after.schema.parameters.values(), values, change.names)):
+        raise BadInput(f"{'; '.join(faults)}; nothing was changed")
+    return change
 
 
 def _changed(state: State, saved: Layer, run: Layer, names: tuple[str, ...], for_run: bool, notes: list[str]) -> Change:

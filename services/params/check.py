@@ -8,9 +8,11 @@ from typing import Any, NamedTuple
 
 from messages.base import LARGEST
 from messages.parameters import ParameterDescription, Value
+from services.runtime.allowed import long, within
 from services.runtime.errors import BadInput
 
 _TYPE = re.compile(r"(bool|int|float|str)((?:\[\]){0,2})")
+_WHOLE = 2**63
 _LONGEST = 65_536
 """Characters of a text, as on the wire."""
 
@@ -42,41 +44,33 @@ def fit(description: ParameterDescription, value: Value, clamp: bool = False) ->
     if parts is None:
         raise BadInput(f"{name}: its type {description.type!r} is not one of parameters")
     notes: list[str] = []
-    fitted = _fit(description, value, parts, name, notes if clamp else None)
+    fitted = _fit(description, value, parts, name, 0, notes if clamp else None)
     return Fit(fitted, tuple(notes))
 
 
 def expected(description: ParameterDescription) -> str:
     """``float, 0 to 5 m/s``: what may be given."""
-    what = [description.type + (" or null" if description.optional else ""), within(description)]
+    what = [description.type + (" or null" if description.optional else ""), within(description), long(description)]
     if description.choices:
         what.append("one of " + ", ".join(description.choices))
     return ", ".join(each for each in what if each)
 
 
-def within(description: ParameterDescription) -> str:
-    """The bounds in words, with the unit: ``0 to 5 m/s``, ``above 0``, or nothing."""
-    low, high = description.low, description.high
-    if low is None and high is None:
-        return ""
-    if low is not None and high is not None and not (description.above or description.below):
-        text = f"{low:.12g} to {high:.12g}"
-    else:
-        least = "" if low is None else f"{'above' if description.above else 'at least'} {low:.12g}"
-        most = "" if high is None else f"{'below' if description.below else 'at most'} {high:.12g}"
-        text = " and ".join(each for each in (least, most) if each)
-    return f"{text} {description.unit}".strip()
-
-
 def _fit(
-    description: ParameterDescription, value: Any, parts: tuple[str, int], where: str, notes: list[str] | None
+    description: ParameterDescription,
+    value: Any,
+    parts: tuple[str, int],
+    where: str,
+    level: int,
+    notes: list[str] | None,
 ) -> Value:
     base, depth = parts
     if depth:
         if not isinstance(value, tuple | list):
             raise BadInput(f"{where} = {shown(value)}: expected a list, {expected(description)}")
+        _check_length(description, value, where, level)
         inner = base, depth - 1
-        items: Any = (_fit(description, each, inner, f"{where}[{i}]", notes) for i, each in enumerate(value))
+        items: Any = (_fit(description, each, inner, f"{where}[{i}]", level + 1, notes) for i, each in enumerate(value))
         return tuple(items)
     if isinstance(value, tuple | list):
         raise BadInput(f"{where} = {shown(value)}: expected no list, {expected(description)}")
@@ -89,19 +83,28 @@ def _fit(
         case "str":
             if type(value) is not str:
                 raise wrong
+            _check_length(description, value, where, level)
             return _text(description, value, where)
         case "int":
             if type(value) is not int:
                 raise wrong
+            if not -_WHOLE <= value < _WHOLE:
+                raise BadInput(f"{where} = {shown(value)}: an int has 64 bits")
             return _number(description, value, where, notes)
         case _:
             if type(value) not in (int, float):
                 raise wrong
-            if not math.isfinite(value):
+            if isinstance(value, float) and not math.isfinite(value):
                 raise BadInput(f"{where} = {value}: it is not finite, expected {expected(description)}")
             if abs(value) > LARGEST:
-                raise BadInput(f"{where} = {value!r}: no number may exceed {LARGEST:g}")
+                raise BadInput(f"{where} = {shown(value)}: no number may exceed {LARGEST:g}")
             return float(_number(description, float(value), where, notes))
+
+
+def _check_length(description: ParameterDescription, value: Any, where: str, level: int) -> None:
+    least, most = (each[level] if level < len(each) else 0 for each in (description.shortest, description.longest))
+    if len(value) < least or 0 < most < len(value):
+        raise BadInput(f"{where} = {shown(value)}: it has length {len(value)}, expected {expected(description)}")
 
 
 def _text(description: ParameterDescription, value: str, where: str) -> str:
@@ -114,9 +117,11 @@ def _text(description: ParameterDescription, value: str, where: str) -> str:
 
 def _number(description: ParameterDescription, value: float, where: str, notes: list[str] | None) -> float:
     low, high = description.low, description.high
-    if low is not None and (value < low or (description.above and value == low)):
+    if _too_low(description, value):
+        assert low is not None
         bound, excluded = low, description.above
-    elif high is not None and (value > high or (description.below and value == high)):
+    elif _too_high(description, value):
+        assert high is not None
         bound, excluded = high, description.below
     else:
         return value
@@ -128,10 +133,21 @@ def _number(description: ParameterDescription, value: float, where: str, notes: 
         inward = 1 if bound == low else -1
         whole = math.ceil(bound) if inward > 0 else math.floor(bound)
         nearest = whole + inward if excluded and whole == bound else whole
-    elif excluded:
-        raise BadInput(f"{refusal}; it cannot be clamped, the bound itself is excluded")
+    if _too_low(description, nearest) or _too_high(description, nearest):
+        why = "the bound itself is excluded" if excluded else "nothing lies within"
+        raise BadInput(f"{refusal}; it cannot be clamped, {why}")
     notes.append(f"{where} = {value!r} was clamped to {nearest!r} ({within(description)})")
     return nearest
+
+
+def _too_low(description: ParameterDescription, value: float) -> bool:
+    low = description.low
+    return low is not None and (value < low or (description.above and value == low))
+
+
+def _too_high(description: ParameterDescription, value: float) -> bool:
+    high = description.high
+    return high is not None and (value > high or (description.below and value == high))
 
 
 def shown(value: Any) -> str:

@@ -57,6 +57,8 @@ class Desk:
 
     def announce(self, asked: Announcement) -> ParameterValues:
         """Take a node's parameters up and give the values that count; raises BadInput for what cannot be."""
+        if asked.leaves:
+            return self._leave(asked)
         asked = checked(asked)
         state = self._sets.get(asked.set)
         if state is None:
@@ -107,7 +109,7 @@ class Desk:
         if asked.set:
             self._state(asked.set)
         changes, size = [], 0
-        for each in self._store.history(asked.set, asked.limit):
+        for each in self._store.past.history(asked.set, asked.limit):
             size += len(encode(each))
             if size > MOST_HISTORY:
                 break
@@ -143,11 +145,23 @@ class Desk:
                 self._log.info(f"{asked.set}: {conflict.other} has gone, what it announced is forgotten")
                 state = replace(state, schema=state.schema.without(conflict.other))
 
+    def _leave(self, asked: Announcement) -> ParameterValues:
+        """A node follows a set no more. What is saved waits for who announces it next; values of the run go."""
+        state = self._state(asked.set)
+        if asked.node not in state.schema.announced:
+            return state.record()
+        schema = state.schema.without(asked.node)
+        run = {name: value for name, value in state.run.items() if name in schema.parameters}
+        left = self._sets[asked.set] = replace(state, schema=schema, run=run, revision=state.revision + 1)
+        self._tell(schema.record(asked.set))
+        self._tell(left.record(level_of(state, left), [f"{asked.node} follows it no more"]))
+        return left.record()
+
     def _once(self, asked: Question, carry_out: Callable[[], ParameterValues]) -> ParameterValues:
         """Carry a request out, unless it was already under its id: then give the same answer."""
         if not asked.id:
             return carry_out()
-        known = self._store.reply(asked.id)
+        known = self._store.past.reply(asked.id)
         if known is None:
             return carry_out()
         digest, reply = known
@@ -157,9 +171,13 @@ class Desk:
 
     def _undo(self, asked: UndoParameters) -> ParameterValues:
         state = self._state(asked.set)
-        undoable = self._store.undoable(asked.set)
+        past, revision = self._store.past, asked.revision
+        undoable = past.change(asked.set, revision) if revision else past.undoable(asked.set)
         if undoable is None:
-            raise BadInput(f"{asked.set}: there is no change to take back")
+            which = f" that made revision {revision}" if revision else ""
+            raise BadInput(f"{asked.set}: there is no change{which} to take back")
+        if undoable.undone:
+            return state.record(0, [f"revision {revision} is taken back already"])
         change = plan_undo(state, undoable.back, undoable.run)
         return self._carry_out(change, asked, "undo", undoable.id)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -83,6 +84,8 @@ def checked(announcement: Announcement) -> Announcement:
         if each.name in described:
             raise BadInput(f"{where}: parameter {each.name} is described twice")
         described[each.name] = _sound(each, where)
+    for each in described.values():
+        _check_relations(each, described, where)
     return msgspec.structs.replace(
         announcement,
         parameters=tuple(described.values()),
@@ -105,14 +108,36 @@ def _sound(described: ParameterDescription, where: str) -> ParameterDescription:
     bounded = described.low is not None or described.high is not None
     if bounded and parts[0] not in ("int", "float"):
         raise BadInput(f"{where}: {name} has bounds, but {described.type} has none")
-    if described.low is not None and described.high is not None and described.low > described.high:
+    if described.low is not None and described.high is not None and _empty(described, described.low, described.high):
         raise BadInput(f"{where}: the bounds of {name} exclude everything: {described.low} to {described.high}")
+    lengths = (*described.shortest, *described.longest)
+    if len(described.shortest) != len(described.longest) or len(described.shortest) > parts[1] + (parts[0] == "str"):
+        raise BadInput(f"{where}: {name} has bounds for {len(lengths)} lengths, which {described.type} has not")
+    if any(0 < most < least for least, most in zip(described.shortest, described.longest, strict=True)):
+        raise BadInput(f"{where}: the lengths of {name} exclude everything")
     if described.default is None:
         return described
     try:
         return msgspec.structs.replace(described, default=fit(described, described.default).value)
     except BadInput as error:
         raise BadInput(f"{where}: the default does not fit: {error}") from None
+
+
+def _empty(described: ParameterDescription, low: float, high: float) -> bool:
+    """Whether no value lies between the bounds, no whole one for an int."""
+    if described.type.startswith("int"):
+        first = math.floor(low) + 1 if described.above else math.ceil(low)
+        last = math.ceil(high) - 1 if described.below else math.floor(high)
+        return first > last
+    return low > high or (low == high and (described.above or described.below))
+
+
+def _check_relations(one: ParameterDescription, described: Mapping[str, ParameterDescription], where: str) -> None:
+    for other in (one.at_most, *one.excludes):
+        if other and other not in described:
+            raise unknown("parameter", other, described, f"{where}: {one.name} is bound to another")
+    if one.at_most and {one.type, described[one.at_most].type} - {"int", "float"}:
+        raise BadInput(f"{where}: {one.name} cannot be at most {one.at_most}: only numbers have an order")
 
 
 def _fitted(

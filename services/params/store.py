@@ -5,7 +5,7 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,13 +14,11 @@ import msgspec
 from messages.parameters import ParameterChange, Value
 from services.params.change import Back
 from services.params.file import claimed, connect
+from services.params.past import Past
 from services.params.tables import SCHEMA, read_value, seal, write_value
 from services.runtime.errors import BadInput, EleaError
 
 MEMORY = ":memory:"
-KEPT_REQUESTS = 4096
-"""Replies kept for who asks again; a retry comes within seconds."""
-KEPT_CHANGES = 50_000
 
 
 class NotSaved(EleaError):
@@ -33,14 +31,6 @@ class Kept(NamedTuple):
     revision: int
     saved: Mapping[str, Value]
     owners: Mapping[str, frozenset[str]]
-
-
-class Undoable(NamedTuple):
-    """A change that an undo may take back."""
-
-    id: int
-    back: Back
-    run: bool
 
 
 @dataclass(frozen=True)
@@ -76,7 +66,9 @@ def opened(file: str) -> Iterator[Store]:
         try:
             connection = connect(path)
         except sqlite3.Error as error:
-            raise BadInput(f"cannot use the file of parameters {path}: {error}") from None
+            raise BadInput(
+                f"cannot use the file of parameters {path}: {error}: is its folder, where its log lies, read-only?"
+            ) from None
         try:
             store = Store(connection)
             store.forget_run()
@@ -94,8 +86,7 @@ class Store:
 
     def __init__(self, connection: sqlite3.Connection) -> None:
         self._db = connection
-        self._writes = 0
-        self._run_since = 0
+        self.past = Past(connection)
 
     def sets(self) -> dict[str, Kept]:
         """All sets that were ever changed or announced."""
@@ -109,35 +100,6 @@ class Store:
             known[name] = known.get(name, frozenset()) | {node}
         return {name: Kept(each.revision, saved.get(name, {}), owners.get(name, {})) for name, each in kept.items()}
 
-    def reply(self, request: str) -> tuple[str, bytes] | None:
-        """Digest and reply of a request that was carried out under this id."""
-        found: tuple[str, bytes] | None = self._db.execute(
-            "SELECT digest, reply FROM requests WHERE id = ?", (request,)
-        ).fetchone()
-        return found
-
-    def history(self, name: str, limit: int) -> Iterator[ParameterChange]:
-        """The newest changes of a set, or of all for an empty name."""
-        rows = self._db.execute(
-            """SELECT change, undone FROM history WHERE ?1 = '' OR "set" = ?1 ORDER BY id DESC LIMIT ?2""",
-            (name, limit),
-        )
-        for change, undone in rows:
-            yield msgspec.structs.replace(msgspec.json.decode(change, type=ParameterChange), undone=bool(undone))
-
-    def undoable(self, name: str) -> Undoable | None:
-        """The newest change of a set that was not taken back yet."""
-        row = self._db.execute(
-            'SELECT id, back, run FROM history WHERE "set" = ? AND lasting AND NOT undone ORDER BY id DESC LIMIT 1',
-            (name,),
-        ).fetchone()
-        if row is None:
-            return None
-        back = msgspec.json.decode(row[1], type=Back)
-        if row[0] <= self._run_since:
-            back = replace(back, run={})
-        return Undoable(row[0], back, bool(row[2]))
-
     def write(self, entry: Entry) -> None:
         """Write a change; raises NotSaved, and then nothing of it counts."""
         with self._whole(entry.set):
@@ -148,7 +110,8 @@ class Store:
         with self._whole("the end of a run"):
             self._db.execute("UPDATE history SET lasting = 0 WHERE run AND lasting")
             self._db.execute("DELETE FROM requests WHERE run")
-        (self._run_since,) = self._db.execute("SELECT coalesce(max(id), 0) FROM history").fetchone()
+            self.past.prune()
+        self.past.new_run()
 
     def progress(self, run: str, epoch: int) -> frozenset[int]:
         """The numbers of the scheduled changes that this run has had since its last reset."""
@@ -179,7 +142,7 @@ class Store:
         self._into_file()
 
     def _write(self, entry: Entry) -> None:
-        db, name = self._db, entry.set
+        db, name, size = self._db, entry.set, 0
         values = (name, entry.revision)
         db.execute("INSERT OR REPLACE INTO sets VALUES (?, ?, ?)", (*values, seal(*values)))
         for parameter, text in entry.saved.items():
@@ -206,13 +169,12 @@ class Store:
                 'INSERT INTO history ("set", change, back, run, lasting, seal) VALUES (?, ?, ?, ?, ?, ?)',
                 (*texts, entry.run, entry.lasting, seal(*texts)),
             )
+            size += sum(map(len, texts))
         if entry.request is not None:
             asked = (*entry.request, int(entry.run))
             db.execute("INSERT INTO requests VALUES (?, ?, ?, ?, ?)", (*asked, seal(*asked)))
-        self._writes += 1
-        if self._writes % 256 == 0:
-            db.execute("DELETE FROM requests WHERE rowid <= (SELECT max(rowid) FROM requests) - ?", (KEPT_REQUESTS,))
-            db.execute("DELETE FROM history WHERE id <= (SELECT max(id) FROM history) - ?", (KEPT_CHANGES,))
+            size += len(entry.request[2])
+        self.past.grown(size)
 
     def _into_file(self) -> None:
         """Empty the log. If that fails, the change is still durable in the log."""

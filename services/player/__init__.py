@@ -15,9 +15,7 @@ class PlayerParameters(Parameters, frozen=True, kw_only=True):
 
     bag: Annotated[str, Meta(description="an MCAP file, or a folder of them")] = ""
     topics: Annotated[tuple[str, ...], Meta(description="names of the topics to play; all when none is given")] = ()
-    exclude: Annotated[str, Meta(description="do not play topics whose whole name this regular expression matches")] = (
-        ""
-    )
+    exclude: Annotated[str, Meta(description="regular expression: do not play topics in whose names it is found")] = ""
     rate: Annotated[
         float,
         Meta(ge=0, le=1000, description="simulated per wall-clock second; 0 is as fast as it can"),

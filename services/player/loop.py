@@ -7,16 +7,15 @@ from pathlib import Path
 from typing import Any
 
 from messages.rosgraph import Clock
-from messages.topics import CLOCK, TOPICS, Topic
-from services.bag.channel import RAW, Channel
+from messages.topics import CLOCK
 from services.bag.reading import Bag, open_bag
-from services.bag.typed import record_of, unknown_record
 from services.player import PlayerParameters
 from services.player.choice import Choice, choose, is_clock
 from services.player.clockwork import RATE, Clockwork
 from services.player.latency import SETTINGS, recorded_latency
 from services.player.pace import Following, Pace, Wall
 from services.player.playback import Playback
+from services.player.stage import Stage
 from services.player.steps import Steps
 from services.runtime.context import Context
 from services.runtime.errors import BadInput, EleaError
@@ -50,34 +49,26 @@ def run(ctx: Context[PlayerParameters]) -> None:
         ctx.log.info(f"{theirs} publishes /clock: the bag is played on its time, and its own clock is left out")
     recorded = any(is_clock(channel) for channel in choice.played)
     clockwork = Clockwork(node, not theirs, p.clock or (0.0 if recorded else RATE))
-    outputs = {channel: _output(node, channel) for channel in choice.played if not is_clock(channel)}
+    stage = Stage(node, [channel for channel in choice.played if not is_clock(channel)])
     pace = _pace(ctx, bag, bool(theirs), clockwork)
-    _await_subscribers(ctx, outputs)
+    _await_subscribers(ctx, stage)
     playback = Playback(bag, choice, p.start, p.duration)
-    _play(ctx, playback, pace, clockwork, outputs)
+    _play(ctx, playback, pace, clockwork, stage)
     _account(ctx, bag, choice, playback)
 
 
-def _play(
-    ctx: Context[PlayerParameters],
-    playback: Playback,
-    pace: Pace,
-    clockwork: Clockwork,
-    outputs: dict[Channel, Output[Any]],
-) -> None:
+def _play(ctx: Context[PlayerParameters], playback: Playback, pace: Pace, clockwork: Clockwork, stage: Stage) -> None:
     ctx.kernel.heart.state = "running"
     while True:
         played = 0
         pace.begin()
-        for moment, channel, message in playback.cues():
-            pace.reach(moment)
+        for cue in playback.cues():
+            pace.reach(cue.moment)
             ctx.now, played = clockwork.now.time, played + 1
-            if isinstance(message, bytes):
-                outputs[channel].publish_encoded(message)
-            elif isinstance(message, Clock) and channel not in outputs:
-                clockwork.play(message, moment)
+            if isinstance(cue.message, Clock) and cue.channel not in stage:
+                clockwork.play(cue.message, cue.moment)
             else:
-                outputs[channel].publish(message)
+                stage.play(cue)
         if not played:
             raise BadInput(f"{ctx.params.bag}: no message of the chosen topics lies in the span that is asked for")
         ctx.log.info(f"played {played} messages")
@@ -100,13 +91,6 @@ def _pace(ctx: Context[PlayerParameters], bag: Bag, follows: bool, clockwork: Cl
     return Following(ctx, p.rate) if follows else Wall(ctx.kernel, p.rate, clockwork)
 
 
-def _output(node: Node, channel: Channel) -> Output[Any]:
-    known = record_of(channel) if channel.encoding != RAW else None
-    record = known if known is not None else unknown_record(channel.type)
-    largest = max((each.largest for each in TOPICS if each.record is record), default=1 << 16)
-    return node.write(Topic(channel.topic, record, 0, channel.quality, "", largest))
-
-
 def _clock_of_others(node: Node) -> str:
     """The node that publishes simulation time already; empty when none does within _LOOK_S."""
     deadline = time.monotonic() + _LOOK_S
@@ -119,7 +103,7 @@ def _clock_of_others(node: Node) -> str:
         time.sleep(0.05)
 
 
-def _await_subscribers(ctx: Context[PlayerParameters], outputs: dict[Channel, Output[Any]]) -> None:
+def _await_subscribers(ctx: Context[PlayerParameters], stage: Stage) -> None:
     """Wait until every topic that was named has a subscriber, or, when none was, any topic has."""
     p, node = ctx.params, ctx.kernel
     if not p.wait:
@@ -128,8 +112,8 @@ def _await_subscribers(ctx: Context[PlayerParameters], outputs: dict[Channel, Ou
     while True:
         found = (Entity.parse(key) for key in node.transport.tokens(pattern("sub")))
         heard = {each.name for each in found if each is not None and each.session != node.transport.session}
-        lonely = [each.name for each in outputs.values() if each.name not in heard and not _wanted(each)]
-        if not lonely or (not p.topics and len(lonely) < len(outputs)):
+        lonely = [each.name for each in stage.outputs if each.name not in heard and not _wanted(each)]
+        if not lonely or (not p.topics and len(lonely) < len(stage.outputs)):
             return
         if time.monotonic() > deadline:
             raise NotPlayed(f"nobody has subscribed to {', '.join(lonely[:5])} within {p.wait:g} s")

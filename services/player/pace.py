@@ -84,32 +84,40 @@ class Wall:
 
 
 class Following:
-    """By the time of a simulation that runs beside, times ``rate``; it stands still with it."""
+    """By the time of a simulation that runs beside, times ``rate``; it stands still with it.
+
+    ``elapsed`` [ns] of it has passed since the bag began.
+    """
 
     def __init__(self, ctx: Context[Any], rate: float) -> None:
         self._node, self._rate = ctx.kernel, rate
         self._clock = ctx.kernel.read(CLOCK)
         self._last: Clock | None = None
-        self._elapsed, self._origin, self._heard = 0, -1, time.monotonic()
+        self.elapsed, self._origin, self._heard = 0, -1, time.monotonic()
 
     def begin(self) -> None:
-        self._elapsed, self._origin = 0, -1
+        self._follow()  # time that has passed until now, while subscribers were waited for, is none of the bag's
+        self.elapsed, self._origin = 0, -1
 
     def reach(self, moment: Moment) -> None:
         if self._origin < 0:
             self._origin = moment.position
-        while self._rate and self._elapsed * self._rate < moment.position - self._origin:
+        while self._rate and self.elapsed * self._rate < moment.position - self._origin:
             self._node.wait(self._clock.inlet)
-            self._clock.admit()
+            self._follow()
             if self._clock.batch:
                 self._heard = time.monotonic()
             elif time.monotonic() - self._heard > SILENCE_S:
                 self._node.log.warn("waiting for /clock: is the simulation that publishes it paused?", every=10.0)
-            for clock, _ in self._clock.batch:
-                if self._last is not None and clock.epoch == self._last.epoch:
-                    self._elapsed += max(0, clock.clock.ns - self._last.clock.ns)
-                self._last = clock
         self._node.turn()
 
     def finish(self) -> None:
         pass
+
+    def _follow(self) -> None:
+        """Add up the time that has passed since the last look; a reset adds none."""
+        self._clock.admit()
+        for clock, _ in self._clock.batch:
+            if self._last is not None and clock.epoch == self._last.epoch:
+                self.elapsed += max(0, clock.clock.ns - self._last.clock.ns)
+            self._last = clock

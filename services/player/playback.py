@@ -8,19 +8,26 @@ from typing import NamedTuple
 
 from messages.base import Message, WrongPayload
 from messages.rosgraph import Clock
+from messages.tf import TFMessage
+from messages.topics import TF_STATIC
 from services.bag.channel import RAW, Channel
 from services.bag.reading import Bag
 from services.bag.typed import Typed
 from services.player.choice import Choice
+from services.player.fixed import FixedFrames
 from services.player.timeline import Moment, Timeline
 
 
 class Cue(NamedTuple):
-    """A message and its moment; of a type that is unknown here, it is the payload itself."""
+    """A message and its moment; of a type that is unknown here, it is the payload itself.
+
+    ``sender`` tells the nodes apart that sent on one latched topic; it is empty for the first of them.
+    """
 
     moment: Moment
     channel: Channel
     message: Message | bytes
+    sender: bytes = b""
 
 
 class Playback:
@@ -34,14 +41,14 @@ class Playback:
 
     def cues(self) -> Iterator[Cue]:
         """The chosen messages from ``start`` on, with what was latched until then before them."""
-        latched: dict[str, Cue] = {}
+        latched: dict[tuple[Channel, bytes], Cue] = {}
         first: Moment | None = None
         for cue in self._all():
             if self._end is not None and cue.moment.position > self._end:
                 break
             if cue.moment.position < self._start:
                 if cue.channel.quality.name == "LATCHED":
-                    latched[cue.channel.topic] = cue
+                    latched[cue.channel, cue.sender] = cue
                 continue
             if first is None:
                 first = cue.moment
@@ -51,7 +58,7 @@ class Playback:
             yield from latched.values()
 
     def _all(self) -> Iterator[Cue]:
-        timeline, typed = Timeline(), Typed()
+        timeline, typed, fixed = Timeline(), Typed(), FixedFrames()
         chosen, needed = set(self._choice.played), {*self._choice.played, *self._choice.beside}
         for entry in self._bag.entries():
             if entry.channel not in needed:
@@ -66,5 +73,8 @@ class Playback:
                     continue
             epoch = message.epoch if isinstance(message, Clock) else None
             moment = timeline.place(entry.publish_time, epoch)
-            if message is not None and entry.channel in chosen:
-                yield Cue(moment, entry.channel, message)
+            if message is None or entry.channel not in chosen:
+                continue
+            if isinstance(message, TFMessage) and entry.channel.topic == TF_STATIC.name and not self._bag.ours:
+                message = fixed.joined(message)
+            yield Cue(moment, entry.channel, message, typed.sender(entry))

@@ -10,14 +10,19 @@ from typing import Any
 from messages.base import Message
 from messages.cdr.extras import split
 from messages.cdr.write import NotWritable, writer
-from messages.topics import CLOCK
-from services.bag.channel import BESIDE, Channel, channel_of, raw_channel
+from messages.tf import TFMessage
+from messages.topics import CLOCK, TF, TF_STATIC, Quality
+from services.bag.channel import BESIDE, SENDER, Channel, Sender, channel_of, raw_channel
 from services.bag.folder import BagFolder
+from services.recorder.fitting import Fitting
 from services.recorder.listening import Listening
 from services.recorder.times import Times, arrival
 from services.runtime.inputs import Input
 from services.runtime.log import Log
-from services.runtime.wire import Origin
+from services.runtime.wire import NODE_BYTES, Origin
+
+_FOREIGN = b"foreign"
+"""Stands for all senders that do not tell who they are."""
 
 Heard = tuple[Input[Any], Any, Origin | None]
 
@@ -28,8 +33,10 @@ class Tape:
     def __init__(self, bag: BagFolder, listening: Listening, log: Log) -> None:
         self._bag, self._listening, self._log = bag, listening, log
         self._times = Times()
+        self._fitting = Fitting()
         self._channels: dict[tuple[str, str], Channel] = {}
         self._numbers: Counter[str] = Counter()
+        self._first: dict[str, bytes] = {}
         self._since = time.time_ns()
         self._told = 0
         self.unfit: Counter[str] = Counter()
@@ -41,18 +48,24 @@ class Tape:
         So it is what a replay must repeat at this tick. The order is the same in every run.
         """
         wall = time.time_ns()
+        self._learn()
         for name in sorted(self._listening.heard, key=lambda name: (name != CLOCK.name, name)):
             source = self._listening.heard[name]
             for message, origin in source.batch:
                 self._write(source, message, origin, wall, now)
 
     def take_rest(self, now: int) -> None:
-        """What came after the last tick, at ``now`` [ns]: nobody had it yet; its own stamp tells its time, if any."""
+        """What came after the last tick, at ``now`` [ns]: nobody had it yet, so its time lies after that tick.
+
+        Its own stamp tells it, if it has a later one.
+        """
         wall = time.time_ns()
-        self._times.clock = now
+        self._learn()
         for name in sorted(self._listening.heard):
             for message, origin in self._listening.heard[name].batch:
-                self._write(self._listening.heard[name], message, origin, wall, self._times.of(message, wall, True))
+                self._times.clock = now
+                later = max(self._times.of(message, wall, True), now + 1)
+                self._write(self._listening.heard[name], message, origin, wall, later)
 
     def take(self) -> None:
         """What has come since the last call, in the order in which it was sent."""
@@ -62,6 +75,7 @@ class Tape:
         clock.admit()
         clock.batch = [*early, *clock.batch]
         wall, since = time.time_ns(), self._since
+        self._learn()
         heard: list[tuple[int, Heard]] = []
         sources = {**self._listening.heard, CLOCK.name: self._listening.clock}
         for source in sources.values():
@@ -106,16 +120,27 @@ class Tape:
         """Messages that were sent and did not arrive, by topic."""
         return {name: source.lost for name, source in sorted(self._listening.heard.items()) if source.lost}
 
+    def _learn(self) -> None:
+        """Whatever comes with a description of a robot may tell how its frames are called."""
+        for topic in (TF, TF_STATIC):
+            if (source := self._listening.heard.get(topic.name)) is not None and source.topic.record is TFMessage:
+                self._fitting.learn(message for message, _ in source.batch)
+
     def _write(self, source: Input[Any], message: Any, origin: Origin | None, log_time: int, publish_time: int) -> None:
         name = source.name
         if origin is None:
             self._numbers[name] += 1
         sequence = origin.sequence if origin is not None else self._numbers[name]
+        if source.topic.quality is Quality.LATCHED and (node := self._other(name, origin)):
+            note = writer(Sender)(Sender(node=node))
+            self._add(self._channel_of(name + SENDER, Sender(), source), sequence, log_time, publish_time, note)
         if name in self._listening.raw:
             raw = raw_channel(name, source.topic.record.ROS_TYPE, source.topic.quality)
             self._add(self._channel(name, raw), sequence, log_time, publish_time, message)
             return
         main, beside = split(message)
+        if beside is None:
+            main, beside = self._fitting.split(name, main)
         try:
             for each, topic in ((beside, name + BESIDE), (main, name)):
                 if each is not None:
@@ -124,6 +149,14 @@ class Tape:
         except NotWritable as error:
             self.unfit[name] += 1
             self._log.warn(f"{name}: a message has no place in its ROS type and is not recorded: {error}", every=5.0)
+
+    def _other(self, name: str, origin: Origin | None) -> bytes:
+        """The node behind a message, unless it was the first on its topic.
+
+        A late joiner has the last message of each node; one that was started anew takes the place of the old one.
+        """
+        node = origin.publisher[:NODE_BYTES] if origin is not None else _FOREIGN
+        return node if self._first.setdefault(name, node) != node else b""
 
     def _add(self, channel: Channel, sequence: int, log_time: int, publish_time: int, data: bytes) -> None:
         try:

@@ -23,7 +23,7 @@ class Times:
         ``timed`` tells whether there is a clock, though it may not have spoken yet.
         """
         if isinstance(message, Clock):
-            self.clock = message.clock.ns
+            self.clock = max(0, message.clock.ns)
         if self.clock is None:
             return 0 if timed else log_time
         stamp = stamp_of(message) if isinstance(message, Message) else None

@@ -33,7 +33,10 @@ class Forms:
         return self._phase
 
     def step(self, p: ReferenceParameters, dt: float) -> float:
-        """The reference [deg], ``dt`` [s] after the last; not yet bounded. csv without a table keeps the last."""
+        """The reference [deg], ``dt`` [s] after the last; not yet bounded. csv without a table keeps the last.
+
+        What goes on from the last, goes on from what could be told of it, within the joint's range.
+        """
         begins = p.reference_type != self._form
         if begins:
             self._begin(p)
@@ -55,7 +58,7 @@ class Forms:
         self._gain = _towards(self._gain, self._target, self._pace * dt)
 
     def _next(self, p: ReferenceParameters, dt: float) -> float:
-        last = self._value or 0.0
+        last = max(p.lower, min(p.upper, self._value or 0.0))
         match self._form:
             case "step":
                 return p.ref_angle

@@ -42,6 +42,8 @@ def read_table(path: Path) -> Table:
     Comma, semicolon or blanks between the two numbers; empty lines, lines from ``#`` on and a heading are passed over.
     """
     try:
+        if path.exists() and not path.is_file():
+            raise BadInput(f"the reference {path} cannot be read: it is no file")
         if path.stat().st_size > LARGEST:
             raise BadInput(f"{path}: {path.stat().st_size} bytes, a reference has at most {LARGEST}")
         text = path.read_text(encoding="utf-8-sig")

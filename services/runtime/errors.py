@@ -72,4 +72,4 @@ def unknown(kind: str, name: str, known: Iterable[str], where: str = "") -> BadI
     near = difflib.get_close_matches(name, names, 1)
     hint = f"; did you mean {near[0]!r}?" if near else ""
     prefix = f"{where}: " if where else ""
-    return BadInput(f"{prefix}unknown {kind} {name!r}{hint} (known: {', '.join(names) or 'none'})")
+    return BadInput(f"{prefix}unknown {kind} {name[:255]!r}{hint} (known: {', '.join(names) or 'none'})")

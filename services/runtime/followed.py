@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Generic, TypeVar
 
 import msgspec
 
 from messages.names import key as key_of
-from messages.parameters import Origin, ParameterValues, SetParameters
+from messages.parameters import Origin, ParameterDescription, ParameterValues, SetParameters
 from messages.requests import PARAMS_SET
 from messages.topics import UPDATES
 from services.runtime.calls import call
@@ -33,8 +33,8 @@ class Followed(Generic[P]):
     """``params`` is replaced as a whole, between two calls of ``refresh``; ``origins`` tells where each value is from.
 
     ``fits`` raises BadInput for values that contradict each other; a change to such is refused, and taken back at the
-    parameter service, so that all agree. ``defaults`` replace those of the record; ``fleet`` and ``command_line`` hold
-    what they state, by dotted names.
+    parameter service, so that all agree. ``described`` stands instead of what the record says of its parameters;
+    ``fleet`` and ``command_line`` hold what they state, by dotted names.
     """
 
     def __init__(
@@ -45,13 +45,13 @@ class Followed(Generic[P]):
         *,
         fleet: Mapping[str, Any] | None = None,
         command_line: Mapping[str, Any] | None = None,
-        defaults: P | None = None,
+        described: Sequence[ParameterDescription] = (),
         fits: Callable[[P], object] | None = None,
         quiet: bool = False,
     ) -> None:
         self.set, self.params = name, params
         self.fleet, self.command_line = dict(fleet or {}), dict(command_line or {})
-        self.described = tuple(describe(type(params), defaults))
+        self.described = tuple(described or describe(type(params)))
         self.origins: dict[str, Origin] = {each.name: "default" for each in self.described}
         self.origins.update(dict.fromkeys(self.fleet, "fleet"))
         self.origins.update(dict.fromkeys(self.command_line, "command line"))
@@ -63,7 +63,7 @@ class Followed(Generic[P]):
         self._input: Input[ParameterValues] = node.read(UPDATES, f"{name}/{UPDATES.name.removeprefix('~')}")
         self._heard: list[tuple[ParameterValues, bytes]] = []
         self._revision, self._source = -1, b""
-        self._changes, self._taken_back = 0, False
+        self._taken_back = False
         if node.following is None:
             node.following = Following(node.transport, node.identity.node, node.log, quiet)
         self._following = node.following
@@ -128,12 +128,11 @@ class Followed(Generic[P]):
         if not self._following.there:
             self._replace(params, {**self.origins, **dict.fromkeys(values, "run")})
             return
-        self._changes += 1
         asked = SetParameters(
             set=self.set,
             values=tuple(assignments(dict(values))),
             run=True,
-            id=f"{self._node.transport.session}-{self._changes}",
+            id=self._following.next_id(),
             who=self._node.identity.node,
         )
         answer = call(self._node.transport, PARAMS_SET, key_of(PARAMS_SET.name), asked, CHANGE_S)
@@ -158,7 +157,7 @@ class Followed(Generic[P]):
             else:
                 self._refuse(str(error))
                 if not self._taken_back:
-                    self._following.take_back(self, str(error))
+                    self._following.take_back(self, values.revision, str(error))
             self._taken_back = True  # once, until something fits again
             return 0
         self._taken_back = False
@@ -183,6 +182,5 @@ class Followed(Generic[P]):
         return levels
 
     def _refuse(self, reason: str) -> None:
-        self._input.refused += 1
-        self._input.reason = reason[:200]
+        self._input.refuse(reason)
         self._node.log.warn(f"a change of the parameters {self.set} is refused: {reason}", every=SAID_S)

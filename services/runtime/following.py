@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
@@ -53,6 +54,8 @@ class Following:
         self._sets: list[Followed[Any]] = []
         self._asking: dict[Followed[Any], tuple[Pending | None, float]] = {}
         self._undoing: list[tuple[Pending, str]] = []
+        self._leaving: list[Pending] = []
+        self._numbers = itertools.count(1)
         self._missed = False
         self._patience: Callable[[], bool] | None = None
 
@@ -90,9 +93,16 @@ class Following:
             self._introduce(followed)
 
     def end(self, followed: Followed[Any]) -> None:
-        """Follow a set no more."""
+        """Follow a set no more, and say so."""
         self._sets.remove(followed)
         self._asking.pop(followed, None)
+        if self.there:
+            leaving = Announcement(set=followed.set, node=self._node, leaves=True)
+            self._leaving.append(self._transport.ask(_KEY, encode(leaving), ANSWER_S))
+
+    def next_id(self) -> str:
+        """An id for a request, another one each time: no two sets of this node may share one."""
+        return f"{self._transport.session}-{next(self._numbers)}"
 
     def turn(self) -> None:
         """Notice a parameter service that comes or goes, and take its answers."""
@@ -100,12 +110,14 @@ class Following:
             self._note(event.key, event.alive)
         if self._asking:
             self._pursue()
+        self._leaving = [each for each in self._leaving if each.take() is None]
         if self._undoing:
             self._undoing = [each for each in self._undoing if not self._undone(*each)]
 
-    def take_back(self, followed: Followed[Any], reason: str) -> None:
-        """Let the parameter service undo a change that a node cannot follow, so that all agree on what counts."""
-        asked = UndoParameters(set=followed.set, who=f"{self._node}: {reason}"[:255])
+    def take_back(self, followed: Followed[Any], revision: int, reason: str) -> None:
+        """Let the parameter service undo the change that a node cannot follow, so that all agree on what counts."""
+        who = f"{self._node}: {reason}"[:255]
+        asked = UndoParameters(set=followed.set, revision=revision, id=self.next_id(), who=who)
         key = key_of(PARAMS_UNDO.name)
         self._undoing.append((self._transport.ask(key, encode(asked), ANSWER_S), followed.set))
 

@@ -45,6 +45,7 @@ class FrameBuffer:
         self._told: dict[bytes, dict[str, Link]] = {}
         self._claims = Claims(self._cache_ns)
         self._parents: set[str] = set()
+        self._most_parents = MOST_FRAMES
 
     def add(self, transforms: Iterable[TransformStamped], publisher: bytes) -> None:
         """Take moving transforms."""
@@ -66,7 +67,7 @@ class FrameBuffer:
             if verdict == "repeated":
                 self.repeated += 1
             else:
-                self._parents.add(parent)
+                self._add_parent(parent)
 
     def add_static(self, transforms: Iterable[TransformStamped], publisher: bytes) -> None:
         """Take all fixed transforms of a publisher: they stand instead of those that it told before.
@@ -159,6 +160,14 @@ class FrameBuffer:
             return True
         self.refused, self.reason = self.refused + 1, f"more than {MOST_FRAMES} frames"
         return False
+
+    def _add_parent(self, parent: str) -> None:
+        """Note a parent; of a sender that names ever new ones, those that are no longer told of are forgotten."""
+        self._parents.add(parent)
+        if len(self._parents) > self._most_parents:
+            self._parents = {link.parent for link in self._static.values()}
+            self._parents |= {each.parent(None) for each in self._moving.values()}
+            self._most_parents = 2 * len(self._parents) + MOST_FRAMES
 
     def _known(self, frame: str) -> str:
         name = frame.removeprefix("/")

@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
+MOST_CLAIMS = 64
+"""On one frame; whoever made the first one is forgotten for another."""
+
 
 class Claim(NamedTuple):
     """The parent that a publisher gives a frame, and the stamp [ns] of its last transform; None for a fixed one."""
@@ -68,6 +71,8 @@ class Claims:
 
     def _add(self, child: str, publisher: bytes, claim: Claim) -> None:
         claims = self._of.setdefault(child, {})
+        if publisher not in claims and len(claims) >= MOST_CLAIMS:
+            del claims[next(iter(claims))]
         claims[publisher] = claim
         if len(claims) > 1:
             self._disputed.add(child)

@@ -40,6 +40,14 @@ class Leaf(NamedTuple):
         return default
 
 
+class Relation(NamedTuple):
+    """What must hold between a parameter and others of its record, by dotted names; see ``ParameterDescription``."""
+
+    name: str
+    at_most: str
+    excludes: tuple[str, ...]
+
+
 class Bare(NamedTuple):
     """A type hint taken apart; ``metas`` from the innermost to the outermost."""
 
@@ -75,6 +83,32 @@ def elements(kind: Any) -> Bare | None:
 def leaves(record: type[msgspec.Struct]) -> tuple[Leaf, ...]:
     """The single values of a record, in the order of declaration."""
     return tuple(_leaves(record, "", (), False))
+
+
+@cache
+def relations(record: type[msgspec.Struct]) -> tuple[Relation, ...]:
+    """The leaves whose annotations relate them to others, by names as seen from their own table."""
+    return tuple(
+        Relation(leaf.name, _beside(leaf, most) if most else "", tuple(_beside(leaf, each) for each in excluded))
+        for leaf in leaves(record)
+        for most, excluded in [(leaf.extra("at_most", ""), leaf.extra("excludes", ()))]
+        if most or excluded
+    )
+
+
+def lengths(leaf: Leaf) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Least and most items of each level of a list, from the outside, then characters of a text; 0 is no bound."""
+    if leaf.structured:
+        return (), ()
+    found, inner = [], Bare(leaf.kind, leaf.metas, False)
+    while True:
+        found.append(_length(*inner[:2]))
+        if (next_ := elements(inner.kind)) is None:
+            break
+        inner = next_
+    while found and found[-1] == (0, 0):
+        found.pop()
+    return tuple(least for least, _ in found), tuple(most for _, most in found)
 
 
 def flatten(values: msgspec.Struct) -> dict[str, Any]:
@@ -173,6 +207,19 @@ def _pruned(record: Any, tree: dict[str, Any]) -> dict[str, Any]:
 
 def _is_table(kind: Any) -> bool:
     return isinstance(kind, type) and issubclass(kind, msgspec.Struct)
+
+
+def _beside(leaf: Leaf, name: str) -> str:
+    return f"{leaf.name[: leaf.name.rfind('.') + 1]}{name}"
+
+
+def _length(kind: Any, metas: tuple[Meta, ...]) -> tuple[int, int]:
+    """The bounds of a list's items or a text's characters; of a tuple of so many, that number."""
+    items = get_args(kind)
+    if get_origin(kind) is tuple and Ellipsis not in items:
+        return len(items), len(items)
+    least = max((meta.min_length for meta in metas if meta.min_length is not None), default=0)
+    return least, min((meta.max_length for meta in metas if meta.max_length is not None), default=0)
 
 
 _NAMES = {bool: "bool", int: "int", float: "float", str: "str"}

@@ -12,8 +12,9 @@ from typing import Any
 import click
 import msgspec
 
+from services.runtime.allowed import beside, within
 from services.runtime.errors import TRY_AGAIN, BadInput, EleaError, Stopped, TryAgain
-from services.runtime.parameters import bounds, build, describe, read_assignments, stated
+from services.runtime.parameters import build, describe, read_assignments, stated
 from services.runtime.service import Parameters, Service
 
 _declaring = ContextVar("declaring", default=False)
@@ -137,8 +138,8 @@ def _epilog(record: type[Parameters]) -> str:
     """The parameters, one paragraph each."""
     lines = []
     for each in describe(record):
-        facts = ", ".join(part for part in (f"{each.default!r} by default", bounds(each), each.unit) if part)
-        lines.append(f"  {each.name} ({facts}): {each.text}")
+        facts = f"{each.default!r} by default", within(each) or each.unit, beside(each)
+        lines.append(f"  {each.name} ({', '.join(part for part in facts if part)}): {each.text}")
     return "\b\nParameters:\n" + "\n".join(lines) if lines else ""
 
 

@@ -50,6 +50,7 @@ class Node:
         self.clock_patience_s = CLOCK_PATIENCE_S
         self.stopping = False
         self._tokens: dict[tuple[Kind, str], Token] = {}
+        self._numbers: dict[str, int] = {}
 
     def __enter__(self) -> Self:
         self._claim()
@@ -79,7 +80,10 @@ class Node:
         return made
 
     def write(self, topic: Topic[M], name: str | None = None) -> Output[M]:
-        """Publish on a topic, under another name if one is given."""
+        """Publish on a topic, under another name if one is given.
+
+        One that was forgotten and begins again goes on with its numbers: its readers would drop the old ones.
+        """
         absolute = self.identity.resolve(name or topic.name)
         for known in self.outputs:
             if known.name == absolute:
@@ -87,6 +91,7 @@ class Node:
         made = Output(
             topic, absolute, self.identity.key(name or topic.name), self.identity.node, self.transport, self.outbox
         )
+        made.sent = made.marked = self._numbers.pop(absolute, 0)
         self.outputs.append(made)
         self._declare("pub", absolute, topic.record.ROS_TYPE, topic.quality.name)
         return made
@@ -101,6 +106,7 @@ class Node:
             else:
                 self.outputs.remove(end)
                 self._tokens.pop(("pub", end.name)).close()
+                self._numbers[end.name] = end.sent
             end.close()
 
     def serve(self, request: Request[Q, R], handler: Callable[[Q], R], name: str | None = None) -> None:

@@ -12,13 +12,15 @@ import msgspec
 from msgspec import Meta
 
 from messages.parameters import ParameterDescription
+from services.runtime.allowed import contradictions
 from services.runtime.errors import BadInput, unknown
-from services.runtime.leaves import LARGEST, all_metas, flatten, leaves, type_name
+from services.runtime.leaves import LARGEST, all_metas, flatten, leaves, lengths, relations, type_name
 from services.runtime.service import Parameters
 
 P = TypeVar("P", bound=Parameters)
 
 
+_NOTHING = object()
 ALL = 2**32 - 1
 """Every level: what listeners get at first."""
 
@@ -27,15 +29,18 @@ def describe(record: type[Parameters], defaults: Parameters | None = None) -> It
     """Every parameter of a service, in the order of declaration, with the defaults of its record or those given.
 
     The annotations say more by ``Meta(extra=...)``: ``unit``; ``live``, false for what a running service does not
-    follow; ``level``, the bit that listeners get when it changes, 1 unless told. Tables in it have dotted names. Bounds
-    of a list are those of its elements. A list of tables is a JSON text that is never live.
+    follow; ``level``, the bit that listeners get when it changes, 1 unless told; ``at_most`` and ``excludes``, by names
+    beside it, what must hold between parameters. Tables in it have dotted names. Bounds of a list are those of its
+    elements. A list of tables is a JSON text that is never live.
     """
     given = flatten(defaults) if defaults is not None else {}
+    related = {each.name: each for each in relations(record)}
     for leaf in leaves(record):
         kind, choices = type_name(leaf)
         metas = () if leaf.structured else all_metas(leaf)
         low, above = _bound(metas, "ge", "gt")
         high, below = _bound(metas, "le", "lt")
+        shortest, longest = lengths(leaf)
         yield ParameterDescription(
             name=leaf.name,
             type=kind,
@@ -45,6 +50,10 @@ def describe(record: type[Parameters], defaults: Parameters | None = None) -> It
             above=above,
             below=below,
             choices=choices,
+            shortest=shortest,
+            longest=longest,
+            at_most=related[leaf.name].at_most if leaf.name in related else "",
+            excludes=related[leaf.name].excludes if leaf.name in related else (),
             optional=leaf.optional,
             unit=next((meta.extra["unit"] for meta in reversed(metas) if meta.extra and meta.extra.get("unit")), ""),
             text=next((meta.description for meta in reversed(leaf.metas) if meta.description), ""),
@@ -53,25 +62,15 @@ def describe(record: type[Parameters], defaults: Parameters | None = None) -> It
         )
 
 
-def bounds(described: ParameterDescription) -> str:
-    """``0 to 5``, ``at least 0``, ``above 0``, or nothing."""
-    low, high = described.low, described.high
-    least = "" if low is None else f"above {low:g}" if described.above else f"at least {low:g}"
-    most = "" if high is None else f"below {high:g}" if described.below else f"at most {high:g}"
-    if low is not None and high is not None and not (described.above or described.below):
-        return f"{low:g} to {high:g}"
-    return ", ".join(part for part in (least, most) if part)
-
-
 def read_value(text: str) -> Any:
     """A value as JSON or TOML writes it; anything else is taken as a text."""
     try:
         return json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         pass
     try:
         return tomllib.loads(f"v = {text}")["v"]
-    except tomllib.TOMLDecodeError:
+    except (tomllib.TOMLDecodeError, RecursionError):
         return text
 
 
@@ -87,7 +86,8 @@ def read_assignments(pairs: Iterable[str], option: str = "--param") -> dict[str,
 
 
 def build(record: type[P], values: Mapping[str, Any], where: str = "") -> P:
-    """The record with ``values``; raises BadInput with the parameter, the bound and the value."""
+    """The record with ``values``; raises BadInput with the parameter, the bound and the value, or what contradicts
+    each other."""
     prefix = f"{where}: " if where else ""
     names = [each.name for each in msgspec.structs.fields(record)]
     for name, value in values.items():
@@ -96,12 +96,16 @@ def build(record: type[P], values: Mapping[str, Any], where: str = "") -> P:
         if not _finite(value):
             raise BadInput(f"{prefix}parameter {name} = {value!r}: a number that is not finite")
     try:
-        return msgspec.convert(dict(values), record)
+        made = msgspec.convert(dict(values), record)
     except msgspec.ValidationError as error:
         text = str(error)
         name = text.partition("`$.")[2].partition("`")[0].partition("[")[0]
-        shown = f" {name} = {values[name]!r}" if name in values else ""
+        value = _at(values, name.split("."))
+        shown = "" if value is _NOTHING else f" {name} = {value!r}"
         raise BadInput(f"{prefix}parameter{shown}: {text}") from None
+    if (related := relations(record)) and (faults := list(contradictions(related, flatten(made)))):
+        raise BadInput(f"{prefix}{'; '.join(faults)}")
+    return made
 
 
 def check_value(record: type[Parameters], name: str, value: Any, where: str = "") -> None:
@@ -126,15 +130,16 @@ def check_value(record: type[Parameters], name: str, value: Any, where: str = ""
 def stated(record: type[Parameters], values: Mapping[str, Any]) -> dict[str, Any]:
     """The single values that a table states, by dotted names, checked and typed as in the record; raises BadInput."""
     made = flatten(build(record, values))
-    return {name: value for name, value in made.items() if _states(values, name.split("."))}
+    return {name: value for name, value in made.items() if _at(values, name.split(".")) is not _NOTHING}
 
 
-def _states(table: Any, path: list[str]) -> bool:
+def _at(table: Any, path: list[str]) -> Any:
+    """What a table states at a path of names, or _NOTHING."""
     for step in path:
         if not isinstance(table, Mapping) or step not in table:
-            return False
+            return _NOTHING
         table = table[step]
-    return True
+    return table
 
 
 def _bound(metas: Iterable[Meta], inclusive: str, exclusive: str) -> tuple[float | None, bool]:

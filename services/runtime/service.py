@@ -22,7 +22,9 @@ class Parameters(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     Types carry bounds, unit and text: ``Annotated[float, Meta(ge=0, le=5, description=..., extra={"unit": "m"})]``.
     ``extra`` also marks with ``"live": False`` what a running service does not follow, and gives with ``"level": 2``
-    the bit of ``Context.params_changed`` that tells of a change.
+    the bit of ``Context.params_changed`` that tells of a change. ``"at_most": "fast"`` keeps a number below another
+    one, and ``"excludes": ("a", "b")`` says what must be null or false while this is not; both are checked before a
+    change counts.
     """
 
 

@@ -5,31 +5,8 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from messages.requests import (
-    APPLY_EFFORT,
-    APPLY_WRENCH,
-    CLEAR_EFFORT,
-    CLEAR_WRENCH,
-    DELETE,
-    GET_STATE,
-    JOINT_PROPERTIES,
-    LINK_PROPERTIES,
-    LINK_STATE,
-    LIST,
-    MODEL_PROPERTIES,
-    PAUSE,
-    RESET,
-    RESET_WORLD,
-    RESUME,
-    SET_CONFIGURATION,
-    SET_DRIVE,
-    SET_ODOMETRY,
-    SET_STATE,
-    SPAWN,
-    STEP,
-    WORLD_PROPERTIES,
-)
-from messages.topics import CLOCK, TF, TF_STATIC
+from messages.requests import SIM_REQUESTS
+from messages.topics import CLOCK, LINK_STATES, MODEL_STATES, TF, TF_STATIC
 from services.runtime.service import Parameters, Service
 from services.sim.base_parameters import BaseParameters as BaseParameters
 from services.sim.joint_parameters import JointParameters as JointParameters
@@ -85,31 +62,8 @@ SERVICE = Service(
     name="sim",
     about="Physics, sensors, base drivers and simulation time.",
     run="services.sim.loop:run",
-    writes=(CLOCK, TF, TF_STATIC),
-    serves=(
-        SPAWN,
-        DELETE,
-        LIST,
-        GET_STATE,
-        SET_STATE,
-        SET_ODOMETRY,
-        SET_DRIVE,
-        RESET,
-        RESET_WORLD,
-        PAUSE,
-        RESUME,
-        STEP,
-        APPLY_EFFORT,
-        CLEAR_EFFORT,
-        JOINT_PROPERTIES,
-        SET_CONFIGURATION,
-        APPLY_WRENCH,
-        CLEAR_WRENCH,
-        LINK_STATE,
-        LINK_PROPERTIES,
-        MODEL_PROPERTIES,
-        WORLD_PROPERTIES,
-    ),
+    writes=(CLOCK, TF, TF_STATIC, MODEL_STATES, LINK_STATES),
+    serves=SIM_REQUESTS,
     parameters=SimParameters,
     holds_lockstep=False,
 )

@@ -13,22 +13,17 @@ from services.sim.diffdrive.pid import Gains
 def axis_of(
     name: str, given: AxisParameters | None, fastest: float | None, rise: float | None, ros1_jerk: bool = False
 ) -> Axis:
-    """The limits of the axis ``name``; raises BadInput for those that contradict each other.
+    """The limits of the axis ``name``; raises BadInput for a deceleration of 0.
 
     The hardware's speed ``fastest`` bounds what is given; ``rise`` is the acceleration where none is given.
     """
     asked = given or AxisParameters()
     most = inf if fastest is None else fastest
-    high = inf if asked.max_velocity is None else asked.max_velocity
-    low = -high if asked.min_velocity is None else asked.min_velocity
-    if not low <= 0 <= high:
-        raise BadInput(
-            f"{name}: velocities from min_velocity = {low:g} to max_velocity = {high:g} hold no standstill: a base "
-            "with these limits could never stop"
-        )
-    up = _above(name, "max_acceleration", asked.max_acceleration, inf if rise is None else rise)
-    down = _below(name, "min_acceleration", asked.min_acceleration, up)
-    jerk = _above(name, "max_jerk", asked.max_jerk, inf)
+    high = _or(asked.max_velocity, inf)
+    low = _or(asked.min_velocity, -high)
+    up = _or(asked.max_acceleration, inf if rise is None else rise)
+    down = -_or(asked.min_acceleration, -up)
+    jerk = _or(asked.max_jerk, inf)
     return Axis(
         min_velocity=max(low, -most),
         max_velocity=min(high, most),
@@ -36,7 +31,7 @@ def axis_of(
         decelerate=_size(name, "max_deceleration", asked.max_deceleration, down),
         accelerate_reverse=_size(name, "max_acceleration_reverse", asked.max_acceleration_reverse, down),
         decelerate_reverse=_size(name, "max_deceleration_reverse", asked.max_deceleration_reverse, up),
-        min_jerk=-_below(name, "min_jerk", asked.min_jerk, jerk),
+        min_jerk=_or(asked.min_jerk, -jerk),
         max_jerk=jerk,
         ros1_jerk=ros1_jerk,
     )
@@ -51,16 +46,8 @@ def gains_of(given: PidParameters | None, limit: float) -> Gains | None:
     return Gains(given.p, given.i, given.d, low, high, given.antiwindup, limit)
 
 
-def _above(axis: str, name: str, value: float | None, default: float) -> float:
-    if value is not None and value <= 0:
-        raise BadInput(f"{axis}.{name} = {value:g}: it is above 0; leave it out for no limit")
+def _or(value: float | None, default: float) -> float:
     return default if value is None else value
-
-
-def _below(axis: str, name: str, value: float | None, default: float) -> float:
-    if value is not None and value >= 0:
-        raise BadInput(f"{axis}.{name} = {value:g}: it is below 0; leave it out for minus the max")
-    return default if value is None else -value
 
 
 def _size(axis: str, name: str, value: float | None, default: float) -> float:

@@ -16,12 +16,20 @@ _FIXED = {"live": False}
 """What a robot is built of in the world and on the network when it is spawned."""
 
 
-def _speed(text: str) -> Meta:
-    return Meta(ge=-1000, le=1000, description=text, extra={"unit": "m/s or rad/s"})
+_SPEED = {"unit": "m/s or rad/s"}
+_RATE = {"unit": "m/s2 or rad/s2"}
 
 
-def _rate(text: str) -> Meta:
-    return Meta(ge=-1e6, le=1e6, description=text, extra={"unit": "m/s2 or rad/s2"})
+def _rise(text: str) -> Meta:
+    return Meta(gt=0, le=1e6, description=text, extra=_RATE)
+
+
+def _fall(text: str) -> Meta:
+    return Meta(ge=-1e6, lt=0, description=text, extra=_RATE)
+
+
+def _either(text: str) -> Meta:
+    return Meta(ge=-1e6, le=1e6, description=f"{text}, not 0", extra=_RATE)
 
 
 def _share(text: str) -> Meta:
@@ -36,6 +44,9 @@ def _gain(text: str) -> Meta:
     return Meta(ge=0, le=1e6, description=text)
 
 
+_JERKS = tuple(f"{axis}.{end}_jerk" for axis in ("linear", "angular") for end in ("min", "max"))
+"""An axis that is slowed for the other one cannot keep to a jerk of its own."""
+
 Diagonal = Annotated[
     tuple[Annotated[float, Meta(ge=0, le=1e12)], ...],
     Meta(min_length=6, max_length=6, description="variances of x, y, z, roll, pitch, yaw"),
@@ -49,15 +60,15 @@ class AxisParameters(Parameters, frozen=True, kw_only=True):
     them; their signs do not matter.
     """
 
-    min_velocity: Annotated[float, _speed("fastest backwards, not above 0")] | None = None
-    max_velocity: Annotated[float, _speed("fastest forwards, not below 0")] | None = None
-    min_acceleration: Annotated[float, _rate("of any decrease, below 0")] | None = None
-    max_acceleration: Annotated[float, _rate("of any increase, above 0")] | None = None
-    max_deceleration: Annotated[float, _rate("slowing down forwards")] | None = None
-    max_acceleration_reverse: Annotated[float, _rate("speeding up backwards")] | None = None
-    max_deceleration_reverse: Annotated[float, _rate("slowing down backwards")] | None = None
-    min_jerk: Annotated[float, _rate("of any decrease of acceleration, below 0")] | None = None
-    max_jerk: Annotated[float, _rate("of any increase of acceleration, above 0")] | None = None
+    min_velocity: Annotated[float, Meta(ge=-1000, le=0, description="fastest backwards", extra=_SPEED)] | None = None
+    max_velocity: Annotated[float, Meta(ge=0, le=1000, description="fastest forwards", extra=_SPEED)] | None = None
+    min_acceleration: Annotated[float, _fall("of any decrease")] | None = None
+    max_acceleration: Annotated[float, _rise("of any increase")] | None = None
+    max_deceleration: Annotated[float, _either("slowing down forwards")] | None = None
+    max_acceleration_reverse: Annotated[float, _either("speeding up backwards")] | None = None
+    max_deceleration_reverse: Annotated[float, _either("slowing down backwards")] | None = None
+    min_jerk: Annotated[float, _fall("of any decrease of acceleration")] | None = None
+    max_jerk: Annotated[float, _rise("of any increase of acceleration")] | None = None
 
 
 class PidParameters(Parameters, frozen=True, kw_only=True):
@@ -116,7 +127,9 @@ class BaseParameters(Parameters, frozen=True, kw_only=True):
     linear: Annotated[AxisParameters, Meta(description="limits of the speed")] | None = None
     angular: Annotated[AxisParameters, Meta(description="limits of the turn rate")] | None = None
     jerk_rule: Annotated[Literal["ros1", "ros2"], Meta(description="ros1 doubles jerk limits and swings")] | None = None
-    keep_curvature: Annotated[bool, Meta(description="limit both axes together; off")] | None = None
+    keep_curvature: (
+        Annotated[bool, Meta(description="limit both axes together; off", extra={"excludes": _JERKS})] | None
+    ) = None
     brake: (
         Annotated[
             float,

@@ -7,9 +7,11 @@ from typing import Any
 
 import msgspec
 
+from messages.parameters import ParameterDescription
 from messages.simulation import DriveSettings
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
+from services.runtime.parameters import describe
 from services.sim import BaseParameters, RobotEntry
 from services.sim.robot_set import RobotSet
 from services.sim.settings import Configured, Settings, base_settings, completed, configured, effective
@@ -24,8 +26,9 @@ class BaseSet:
         self.name, self._model, self._kind = entry.name, own.model, entry.model
         self._torque_driven = own.settings.gains is not None
         figures = effective(entry.model, own.model, BaseParameters())
+        described = [self._as_built(each, own.parameters) for each in describe(BaseParameters, figures)]
         self._set: RobotSet[BaseParameters, Settings] = RobotSet(
-            node, entry.name, f"{namespace}/base", entry.parameters, own.parameters, figures, self._made, wait
+            node, entry.name, f"{namespace}/base", entry.parameters, own.parameters, described, self._made, wait
         )
 
     @property
@@ -62,6 +65,14 @@ class BaseSet:
     def drive_settings(self) -> DriveSettings:
         """All that ``change`` can change."""
         return DriveSettings(name=self.name, **asdict(self.settings.live))
+
+    def _as_built(self, one: ParameterDescription, own: BaseParameters) -> ParameterDescription:
+        """What cannot change of this very robot is for the fleet to say, so that nobody is told of success in vain."""
+        if (one.name.startswith("wheel_pid.") and not self._torque_driven) or (
+            one.name == "brake_angular" and own.ramp != "base"
+        ):
+            return msgspec.structs.replace(one, live=False)
+        return msgspec.structs.replace(one, optional=False) if one.name == "wheel_pid.p" else one
 
     def _made(self, parameters: BaseParameters) -> Settings:
         wheels = self._model.wheels

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from services.runtime.node import Node
+from services.runtime.parameters import describe
 from services.sim import JointParameters, RobotEntry
 from services.sim.joints.terms import Terms, completed, terms_of
 from services.sim.robot_set import RobotSet
@@ -19,7 +20,7 @@ class JointSet:
             f"{namespace}/joints",
             given,
             completed(model, given),
-            completed(model, JointParameters()),
+            tuple(describe(JointParameters, completed(model, JointParameters()))),
             lambda params: terms_of(model, params),
             wait,
         )

@@ -8,6 +8,7 @@ from typing import Any
 from messages.elea import ModelState
 from messages.geometry import TwistStamped
 from messages.simulation import DriveSettings
+from messages.std import Bool
 from messages.topics import CMD_VEL, E_STOP, JOINT_EFFORT, Topic
 from models import model_path
 from models.figures import Model, read_model
@@ -115,6 +116,12 @@ class Robot:
             self.actuators.stop("robot", self._e_stop.batch)
             self.actuators.stop("all", self._all_stop.batch)
             self.actuators.obey(self._commands, now, governed, factor)
+
+    def stop(self) -> None:
+        """Stand still until the emergency stop of all is reset, which came before the robot did."""
+        for driven in (self.base, self.actuators):
+            if driven is not None:
+                driven.stop("all", [(Bool(data=True), None)])
 
     def lost(self, source: bytes, now: int) -> None:
         """The publisher ``source`` is gone."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Generic, Protocol, TypeVar
 
+from messages.parameters import ParameterDescription
 from services.runtime.followed import Followed
 from services.runtime.leaves import differing, flatten
 from services.runtime.node import Node
@@ -27,11 +28,19 @@ class RobotSet(Generic[P, M]):
     """``made`` is of the parameters as they stand; whoever works by it takes it anew when ``follow`` says so.
 
     ``given`` is what the fleet, or who spawned the robot, states; ``own`` is that completed by the model's figures,
-    ``defaults`` are the figures alone. ``make`` raises BadInput for what contradicts itself.
+    ``described`` has the figures alone as defaults. ``make`` raises BadInput for what contradicts itself.
     """
 
     def __init__(
-        self, node: Node, robot: str, name: str, given: P, own: P, defaults: P, make: Callable[[P], M], wait: bool
+        self,
+        node: Node,
+        robot: str,
+        name: str,
+        given: P,
+        own: P,
+        described: Sequence[ParameterDescription],
+        make: Callable[[P], M],
+        wait: bool,
     ) -> None:
         self._log, self._robot, self._make = node.log, robot, make
         self.made = make(own)
@@ -41,7 +50,7 @@ class RobotSet(Generic[P, M]):
             name,
             own,
             fleet={each: stated[each] for each in differing(stated, flatten(type(given)()))},
-            defaults=defaults,
+            described=described,
             fits=make,
         )
         self.followed.begin(wait)

@@ -7,7 +7,7 @@ from typing import Any
 from messages.names import BadName, validate
 from messages.rosgraph import Clock
 from messages.std import Time
-from messages.topics import CLOCK, TF, TF_STATIC
+from messages.topics import CLOCK, E_STOP, TF, TF_STATIC
 from services.runtime.errors import BadInput, unknown
 from services.runtime.marks import Marks
 from services.runtime.node import Node
@@ -15,6 +15,7 @@ from services.runtime.outputs import Output
 from services.runtime.service import STEP_NS
 from services.sim import RobotEntry
 from services.sim.commanders import Ages, Commanders
+from services.sim.everything import Everything
 from services.sim.frames import fixed, moving
 from services.sim.joints.wrenches import Wrenches
 from services.sim.robot import Robot
@@ -24,7 +25,7 @@ CONTROL = 4
 """Physics steps between two looks at the commands, and two messages of the clock: 50 Hz. Where joints are told faster,
 these come as often, for who controls them; in lockstep, members are heard whenever they are due."""
 FRAMES = 8
-"""Physics steps between two messages of ``/tf``: 25 Hz, as odometry comes."""
+"""Physics steps between two messages of ``/tf``, and of all states: 25 Hz, as odometry comes."""
 STATUS = 40
 """Physics steps between two states of the bases: 5 Hz."""
 
@@ -46,6 +47,8 @@ class Stage:
         self._clock: Output[Any] = node.write(CLOCK)
         self._tf: Output[Any] = node.write(TF)
         self._tf_static: Output[Any] = node.write(TF_STATIC)
+        self._everything = Everything(node, world)
+        self._e_stop, self._stopped = node.read(E_STOP, f"/{E_STOP.name}"), False
         self._told = -1
         self.pace = CONTROL
 
@@ -68,7 +71,8 @@ class Stage:
     def spawn(self, entry: RobotEntry, place: Placement, wait: bool = False) -> Robot:
         """Add a robot; raises BadInput when its name is taken or wrong, or it would overlap with something.
 
-        With ``wait`` it starts on the parameters that the parameter service has for it, else they come a moment later.
+        While all are stopped it is, too. With ``wait`` it starts on the parameters that the parameter service has for
+        it, else they come a moment later.
         """
         try:
             validate(entry.name)
@@ -79,6 +83,8 @@ class Stage:
             raise BadInput(f"a robot {entry.name!r} is already there")
         robot = Robot(self._node, self.world, entry, place, self._seed, self._commanders, self._ages, wait)
         self._robots[entry.name] = robot, place
+        if self._stopped:
+            robot.stop()
         self._set_pace()
         self.tell_frames()
         return robot
@@ -125,8 +131,10 @@ class Stage:
             robot.telemetry.motion(now, tick)
             if tick % STATUS == 0:
                 robot.report(now)
-        if tick % FRAMES == 0 and self._tf.wanted:
-            self._tf.publish(moving(self.robots, self.world, now))
+        if tick % FRAMES == 0:
+            self._everything.tell()
+            if self._tf.wanted:
+                self._tf.publish(moving(self.robots, self.world, now))
 
     def tell_frames(self) -> None:
         """Publish the fixed transforms."""
@@ -142,6 +150,7 @@ class Stage:
         Who is gone counts last: a command that came just before its sender went must not outlive it.
         """
         self._node.admit(marks)
+        self._stopped = self._e_stop.batch[-1][0].data if self._e_stop.batch else self._stopped
         governed = marks.members if marks is not None else set()
         gone = list(self._commanders.gone())
         if marks is not None and marks.died:

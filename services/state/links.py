@@ -14,6 +14,8 @@ from services.runtime.rigid import Rigid
 
 OLD_NS = 30_000_000_000
 """A joint state older than this is warned of."""
+AHEAD_NS = 1_000_000_000
+"""How far ahead of time a stamp may keep a joint from being told again."""
 
 
 class Told(NamedTuple):
@@ -27,7 +29,8 @@ class Links:
     """One robot's links. ``refused`` counts joint states that were not used.
 
     A joint's transform is told at most once in ``period_ns`` [ns] by the stamps of the joint states, which become those
-    of the transforms, unless ``ignore_timestamp``. A joint that mimics another one is told with it.
+    of the transforms, unless ``ignore_timestamp``. One stamp from the far future silences a joint for AHEAD_NS at most.
+    A joint that mimics another one is told with it.
     """
 
     def __init__(self, description: Description, prefix: str, period_ns: int, ignore_timestamp: bool = False) -> None:
@@ -55,7 +58,7 @@ class Links:
         return tuple(self._transform(each, 0.0, now) for each in self.description.joints if each.kind == "fixed")
 
     def moving(self, state: JointState, now: int) -> Told:
-        """The transforms that a joint state tells of, those of them that are due; ``now`` [ns] is only for its age."""
+        """The transforms that a joint state tells of, those of them that are due; ``now`` [ns] tells its age."""
         if fault := _fault(state):
             self.refused += 1
             return Told((), f"a joint state is refused: {fault}")
@@ -63,7 +66,7 @@ class Links:
         positions = self._with_followers(dict(zip(state.name, state.position, strict=True)))
         due = [each for name, each in self._moving.items() if name in positions and self._is_due(name, stamp)]
         for each in due:
-            self._last[each.name] = stamp
+            self._last[each.name] = min(stamp, now + AHEAD_NS)
         complaint = ""
         if stamp < now - OLD_NS:
             complaint = f"the joint state is {(now - stamp) / 1e9:.1f} s old: does its sender follow simulation time?"

@@ -9,11 +9,14 @@ import pytest
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
+from messages.cdr.write import writer
 from messages.geometry import Twist, Vector3
 from messages.rosgraph import Log
-from messages.std import Header, Time
-from services.bag.channel import Channel
+from messages.std import Header, String, Time
+from messages.topics import Quality
+from services.bag.channel import Channel, channel_of
 from services.bag.csv_export import export_csv, flattened
+from services.bag.folder import BagFolder
 from services.bag.info import info
 from services.bag.reading import open_bag
 from services.bag.typed import Typed, why_not
@@ -114,6 +117,29 @@ def test_tables_have_a_column_for_each_field(tmp_path: Path) -> None:
     assert lines[3] == f"0.040000000,{START // 10**9}.040000000,0.02,0.0,0.0,0.0,0.0,0.0"
     odom = (tmp_path / "csv" / "r__odom.csv").read_text().splitlines()[0]
     assert "pose.covariance[35]" in odom
+
+
+def test_topics_of_one_file_name_do_not_mix_their_tables(tmp_path: Path) -> None:
+    """One topic with two types, and another one whose name is spelled like it as a file."""
+    with BagFolder(tmp_path / "bag") as made:
+        for number, (topic, message) in enumerate(
+            (("/a/b", String(data="one")), ("/a/b", Twist()), ("/a__b", String(data="two")), ("/a/b", String(data="3")))
+        ):
+            channel = channel_of(topic, type(message), Quality.EVENT)
+            made.add(channel, 1, START + number, number, writer(type(message))(message))
+    told = export_csv(open_bag(tmp_path / "bag"), tmp_path / "csv", lambda _: True)
+    assert [(each.topic, each.rows) for each in told] == [("/a/b", 2), ("/a/b", 1), ("/a__b", 1)]
+    assert len({each.file for each in told}) == 3
+    texts = [each.file.read_text() for each in told if each.file is not None]
+    assert [len(text.splitlines()) for text in texts] == [3, 2, 2]
+
+
+def test_notes_that_are_none_are_left_out(tmp_path: Path) -> None:
+    with BagFolder(tmp_path / "bag") as made:
+        made.add(channel_of("/s", String, Quality.EVENT), 1, START, 0, writer(String)(String()))
+        made.notes |= {"unwritten": "many", "lost": "[]"}
+    told = info(open_bag(tmp_path / "bag"))
+    assert (told.unwritten, told.lost, told.messages) == (0, {}, 1)
 
 
 def test_a_foreign_bag_becomes_tables_too(tmp_path: Path) -> None:

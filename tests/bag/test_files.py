@@ -148,6 +148,19 @@ def test_it_goes_on_in_a_folder_that_is_there(tmp_path: Path) -> None:
     found, _ = entries(tmp_path / "bag")
     assert len(found) == 50
     assert [each.log_time for each in found] == sorted(each.log_time for each in found)
+    with AnyReader([tmp_path / "bag"]) as reader:
+        assert reader.message_count == 50, "also for those who go by metadata.yaml"
+        assert len(list(reader.messages())) == 50
+
+
+def test_a_torn_file_is_left_out_of_what_others_read_and_not_of_what_we_do(tmp_path: Path) -> None:
+    file = make_bag(tmp_path / "bag", 0.1) / "bag_0.mcap"
+    file.write_bytes(file.read_bytes()[:-100])
+    with BagFolder(tmp_path / "bag", resume=True) as bag:
+        put(bag, drive(0.1), START + 10**9)
+    with AnyReader([tmp_path / "bag"]) as reader:
+        assert reader.message_count == 25
+    assert len(entries(tmp_path / "bag")[0]) == 50
 
 
 def test_what_travelled_raw_is_kept_raw(tmp_path: Path) -> None:

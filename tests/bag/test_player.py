@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -20,24 +19,13 @@ from services.bag.folder import BagFolder
 from services.bag.reading import open_bag
 from services.bag.typed import unknown_record
 from services.player.latency import SETTINGS, recorded_latency
+from services.runtime.graph import pattern
 from services.runtime.inputs import Input
 from services.runtime.node import Node
 from tests.bag.make import START, drive, make_bag, put
 from tests.processes import Network
 from tests.system.terminal import Ended, Terminal
 from tests.waiting import until
-
-
-@pytest.fixture(scope="module")
-def network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Network]:
-    with Network(tmp_path_factory.mktemp("player")) as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def node(network: Network) -> Iterator[Node]:
-    with network.node() as made:
-        yield made
 
 
 @pytest.fixture(scope="module")
@@ -110,15 +98,20 @@ def test_beside_a_simulation_it_follows_its_time(network: Network, node: Node, b
     own = node.read(CLOCK)
     player = network.start("player", "--param", f"bag={bag}", "--param", "rate=2")
     until(lambda: "publishes /clock" in player.text, 10, player.text)
+    until(lambda: node.transport.tokens(pattern("sub", "/player", CLOCK.name)), 10, "a player that hears the clock")
     sent = heard = 0
+
+    def so_far() -> int:
+        odom.admit()
+        return len(odom.batch)
+
     while heard < 101:
         out.publish(Clock(clock=Time.of(sent * 20_000_000), tick=sent * 4))
+        wanted = min(101, 2 * sent + 1)  # one at 0 s, and one each 10 ms of the simulation's time
         sent += 1
-        time.sleep(0.01)
-        odom.admit()
-        heard += len(odom.batch)
-        assert heard <= 2 * sent + 2, "ahead of the simulation's time"
-        assert sent < 500
+        while heard < wanted:
+            heard += until(so_far, 10, f"odometry number {heard + 1} of {wanted}")
+        assert heard == wanted, "ahead of the simulation's time"
     assert player.wait() == 0
     assert player.text.count("tester publishes /clock: the bag is played on its time") == 1
     assert len(drained(own)[0]) == sent, "no clock but the simulation's"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -58,18 +57,6 @@ name = "r"
 model = "burger"
 services = [{ kind = "waypoint", parameters = { goals = [[1.5, 0.0]] } }]
 """
-
-
-@pytest.fixture(scope="module")
-def network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Network]:
-    with Network(tmp_path_factory.mktemp("recorder")) as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def node(network: Network) -> Iterator[Node]:
-    with network.node() as made:
-        yield made
 
 
 def record(network: Network, node: Node, folder: Path, *options: str) -> Process:
@@ -226,6 +213,8 @@ def test_simulated_time_is_the_stamp_near_the_clock_and_else_the_clock() -> None
     assert times.of(Twist(), 77, timed=True) == 0, "before the first clock, the beginning"
     assert times.of(Clock(clock=Time.of(5 * 10**9)), 78, timed=True) == 5 * 10**9
     assert times.of(Twist(), 79, timed=True) == 5 * 10**9
+    assert times.of(Clock(clock=Time(sec=-3)), 80, timed=True) == 0, "no bag holds a time before the beginning"
+    times.of(Clock(clock=Time.of(5 * 10**9)), 80, timed=True)
     stamped = [odom(header=type(odom().header)(stamp=Time.of(at))) for at in (5 * 10**9 - 7, 10**9, 9 * 10**9)]
     assert [times.of(each, 80, timed=True) for each in stamped] == [5 * 10**9 - 7, 5 * 10**9, 5 * 10**9]
 

@@ -7,7 +7,6 @@ import os
 import signal
 import sys
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 from subprocess import PIPE, Popen
 from time import sleep
@@ -26,18 +25,6 @@ from tests.live.rig import interrupt
 from tests.processes import Network
 from tests.system.terminal import Terminal
 from tests.waiting import until
-
-
-@pytest.fixture(scope="module")
-def network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Network]:
-    with Network(tmp_path_factory.mktemp("verbs")) as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def node(network: Network) -> Iterator[Node]:
-    with network.node() as made:
-        yield made
 
 
 @pytest.fixture(scope="module")
@@ -127,6 +114,18 @@ def test_info_and_export(bags: Path, tmp_path: Path) -> None:
     torn = terminal.do("bag", "export", str(bags / "torn.mcap"), "-o", "rest")
     assert (torn.status, "torn.mcap is torn" in torn.err) == (1, True)
     assert len((tmp_path / "rest" / "r__odom.csv").read_text().splitlines()) == 12
+
+
+def test_bags_whose_names_have_a_dot_have_a_recording_each(tmp_path: Path) -> None:
+    """Whether or not this machine can draw it: the recording is made first."""
+    terminal = Terminal(tmp_path)
+    for name, seconds in (("lap.1", 0.1), ("lap.2", 0.2)):
+        make_bag(tmp_path / name, seconds)
+        assert terminal.do("view", name, "--picture", "--size", "320x320").status in (0, 2)
+    held = [len(list(RrdReader(tmp_path / f"lap.{number}.rrd").stream())) for number in (1, 2)]
+    assert all(held)
+    assert sorted(each.name for each in tmp_path.glob("*.rrd")) == ["lap.1.rrd", "lap.2.rrd"]
+    assert not list(tmp_path.glob(".*.rrd")), "what is half done lies beside it until it is whole"
 
 
 @pytest.mark.parametrize(

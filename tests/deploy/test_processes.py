@@ -12,7 +12,7 @@ from deploy.catalogue import declaration
 from deploy.fleet import Change, Fleet, Member, Robot, Run
 from deploy.fleet_file import find_fleet, fleet_names, read_fleet
 from deploy.policy import Policy
-from deploy.process import Process, processes
+from deploy.process import SUPERVISOR, Process, processes
 from deploy.wiring import Terms
 from services.runtime.parameters import build, read_assignments
 
@@ -54,6 +54,15 @@ def test_lab_starts_in_order_and_steps_together() -> None:
     assert {"/grader", "/params", *(f"/{each}" for each in drivers)} <= set(members)
     assert {each.node for each in plan.values() if "--lockstep" in each.argv} == {*members, "/sim"}
     assert {each.node for each in plan.values() if each.begins} == {*members, "/sim"}
+
+
+def test_losses_of_every_process_count_but_for_the_panel() -> None:
+    fleet = read_fleet(find_fleet("lab"))
+    recorded = msgspec.structs.replace(fleet, service=(*fleet.service, Member(kind="recorder")))
+    plan = expand(recorded)
+    assert {"panel", "recorder", "logger", "tb3_0/waypoint"} <= set(plan)
+    readers = read_assignments(options(plan["grader"], "--fleet-param"))["readers"]
+    assert set(readers) == {each.node for each in plan.values()} - {"/panel"} | {SUPERVISOR}
 
 
 def test_nobody_steps_together_on_the_wall_clock() -> None:
@@ -126,6 +135,7 @@ def test_an_arm_its_reference_and_the_grader_are_told_of_its_joint() -> None:
     assert told["a/arm"]["joint"] == "bear_link"
     assert told["a/arm"]["gravity_torque"] == pytest.approx(27.15, abs=0.01)
     assert told["a/arm"]["gravity_rest"] == pytest.approx(-1.4635, abs=0.001)
+    assert told["a/arm"]["inertia"] == pytest.approx(3.8655, abs=0.0001)
     assert told["a/arm"]["saturation"] == 150.0
     for name in ("a/arm", "a/reference"):
         assert (told[name]["lower"], told[name]["upper"]) == pytest.approx((-90.0, 90.0), abs=0.001)

@@ -43,7 +43,19 @@ def test_the_set_is_told_with_the_figures_of_its_model_and_fleet() -> None:
         assert described["wheel_radius"].default == 0.0975
         assert described["linear.max_acceleration"].default == 0.3
         assert not any(described[each].live for each in ("wheel_radius", "left_wheel", "odometry", "open_loop", "ramp"))
-        assert all(described[each].live for each in ("brake", "cmd_vel_timeout", "publish_rate", "wheel_pid.p"))
+        assert all(described[each].live for each in ("brake", "cmd_vel_timeout", "publish_rate", "linear.max_jerk"))
+
+
+def test_what_this_very_robot_cannot_change_is_described_so_and_refused_before_it_counts() -> None:
+    with tuned(ramp="wheels") as (_, params):
+        described = {each.name: each for each in params.announced[0].parameters}
+        assert not any(described[each].live for each in ("wheel_pid.p", "wheel_pid.i", "brake_angular"))
+    with tuned(wheel_pid={"p": 1.0}, ramp="base") as (_, params):
+        described = {each.name: each for each in params.announced[0].parameters}
+        assert all(described[each].live for each in ("wheel_pid.p", "wheel_pid.i", "brake_angular"))
+        assert not described["wheel_pid.p"].optional, "null would take the torque away"
+        assert described["pose_covariance_diagonal"].longest == (6,)
+        assert "linear.max_jerk" in described["keep_curvature"].excludes
 
 
 def test_limits_time_out_and_brake_change_while_it_drives() -> None:
@@ -97,9 +109,8 @@ def test_gains_change_but_a_wheel_is_not_switched_to_torque() -> None:
         gains = world.base.settings.gains
         assert gains is not None
         assert (gains.p, gains.i_max) == (3.0, 0.5)
-    with tuned() as (world, params):
-        tell(world, params, wheel_pid__p=3.0)
-        assert world.base.settings.gains is None
+        tell(world, params, wheel_pid__p=None)
+        assert world.base.settings.gains is gains
         until(lambda: world.node.turn() or params.undone)
         assert "only gains change" in params.undone[0].who
 
@@ -107,9 +118,10 @@ def test_gains_change_but_a_wheel_is_not_switched_to_torque() -> None:
 @pytest.mark.parametrize(
     ("values", "says"),
     [
-        ({"linear.min_velocity": 0.1, "brake": 1.0}, "hold no standstill"),
-        ({"linear.max_acceleration": 0.0, "brake": 1.0}, "above 0"),
-        ({"keep_curvature": True, "linear.max_jerk": 1.0, "brake": 1.0}, "does not allow"),
+        ({"linear.min_velocity": 0.1, "brake": 1.0}, "linear.min_velocity = 0.1: Expected `float` <= 0.0"),
+        ({"linear.max_acceleration": 0.0, "brake": 1.0}, "linear.max_acceleration = 0.0: Expected `float` > 0.0"),
+        ({"linear.max_deceleration": 0.0, "brake": 1.0}, "could never change its speed"),
+        ({"keep_curvature": True, "linear.max_jerk": 1.0, "brake": 1.0}, "exclude each other"),
         ({"pose_covariance_diagonal": (1.0, 2.0), "brake": 1.0}, "length"),
     ],
 )

@@ -9,11 +9,12 @@ import pytest
 
 from messages.base import encode
 from messages.gazebo import ApplyEffort
+from messages.geometry import Pose, Twist
 from messages.joints import JointEffort
 from messages.requests import APPLY_EFFORT, DELETE, RESET, SPAWN, Name
 from messages.simulation import SpawnModel
 from messages.std import Bool, Empty, Time
-from messages.topics import CLOCK, E_STOP, JOINT_EFFORT, JOINT_STATES, ODOM, TF, TF_STATIC
+from messages.topics import CLOCK, CMD_VEL, E_STOP, JOINT_EFFORT, JOINT_STATES, ODOM, TF, TF_STATIC
 from services.runtime.errors import BadInput, CallFailed
 from services.runtime.wire import encoding
 from tests.joints.scene import entry, scene
@@ -117,6 +118,28 @@ def test_an_emergency_stop_drops_all_efforts_until_it_is_reset() -> None:
         on.push(50.0)
         on.run(0.05)
         assert on.joint().applied_effort == 50.0
+
+
+def test_who_comes_while_all_are_stopped_is_stopped_too() -> None:
+    """Also when nobody else is there who could remember."""
+    late = SpawnModel(name="late", model="arm", pose=Pose.planar(3.0, 0.0))
+    base = SpawnModel(name="base", model="burger", pose=Pose.planar(-3.0, 0.0))
+    with scene() as on:
+        on.ask(DELETE, Name(name="arm"))
+        on.send(E_STOP, Bool(data=True), robot="")
+        on.run(0.05)
+        on.ask(SPAWN, late)
+        on.ask(SPAWN, base)
+        on.push(50.0, 1.0, robot="late")
+        on.send(CMD_VEL, Twist.planar(0.2, 0.0), robot="base")
+        on.run(0.1)
+        assert (on.joint("late").jobs, on.joint("late").applied_effort) == (0, 0.0)
+        assert on.stage.find("base").state().twist.linear.x == pytest.approx(0.0, abs=1e-3)
+        on.send(E_STOP, Bool(data=False), robot="")
+        on.run(0.05)
+        on.push(50.0, 1.0, robot="late")
+        on.run(0.05)
+        assert on.joint("late").applied_effort == 50.0
 
 
 def test_a_sender_that_goes_takes_what_has_no_end_with_it() -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import msgpack
+import numpy as np
 import zenoh
 
 from services.runtime.wire import attach
@@ -35,6 +36,12 @@ name = "tb3_1"
 model = "waffle"
 pose = { x = 0.0, y = 1.0, yaw = 0.0 }
 """
+WEATHER = {
+    "temperature": 20.5,
+    "wind": [1, 2],
+    "grid": msgpack.ExtType(1, msgpack.packb(["<i2", [2, 2], np.arange(4, dtype="<i2").tobytes()])),
+}
+"""A message of a type that this project does not know."""
 SAMPLE_S = 0.02
 """Wall time between two samples of the foreign program."""
 

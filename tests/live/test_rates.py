@@ -33,6 +33,22 @@ def test_bursts_count_whole_instants() -> None:
     assert found.hz == 160.0
 
 
+@pytest.mark.parametrize("missing", [{20}, {0, 17, 33, 50}, {15, 16, 31, 32}, {63, 64, 79}])
+def test_bursts_of_which_some_are_lost_give_the_exact_rate(missing: set[int]) -> None:
+    """To which instants the lost ones belong is not known: the count goes from one that is certain to another."""
+    moments, lost = [], 0
+    for number in range(16 * 8):
+        if number in missing:
+            lost += 1
+        else:
+            moments.append((100 * MS * (number // 16), lost))
+            lost = 0
+    found = rate(moments)
+    assert found is not None
+    assert found.hz == pytest.approx(160.0, abs=1e-9)
+    assert found.count % 16 == 0
+
+
 def test_two_senders_on_one_topic() -> None:
     moments = [(20 * MS * each, 0) for each in range(50)]
     found = rate(moments[1::2] + moments[::2])

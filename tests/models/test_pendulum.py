@@ -17,6 +17,7 @@ def test_the_figures_of_the_seed() -> None:
     weight = pendulum("arm", JOINT)
     assert weight.torque == pytest.approx(27.15, abs=0.01)
     assert math.degrees(weight.rest) == pytest.approx(-1.4635, abs=0.001)
+    assert weight.inertia == pytest.approx(3.8655, abs=0.0001)
 
 
 @pytest.mark.parametrize("model", ARMS)
@@ -28,6 +29,15 @@ def test_the_holding_torque_holds(model: Literal["arm", "arm_corrected"], degree
         on.world.set_efforts("arm", {JOINT: effort})
         on.world.step()
         assert abs(on.rate / DT) < 2e-3, "rad/s2; gravity alone makes up to 7"
+
+
+@pytest.mark.parametrize("model", ARMS)
+def test_the_inertia_is_what_the_engine_turns(model: Literal["arm", "arm_corrected"]) -> None:
+    weight = pendulum(model, JOINT)
+    with stand(model) as on:
+        on.world.set_efforts("arm", {JOINT: 10.0 + weight.torque * math.sin(-weight.rest)})
+        on.world.step()
+        assert 10.0 / (on.rate / DT) == pytest.approx(weight.inertia, rel=1e-4)
 
 
 def test_a_joint_that_there_is_not() -> None:

@@ -171,3 +171,9 @@ def pages(browser: Browser, fleet: Watched) -> Iterator[Pages]:
     for context in browser.contexts:
         context.close()
     assert made.complaints == []
+
+
+@pytest.fixture
+def anew(fleet: Watched) -> None:
+    """All robots begin where they were spawned."""
+    fleet.begin_anew()

@@ -9,6 +9,7 @@ from math import radians, sin
 import pytest
 from playwright.sync_api import Page, expect
 
+from messages.topics import JOINT_ANGLE
 from services.arm import ArmParameters
 from tests.panel.conftest import SOON_S, Pages, Watched
 from tests.panel.widgets import drawn, parameter, saved, slide
@@ -69,6 +70,11 @@ def test_a_slider_changes_the_gain_and_the_plot_shows_it(pages: Pages) -> None:
     assert left(37.5) == pytest.approx(0.374, abs=0.0005), "14.02 N m / 37.5 N m/deg"
     until(lambda: stands(page, 0.374), SOON_S, "the plot holds the error that the usual gain leaves")
 
+    unit, pane = (page.locator(each).bounding_box() for each in (f"{gain} .unit", ".pane.parameters"))
+    assert unit is not None
+    assert pane is not None
+    assert unit["x"] + unit["width"] <= pane["x"] + pane["width"], "the unit is read whole"
+
     slide(page, gain, 0.276)  # the slider is finer at its low end: 1000 N m/deg times the cube of its place
     expect(box).to_have_value("21")
     expect(page.locator(f"{gain} .origin")).to_have_text("run")
@@ -85,3 +91,23 @@ def test_a_slider_changes_the_gain_and_the_plot_shows_it(pages: Pages) -> None:
     expect(box).to_have_value("37.5")
     expect(page.locator(f"{gain} .reason")).to_be_hidden()
     until(lambda: stands(page, left(37.5)), SOON_S, "it is as it was")
+
+
+def test_an_arm_is_stopped_and_reset_as_a_robot_that_drives(fleet: Watched, pages: Pages) -> None:
+    angles = fleet.node.read(JOINT_ANGLE)
+
+    def angle() -> float:
+        until(lambda: (angles.admit(), angles.batch)[1], SOON_S, "an angle")
+        return float(angles.batch[-1][0].data)
+
+    page = pages.open("robots")
+    row = page.locator("[data-robot='/arm']")
+    expect(row.locator(".state")).to_have_text("does not drive")
+    until(lambda: abs(angle() - REFERENCE) < 1.0, SOON_S, "it is held")
+    row.get_by_role("button", name="Stop arm").click()
+    expect(row.locator(".state")).to_have_text("stopped")
+    until(lambda: abs(angle() - REFERENCE) > 5.0, SOON_S, "no effort holds it")
+    row.get_by_role("button", name="Reset arm").click()
+    expect(row.locator(".state")).to_have_text("does not drive")
+    until(lambda: abs(angle() - REFERENCE) < 1.0, SOON_S, "it is held again")
+    fleet.node.forget(angles)

@@ -45,18 +45,21 @@ def test_eight_fields_at_50_hz_cost_the_panel_less_than_a_tenth_of_a_core(fleet:
 
 
 def test_the_page_draws_more_than_15_times_a_second_in_software(fleet: Watched, pages: Pages) -> None:
+    """Of both plots: how often each is wiped to be drawn anew, not how often the browser would have had time for it."""
     page = eight(pages, fleet)
     count = """() => new Promise((done) => {
-      let frames = 0;
-      const begun = performance.now();
-      const frame = (now) => {
-        frames++;
-        if (now - begun > 2000) done(1000 * frames / (now - begun));
-        else requestAnimationFrame(frame);
+      const wipe = CanvasRenderingContext2D.prototype.clearRect, begun = performance.now();
+      let drawn = 0;
+      CanvasRenderingContext2D.prototype.clearRect = function (...area) {
+        if (this.canvas.closest(".plot")) drawn++;
+        return wipe.apply(this, area);
       };
-      requestAnimationFrame(frame);
+      setTimeout(() => {
+        CanvasRenderingContext2D.prototype.clearRect = wipe;
+        done(1000 * drawn / 2 / (performance.now() - begun));
+      }, 2000);
     })"""
-    until(lambda: page.evaluate(count) >= 15, 30.0, "a spell of two seconds above 15 frames per second")
+    until(lambda: page.evaluate(count) >= 15, 30.0, "a spell of two seconds with 15 drawings per second of each plot")
 
 
 def test_ten_minutes_of_samples_grow_the_page_by_less_than_20_mb(fleet: Watched, pages: Pages) -> None:

@@ -8,13 +8,16 @@ from math import pi
 
 import pytest
 
-from messages.geometry import Twist
+from messages.geometry import Pose, PoseStamped, Twist
+from messages.nav import Odometry, Path
 from messages.requests import PAUSE
 from messages.simulation import SimTime
 from messages.std import Bool
+from messages.topics import BASE_STATUS, E_STOP, GROUND_TRUTH, PLAN
+from services.panel.drive import STAMPED
 from services.panel.frame import MARK
 from services.panel.words import Drive, Estop, Goal, Pause, Release, Want, Wish
-from tests.panel.bench import Bench, bench
+from tests.panel.bench import Bench, bench, node
 
 
 @pytest.fixture
@@ -43,6 +46,22 @@ def test_a_hand_that_stays_drives_twenty_times_a_second_and_one_that_falls_silen
     at.turn(1.0, tell=True)
     assert speeds(at) == []
     assert all(each.name != "/a/cmd_vel" for each in at.hub._feeds._node.outputs), "others may drive now"
+
+
+def test_a_hand_that_comes_back_is_obeyed_at_once(at: Bench) -> None:
+    """The publication ends when others may drive; its numbers must not begin anew, or bases drop them as old."""
+    page = at.page()
+    at.say(page, Want(channels=("clock",)))
+    for _ in range(20):
+        at.say(page, Drive(robot="/a", v=0.2))
+        at.turn(0.1, tell=True)
+    at.say(page, Release())
+    at.turn(at.params.give_way + 0.5, tell=True)
+    assert all(each.name != "/a/cmd_vel" for each in at.hub._feeds._node.outputs), "it has ended"
+    speeds(at)
+    at.say(page, Drive(robot="/a", v=-0.1))
+    at.turn(tell=True)
+    assert speeds(at) == [-0.1]
 
 
 @pytest.mark.parametrize("how", ["release", "close"])
@@ -104,6 +123,22 @@ def test_time_that_begins_anew_ends_a_stop_that_was_held(at: Bench) -> None:
     assert speeds(at) == []
 
 
+def test_a_panel_that_ends_stops_what_it_drives_in_the_time_of_the_simulation(at: Bench) -> None:
+    stamped = at.robot.node.read(STAMPED, "/s/cmd_vel")
+    truth, _ = at.robot.node.write(GROUND_TRUTH, "/s/ground_truth"), at.robot.node.write(BASE_STATUS, "/s/base_status")
+    truth.publish(Odometry())
+    page = at.page()
+    at.say(page, Want(channels=("clock",)))
+    at.turn(0.2, tell=True)
+    at.say(page, Drive(robot="/s", v=0.2))
+    at.turn(0.1, tell=True)
+    at.hub.driver.close()
+    stamped.admit()
+    commands = [message for message, _ in stamped.batch]
+    assert commands[-1].twist.linear.x == 0.0
+    assert commands[-1].header.stamp.ns >= commands[-2].header.stamp.ns > 0, "a base drops what has no time"
+
+
 def test_a_stop_is_latched_for_one_and_for_all(at: Bench) -> None:
     page = at.page()
     at.say(page, Estop(id=1, robot="/a", on=True))
@@ -136,6 +171,19 @@ def test_a_goal_of_the_world_goes_out_in_the_frame_that_the_robot_drives_by(at: 
     assert goal.header.frame_id == "a/odom"
     assert (goal.pose.position.x, goal.pose.position.y) == pytest.approx((3.0, 0.0))
     assert goal.pose.orientation.yaw == pytest.approx(0.0)
+
+
+def test_the_panel_reads_of_a_robot_what_is_told_and_shows_who_can_be_stopped(at: Bench) -> None:
+    page = at.page()
+    at.say(page, Want(channels=("poses", "robots")))
+    at.turn(0.2, tell=True)
+    told = {each.name for each in at.hub._feeds._node.inputs if each.name.startswith("/a/")}
+    assert told == {"/a/ground_truth", "/a/odom", "/a/base_status"}, "no subscription to what nobody publishes"
+    [robot] = at.told(page, "robots")[-1]["robots"]
+    assert (robot["ns"], robot["drives"], robot["stops"]) == ("/a", True, True)
+    at.robot.node.write(PLAN, "/a/plan").publish(Path(poses=(PoseStamped(pose=Pose.planar(1.0, 0.0)),)))
+    at.turn(0.3, tell=True)
+    assert at.told(page, "robots")[-1]["robots"][0]["plan"] == [pytest.approx([1.0, 3.0])], "taken up as it comes"
 
 
 def test_poses_lie_in_the_world(at: Bench) -> None:
@@ -224,3 +272,28 @@ def test_the_graph_follows_who_comes_and_goes(at: Bench) -> None:
     at.robot.node.transport.close()
     at.turn(0.5)
     assert {each["name"] for each in at.told(page, "graph")[-1]["nodes"]} == {"/panel"}
+
+
+def test_a_rate_is_told_once_it_is_known_and_the_age_is_that_of_the_newest_publisher(at: Bench) -> None:
+    page = at.page()
+    at.say(page, Want(channels=("rates",)))
+    at.turn(0.5, tell=True)
+    with node(at.bus, "other") as other:
+        outputs = [at.robot.node.write(E_STOP, "/both"), other.write(E_STOP, "/both")]
+
+        def beat(seconds: float, speakers: int) -> dict[str, float]:
+            for each in outputs[:speakers]:
+                each.publish(Bool(data=True))
+            for each in (at.robot.node, other):
+                each.heart.hurry()
+                each.turn()
+            at.turn(seconds, tell=True)
+            topics = at.told(page, "rates")[-1]["topics"]
+            assert isinstance(topics, dict)
+            return topics.get("/both", {})
+
+        assert beat(1.0, 2) == {}, "one heartbeat tells no rate"
+        assert beat(1.0, 2)["age"] <= 1.0
+        for _ in range(4):
+            told = beat(1.0, 1)
+        assert told["age"] <= 1.0, "one of the two goes on"

@@ -67,6 +67,29 @@ def test_a_dense_line_is_thinned_for_the_screen_and_a_long_silence_is_a_gap(page
     assert gap == [0, None, 1]
 
 
+def test_no_spike_is_thinned_away_and_a_line_that_moves_keeps_its_shape(page: Page) -> None:
+    spikes, moved, quiet = page.evaluate(
+        """async () => {
+          const { Ring } = await import("/static/js/ring.js");
+          const { merged } = await import("/static/js/merge.js");
+          const ring = new Ring();
+          for (let i = 0; i < 40000; i++) ring.push([i * 0.01], [i === 7777 ? 5 : i === 9000 ? -4 : Math.sin(i)]);
+          const [, values] = merged([ring], 0, 400);
+          const inside = ([times, values]) => times.flatMap((t, i) => (t > 210 && t < 290 ? [[t, values[i]]] : []));
+          const before = inside(merged([ring], 100, 300)), after = inside(merged([ring], 103.33, 303.33));
+          const silent = new Ring(), other = new Ring();
+          for (let i = 0; i < 5000; i++) silent.push([i < 2500 ? i * 0.01 : 100 + i * 0.01], [1]);
+          other.push([60], [1]);
+          const [times, line] = merged([silent, other], 0, 300);
+          const same = JSON.stringify(before) === JSON.stringify(after);
+          return [[Math.max(...values), Math.min(...values)], same, line[times.indexOf(60)]];
+        }"""
+    )
+    assert spikes == [5, -4]
+    assert moved, "the parts are those of the series, wherever the view begins"
+    assert quiet is None, "nothing is drawn across a silence, of a dense line either"
+
+
 def test_boxes_of_the_graph_do_not_overlap(page: Page) -> None:
     columns = page.evaluate(
         """async () => {

@@ -25,3 +25,9 @@ def saved(page: Page, plot: Locator) -> list[str]:
     with page.expect_download() as saving:
         plot.locator("button:has-text('CSV')").click()
     return saving.value.path().read_text().splitlines()
+
+
+def point(page: Page, x: float, y: float) -> dict[str, float]:
+    """Where a point of the world lies on the map."""
+    at = page.evaluate("([x, y]) => window.elea.map.camera.toScreen(x, y)", [x, y])
+    return {"x": at[0], "y": at[1]}

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from messages.base import LARGEST
 from messages.parameters import ParameterDescription
-from services.params.check import expected, fit, taken_apart, within
+from services.params.check import expected, fit, taken_apart
+from services.runtime.allowed import within
 from services.runtime.errors import BadInput
 from tests.messages.strategies import STEADY
 
@@ -87,6 +88,35 @@ def test_a_choice_is_one_of_them() -> None:
         fit(described(type="str", choices=("step", "sine")), "sin")
 
 
+LISTS = {"type": "float[][]", "shortest": (1, 2), "longest": (3, 2)}
+
+
+@pytest.mark.parametrize(
+    ("bounds", "value", "says"),
+    [
+        (LISTS, (), r"it has length 0, expected float\[\]\[\], at least 1 and at most 3 items, 2 items each"),
+        (LISTS, ((1, 2),) * 4, "it has length 4"),
+        (LISTS, ((1, 2), (1, 2, 3)), r"p\[1\] = \(1, 2, 3\): it has length 3"),
+        ({"type": "str", "shortest": (0,), "longest": (4,)}, "abcde", "length 5, expected str, at most 4 characters"),
+        ({"type": "str[]", "shortest": (0, 1), "longest": (0, 0)}, ("a", ""), r"p\[1\] = '': it has length 0"),
+    ],
+)
+def test_lists_and_texts_have_the_length_that_their_record_wants(bounds: Any, value: Any, says: str) -> None:
+    with pytest.raises(BadInput, match=says):
+        fit(described(**bounds), value)
+    with pytest.raises(BadInput, match=says):
+        fit(described(**bounds), value, clamp=True)
+    assert fit(described(**LISTS), ((1, 2), (3, 4))).value == ((1.0, 2.0), (3.0, 4.0))
+
+
+def test_whole_numbers_have_64_bits_and_no_int_is_too_large_to_be_refused() -> None:
+    assert fit(described(type="int"), 2**63 - 1).value == 2**63 - 1
+    with pytest.raises(BadInput, match="an int has 64 bits"):
+        fit(described(type="int"), 2**63)
+    with pytest.raises(BadInput, match="no number may exceed"):
+        fit(described(), 10**400)
+
+
 def test_null_is_for_optional_ones() -> None:
     assert fit(described(optional=True), None).value is None
     assert expected(described(optional=True, low=0)) == "float or null, at least 0"
@@ -104,6 +134,9 @@ def test_a_clamp_does_not_invent_a_value_beside_an_excluded_bound() -> None:
         fit(described(low=0, above=True), -5.0, clamp=True)
     with pytest.raises(BadInput, match="not finite"):
         fit(described(low=0), math.nan, clamp=True)
+    for empty in ({"low": 0.2, "high": 0.8}, {"low": 0, "high": 1, "above": True, "below": True}):
+        with pytest.raises(BadInput, match="it cannot be clamped"):
+            fit(described(type="int", **empty), -5, clamp=True)
 
 
 NUMBERS = st.one_of(st.integers(-200, 200), st.floats(-200, 200))
@@ -129,7 +162,7 @@ def test_whatever_is_taken_lies_within_and_a_clamp_moves_nothing_that_fits(
     except BadInput:
         return
     assert isinstance(clamped, float if kind == "float" else int)
-    assert bounds["low"] <= clamped <= bounds["high"] or kind == "int"
+    assert fit(one, clamped).value == clamped
     if fitted is None:
         assert clamped != value
 

@@ -3,77 +3,17 @@
 from __future__ import annotations
 
 import json
-import signal
-import sys
 import time
-import tomllib
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
-import yaml
 from click.shell_completion import ShellComplete
 
-from deploy.commands.cli import elea, main
-from messages.parameters import HistoryOf
-from messages.requests import PARAMS_HISTORY
-from services.runtime.calls import call
-from tests.params.sets import ARM, Asking, arm, asking, plain, serving
-from tests.processes import Network, Process
+from deploy.commands.cli import elea
+from tests.params.bench import Bench, Line
+from tests.params.sets import plain
 
 SET = "/robot_control"
-
-
-class Said(NamedTuple):
-    """Exit status, standard output and errors of a command line."""
-
-    status: int
-    out: str
-    err: str
-
-
-Line = Callable[..., Said]
-
-
-class Bench(NamedTuple):
-    """A network with the service, and who announces."""
-
-    network: Network
-    service: Process
-    client: Asking
-    file: Path
-
-
-@pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
-    folder = tmp_path_factory.mktemp("param")
-    with Network(folder) as network, asking(network) as client:
-        service = serving(network, client, folder / "params.db")
-        client.announce(arm(node="/arm"))
-        client.announce(arm(node="/reference", parameters=ARM[:2]))
-        for robot in ("tb3_0", "tb3_1"):
-            client.announce(arm(f"/{robot}/waypoint", f"/{robot}/waypoint", parameters=ARM[1:3]))
-        yield Bench(network, service, client, folder)
-
-
-@pytest.fixture
-def line(bench: Bench, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Iterator[Line]:
-    """``elea param VERB ...`` in this process; every set is as announced before and after."""
-
-    def run(verb: str, *words: str) -> Said:
-        monkeypatch.setattr(sys, "argv", ["elea", "param", verb, "--connect", bench.network.endpoint, *words])
-        capsys.readouterr()
-        status: Any = 0
-        try:
-            main()
-        except SystemExit as end:
-            status = end.code or 0
-        return Said(status, *capsys.readouterr())
-
-    yield run
-    for name in (SET, "/tb3_0/waypoint", "/tb3_1/waypoint"):
-        run("reset", name)
 
 
 def test_list_get_and_describe(line: Line) -> None:
@@ -130,6 +70,7 @@ def test_set_in_every_way_of_writing(line: Line, bench: Bench, words: list[str],
         ([SET, "ref_angle", "nan"], "ref_angle = nan: it is not finite"),
         ([SET, "ref_angle", "x"], "ref_angle = 'x': it is a text, expected float"),
         ([SET, "window", "1.5"], "it is a float, expected int"),
+        ([SET, "window", "99999999999999999999"], "an int has 64 bits"),
         ([SET, "feed_forward", "maybe"], "'maybe': it is a text, expected bool"),
         ([SET, "reference_type", "sin"], "expected one of step, sine"),
         ([SET, "ref_angel", "1"], "unknown parameter 'ref_angel'; did you mean 'ref_angle'?"),
@@ -169,61 +110,6 @@ def test_reset_undo_and_history(line: Line, bench: Bench) -> None:
     assert line("undo", "/tb3_0/waypoint").status in (0, 1)
 
 
-@pytest.mark.parametrize("form", ["yaml", "toml"])
-def test_what_is_dumped_can_be_loaded(line: Line, bench: Bench, tmp_path: Path, form: str) -> None:
-    file = tmp_path / f"values.{form}"
-    line("set", SET, "ref_angle=10", "reference_type=sine", "limits=[1,2]", "feed_forward=yes", "offset=-0.5")
-    line("set", "tb3_1/waypoint", "ss_Kp", "8")
-    held = {name: plain(bench.client.get(name)) for name in (SET, "/tb3_0/waypoint", "/tb3_1/waypoint")}
-    assert line("dump", "-o", str(file)).status == 0
-    text = file.read_text()
-    table = yaml.safe_load(text) if form == "yaml" else tomllib.loads(text)
-    assert table[SET]["limits"] == [1.0, 2.0]
-    assert "file" not in table[SET]
-    for name in held:
-        line("reset", name)
-    said = line("load", str(file))
-    assert said.status == 0, said
-    assert f"{SET} ref_angle: 30.0 -> 10.0  (saved)" in said.out
-    assert f"{SET}: 5 changed, 3 as before" in said.out
-    assert {name: plain(bench.client.get(name)) for name in held} == held
-    history = call(bench.client.transport, PARAMS_HISTORY, "params/history", HistoryOf(set=SET, limit=1)).changes
-    assert history[0].kind == "load"
-    assert "0 changed, 8 as before" in line("load", str(file)).out
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "says"),
-    [
-        ("a.yaml", "/robot_control: {ref_angle: 1}\n/tb3_0/waypoint: {ref_angle: 99}", "Nothing was changed"),
-        ("a.yaml", "/robot_control: {ref_angle: 1}\n/arn: {x: 1}", "unknown set of parameters '/arn'"),
-        ("a.yaml", "/robot_control: {ref_angle: 1\n", "line 2"),
-        ("a.yaml", "a: 1\na: 2\n", "line 2: a is given twice"),
-        ("a.yaml", "ref_angle: 1", "if the file has the values of one set, say --set SET"),
-        ("a.yaml", "/robot_control: {ref_angle: .nan}", "ref_angle = nan: it is not finite"),
-        ("a.yaml", "/robot_control: {ref_angle: {x: 1}}", "a parameter is a bool, number, text or list"),
-        ("a.toml", "[robot_control]\nref_angle = = 1", "line 2"),
-        ("a.txt", "", "is it YAML or TOML?"),
-    ],
-)
-def test_a_file_that_is_not_right_changes_nothing(
-    line: Line, bench: Bench, tmp_path: Path, name: str, text: str, says: str
-) -> None:
-    (tmp_path / name).write_text(text)
-    before = bench.client.get()
-    said = line("load", str(tmp_path / name))
-    assert said.status == 2
-    assert says in said.err
-    assert bench.client.get() == before
-
-
-def test_a_file_of_one_set(line: Line, bench: Bench, tmp_path: Path) -> None:
-    (tmp_path / "arm.yaml").write_text("ref_angle: 7\nfeed_forward: yes\n")
-    assert line("load", str(tmp_path / "arm.yaml"), "--set", "robot_control", "--run").status == 0
-    assert plain(bench.client.get())["ref_angle"] == 7.0
-    assert "cannot read" in line("load", str(tmp_path / "none.yaml")).err
-
-
 def test_completion_knows_sets_and_parameters_and_gives_up_in_time(bench: Bench) -> None:
     completion = ShellComplete(elea, {}, "elea", "_ELEA_COMPLETE")
 
@@ -236,19 +122,3 @@ def test_completion_knows_sets_and_parameters_and_gives_up_in_time(bench: Bench)
     began = time.monotonic()
     assert of("get", part="", endpoint="tcp/127.0.0.1:1") == []
     assert time.monotonic() - began < 1.0
-
-
-def test_an_answer_that_does_not_come_is_told_as_it_is(line: Line, bench: Bench) -> None:
-    """Last in this module: the service is stopped for a while, then gone."""
-    bench.service.signal(signal.SIGSTOP)
-    try:
-        said = line("list", "-t", "0.5")
-    finally:
-        bench.service.signal(signal.SIGCONT)
-    assert said.status == 1
-    assert "unknown whether the request was carried out" in said.err
-    assert line("set", SET, "ref_angle", "3").status == 0
-    bench.service.kill()
-    said = line("set", SET, "ref_angle", "4")
-    assert said.status == 1
-    assert "nobody serves /params/list, nothing was asked" in said.err

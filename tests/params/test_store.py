@@ -1,154 +1,20 @@
-"""The file of parameters: what is not sound is refused untouched, what is sound is there to the last value."""
+"""The store on its file: kills, full disks, two at once, and how much of the past is kept."""
 
 from __future__ import annotations
 
-import random
 import re
 import shutil
 import sqlite3
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from messages.parameters import HistoryOf, ParameterChange, ParameterDescription, ParameterSet, SetParameters
-from services.params.desk import Desk
-from services.params.store import NotSaved, Store, opened
-from services.runtime.errors import BadInput
-from services.runtime.log import Log
-from tests.params.sets import ARM, arm, plain, values
-
-SET = "/robot_control"
-WIDE = (*ARM, *(ParameterDescription(name=f"p{i}", default=0.0) for i in range(120)))
-
-
-@contextmanager
-def desk(file: Path | str) -> Iterator[Desk]:
-    with opened(str(file)) as store:
-        yield of(store)
-
-
-def of(store: Store) -> Desk:
-    made = Desk(store, lambda news: None, Log("/params", "fatal"), lambda: 0, lambda node: True)
-    made.announce(arm(parameters=WIDE))
-    return made
-
-
-def put(at: Desk, **given: Any) -> None:
-    at.set(SetParameters(set=SET, values=values(**given), id=str(given), who="tester"))
-
-
-def seen(at: Desk) -> tuple[dict[str, Any], tuple[ParameterChange, ...]]:
-    return plain(at.get(ParameterSet(set=SET))), at.history(HistoryOf(set=SET)).changes
-
-
-@pytest.fixture(scope="module")
-def sound(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any], tuple[ParameterChange, ...]]:
-    """A file with a history, and what lies in it."""
-    file = tmp_path_factory.mktemp("sound") / "params.db"
-    with desk(file) as at:
-        for index in range(60):
-            put(at, **{f"p{(index + each) % 120}": index + each / 8 for each in range(20)})
-        held = seen(at)
-    return file, *held
-
-
-def contents(folder: Path) -> dict[str, bytes]:
-    return {each.name: each.read_bytes() for each in folder.iterdir()}
-
-
-def spoilt(sound: Path, folder: Path, data: bytes) -> Path:
-    folder.mkdir()
-    file = folder / sound.name
-    file.write_bytes(data)
-    return file
-
-
-def outcome(file: Path, held: Any) -> str:
-    """``refused``, and then untouched, or ``whole``; anything else fails."""
-    before = contents(file.parent)
-    try:
-        with desk(file) as at:
-            assert seen(at) == held
-    except BadInput as error:
-        reason = str(error)
-    else:
-        return "whole"
-    assert contents(file.parent) == before
-    assert "left as it is" in reason
-    assert str(file) in reason
-    return "refused"
-
-
-def test_what_is_saved_is_there_after_the_next_start(sound: Any, tmp_path: Path) -> None:
-    file, *held = sound
-    again = spoilt(file, tmp_path / "copy", file.read_bytes())
-    for _ in range(2):
-        assert outcome(again, tuple(held)) == "whole"
-
-
-def test_a_file_truncated_anywhere_is_refused_or_whole(sound: Any, tmp_path: Path) -> None:
-    file, *held = sound
-    data, chance = file.read_bytes(), random.Random(7)
-    cuts = [0, 1, 15, 16, 50, 99, 100, 4096, len(data) - 4096, *(chance.randrange(len(data)) for _ in range(30))]
-    outcomes = [outcome(spoilt(file, tmp_path / str(i), data[:cut]), tuple(held)) for i, cut in enumerate(cuts)]
-    assert set(outcomes) == {"refused"}
-
-
-def test_corrupted_bytes_are_refused_or_harmless(sound: Any, tmp_path: Path) -> None:
-    file, *held = sound
-    data, chance = file.read_bytes(), random.Random(8)
-    outcomes = []
-    for index in range(80):
-        damaged = bytearray(data)
-        for _ in range(chance.choice((1, 4, 64))):
-            place = chance.randrange(len(data))
-            damaged[place] ^= chance.randrange(1, 256)
-        outcomes.append(outcome(spoilt(file, tmp_path / str(index), bytes(damaged)), tuple(held)))
-        shutil.rmtree(tmp_path / str(index))
-    assert outcomes.count("refused") > 40
-
-
-def test_a_changed_value_is_found_though_the_database_is_in_order(sound: Any, tmp_path: Path) -> None:
-    file, *_ = sound
-    damaged = file.read_bytes().replace(b"p7", b"p8", 1)
-    with pytest.raises(BadInput, match="damaged"), opened(str(spoilt(file, tmp_path / "a", damaged))):
-        pass
-
-
-@pytest.mark.parametrize(
-    ("make", "says"),
-    [
-        (lambda file: file.write_bytes(b""), "is empty: it was truncated"),
-        (lambda file: file.write_text("kp: 1\n" * 99), "not a database of parameters"),
-        (lambda file: foreign(file, "CREATE TABLE t(x)"), "another program"),
-        (lambda file: foreign(file, f"PRAGMA application_id = {0x456C6561}; PRAGMA user_version = 9"), "format 9"),
-        (lambda file: file.mkdir(), "cannot write"),
-    ],
+from messages.parameters import (
+    UndoParameters,
 )
-def test_what_is_not_ours_is_refused_untouched(make: Any, says: str, tmp_path: Path) -> None:
-    file = tmp_path / "params.db"
-    make(file)
-    before = contents(tmp_path) if file.is_file() else {}
-    with pytest.raises(BadInput, match=says), opened(str(file)):
-        pass
-    assert before == (contents(tmp_path) if file.is_file() else {})
-
-
-def foreign(file: Path, script: str) -> None:
-    connection = sqlite3.connect(file)
-    connection.executescript(script + "; CREATE TABLE u(x)")
-    connection.close()
-
-
-def test_a_log_whose_file_is_gone_is_not_silently_dropped(tmp_path: Path) -> None:
-    file = tmp_path / "params.db"
-    (tmp_path / "params.db-wal").write_bytes(b"x" * 99)
-    with pytest.raises(BadInput, match="is gone, but its log"), opened(str(file)):
-        pass
-    assert not file.exists()
+from services.params.store import NotSaved, opened
+from services.runtime.errors import BadInput
+from tests.params.on_file import SET, desk, of, put, seen
 
 
 @pytest.mark.parametrize("harm", ["whole", "gone", "cut", "corrupt", "foreign"])
@@ -219,7 +85,27 @@ def test_a_full_disk_refuses_the_change_and_leaves_everything_as_it_was(tmp_path
         assert seen(at) == after
 
 
-def test_folders_are_made_and_memory_is_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    with desk("deep/down/params.db"), desk(""), desk(":memory:"):
-        assert sorted(each.name for each in tmp_path.iterdir()) == ["deep"]
+def test_the_past_is_bounded_in_number_and_in_bytes_even_for_services_that_live_shortly(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("services.params.past.KEPT_CHANGES", 25)
+    monkeypatch.setattr("services.params.past.KEPT_REQUESTS", 15)
+    for life in range(3):
+        with desk(tmp_path / "params.db") as at:
+            for index in range(15):
+                put(at, p1=100.0 * life + index)
+    with opened(str(tmp_path / "params.db")) as store:
+        assert [store._db.execute(f"SELECT count(*) FROM {table}").fetchone() for table in ("history", "requests")] == [
+            (25,),
+            (15,),
+        ]
+        at = of(store)
+        assert seen(at)[0]["p1"] == 214.0
+        assert at.undo(UndoParameters(set=SET)).values
+        monkeypatch.setattr("services.params.past.KEPT_BYTES", 1 << 16)
+        monkeypatch.setattr("services.params.past._LOOK_BYTES", 1 << 13)
+        for index in range(25):
+            put(at, reference_type="sine", text=f"{index:02}" * 1500)
+        (kept,) = store._db.execute("SELECT sum(length(change) + length(back)) FROM history").fetchone()
+        assert 1 << 15 < kept < (1 << 16) + (1 << 13)
+        assert seen(at)[1][0].after[1].value == "24" * 1500

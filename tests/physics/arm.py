@@ -19,7 +19,7 @@ from services.sim.commanders import Ages
 from services.sim.joints.actuators import Actuators
 from services.sim.joints.effort import Rule
 from services.sim.world import Body, Resistance
-from tests.physics.rig import DT, STEP_NS
+from tests.physics.rig import STEP_NS
 
 JOINT = "bear_link"
 JOB_S = 0.1
@@ -63,6 +63,7 @@ class Stand:
 
     world: BulletWorld
     actuators: Actuators
+    step_ns: int = STEP_NS
     step: int = 0
     angles: list[float] = field(default_factory=list)
     efforts: list[float] = field(default_factory=list)
@@ -79,12 +80,12 @@ class Stand:
 
     def put(self, effort: float, duration: float = JOB_S) -> None:
         """A job that begins now."""
-        self.actuators.apply(JointEffort(joint_name=JOINT, effort=effort, duration=duration), self.step * STEP_NS)
+        self.actuators.apply(JointEffort(joint_name=JOINT, effort=effort, duration=duration), self.step * self.step_ns)
 
     def run(self, seconds: float) -> None:
         """Let time go on."""
-        for _ in range(round(seconds / DT)):
-            self.actuators.step(self.step * STEP_NS)
+        for _ in range(round(seconds * 1e9 / self.step_ns)):
+            self.actuators.step(self.step * self.step_ns)
             self.world.step()
             self.step += 1
             self.angles.append(self.angle)
@@ -94,7 +95,7 @@ class Stand:
         """Control at ``rate`` [Hz] toward ``reference`` [deg] of the time [s]; returns the errors [deg] that it saw."""
         errors = []
         for _ in range(round(seconds * rate)):
-            errors.append(reference(self.step * DT) - self.angle)
+            errors.append(reference(self.step * self.step_ns / 1e9) - self.angle)
             self.put(law.step(errors[-1], 1 / rate))
             self.run(1 / rate)
         return errors
@@ -107,11 +108,12 @@ def stand(
     damping: float = 0.0,
     friction: float = 0.0,
     start: float = 0.0,
+    step_ns: int = STEP_NS,
 ) -> Iterator[Stand]:
     """An arm whose joint stands at ``start`` [deg]."""
-    with BulletWorld(Scene(), STEP_NS) as world:
+    with BulletWorld(Scene(), step_ns) as world:
         at = ((JOINT, math.radians(start)),)
         resists = ((JOINT, Resistance(damping, friction)),)
         world.spawn(Body("arm", model_path(model), fixed=True, start=at, resistance=resists))
         log = Log("/sim", out=io.StringIO())
-        yield Stand(world, Actuators(world, "arm", read_limits(model), rule or Rule(), Ages(), log))
+        yield Stand(world, Actuators(world, "arm", read_limits(model), rule or Rule(), Ages(), log), step_ns)

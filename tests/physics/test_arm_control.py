@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import pytest
 
@@ -58,6 +59,29 @@ def test_they_settle_where_a_velocity_of_0_is_a_limit(rate: int) -> None:
     assert max(on.angles) < 30.0
     first, last = (next(i for i, angle in enumerate(on.angles) if angle >= at) for at in (3.0, 27.0))
     assert (last - first) * DT > 0.4, "slower than one job at a time"
+
+
+def test_they_ripple_where_each_physics_step_brings_another_job() -> None:
+    """At 200 Hz and 5 ms the rule is asked once a job, and what brakes has turned the motion around when it is asked
+    again. The ripple is held by each job's saturation: about the set-point, as wide after half a minute as before."""
+    with stand(rule=GAZEBO) as on:
+        on.control(set_point(), step, 200, 32.0)
+    windows = [on.angles[begin : begin + 800] for begin in range(800, 6400, 800)]
+    for window in windows:
+        assert sum(window) / len(window) == pytest.approx(30.0, abs=0.3)
+        assert 2.0 < max(window) - min(window) < 4.5
+    assert max(on.angles) < 33.0, "far from the stops at 90"
+    last = on.efforts[-800:]
+    turns = sum(one * other < 0 for one, other in pairwise(last))
+    assert turns > 600, "it is braked the other way at nearly every step"
+
+
+@pytest.mark.parametrize(("rate", "rests"), [(100, 29.927), (200, 29.963)])
+def test_they_do_not_ripple_at_the_step_of_gazebo(rate: int, rests: float) -> None:
+    """1 ms: what the original shows at 200 Hz, where a job meets five decisions of the rule."""
+    with stand(rule=GAZEBO, step_ns=1_000_000) as on:
+        on.control(set_point(), step, rate, 8.0)
+    assert max(abs(angle - rests) for angle in on.angles[-2000:]) < 0.01
 
 
 def test_the_clamp_on_the_total_does_not_make_the_sum_stable() -> None:

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
 import pytest
 
+from messages.sensor import JointState
+from messages.std import Header, Time
 from services.arm import ArmParameters
 from services.arm.controller import Controller
+from services.arm.joint import Joint
 from services.arm.pid import Sight
 from services.arm.target import Target
 from services.grader.exercise import Exercise
 from services.grader.records import StepFigures
-from tests.physics.arm import Stand, stand
+from tests.physics.arm import JOINT, Stand, stand
 from tests.physics.rig import STEP_NS
 
 RATES = (50, 100, 200)
@@ -28,10 +32,11 @@ REFERENCE = STEPS // 50
 
 
 class Played(NamedTuple):
-    """What came of a run: the measured exercise, the angles [deg] at the ticks, the efforts [N m] after each step."""
+    """What came of a run: the exercise as the controller saw it and as the joint went at each physics step, and the
+    efforts [N m] after each step."""
 
     exercise: Exercise
-    angles: list[float]
+    truth: Exercise
     efforts: list[float]
 
 
@@ -39,30 +44,45 @@ Change = tuple[float, ArmParameters]
 
 
 def play(
-    on: Stand, p: ArmParameters, wanted: Callable[[float], float], seconds: float, change: Change | None = None
+    on: Stand,
+    p: ArmParameters,
+    wanted: Callable[[float], float],
+    seconds: float,
+    change: Change | None = None,
+    late: Callable[[], int] = lambda: 0,
 ) -> Played:
-    """The service's tick without its bus: in lockstep, what was published at a step is seen at the next."""
-    controller, target, exercise = Controller(), Target(), Exercise()
-    every, angles = round(STEPS / p.rate), []
-    told: float | None = None
+    """The service's tick without its bus: in lockstep, what was published at a step is seen at the next; else so many
+    ticks ``late`` that another one may be the next."""
+    controller, joint, target = Controller(), Joint(JOINT), Target()
+    exercise, truth = Exercise(), Exercise()
+    every = round(STEPS / p.rate)
+    told: list[tuple[int, float]] = []
     for step in range(round(seconds * STEPS)):
         now, time = step * STEP_NS, step / STEPS
         if change is not None and time >= change[0]:
             p, change = change[1], None
         if step % every == 0:
-            if told is not None:
-                target.take(told, now)
-                told = None
+            while told and told[0][0] <= step:
+                target.take(told.pop(0)[1], now)
+            seen = joint.read(states(on, now), 2 * every * STEP_NS)
+            assert seen is not None
             if target.sample is not None:
-                at, rate = target.at(now, smooth=p.law == "default")
-                sight = Sight(at, rate, on.angle, math.degrees(on.rate))
+                at = target.at(now, p.law == "default", seen.span)
+                sight = Sight(at.angle, at.rate, seen.angle, seen.rate, at.acceleration)
                 on.put(controller.step(p, sight, 1 / p.rate), p.duration)
-                exercise.at(time, at, on.angle)
-            angles.append(on.angle)
+                exercise.at(time, at.angle, on.angle)
+        if target.sample is not None:
+            truth.at(time, target.sample, on.angle)
         if step % REFERENCE == 0:
-            told = wanted(time)
+            told.append((max(step + 1 + late() * every, told[-1][0] if told else 0), wanted(time)))
         on.run(1 / STEPS)
-    return Played(exercise, angles, on.efforts)
+    return Played(exercise, truth, on.efforts)
+
+
+def states(on: Stand, now: int) -> JointState:
+    """As the simulation tells them."""
+    position, velocity = (math.radians(on.angle),), (on.rate,)
+    return JointState(header=Header(stamp=Time.of(now)), name=(JOINT,), position=position, velocity=velocity)
 
 
 def at_thirty(time: float) -> float:
@@ -77,12 +97,12 @@ def swing(time: float) -> float:
 def stepped(law: str, rate: int, gravity: bool = False) -> StepFigures:
     with stand() as on:
         played = play(on, ArmParameters(law=law, rate=rate, gravity=gravity), at_thirty, 4.0)
-    (step,) = played.exercise.steps
+    (step,) = played.truth.steps
     return step
 
 
 @cache
-def swung(law: str, rate: int, gravity: bool = False) -> Played:
+def swung(law: str, rate: float, gravity: bool = False) -> Played:
     with stand() as on:
         return play(on, ArmParameters(controller_type="tr", law=law, rate=rate, gravity=gravity), swing, 11.0)
 
@@ -115,16 +135,57 @@ def test_a_sine_by_the_law_of_the_seed(rate: int) -> None:
 
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize("gravity", [False, True])
-def test_the_default_law_is_no_worse_anywhere(rate: int, gravity: bool) -> None:
+def test_the_default_law_is_no_worse_in_any_figure(rate: int, gravity: bool) -> None:
+    """Within 0.5 ms of the rise, a tenth of what telemetry resolves, and 0.0005 deg of an error in motion."""
     ours, seed = stepped("default", rate, gravity), stepped("seed", rate, gravity)
     assert ours.steady_error_deg <= seed.steady_error_deg + 1e-6
     assert ours.overshoot_percent <= seed.overshoot_percent + 1e-6
-    assert ours.settling_s <= seed.settling_s + 0.025
+    assert ours.rise_s <= seed.rise_s + 0.0005
+    assert ours.settling_s <= seed.settling_s + 0.0005
     ours_swing, seed_swing = swung("default", rate, gravity), swung("seed", rate, gravity)
-    assert ours_swing.exercise.tracking.rms == pytest.approx(seed_swing.exercise.tracking.rms, abs=0.002)
-    assert ours_swing.exercise.tracking.largest <= seed_swing.exercise.tracking.largest + 0.002
+    moving, seed_moving = ours_swing.exercise.tracking, seed_swing.exercise.tracking
+    assert moving.rms is not None
+    assert seed_moving.rms is not None
+    assert moving.rms <= seed_moving.rms + 0.0005
+    assert moving.largest <= seed_moving.largest + 0.0005
+    assert _hardest(ours_swing) <= _hardest(seed_swing) + 0.01
     assert _hardest(ours_swing) < 11.2, "what the motion takes: the stairs of the reference do not reach the motor"
     assert rate == 50 or _hardest(seed_swing) > 50.0, "as they do by the law of the seed, where it acts more often"
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_a_motion_that_is_fed_forward_leaves_hardly_an_error(rate: int) -> None:
+    """Weight and inertia; the law of the seed, whose stairs tell no acceleration, is left with 0.057 deg."""
+    tracking = swung("default", rate, True).exercise.tracking
+    assert tracking.rms is not None
+    assert tracking.rms < 0.004
+    assert tracking.largest < 0.01
+
+
+@pytest.mark.parametrize("rate", [100, 200])
+def test_late_references_are_no_kicks(rate: int) -> None:
+    """As on a busy machine in real time, where half of them come a tick late: the error to what is truly wanted."""
+    errors, efforts = {}, {}
+    for law in LAWS:
+        dice = random.Random(1)
+        with stand() as on:
+            p = ArmParameters(controller_type="tr", law=law, rate=rate)
+            played = play(on, p, swing, 8.0, late=lambda dice=dice: dice.randint(0, 1))
+            off = [swing((step + 1) / STEPS) - angle for step, angle in enumerate(on.angles)][STEPS:]
+        errors[law] = math.sqrt(sum(each * each for each in off) / len(off))
+        efforts[law] = _hardest(played)
+    assert errors["default"] < 0.8 * errors["seed"]
+    assert efforts["default"] < 25.0
+    assert efforts["seed"] > 70.0
+
+
+@pytest.mark.parametrize("rate", [40.0, 200.0 / 3.0])
+def test_a_rate_that_hears_no_two_references_alike_has_no_kicks(rate: float) -> None:
+    """At 40 Hz four references come 25 ms after each other and the fifth with the fourth."""
+    tracking = swung("default", rate).exercise.tracking
+    assert tracking.rms == pytest.approx(0.19, abs=0.02)
+    assert _hardest(swung("default", rate)) < 13.0
+    assert _hardest(swung("seed", rate)) > 50.0
 
 
 def _hardest(played: Played) -> float:

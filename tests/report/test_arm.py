@@ -51,7 +51,7 @@ def test_a_step_of_the_first_order() -> None:
     assert exercise.largest == step
     assert (step.at_s, step.from_deg, step.to_deg) == (1.0, 0.0, 30.0)
     assert step.rise_s == pytest.approx(LAG * math.log(9.0), abs=0.002)
-    assert step.settling_s == pytest.approx(LAG * math.log(50.0), abs=0.011)
+    assert step.settling_s == pytest.approx(LAG * math.log(50.0), abs=0.001)
     assert step.final_deg == pytest.approx(29.0, abs=1e-3)
     assert step.steady_error_deg == pytest.approx(1.0, abs=1e-3)
     assert step.overshoot_percent == pytest.approx(0.0, abs=1e-6)

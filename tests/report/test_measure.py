@@ -131,6 +131,18 @@ def test_losses_are_summed_over_readers_and_survive_a_restart() -> None:
     assert measured.robots["tb3_1"].messages_lost == 0
 
 
+def test_losses_of_those_who_look_on_are_told_apart() -> None:
+    run = Run(("tb3_0",), 0.05, readers=("/tb3_0/waypoint", "/logger"))
+    odometry = InputHealth(topic="/tb3_0/odom", lost=5)
+    for node in ("/tb3_0/waypoint", "/panel", "/_topic_echo_12", "/logger"):
+        run.health([Health(node=node, pid=1, inputs=(odometry, InputHealth(topic="/clock", lost=2)))])
+    run.health([Health(node="/panel", pid=2, inputs=(odometry,)), Health(node="/elsewhere", pid=3)])
+    measured = run.measurements("goals")
+    assert measured.messages_lost == 7 + 7
+    assert measured.robots["tb3_0"].messages_lost == 5 + 5
+    assert measured.onlookers_lost == {"/_topic_echo_12": 7, "/panel": 7 + 5}
+
+
 def test_how_a_base_stops_follows_its_parameters_in_their_time() -> None:
     def values(**told: float | str | None) -> ParameterValues:
         return ParameterValues(values=tuple(Parameter(name=name, value=value) for name, value in told.items()))

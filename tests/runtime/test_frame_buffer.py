@@ -12,6 +12,7 @@ from messages.std import Header, Time
 from services.runtime import frame_buffer
 from services.runtime.errors import Extrapolation, FrameLoop, NotConnected, NoTransform, UnknownFrame
 from services.runtime.frame_buffer import FrameBuffer
+from services.runtime.frame_claims import MOST_CLAIMS
 from services.runtime.rigid import HERE, Rigid
 from tests.runtime.test_rigid import rigids, same
 
@@ -212,6 +213,20 @@ def test_a_flood_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (len(buffer.frames()), buffer.refused) == (11, 10)
     buffer.add([tf("world", "f0", HERE, 100.0), tf("world", "new", HERE, 100.0)], SIM)
     assert buffer.lookup("f0", "new").time == 100 * S, "the frames that fell silent made room"
+
+
+def test_a_sender_that_names_ever_new_parents_or_poses_as_ever_new_nodes_fills_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(frame_buffer, "MOST_FRAMES", 10)
+    buffer = FrameBuffer(cache_s=0.5)
+    for number in range(500):
+        buffer.add([tf(f"p{number}", "a", seconds=number)], number.to_bytes(6, "big"))
+    assert len(buffer.frames()) < 30
+    assert len(buffer.publishers("a")) == 1
+    assert len(buffer._claims._of["a"]) <= MOST_CLAIMS
+    assert buffer.parent("a") == "p499"
+    assert buffer.lookup("p499", "a").rigid == HERE
 
 
 def test_a_bad_transform_does_not_cost_the_good_ones_beside_it() -> None:

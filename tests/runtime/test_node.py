@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 
 import pytest
 
+from messages.nav import Odometry
 from messages.requests import GET_STATE, STEP, Name
 from messages.simulation import SimTime, Steps
 from messages.topics import CMD_VEL, HEALTH, ODOM, ROSOUT
@@ -41,6 +42,19 @@ def turning(made: Node) -> Iterator[None]:
         made.transport.nudge()
         thread.join(10)
         assert not thread.is_alive()
+
+
+def test_a_publication_that_begins_again_is_heard_by_those_who_heard_it_before(bus: MemoryBus) -> None:
+    with node(bus, "sim") as speaker, node(bus, "grader") as reader:
+        source = reader.read(ODOM, "/a/odom")
+        for count in (3, 1):
+            output = speaker.write(ODOM, "/a/odom")
+            for _ in range(count):
+                output.publish(Odometry())
+            source.admit()
+            assert len(source.batch) == count
+            speaker.forget(output)
+        assert source.lost == 0
 
 
 def test_the_graph_shows_what_a_node_declares(bus: MemoryBus) -> None:

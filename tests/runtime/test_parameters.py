@@ -11,9 +11,10 @@ from msgspec import Meta
 
 from messages.base import decoder, encode
 from messages.parameters import ParameterDescription
+from services.runtime.allowed import beside, long, within
 from services.runtime.errors import BadInput
 from services.runtime.leaves import flatten, nest
-from services.runtime.parameters import bounds, build, check_value, describe, read_assignments, read_value, stated
+from services.runtime.parameters import build, check_value, describe, read_assignments, read_value, stated
 from services.runtime.service import Parameters
 
 
@@ -102,7 +103,7 @@ def test_descriptions_of_tables_choices_lists_and_what_is_fixed() -> None:
         True,
         True,
     )
-    assert (bounds(top), top.unit, top.level) == ("above 0, below 2", "m/s", 8)
+    assert (within(top), top.level) == ("above 0 and below 2 m/s", 8)
     assert (must.name, must.default, must.optional, must.level) == ("limits.must", None, True, 8)
     assert (law.type, law.choices, law.optional, law.text, law.level) == ("str", ("a", "b"), True, "which", 2)
     assert (path.type, path.default, path.low, path.high) == ("float[][]", ((0.5, 0.5),), -1, 1)
@@ -112,6 +113,43 @@ def test_descriptions_of_tables_choices_lists_and_what_is_fixed() -> None:
     assert given.default == 1.5
     for each in describe(All):
         assert decoder(ParameterDescription)(encode(each)) == each
+
+
+class Band(Parameters, frozen=True, kw_only=True):
+    low: Annotated[float | None, Meta(extra={"at_most": "high"})] = None
+    high: float = 1.0
+
+
+class Bands(Parameters, frozen=True, kw_only=True):
+    band: Band = Band()
+    slow: Annotated[float, Meta(extra={"at_most": "fast"})] = 1.0
+    fast: float = 2.0
+    smooth: Annotated[bool, Meta(extra={"excludes": ("band.low",)})] = False
+    corners: Annotated[tuple[tuple[float, float], ...], Meta(max_length=4)] = ()
+    name: Annotated[str, Meta(max_length=8)] = ""
+    names: tuple[Annotated[str, Meta(min_length=1, max_length=8)], ...] = ()
+
+
+def test_descriptions_tell_lengths_and_what_holds_between_parameters() -> None:
+    low, high, slow, fast, smooth, corners, name, names = describe(Bands)
+    assert (low.at_most, high.at_most, slow.at_most, fast.at_most) == ("band.high", "", "fast", "")
+    assert (smooth.excludes, low.excludes) == (("band.low",), ())
+    assert (corners.shortest, corners.longest) == ((0, 2), (4, 2))
+    assert (name.shortest, name.longest, names.shortest, names.longest) == ((0,), (8,), (0, 1), (0, 8))
+    assert (long(corners), long(name)) == ("at most 4 items, 2 items each", "at most 8 characters")
+    assert long(names) == "at least 1 and at most 8 characters each"
+    assert (beside(slow), beside(smooth)) == ("at most fast", "not with band.low")
+
+
+def test_values_that_contradict_each_other_are_refused_wherever_they_come_from() -> None:
+    assert build(Bands, {"slow": 3, "fast": 3, "band": {"low": None, "high": -1}}).slow == 3
+    for values, says in (
+        ({"slow": 3}, "here: slow = 3.0 is above fast = 2.0, which it may not exceed"),
+        ({"band": {"low": 2}}, "band.low = 2.0 is above band.high = 1.0"),
+        ({"smooth": True, "band": {"low": 0}}, "smooth = True and band.low = 0.0 exclude each other"),
+    ):
+        with pytest.raises(BadInput, match=says):
+            build(Bands, values, "here")
 
 
 @pytest.mark.parametrize("record", [All(), All(limits=Limits(must=3), law="b", path=((1.0, 0.0), (0.0, 1.0)))])
@@ -136,6 +174,6 @@ def test_what_a_table_states_is_told_by_dotted_names() -> None:
 
 def test_descriptions_tell_bounds_units_and_text() -> None:
     gain, steps, *_ = describe(Gains)
-    assert (gain.name, gain.type, gain.default, bounds(gain), gain.unit) == ("gain", "float", 1.0, "0 to 5", "1/s")
+    assert (gain.name, gain.type, gain.default, within(gain)) == ("gain", "float", 1.0, "0 to 5 1/s")
     assert gain.text == "how hard"
-    assert bounds(steps) == "at least 1"
+    assert within(steps) == "at least 1"

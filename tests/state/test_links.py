@@ -72,6 +72,13 @@ def test_each_joint_is_told_at_most_fifty_times_a_second() -> None:
     assert [len(told(always, state(ms, shoulder=0.1))) for ms in (0, 1, 1)] == [1, 1, 1]
 
 
+def test_one_stamp_from_the_future_does_not_silence_a_joint() -> None:
+    of = links()
+    assert told(of, state(3_600_000, shoulder=0.1), now=100 * MS)
+    assert not told(of, state(140, shoulder=0.1), now=140 * MS)
+    assert told(of, state(1200, shoulder=0.1), now=1200 * MS)
+
+
 def test_time_going_back_tells_all_again() -> None:
     of = links()
     assert told(of, state(9000, shoulder=0.1))

@@ -122,11 +122,14 @@ def test_a_fleet_is_tuned_while_it_drives_and_keeps_what_was_saved(terminal: Ter
         until(lambda: t.node.admit() or any(len(plan.poses) == 2 for plan, _ in plans.batch), 20, "a new plan")
 
         # What contradicts itself is taken back for all; so is nothing of a stranger's.
-        t.set(BASE, linear__min_velocity=0.1)
-        t.until(BASE, **{"linear.min_velocity": (None, "default")})
+        for wrong, says in (({"linear__min_velocity": 0.1}, "out of bounds"), ({"wheel_pid__p": 1.0}, "cannot change")):
+            with pytest.raises(CallFailed, match=says):
+                t.set(BASE, **wrong)
+        t.set(BASE, linear__max_deceleration=0.0)
+        t.until(BASE, **{"linear.max_deceleration": (None, "default")})
         newest = t.node.call(PARAMS_HISTORY, HistoryOf(set=BASE, limit=1)).changes[0]
         assert newest.kind == "undo"
-        assert "hold no standstill" in newest.who
+        assert "could never change its speed" in newest.who
         t.node.write(UPDATES, f"{PILOT}/parameter_updates").publish(ParameterValues(set=PILOT, revision=999, values=()))
         until(lambda: t.refused(PILOT, f"{PILOT}/parameter_updates"), 10)
 

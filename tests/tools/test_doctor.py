@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from deploy.claim import Running
-from deploy.commands.options import Place
 from deploy.doctor import installation, leftovers, machine, network, places, screen
+from deploy.place import Place
 from messages.base import encode
 from messages.elea import Health, InputHealth
 from messages.topics import ODOM, Quality

@@ -149,6 +149,15 @@ def test_what_the_joint_cannot_do_is_refused(absurd: float) -> None:
         assert "refused, bear_link moves from -90 to 90 deg" in stand.bench.log
 
 
+def test_a_motion_does_not_go_on_beyond_the_joint() -> None:
+    """Between the samples at 89.8 and at 90 deg it would reach 90.2."""
+    with standing() as stand:
+        stand.run(1.2, lambda time: min(90.0, 65.0 + 31.0 * round(time * 50) / 50))
+        wanted = [each.set_point for each in stand.bench.heard(CONTROL_STATE, TOLD[CONTROL_STATE])]
+        assert max(wanted) == 90.0
+        assert 89.0 < sorted(set(wanted))[-2] < 90.0
+
+
 def test_what_is_no_number_is_refused_on_arrival() -> None:
     with standing() as stand:
         stand.run(1.0, lambda _: 10.0)

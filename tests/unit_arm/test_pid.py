@@ -17,7 +17,7 @@ DT_CONTROL = 0.01
 
 
 def gains(kp: float = 10.0, ki: float = 0.0, kd: float = 0.0, **more: float) -> Gains:
-    rest = {"weight": 0.0, "saturation": 200.0, "filter": 0.0, "torque": 0.0, "rest": 0.0}
+    rest = {"weight": 0.0, "saturation": 200.0, "filter": 0.0, "torque": 0.0, "rest": 0.0, "inertia": 0.0}
     return Gains(kp, ki, kd, **{**rest, **more})
 
 
@@ -47,6 +47,23 @@ def test_the_rate_is_filtered() -> None:
     law.step(gains(kp=0.0, kd=1.0, filter=0.02), at(0.0, rate=0.0), DT_CONTROL)
     shares = [-law.step(gains(kp=0.0, kd=1.0, filter=0.02), at(0.0, rate=10.0), DT_CONTROL) / 10.0 for _ in range(4)]
     assert shares == pytest.approx([1 - math.exp(-0.5 * step) for step in range(1, 5)])
+
+
+def test_tracking_feeds_forward_what_the_motion_takes() -> None:
+    """3.8655 kg m2 at 100 deg/s2, beside the weight; a set-point has no acceleration to follow."""
+    tracking, resting = ArmParameters(controller_type="tr", gravity=True), ArmParameters(gravity=True)
+    for p, more in ((tracking, 3.8655 * math.radians(100.0)), (resting, 0.0)):
+        fed = gains_of(p)
+        still = Pid().step(fed, at(30.0, 30.0), DT_CONTROL)
+        moving = Pid().step(fed, Sight(30.0, 0.0, 30.0, 0.0, 100.0), DT_CONTROL)
+        assert moving - still == pytest.approx(more), p.controller_type
+    assert gains_of(ArmParameters(controller_type="tr")).moving(100.0) == 0.0, "with the weight or not at all"
+
+
+def test_over_a_gap_in_time_no_old_rate_counts() -> None:
+    law, damped = Pid(), gains(kp=0.0, kd=1.0, filter=0.02)
+    law.step(damped, at(0.0, rate=100.0), DT_CONTROL)
+    assert law.step(damped, at(0.0, rate=0.0), 0.0) == 0.0
 
 
 def test_the_integral_is_summed_over_time_and_rests_without_it() -> None:

@@ -74,6 +74,16 @@ def test_a_ramp_keeps_to_its_rate_and_ends_on_its_angle() -> None:
     assert values[-1] == -20.0
 
 
+def test_a_ramp_does_not_come_back_from_beyond_the_joint() -> None:
+    """From 300 deg, where it never was, it would stand at the end of the range for 21 s."""
+    forms = Forms()
+    follow(forms, 0.1, ref_angle=300.0)
+    values = follow(forms, 1.0, reference_type="ramp", ref_angle=0.0, ramp_rate=10.0)
+    assert (values[0], values[-1]) == pytest.approx((90.0, 80.2))
+    follow(forms, 2.0, reference_type="ramp", ref_angle=300.0, ramp_rate=100.0)
+    assert follow(forms, 1.0, reference_type="ramp", ref_angle=0.0, ramp_rate=10.0)[-1] == pytest.approx(80.0, abs=2.1)
+
+
 def test_a_square_is_as_long_up_as_down() -> None:
     values = follow(Forms(), 10.0, reference_type="square", sin_ref_gain=20.0, sin_ref_f=0.2)
     assert set(values) == {20.0, -20.0}

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import click
 
-from deploy.commands.options import Place, json_option, place_options
+from deploy.commands.options import json_option, place_options
+from deploy.place import Place
 
 
 @click.command("list")
@@ -14,9 +15,9 @@ from deploy.commands.options import Place, json_option, place_options
 @json_option
 def command(every: bool, count_nodes: bool, place: Place, as_json: bool) -> None:
     """List the nodes that live now, and which kind of service each is."""
-    from deploy.commands.network import visit
     from deploy.live.ends import is_hidden
     from deploy.live.output import say, say_json
+    from deploy.live.visit import visit
     from services.runtime.graph import snapshot
 
     with visit(place.router, place.domain) as transport:

@@ -26,7 +26,9 @@ def set_command(set_name: str, words: tuple[str, ...], clamp: bool, run: bool, a
 
     Names of choices are taken in any case; a bool is yes, true, t, y, on or 1, and no, false, f, n, off or 0.
 
-    An answer that is lost is asked for again under the same id, so that nothing is applied twice.
+    An answer that is lost is asked for again under the same id, so that nothing is applied twice. What `describe` tells
+    is checked before a change counts. A service may find fault with more, such as a deceleration of 0: then it takes
+    the change back a moment later, and `history` has its reason.
     """
     from deploy.commands.param.read import assigned, check, given
 
@@ -37,7 +39,7 @@ def set_command(set_name: str, words: tuple[str, ...], clamp: bool, run: bool, a
         one = client.one(set_name)
         before = client.values(one.set)
         values = given(words, one) if one.nodes else {}
-        check(one, values, clamp)
+        check(one, before, values, clamp)
         after = client.set(one.set, assigned(values), clamp, run)
     _say(before, after, tuple(values), as_json)
 
@@ -63,7 +65,7 @@ def reset_command(set_name: str, names: tuple[str, ...], as_json: bool, **option
 @click.argument("set_name", metavar="SET", type=SET)
 @network
 def undo_command(set_name: str, as_json: bool, **options: Any) -> None:
-    """Take the newest change of SET back; once more takes the one before back."""
+    """Take the newest change of SET back; once more takes the one before back. An undo itself is not taken back."""
     with visiting(options) as client:
         one = client.one(set_name)
         before = client.values(one.set)

@@ -73,7 +73,11 @@ def get_command(set_name: str, names: tuple[str, ...], as_json: bool, **options:
 @click.argument("names", metavar="[NAME]...", nargs=-1, type=PARAMETER)
 @network
 def describe_command(set_name: str, names: tuple[str, ...], as_json: bool, **options: Any) -> None:
-    """Show type, bounds, default, unit and text of the parameters of SET, or of some."""
+    """Show type, bounds, default, unit and text of the parameters of SET, or of some.
+
+    Bounds, lengths, choices, and what must hold between two parameters (`at most OTHER`, `not with OTHER`) are checked
+    before a change counts.
+    """
     import msgspec
 
     from deploy.commands.param.show import columns, description_as_row, print_json
@@ -100,7 +104,10 @@ def describe_command(set_name: str, names: tuple[str, ...], as_json: bool, **opt
 @click.option("-n", "--limit", type=click.IntRange(1, 10_000), default=20, show_default=True, help="So many at most.")
 @network
 def history_command(set_name: str, limit: int, as_json: bool, **options: Any) -> None:
-    """Show the changes of SET, or of all, newest first: who, when, from what to what."""
+    """Show the changes of SET, or of all, newest first: who, when, from what to what.
+
+    The newest 50 000 changes, and 32 MiB, of all sets together are kept.
+    """
     import msgspec
 
     from deploy.commands.param.show import change_as_row, columns, print_json

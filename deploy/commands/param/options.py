@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from deploy.commands.options import json_option, place_of, port_option
+from deploy.commands.options import json_option, port_option
+from deploy.place import place_of
 
 if TYPE_CHECKING:
     from deploy.commands.param.client import Client
@@ -34,8 +35,8 @@ def network(function: F) -> F:
 @contextmanager
 def visiting(options: dict[str, Any]) -> Iterator[Client]:
     """The client at the place that the options say; what is left in ``options`` are the verb's own."""
-    from deploy.commands.network import visit
     from deploy.commands.param.client import Client
+    from deploy.live.visit import visit
 
     place = place_of(*(options.pop(name) for name in ("connect", "domain", "port")))
     timeout = options.pop("timeout")

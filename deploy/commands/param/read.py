@@ -6,7 +6,15 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from messages.parameters import Announcement, Assignment, ParameterDescription, ParameterSchema, SetParameters, Value
+from messages.parameters import (
+    Announcement,
+    Assignment,
+    ParameterDescription,
+    ParameterSchema,
+    ParameterValues,
+    SetParameters,
+    Value,
+)
 from services.runtime.errors import BadInput, unknown
 
 YES = ("yes", "true", "t", "y", "on", "1")
@@ -48,8 +56,8 @@ def fitting(table: Mapping[str, Any], schema: ParameterSchema) -> dict[str, Valu
     return {name: _typed(value, described[name]) for name, value in table.items()}
 
 
-def check(schema: ParameterSchema, values: Mapping[str, Value], clamp: bool = False) -> None:
-    """Refuse here, with every violation, what the service would refuse; raises BadInput."""
+def check(schema: ParameterSchema, before: ParameterValues, values: Mapping[str, Value], clamp: bool = False) -> None:
+    """Refuse here, with every violation, what the service would refuse for ``before`` it; raises BadInput."""
     from services.params.change import plan_set
     from services.params.schema import Schema
     from services.params.state import State
@@ -58,7 +66,10 @@ def check(schema: ParameterSchema, values: Mapping[str, Value], clamp: bool = Fa
         announced={node: Announcement(set=schema.set, node=node) for node in schema.nodes},
         parameters={each.name: each for each in schema.parameters},
     )
-    plan_set(State(schema.set, known), SetParameters(set=schema.set, values=assigned(values), clamp=clamp))
+    now = {each.name: each.value for each in before.values}
+    plan_set(
+        State(schema.set, known, run=now), SetParameters(set=schema.set, values=assigned(values), clamp=clamp, run=True)
+    )
 
 
 def assigned(values: Mapping[str, Value]) -> tuple[Assignment, ...]:

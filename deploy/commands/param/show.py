@@ -37,9 +37,10 @@ def values_as_json(record: ParameterValues) -> dict[str, Any]:
 
 def description_as_row(each: ParameterDescription) -> tuple[str, ...]:
     """Name, type, bounds or choices, default, whether it is live, text."""
-    from services.params.check import within
+    from services.runtime.allowed import beside, long, within
 
-    allowed = within(each) or each.unit or ", ".join(each.choices)
+    bounds = (within(each) or each.unit or ", ".join(each.choices), long(each), beside(each))
+    allowed = ", ".join(part for part in bounds if part)
     kind = each.type + (" or null" if each.optional else "")
     return each.name, kind, allowed, text_of(each.default), "" if each.live else "at start only", each.text
 

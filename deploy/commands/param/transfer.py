@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -15,6 +15,14 @@ from services.runtime.errors import BadInput, CallFailed
 if TYPE_CHECKING:
     from deploy.commands.param.client import Client
     from messages.parameters import ParameterSchema, ParameterValues, Value
+
+
+class Plan(NamedTuple):
+    """The values of a set that count, and those that a file has for it."""
+
+    before: ParameterValues
+    values: dict[str, Value]
+
 
 format_option = click.option(
     "--format", "form", type=click.Choice(["yaml", "toml"]), help="By the ending of the file, else YAML."
@@ -61,9 +69,7 @@ def dump_command(names: tuple[str, ...], output: str, form: str | None, as_json:
 @network
 def load_command(file: str, only: str, clamp: bool, run: bool, form: str | None, as_json: bool, **options: Any) -> None:
     """Set what in FILE differs from the values that count; all of FILE is checked first, each set is all or none."""
-    from deploy.commands.param.client import found
     from deploy.commands.param.files import format_of, read_file
-    from deploy.commands.param.read import check, fitting
 
     tables = read_file(Path(file), format_of(file, form))
     if only:
@@ -72,46 +78,55 @@ def load_command(file: str, only: str, clamp: bool, run: bool, form: str | None,
         if not isinstance(table, dict):
             raise BadInput(f"{file}: {name} is no table of a set; if the file has the values of one set, say --set SET")
     with visiting(options) as client:
-        sets, planned, faults = client.sets(), [], []
-        for name, table in tables.items():
-            try:
-                one = found(name, sets)
-                values = fitting(table, one) if one.nodes else {}
-                if values or not one.nodes:
-                    check(one, values, clamp)
-                planned.append((one, values))
-            except BadInput as error:
-                faults.append(f"{name}: {error}")
+        planned, faults = _planned(client, tables, clamp)
         if faults:
             raise BadInput(f"{file}: {'; '.join(faults)}. Nothing was changed")
         _carry_out(client, planned, clamp, run, as_json)
 
 
-def _carry_out(
-    client: Client, planned: list[tuple[ParameterSchema, dict[str, Value]]], clamp: bool, run: bool, as_json: bool
-) -> None:
+def _planned(client: Client, tables: dict[str, Any], clamp: bool) -> tuple[list[Plan], list[str]]:
+    """What to set, and what is wrong with it."""
+    from deploy.commands.param.client import found
+    from deploy.commands.param.read import check, fitting
+
+    sets, planned, faults = client.sets(), dict[str, Plan](), list[str]()
+    for name, table in tables.items():
+        try:
+            one = found(name, sets)
+            if one.set in planned:
+                raise BadInput(f"the values of {one.set} are given twice, under two names")
+            before = client.values(one.set)
+            values = fitting(table, one) if one.nodes else {}
+            if values or not one.nodes:
+                check(one, before, values, clamp)
+            planned[one.set] = Plan(before, values)
+        except BadInput as error:
+            faults.append(f"{name}: {error}")
+    return list(planned.values()), faults
+
+
+def _carry_out(client: Client, planned: list[Plan], clamp: bool, run: bool, as_json: bool) -> None:
     """Set by set, saying what was changed; raises CallFailed, after saying it, when one is refused."""
     from deploy.commands.param.read import assigned
     from deploy.commands.param.show import difference, print_json, values_as_json
 
     done: list[ParameterValues] = []
-    for one, values in planned:
-        before = client.values(one.set)
+    for before, values in planned:
         other = {name: value for name, value in values.items() if _differs(before, name, value)}
         same = len(values) - len(other)
         after = before
         if other:
             try:
-                after = client.set(one.set, assigned(other), clamp, run, "load")
+                after = client.set(before.set, assigned(other), clamp, run, "load")
             except CallFailed as error:
                 loaded = ", ".join(each.set for each in done) or "nothing"
-                raise type(error)(f"{one.set}: {error}; loaded before it: {loaded}") from None
+                raise type(error)(f"{before.set}: {error}; loaded before it: {loaded}") from None
         done.append(after)
         if not as_json:
             sys.stdout.write(difference(before, after, other))
-            sys.stdout.write(f"{one.set}: {len(other)} changed, {same} as before\n")
+            sys.stdout.write(f"{before.set}: {len(other)} changed, {same} as before\n")
             if other and after.note:
-                sys.stderr.write(f"{one.set}: {after.note}\n")
+                sys.stderr.write(f"{before.set}: {after.note}\n")
     if as_json:
         print_json([values_as_json(each) for each in done])
 

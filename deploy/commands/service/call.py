@@ -5,7 +5,8 @@ from __future__ import annotations
 import click
 
 from deploy.commands.completion import SERVICE, TYPE_OR_VALUES
-from deploy.commands.options import Place, json_option, place_options
+from deploy.commands.options import json_option, place_options
+from deploy.place import Place
 
 
 @click.command("call", context_settings={"ignore_unknown_options": True})
@@ -25,11 +26,11 @@ def command(
     Fields left out have their defaults; TYPE is that of what is asked, and may be left out. The status is 1 when it is
     refused, with the reason, and when nobody answers in time.
     """
-    from deploy.commands.network import visit
     from deploy.live.ends import absolute
     from deploy.live.output import say, say_json
     from deploy.live.servers import ask
     from deploy.live.text import block, flow
+    from deploy.live.visit import visit
 
     name = absolute(service)
     with visit(place.router, place.domain) as transport:

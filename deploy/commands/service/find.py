@@ -5,7 +5,8 @@ from __future__ import annotations
 import click
 
 from deploy.commands.completion import TYPE
-from deploy.commands.options import Place, json_option, place_options
+from deploy.commands.options import json_option, place_options
+from deploy.place import Place
 
 
 @click.command("find")
@@ -15,10 +16,10 @@ from deploy.commands.options import Place, json_option, place_options
 @json_option
 def command(type_name: str, count_services: bool, place: Place, as_json: bool) -> None:
     """List the requests that ask or reply TYPE, as elea_msgs/Name. The status is 1 when there are none at present."""
-    from deploy.commands.network import visit
     from deploy.live.known import record_of, ros_type
     from deploy.live.output import note, say, say_json
     from deploy.live.servers import servers
+    from deploy.live.visit import visit
 
     with visit(place.router, place.domain) as transport:
         found = servers(transport)

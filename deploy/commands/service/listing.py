@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import click
 
-from deploy.commands.options import Place, json_option, place_options
+from deploy.commands.options import json_option, place_options
+from deploy.place import Place
 
 
 @click.command("list")
@@ -15,9 +16,9 @@ from deploy.commands.options import Place, json_option, place_options
 @json_option
 def command(show_types: bool, verbose: bool, count_services: bool, place: Place, as_json: bool) -> None:
     """List the requests that somebody serves now."""
-    from deploy.commands.network import visit
     from deploy.live.output import say, say_json
     from deploy.live.servers import servers
+    from deploy.live.visit import visit
 
     with visit(place.router, place.domain) as transport:
         found = servers(transport)

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import click
 
-from deploy.commands.options import Place, json_option, place_options
+from deploy.commands.options import json_option, place_options
+from deploy.place import Place
 
 if TYPE_CHECKING:
     from messages.base import Message
@@ -39,7 +40,7 @@ class Asker:
 
     def ask(self, request: Request[Any, R], message: Message) -> R:
         """The reply to one request; raises CallFailed with the reason, BadInput when no router is there."""
-        from deploy.commands.network import visit
+        from deploy.live.visit import visit
         from messages.names import key
         from services.runtime.calls import call
 

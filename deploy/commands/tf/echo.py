@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import click
 
-from deploy.commands.options import Place, json_option, place_options
+from deploy.commands.options import json_option, place_options
+from deploy.place import Place
 
 
 @click.command("echo")

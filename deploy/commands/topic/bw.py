@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from deploy.commands.options import Place
 from deploy.commands.topic.shared import measuring, topic_argument
+from deploy.place import Place
 
 if TYPE_CHECKING:
     from deploy.live.measure import Terms

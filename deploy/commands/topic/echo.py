@@ -7,8 +7,9 @@ from typing import Any
 import click
 
 from deploy.commands.completion import FIELD, TYPE
-from deploy.commands.options import Place, json_option, place_options
+from deploy.commands.options import json_option, place_options
 from deploy.commands.topic.shared import timeout_option, topic_argument, wait_option
+from deploy.place import Place
 
 
 @click.command("echo")

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import click
 
 from deploy.commands.completion import TOPIC
-from deploy.commands.options import Place
 from deploy.commands.topic.shared import measuring
+from deploy.place import Place
 
 if TYPE_CHECKING:
     from deploy.live.measure import Terms

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from deploy.commands.options import Place, json_option, place_options
+from deploy.commands.options import json_option, place_options
 from deploy.commands.topic.shared import topic_argument
+from deploy.place import Place
 
 if TYPE_CHECKING:
     from deploy.live.ends import Ends
@@ -68,7 +69,7 @@ def _listen(told: dict[str, Any], ends: Ends, live: Session) -> None:
     from deploy.live.rates import Sample, Window
     from deploy.live.subject import is_latched
     from messages.names import key as key_of
-    from services.runtime.wire import publisher_id
+    from services.runtime.wire import MEMBER_BYTES, member_id, publisher_id
 
     beats, clock = Beats(live), SimClock(live.transport)
     listener, foreign = Listener(live.transport, ends.name, is_latched(ends)), list[str]()
@@ -87,9 +88,12 @@ def _listen(told: dict[str, Any], ends: Ends, live: Session) -> None:
         row |= _rates(window)
         beat = beats.of.get(entity.node)
         row["sent"] = next((each.sent for each in (beat.outputs if beat else ()) if each.topic == ends.name), None)
+    members = {member_id(each.node, each.session): each.node for each in ends.publishers}
     for sender, window in windows.items():
         kind = ", ".join(foreign) if not sender else "?"
-        who = "(foreign)" if not sender else f"(undeclared {sender.hex()})"
+        # A node that plays what several nodes had latched is each of them in turn.
+        again = members.get(sender[:MEMBER_BYTES])
+        who = "(foreign)" if not sender else again or f"(undeclared {sender.hex()})"
         told["publishers"].append({"node": who, "type": kind, "quality": "-", **_rates(window), "sent": None})
     for row in told["subscribers"]:
         beat = beats.of.get(row["node"])

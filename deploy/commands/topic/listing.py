@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from deploy.commands.options import Place, json_option, place_options
+from deploy.commands.options import json_option, place_options
+from deploy.place import Place
 
 if TYPE_CHECKING:
     from deploy.live.ends import Ends

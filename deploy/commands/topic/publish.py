@@ -5,8 +5,9 @@ from __future__ import annotations
 import click
 
 from deploy.commands.completion import TYPE_OR_VALUES
-from deploy.commands.options import Place, json_option, place_options
+from deploy.commands.options import json_option, place_options
 from deploy.commands.topic.shared import topic_argument
+from deploy.place import Place
 
 
 @click.command("pub", context_settings={"ignore_unknown_options": True})

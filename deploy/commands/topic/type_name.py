@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import click
 
-from deploy.commands.options import Place, json_option, place_options
+from deploy.commands.options import json_option, place_options
 from deploy.commands.topic.shared import topic_argument
+from deploy.place import Place
 
 
 @click.command("type")
@@ -14,9 +15,9 @@ from deploy.commands.topic.shared import topic_argument
 @json_option
 def command(topic: str, place: Place, as_json: bool) -> None:
     """Tell the type of TOPIC, or all of them when its ends do not agree."""
-    from deploy.commands.network import visit
     from deploy.live.ends import absent, absolute, topics
     from deploy.live.output import say, say_json
+    from deploy.live.visit import visit
     from services.runtime.graph import snapshot
 
     name = absolute(topic)

@@ -34,6 +34,24 @@ export function show(element, visible) {
   if (element.hidden === visible) element.hidden = !visible;
 }
 
+// Give a place other contents, and leave what stays the same where it is: a button that is pressed just now, the focus.
+export function renew(place, children) {
+  const wanted = el("div", {}, ...children);
+  if (alike(place, wanted, true)) copy(place, wanted, true);
+  else place.replaceChildren(...wanted.childNodes);
+}
+
+function alike(a, b, outermost = false) {
+  if (!outermost && (a.nodeName !== b.nodeName || (a.nodeName === "BUTTON" && a.textContent !== b.textContent))) return false;
+  return a.childNodes.length === b.childNodes.length && [...a.childNodes].every((each, i) => alike(each, b.childNodes[i]));
+}
+
+function copy(a, b, outermost = false) {
+  if (a.nodeType === Node.TEXT_NODE) { if (a.data !== b.data) a.data = b.data; return; }
+  if (!outermost && a.className !== b.className) a.className = b.className;
+  a.childNodes.forEach((each, i) => copy(each, b.childNodes[i]));
+}
+
 // A button that asks once more before it acts.
 export function careful(label, act, attributes = {}) {
   let armed = 0;

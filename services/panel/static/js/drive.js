@@ -13,7 +13,7 @@ const KEYS = {
 };
 
 export function startDrive(link, chosen) {
-  const held = new Set();
+  const held = new Map(); // by the key's place on the keyboard: with Shift in between, its name is another when it goes up
   let enabled = false, stick = null, timer = 0, limits = { v: 1, w: 3 };
 
   const speed = el("input", { type: "range", min: 0.05, max: 1, step: 0.01, value: memory.get("speed", 0.2), "aria-label": "Speed", oninput: () => shown() });
@@ -27,7 +27,7 @@ export function startDrive(link, chosen) {
     el("div", { class: "drive-body" }, pad, el("div", { class: "sliders" },
       el("label", {}, el("span", { class: "line" }, "Speed", el("span", { class: "fill" }), speedText), speed),
       el("label", {}, el("span", { class: "line" }, "Turn", el("span", { class: "fill" }), turnText), turn),
-      el("small", { class: "quiet keys" }, "Hold W A S D, the arrows, or u i o j l m , ."))));
+      el("small", { class: "quiet keys" }, el("span", {}, "Hold W A S D or the arrows,"), el("span", {}, "or u i o  j l  m , . to drive by keys")))));
 
   function shown() {
     say(speedText, `${Number(speed.value).toFixed(2)} m/s`);
@@ -41,7 +41,7 @@ export function startDrive(link, chosen) {
     if (stick) return stick;
     if (!held.size) return null;
     let v = 0, w = 0;
-    for (const key of held) { v += KEYS[key][0]; w += KEYS[key][1]; }
+    for (const [ahead, left] of held.values()) { v += ahead; w += left; }
     return [Math.max(-1, Math.min(1, v)), Math.max(-1, Math.min(1, w))];
   }
 
@@ -74,14 +74,14 @@ export function startDrive(link, chosen) {
     if (event.repeat) return;
     if (!chosen()?.drives) { note("choose a robot that drives"); return; }
     if (event.target.matches?.("input")) event.target.blur();
-    held.add(key);
+    held.set(event.code, KEYS[key]);
     tell();
   });
   window.addEventListener("keyup", (event) => {
-    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
-    if (held.delete(key)) tell();
+    if (event.key === "Meta") release(); // macOS tells of no key that goes up meanwhile
+    else if (held.delete(event.code)) tell();
   });
-  for (const kind of ["blur", "pagehide"]) window.addEventListener(kind, release);
+  for (const kind of ["blur", "pagehide", "contextmenu"]) window.addEventListener(kind, release);
   document.addEventListener("visibilitychange", () => { if (document.hidden) release(); });
   link.on("link", ({ open }) => { if (!open) release(); });
 

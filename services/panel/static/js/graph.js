@@ -1,6 +1,6 @@
 // The view of the graph: who publishes and reads what, how often, what was lost, and how old the last word is.
 
-import { el, memory, say, svg } from "./dom.js";
+import { el, memory, renew, say, svg } from "./dom.js";
 import { layout, NODE, ROW } from "./graph_layout.js";
 import { details, loss, rate } from "./graph_details.js";
 import { store } from "./store.js";
@@ -30,7 +30,7 @@ export function startGraph(link) {
     const topics = shownTopics();
     say(count, `${store.nodes.length} nodes, ${topics.length} of ${store.topics.length} topics`);
     const { left, middle, right, height } = layout(topics);
-    const width = Math.max(780, drawing.clientWidth - 20), side = 170, wide = Math.min(380, width - 2 * side - 160);
+    const width = Math.max(640, drawing.clientWidth - 20), side = width < 760 ? 140 : 170, wide = Math.min(380, width - 2 * side - 110);
     const from = (width - wide) / 2;
     const edges = svg("g", { class: "edges" }), boxes = svg("g");
     marks = [];
@@ -43,10 +43,12 @@ export function startGraph(link) {
     for (const [name, y] of right) boxes.append(nodeBox(name, width - side, y, side));
     for (const topic of topics) boxes.append(topicBox(topic, from, middle.get(topic.name), wide));
     const picture = svg("svg", { width, height: Math.max(60, height), viewBox: `0 0 ${width} ${Math.max(60, height)}`, onclick: () => choose(null) }, edges, boxes);
+    const held = drawing.contains(document.activeElement) ? document.activeElement.dataset : null;
     drawing.replaceChildren(picture);
+    if (held) [...drawing.querySelectorAll("[tabindex]")].find(({ dataset }) => dataset.node === held.node && dataset.topic === held.topic)?.focus({ preventScroll: true });
     table.replaceChildren(...topics.map((topic) => {
       const cells = [el("td", { class: "num" }), el("td", { class: "num" }), el("td", { class: "num quiet" })];
-      const row = el("tr", { onclick: () => choose({ topic: topic.name }) }, el("td", {}, topic.name), ...cells);
+      const row = el("tr", { onclick: () => choose({ topic: topic.name }) }, el("td", {}, el("button", { class: "link" }, topic.name)), ...cells);
       marks.push(() => {
         const known = store.rates.topics[topic.name];
         say(cells[0], rate(known, topic));
@@ -69,10 +71,15 @@ export function startGraph(link) {
     return path;
   }
 
+  // What a press of a box chooses, by mouse and by key.
+  const chooses = (what, label) => ({ tabindex: 0, role: "button", "aria-label": label,
+    onclick: (event) => { event.stopPropagation(); choose(what); },
+    onkeydown: (event) => { if (event.key === "Enter" || event.key === " ") { event.preventDefault(); choose(what); } } });
+
   function nodeBox(name, x, y, width) {
-    const box = svg("g", { class: "node", "data-node": name, onclick: (event) => { event.stopPropagation(); choose({ node: name }); } },
+    const box = svg("g", { class: "node", "data-node": name, ...chooses({ node: name }, `node ${name}`) },
       svg("rect", { x: x + 0.5, y: y - NODE / 2 + 2.5, width: width - 1, height: NODE - 5, rx: 5 }),
-      svg("circle", { cx: x + 11, cy: y, r: 3.5 }), svg("text", { x: x + 20, y: y + 4 }, clipped(name, 22)), svg("title", {}, name));
+      svg("circle", { cx: x + 11, cy: y, r: 3.5 }), svg("text", { x: x + 20, y: y + 4 }, clipped(name, Math.floor((width - 28) / 6.4))), svg("title", {}, name));
     marks.push(() => {
       const health = store.rates.nodes[name];
       box.classList.toggle("bad", Boolean(health && health.age > 3));
@@ -83,7 +90,7 @@ export function startGraph(link) {
 
   function topicBox(topic, x, y, width) {
     const number = svg("text", { x: x + width - 8, y: y + 4, "text-anchor": "end", class: "num" });
-    const box = svg("g", { class: "topic", "data-topic": topic.name, onclick: (event) => { event.stopPropagation(); choose({ topic: topic.name }); } },
+    const box = svg("g", { class: "topic", "data-topic": topic.name, ...chooses({ topic: topic.name }, `topic ${topic.name}`) },
       svg("rect", { x: x + 0.5, y: y - ROW / 2 + 1.5, width: width - 1, height: ROW - 3, rx: 3 }),
       svg("text", { x: x + 8, y: y + 4 }, clipped(topic.name, Math.floor((width - 90) / 7))), number, svg("title", {}, topic.name));
     marks.push(() => {
@@ -112,7 +119,7 @@ export function startGraph(link) {
       each.classList.toggle("lit", Boolean(chosen) && lit);
     }
     element.classList.toggle("with-details", Boolean(chosen));
-    aside.replaceChildren(...(chosen ? details(chosen, choose) : []));
+    renew(aside, chosen ? details(chosen, choose) : []);
   }
 
   function choose(what) {

@@ -56,25 +56,27 @@ export function startHeader(link) {
   startFactor(link);
 }
 
-// The factor of simulation time, where the simulation has it as a live parameter.
+// The factor of simulation time, where that keeps to the wall clock.
 function startFactor(link) {
   const box = byId("factor-set");
-  const refresh = () => {
-    const found = findParameter("factor", (set) => set.includes("sim"));
+  let mode = "real";
+  const refresh = (refused = false) => {
+    const found = mode === "real" ? findParameter("factor", (set) => set.includes("sim")) : null;
     show(byId("factor-box"), Boolean(found));
     if (!found) return;
     box.min = found.description.low ?? "";
     box.max = found.description.high ?? "";
-    if (document.activeElement !== box && found.value !== undefined) box.value = found.value;
+    if ((document.activeElement !== box || refused) && found.value !== undefined) box.value = found.value;
   };
-  link.on("sets", refresh);
-  link.on("values", refresh);
+  link.on("sets", () => refresh());
+  link.on("values", () => refresh());
+  link.on("fleet", ({ state }) => { mode = state ? state.mode : "real"; refresh(); });
   box.addEventListener("change", () => {
     const found = findParameter("factor", (set) => set.includes("sim"));
-    if (!found || box.value === "") return;
+    if (!found || box.value === "") { refresh(true); return; }
     link.ask({ k: "set", set: found.set, values: { factor: Number(box.value) }, run: true }).catch((error) => {
       note(error.message, "bad");
-      refresh();
+      refresh(true);
     });
   });
 }

@@ -10,7 +10,7 @@ export class Link {
     this.wishes = new Map();
     this.number = 0;
     this.said = "";
-    this.open = false;
+    this.open = this.heard = false;
     this.retry = 300;
   }
 
@@ -24,13 +24,21 @@ export class Link {
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       this.open = true;
-      this.retry = 300;
       this.said = "";
-      this.emit("link", { open: true });
       this.tell();
     };
-    socket.onmessage = (event) => this.hear(event.data);
+    socket.onmessage = (event) => {
+      if (!this.heard) this.welcome();
+      this.hear(event.data);
+    };
     socket.onclose = (event) => this.lost(event);
+  }
+
+  // Open is not yet in: with too many pages the panel opens, says so, and closes.
+  welcome() {
+    this.heard = true;
+    this.retry = 300;
+    this.emit("link", { open: true });
   }
 
   // What one part of the page wants to see: {channels, series, fields}; all parts' wishes go out as one.
@@ -108,7 +116,7 @@ export class Link {
   }
 
   async lost(event) {
-    this.open = false;
+    this.open = this.heard = false;
     for (const { reject, timer } of this.waiting.values()) {
       clearTimeout(timer);
       reject(new Error("the connection was lost"));

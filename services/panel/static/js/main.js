@@ -16,9 +16,11 @@ const views = new Map();
 let current = null;
 
 function add(name, title, view) {
-  const tab = el("button", { role: "tab", id: `tab-${name}`, onclick: () => open(name) }, title);
+  const tab = el("button", { role: "tab", id: `tab-${name}`, "aria-selected": "false", "aria-controls": `view-${name}`, onclick: () => open(name) }, title);
   view.element.hidden = true;
   view.element.id = `view-${name}`;
+  view.element.setAttribute("role", "tabpanel");
+  view.element.setAttribute("aria-labelledby", tab.id);
   document.querySelector(".tabs").append(tab);
   byId("views").append(view.element);
   views.set(name, { tab, ...view });

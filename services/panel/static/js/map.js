@@ -7,6 +7,7 @@ import { colour, onTheme, paint } from "./theme.js";
 
 const TRAIL = 4000; // points of a robot's trail
 const APART = 0.02; // m between two of them
+const SETTLE = 2000; // ms in which the first look may still widen
 
 export class GroundMap {
   // `hand` answers the pointer: {select(ns), goal(x, y, yaw) or null when clicks send none}.
@@ -18,7 +19,7 @@ export class GroundMap {
     this.trails = new Map();
     this.selected = "";
     this.aim = null;
-    this.fitted = false;
+    this.fitted = this.touched = false;
     this.dirty = true;
     this.pointers = new Map();
     this.canvas = el("canvas", { class: "map", tabIndex: 0, "aria-label": "Map from above" });
@@ -29,6 +30,7 @@ export class GroundMap {
     }
     this.canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
+      this.touched = true;
       this.camera.zoom(Math.exp(-Math.sign(event.deltaY) * 0.15), event.offsetX, event.offsetY);
       this.dirty = true;
     }, { passive: false });
@@ -46,13 +48,22 @@ export class GroundMap {
       if (step > APART) trail.push(x, y);
       if (trail.length > 2 * TRAIL) trail.splice(0, TRAIL);
     }
-    if (!this.fitted && this.canvas.clientWidth && Object.keys(poses).length) this.fit();
+    if (!this.fitted) this.settle();
   }
 
   know(robots) {
     this.robots = robots;
     for (const ns of this.trails.keys()) if (!robots.some((each) => each.ns === ns)) this.trails.delete(ns);
     this.dirty = true;
+    this.settle();
+  }
+
+  // The first look is at everything: all robots, and plans that are told a moment later; then nothing moves by itself.
+  settle() {
+    const all = this.robots.length > 0 && this.robots.every(({ ns }) => this.poses[ns]);
+    if (this.touched || !all || !this.canvas.clientWidth) return;
+    this.settled ??= performance.now() + SETTLE;
+    if (performance.now() <= this.settled) this.fit();
   }
 
   clear() { this.trails.clear(); this.dirty = true; }
@@ -71,7 +82,7 @@ export class GroundMap {
     this.canvas.height = height * ratio;
     this.camera.width = width;
     this.camera.height = height;
-    if (!this.fitted && width && Object.keys(this.poses).length) this.fit();
+    if (!this.fitted) this.settle();
     this.dirty = true;
     this.draw();
   }
@@ -182,6 +193,8 @@ export class GroundMap {
   }
 
   down(event) {
+    if (event.button > 0) return;
+    this.touched = true;
     this.canvas.setPointerCapture(event.pointerId);
     this.pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
     this.moved = 0;

@@ -1,5 +1,7 @@
 // The grid of the map, in steps of metres that leave room for their numbers.
 
+const HEADROOM = 60; // pixels at the top, where buttons lie over the map
+
 export function drawGrid(context, camera, colours) {
   const step = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50].find((each) => each * camera.scale > 45) ?? 100;
   const [left, top] = camera.toWorld(0, 0), [right, bottom] = camera.toWorld(camera.width, camera.height);
@@ -18,6 +20,6 @@ export function drawGrid(context, camera, colours) {
   for (let i = Math.ceil(bottom / step); i * step <= top; i++) {
     const py = Math.round(camera.toScreen(0, i * step)[1]) + 0.5;
     line(i === 0, 0, py, camera.width, py);
-    context.fillText(`${Number((i * step).toFixed(2))} m`, 4, py - 3);
+    if (py > HEADROOM) context.fillText(`${Number((i * step).toFixed(2))} m`, 4, py - 3);
   }
 }

@@ -55,7 +55,7 @@ export class Plot {
 
   add(topic, path) {
     if (this.has(topic, path)) return;
-    if (this.source.all.size >= 32) { note("32 series are followed at once, no more", "bad"); return; }
+    if (this.source.all.size >= 32 && !this.source.has(topic, path)) { note("32 series are followed at once, no more", "bad"); return; }
     const series = this.source.open(topic, path);
     const used = new Set(this.lines.map((line) => line.paint));
     let index = 0;
@@ -90,7 +90,7 @@ export class Plot {
       width: this.ground.clientWidth,
       height: this.ground.clientHeight,
       legend: { show: false },
-      padding: [8, 12, 0, 0],
+      padding: [8, 26, 0, 0],
       scales: { x: { time: false, range: (_, low, high) => [low, high] }, y: { range: (_, low, high) => roomy(low, high) } },
       axes: [{ ...axis, size: 28, values: (_, ticks) => ticks.map((t) => `${Number(t.toFixed(3))} s`) }, { ...axis, size: 60, values: (_, ticks, __, ___, step) => ticks.map((each) => tick(each, step)) }],
       cursor: { sync: { key: "elea" }, drag: { x: true, y: false, setScale: false }, points: { size: 6 } },

@@ -99,7 +99,7 @@ export function startPlots(link) {
 
   function restore() {
     if (restored) return;
-    const kept = memory.get("plots", null) ?? suggested();
+    const kept = remembered() ?? suggested();
     if (kept === null) return;
     restored = true;
     for (const plot of plots) plot.destroy();
@@ -118,6 +118,13 @@ export function startPlots(link) {
     show() { visible = dirty = true; chooser.show(); },
     hide() { visible = false; chooser.hide(); },
   };
+}
+
+// The plots of last time, unless none of their topics is there: another fleet runs.
+function remembered() {
+  const kept = memory.get("plots", null);
+  const there = (topic) => store.topics.some((each) => each.name === topic && each.pubs.length);
+  return kept?.flat().some(([topic]) => there(topic)) ? kept : null;
 }
 
 // What most people want to see first: the arm where there is one, else how fast the robots go.

@@ -13,6 +13,7 @@ export class Ring {
     this.values = new Float64Array(1024);
     this.start = 0; // the oldest sample that is kept lies here
     this.end = 0;
+    this.gone = 0; // samples that lay before the arrays' beginning
   }
 
   get length() { return this.end - this.start; }
@@ -42,6 +43,7 @@ export class Ring {
     times.set(this.times.subarray(this.start, this.end));
     values.set(this.values.subarray(this.start, this.end));
     this.end -= this.start;
+    this.gone += this.start;
     this.start = 0;
     this.times = times;
     this.values = values;

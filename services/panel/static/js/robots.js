@@ -28,6 +28,7 @@ export function startRobots(link) {
     selected = ground.selected = ns;
     ground.dirty = true;
     fill();
+    rows.get(ns)?.row.scrollIntoView({ block: "nearest", inline: "nearest" });
   }
 
   function aim(on) {
@@ -47,10 +48,11 @@ export function startRobots(link) {
   function row(ns) {
     const parts = { pose: el("span", { class: "num quiet" }), state: el("span", { class: "state" }) };
     parts.swatch = el("i", { class: "swatch" });
-    parts.stop = el("button", { class: "stop small", title: "Stop this robot until it is reset", onclick: (event) => { event.stopPropagation(); order(ns, true); } }, "Stop");
-    parts.reset = el("button", { class: "small", onclick: (event) => { event.stopPropagation(); order(ns, false); } }, "Reset");
-    parts.row = el("div", { class: "robot", role: "button", tabIndex: 0, onclick: () => select(ns), onkeydown: (event) => { if (event.key === "Enter") select(ns); } },
-      el("div", { class: "line" }, parts.swatch, el("b", {}, ns.slice(1)), parts.model = el("small", { class: "quiet" }), el("span", { class: "fill" }), parts.reset, parts.stop),
+    parts.stop = el("button", { class: "stop small", title: "Stop this robot until it is reset", "aria-label": `Stop ${ns.slice(1)}`, onclick: (event) => { event.stopPropagation(); order(ns, true); } }, "Stop");
+    parts.reset = el("button", { class: "small", title: "Let this robot move again", "aria-label": `Reset ${ns.slice(1)}`, onclick: (event) => { event.stopPropagation(); order(ns, false); } }, "Reset");
+    parts.name = el("button", { class: "bare pick", title: "Choose this robot to drive and to send" }, ns.slice(1));
+    parts.row = el("div", { class: "robot", onclick: () => select(ns) },
+      el("div", { class: "line" }, parts.swatch, parts.name, parts.model = el("small", { class: "quiet" }), el("span", { class: "fill" }), parts.reset, parts.stop),
       el("div", { class: "line" }, parts.state, el("span", { class: "fill" }), parts.pose));
     parts.row.dataset.robot = ns;
     return parts;
@@ -59,7 +61,8 @@ export function startRobots(link) {
   const order = (robot, on) => link.ask({ k: "estop", robot, on }).then((text) => note(text, on ? "stop" : ""), (error) => note(error.message, "bad"));
 
   function fill() {
-    if (!robots.some((each) => each.ns === selected)) selected = ground.selected = (robots.find((each) => each.goals) ?? robots.find((each) => each.drives) ?? robots[0])?.ns ?? "";
+    const gone = !robots.some((each) => each.ns === selected);
+    if (gone) selected = ground.selected = (robots.find((each) => each.goals) ?? robots.find((each) => each.drives) ?? robots[0])?.ns ?? "";
     for (const [ns, parts] of rows) if (!robots.some((each) => each.ns === ns)) { parts.row.remove(); rows.delete(ns); }
     robots.forEach((robot, index) => {
       if (!rows.has(robot.ns)) rows.set(robot.ns, row(robot.ns));
@@ -70,11 +73,13 @@ export function startRobots(link) {
       const [text, kind] = condition(robot);
       say(parts.state, text);
       parts.state.className = `state ${kind}`;
-      parts.row.setAttribute("aria-selected", String(robot.ns === selected));
+      parts.name.setAttribute("aria-pressed", String(robot.ns === selected));
+      parts.row.classList.toggle("chosen", robot.ns === selected);
       parts.row.classList.toggle("is-stopped", robot.stopped);
       show(parts.reset, robot.stopped || robot.asked);
-      show(parts.stop, robot.drives);
+      show(parts.stop, robot.stops);
     });
+    if (gone && selected) rows.get(selected).row.scrollIntoView({ block: "nearest", inline: "nearest" });
     if (!robots.length && !list.children.length) list.append(el("p", { class: "hint" }, "No robots are in sight."));
     if (robots.length) list.querySelector(".hint")?.remove();
     const robot = robots.find((each) => each.ns === selected);
@@ -85,12 +90,12 @@ export function startRobots(link) {
 
   function condition(robot) {
     if (robot.stopped) return [robot.asked ? "stopped" : "stopped elsewhere", "bad"];
-    if (robot.asked) return ["stop sent, not confirmed", "bad"];
+    if (robot.asked) return [robot.drives ? "stop sent, not confirmed" : "stopped", "bad"];
     if (robot.colliding) return ["touches something", "bad"];
     const goals = robot.plan.length ? ` ${Math.min(robot.index + 1, robot.plan.length)} of ${robot.plan.length}` : "";
-    const by = robot.source ? ` · ${robot.source.replace(`${robot.ns}/`, "")}` : "";
+    const by = robot.source && !robot.source.startsWith(`${robot.ns}/`) ? ` · obeys ${robot.source}` : "";
     if (robot.state && robot.state !== "idle") return [`${robot.state}${robot.state === "driving" ? goals : ""}${by}`, robot.state === "waiting" ? "warn" : ""];
-    return [robot.source ? `obeys ${robot.source}` : robot.drives ? "at rest" : "no base", ""];
+    return [robot.source ? `obeys ${robot.source}` : robot.drives ? "at rest" : "does not drive", ""];
   }
 
   link.on("robots", (news) => { robots = news.robots; ground.know(robots); fill(); });
@@ -107,7 +112,10 @@ export function startRobots(link) {
       ground.draw();
       if (now - slow > 200) {
         slow = now;
-        for (const [ns, { pose }] of rows) if (poses[ns]) say(pose, `${poses[ns][0].toFixed(2)}, ${poses[ns][1].toFixed(2)} m · ${poses[ns][6].toFixed(2)} m/s`);
+        for (const { ns, drives } of robots) {
+          const [x, y, , , , , speed] = poses[ns] ?? [];
+          if (x !== undefined) say(rows.get(ns).pose, `${x.toFixed(2)}, ${y.toFixed(2)} m${drives ? ` · ${speed.toFixed(2)} m/s` : ""}`);
+        }
       }
     }
     requestAnimationFrame(frame);

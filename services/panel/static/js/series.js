@@ -20,6 +20,8 @@ export class Series {
     });
   }
 
+  has(topic, path) { return this.all.has(`${topic} ${path}`); }
+
   open(topic, path) {
     const key = `${topic} ${path}`;
     let series = this.all.get(key);

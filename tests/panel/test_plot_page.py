@@ -1,0 +1,55 @@
+"""Plots in a real browser: the stretch of time that they show, what is saved of it, and which plots come back."""
+
+from __future__ import annotations
+
+import json
+
+from playwright.sync_api import Locator, Page, expect
+
+from tests.panel.conftest import SOON_S, Pages, Watched
+from tests.panel.widgets import saved
+from tests.waiting import until
+
+SHOWN = "() => [...document.querySelectorAll('.plot')].map(each => each.querySelectorAll('.chip').length)"
+
+
+def times(page: Page, plot: Locator) -> tuple[float, float]:
+    """First and last time of what the plot saves."""
+    page.wait_for_timeout(500)  # Chromium refuses a page that offers many files at once
+    rows = saved(page, plot)[1:]
+    return float(rows[0].split(",")[0]), float(rows[-1].split(",")[0])
+
+
+def test_a_drag_zooms_the_wheel_widens_and_a_double_click_returns(fleet: Watched, pages: Pages) -> None:
+    page = pages.open("plots")
+    page.select_option("#plots-window", "5")
+    plot = page.locator(".plot").first
+    over = plot.locator(".u-over")
+    until(lambda: (lambda t: t[1] - t[0] > 6)(times(page, plot)), 2 * SOON_S, "more samples than the window shows")
+    box = over.bounding_box()
+    assert box is not None
+    y = box["y"] + box["height"] / 2
+    page.mouse.move(box["x"] + 0.25 * box["width"], y)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.75 * box["width"], y, steps=5)
+    page.mouse.up()
+    first, last = times(page, plot)
+    assert 2.0 < last - first <= 2.6, "half of the five seconds"
+    page.mouse.move(box["x"] + 0.5 * box["width"], y)
+    page.mouse.wheel(0, 100)
+    until(lambda: (lambda t: t[1] - t[0] > last - first + 0.2)(times(page, plot)), SOON_S, "a wider view")
+    over.dblclick()
+    expect(page.locator("button:has-text('Follow')")).to_be_disabled()
+    until(lambda: (lambda t: t[1] > last + 2 and t[1] - t[0] > 6)(times(page, plot)), SOON_S, "it follows again")
+
+
+def test_plots_come_back_but_not_those_of_another_fleet(fleet: Watched, pages: Pages) -> None:
+    page = pages.open("plots")
+    expect(page.locator(".chip")).to_have_count(6)
+    remember = "plots => localStorage.setItem('elea.plots', plots)"
+    page.evaluate(remember, json.dumps([[["/tb3_1/odom", "pose.pose.position.y"]], [["/gone", "data"]]]))
+    page.reload()
+    until(lambda: page.evaluate(SHOWN) == [1, 1], SOON_S, "the plots of last time")
+    page.evaluate(remember, json.dumps([[["/robot_control/reference", "data"]]]))
+    page.reload()
+    until(lambda: page.evaluate(SHOWN) == [3, 3], SOON_S, "those that fit this fleet")

@@ -1,0 +1,150 @@
+"""Strangers in a real browser: a page of another origin, a stale or forged token, one page too many."""
+
+from __future__ import annotations
+
+import re
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from urllib.parse import urlsplit
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, expect
+
+from messages.topics import E_STOP
+from services.panel import PanelParameters
+from tests.panel.client import client
+from tests.panel.conftest import ROBOTS, SOON_S, Watched
+from tests.waiting import until
+
+SPEAK = """async (address) => {
+  const said = await new Promise((done) => {
+    const socket = new WebSocket(address);
+    socket.onopen = () => { socket.send(JSON.stringify({ k: "estop", id: 1, on: true })); done("open"); };
+    socket.onerror = () => done("refused");
+  });
+  const read = await fetch(address.replace("ws:", "http:").replace("socket", "session"), { credentials: "include" })
+    .then((answer) => answer.text(), () => "unreadable");
+  const blind = await fetch(address.replace("ws:", "http:").replace("socket", ""),
+    { mode: "no-cors", credentials: "include" }).then((answer) => answer.type, () => "blocked");
+  return [said, read, blind];
+}"""
+"""What a page of another origin can try: to speak, to read, and to ask without reading."""
+
+
+class Elsewhere(BaseHTTPRequestHandler):
+    """A page of another program on this machine: a browser sends it the cookies of 127.0.0.1, whatever the port."""
+
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.send_header("Content-Type", "text/html")
+        self.end_headers()
+        self.wfile.write(b"<!doctype html><title>elsewhere</title>")
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
+
+
+@pytest.fixture
+def elsewhere() -> Iterator[int]:
+    """The port of a server beside the panel."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), Elsewhere) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield server.server_address[1]
+        server.shutdown()
+        thread.join()
+
+
+@pytest.fixture
+def context(browser: Browser, fleet: Watched) -> Iterator[BrowserContext]:
+    """A browser that has the panel's cookie."""
+    with browser.new_context() as made:
+        made.set_default_timeout(SOON_S * 1000)
+        page = made.new_page()
+        page.goto(fleet.address.url)
+        expect(page.locator("#clock")).to_contain_text(":")
+        page.close()
+        yield made
+
+
+def nobody_is_stopped(fleet: Watched) -> None:
+    """After a stop that does come through for one robot and is reset, none that came before can be on its way."""
+    output = fleet.node.write(E_STOP, f"{ROBOTS[0]}/{E_STOP.name}")
+    for on in (True, False):
+        output.publish(E_STOP.record(data=on))
+        fleet.wait(lambda on=on: fleet.base[ROBOTS[0]].e_stopped is on)
+    fleet.node.forget(output)
+    assert not any(fleet.base[robot].e_stopped for robot in ROBOTS)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])
+def test_a_page_of_another_origin_changes_and_reads_nothing(
+    fleet: Watched, context: BrowserContext, elsewhere: int, host: str
+) -> None:
+    page = context.new_page()
+    page.goto(f"http://{host}:{elsewhere}/")
+    said, read, blind = page.evaluate(SPEAK, f"ws://127.0.0.1:{fleet.address.port}/socket")
+    assert (said, read) == ("refused", "unreadable")
+    assert blind in ("opaque", "blocked")
+    nobody_is_stopped(fleet)
+
+
+def test_a_page_cannot_be_put_into_a_frame_of_another(fleet: Watched, context: BrowserContext, elsewhere: int) -> None:
+    page = context.new_page()
+    page.goto(f"http://127.0.0.1:{elsewhere}/")
+    page.evaluate("(url) => { document.body.innerHTML = `<iframe src='${url}'></iframe>`; }", fleet.address.url)
+    page.wait_for_selector("iframe")
+
+    def refused() -> bool:
+        page.wait_for_timeout(20)
+        return len(page.frames) == 2 and page.frames[1].url.startswith("chrome-error:")
+
+    until(refused, SOON_S, "the browser shows its own page of an error")
+
+
+def test_without_its_token_the_page_says_what_opens_it(fleet: Watched, browser: Browser) -> None:
+    parts = urlsplit(fleet.address.url)
+    with browser.new_context() as context:
+        page = context.new_page()
+        for query in ("", "?token=forged-token-of-another-run-000000"):
+            page.goto(f"{parts.scheme}://{parts.netloc}/{query}")
+            expect(page.locator("body")).to_contain_text("./elea panel")
+            assert page.locator("#stop").count() == 0
+        assert context.cookies() == []
+
+
+def test_a_token_that_no_longer_counts_changes_nothing_and_says_so(fleet: Watched, context: BrowserContext) -> None:
+    page = context.new_page()
+    page.goto(f"http://127.0.0.1:{fleet.address.port}/")
+    expect(page.locator("#clock")).to_contain_text(":")
+    [cookie] = context.cookies()
+    assert (cookie["httpOnly"], cookie["sameSite"]) == (True, "Strict")
+    assert fleet.address.token not in page.url
+    old = {"name": cookie["name"], "value": "a-token-of-an-earlier-run-0000000", "url": page.url.partition("#")[0]}
+    context.add_cookies([old])  # type: ignore[list-item]
+    page.evaluate("window.elea.link.socket.close()")
+    expect(page.locator("#trouble")).to_contain_text("The token of this page no longer counts")
+    page.click("#stop")
+    expect(page.locator(".note.bad")).to_contain_text("not connected")
+    nobody_is_stopped(fleet)
+    page.goto(fleet.address.url)
+    expect(page.locator("#trouble")).to_be_hidden()
+    expect(page.locator("#clock")).to_contain_text(":")
+
+
+def test_a_page_too_many_is_told_so_waits_and_comes_in_when_there_is_room(
+    fleet: Watched, context: BrowserContext
+) -> None:
+    with ExitStack() as stack:
+        for _ in range(PanelParameters().pages):
+            stack.enter_context(client(fleet.address))
+        page = context.new_page()
+        page.goto(fleet.address.url)
+        expect(page.locator("#trouble")).to_have_text("too many pages are open")
+        until(lambda: page.evaluate("window.elea.link.retry") > 1000, SOON_S, "it asks more and more seldom")
+        expect(page.locator("#trouble")).to_have_text("too many pages are open")
+        assert page.locator("#clock").inner_text() == "–"
+    expect(page.locator("#clock")).to_have_text(re.compile(r"\d\d:\d\d"))
+    expect(page.locator("#trouble")).to_be_hidden()
