@@ -41,7 +41,8 @@ VERBS = {
 def elea() -> None:
     """Robots in simulation on Zenoh: processes that run, grade themselves and repeat bit for bit.
 
-    Exit status: 0 all is well, 1 it failed or missed a bound, 2 bad input, 130 interrupted before the run's own end.
+    Exit status: 0 all is well, 1 it failed or missed a bound, 2 bad input, 130 interrupted before the run's own end,
+    75 for a service that may work later: its name or port is taken, or the network is out of reach.
     """
 
 
