@@ -12,7 +12,7 @@ from deploy.wiring import IMPLIED, parameters_of
 from messages.names import BadName, Identity, identify, parse_remap
 from models import MODELS
 from services.runtime.errors import BadInput, unknown
-from services.runtime.parameters import build
+from services.runtime.parameters.record import build
 
 
 def check(fleet: Fleet, source: Source) -> None:

@@ -15,12 +15,12 @@ from messages.names import resolve
 from messages.requests import PARAMS_ANNOUNCE
 from models.figures import read_model
 from services.runtime.errors import BadInput, unknown
-from services.runtime.leaves import flatten, leaves
-from services.runtime.parameters import build, check_value, read_assignments
+from services.runtime.parameters.leaves import flatten, leaves
+from services.runtime.parameters.record import build, check_value, read_assignments
 from services.runtime.service import Parameters, Service
 from services.sim import BaseParameters, JointParameters
+from services.sim.base.settings import configured
 from services.sim.joints.terms import completed
-from services.sim.settings import configured
 
 
 def parameter_sets(fleet: Fleet) -> dict[str, list[type[Parameters]]]:

@@ -13,10 +13,10 @@ from deploy.run_folder import BAG_FOLDER, RECORDING_FILE
 from models.figures import read_model
 from services.logger import LoggerParameters
 from services.panel.address import FILE as PANEL_FILE
-from services.runtime.parameters import build
+from services.runtime.parameters.record import build
 from services.runtime.service import Parameters
 from services.sim import BaseParameters, JointParameters
-from services.sim.settings import configured
+from services.sim.base.settings import configured
 
 IMPLIED = ("router", "params", "sim", "grader")
 """Services that every fleet has; a fleet file states one only to set its parameters."""

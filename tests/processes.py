@@ -14,10 +14,10 @@ from typing import Self
 
 from services.runtime.identity import Identity
 from services.runtime.log import Log
+from services.runtime.network.zenoh_config import configuration
+from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
 from services.runtime.process import PARENT, ROOT
-from services.runtime.zenoh_config import configuration
-from services.runtime.zenoh_transport import ZenohTransport
 from tests.ports import free_port
 from tests.waiting import until
 

@@ -18,13 +18,13 @@ from messages.topics import CMD_VEL, JOINT_EFFORT
 from models import model_path
 from models.figures import read_model
 from models.scene import read_scene
-from services.runtime.parameters import build
+from services.runtime.parameters.record import build
 from services.runtime.service import STEP_NS
-from services.sim.base_parameters import BaseParameters
-from services.sim.bullet import BulletWorld
+from services.sim.base.parameters import BaseParameters
+from services.sim.base.settings import Settings, configured
 from services.sim.diffdrive.driver import AT_REST, advance, wheel_speeds
-from services.sim.settings import Settings, configured
-from services.sim.world import Body, Motor, Placement
+from services.sim.physics.bullet import BulletWorld
+from services.sim.physics.world import Body, Motor, Placement
 
 FROM_S, TO_S = 2.0, 42.0
 """The span of simulation time that is timed."""

@@ -23,9 +23,9 @@ from services.runtime import Service, main
 from services.runtime.context import Context
 from services.runtime.identity import Identity
 from services.runtime.log import Log
+from services.runtime.network.zenoh_config import configuration
+from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
-from services.runtime.zenoh_config import configuration
-from services.runtime.zenoh_transport import ZenohTransport
 
 PING = Topic("/bench/ping", Odometry, 0, Quality.SENSOR, "measured round trip, out")
 PONG = Topic("/bench/pong", Odometry, 0, Quality.SENSOR, "measured round trip, back")

@@ -28,8 +28,8 @@ from deploy.bench.partner import (
 )
 from messages.base import encode
 from services.runtime.graph import pattern
+from services.runtime.network.zenoh_config import configuration
 from services.runtime.node import Node
-from services.runtime.zenoh_config import configuration
 
 TRIPS = 1500
 """Round trips of one block."""

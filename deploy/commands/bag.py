@@ -170,7 +170,7 @@ def _bytes(text: str) -> int:
 def _become(service: str, parameters: dict[str, Any], arguments: list[str]) -> None:
     """Go on as a service, in this terminal; its parameters are checked first."""
     from deploy.catalogue import declaration
-    from services.runtime.parameters import build
+    from services.runtime.parameters.record import build
 
     build(
         declaration(service).parameters, {name: _plain(value) for name, value in parameters.items()}, f"bag {service}"

@@ -12,7 +12,7 @@ from click.shell_completion import CompletionItem
 from services.runtime.errors import EleaError
 
 if TYPE_CHECKING:
-    from services.runtime.transport import Transport
+    from services.runtime.network.transport import Transport
 
 WITHIN_S = 0.3
 """Wall time that the network has; a shell must not hang because a router does."""

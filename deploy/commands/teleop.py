@@ -11,7 +11,7 @@ import click
 
 from deploy.commands.options import place_options
 from deploy.place import Place
-from services.runtime.parameters import build
+from services.runtime.parameters.record import build
 from services.runtime.process import ROOT
 from services.teleop import TeleopParameters
 from services.teleop.bindings import KEYS

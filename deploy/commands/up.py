@@ -67,7 +67,7 @@ def _run(fleet: Fleet, report: str, as_json: bool, options: dict[str, Any]) -> i
     from deploy.run_fleet import run_fleet
     from deploy.run_folder import make_folder
     from deploy.wiring import Terms
-    from services.runtime.zenoh_config import endpoint
+    from services.runtime.network.zenoh_config import endpoint
 
     if options["params"] and options["no_saved"]:
         raise BadInput("--params and --no-saved contradict each other: give one of them")

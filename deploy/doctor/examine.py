@@ -9,7 +9,7 @@ from deploy.live.output import say, say_json
 from deploy.place import Place, place_of
 from deploy.version import VERSION
 from services.runtime.errors import BadInput
-from services.runtime.zenoh_config import endpoint
+from services.runtime.network.zenoh_config import endpoint
 
 
 def examine(connect: str = "", domain: str = "", port: int | None = None) -> list[Finding]:

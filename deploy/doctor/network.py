@@ -12,7 +12,7 @@ from deploy.place import Place
 from messages.elea import Health
 from services.runtime.errors import BadInput
 from services.runtime.graph import Entity
-from services.runtime.transport import Transport
+from services.runtime.network.transport import Transport
 
 LISTEN_S = 1.6
 """Wall time in which each node beats once, and a busy one as well."""

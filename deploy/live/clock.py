@@ -9,7 +9,7 @@ from messages.base import Message, WrongPayload, decoder
 from messages.rosgraph import Clock
 from messages.std import Header, Time
 from messages.topics import CLOCK
-from services.runtime.transport import Transport
+from services.runtime.network.transport import Transport
 
 _KEPT = 4096
 """Clock messages that are remembered; at 50 Hz more than a minute."""

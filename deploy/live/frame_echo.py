@@ -12,7 +12,7 @@ from deploy.live.output import note, say, say_json
 from deploy.live.session import session
 from deploy.place import Place
 from services.runtime.errors import NoTransform
-from services.runtime.frame_buffer import Found
+from services.runtime.frames.buffer import Found
 
 INTERRUPTED = 130
 """Exit status of what was asked for a number of answers and interrupted before."""

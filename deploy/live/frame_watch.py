@@ -9,11 +9,11 @@ from deploy.live.clock import SimClock
 from deploy.live.session import Session
 from messages.tf import TFMessage
 from messages.topics import TF, TF_STATIC, Topic
-from services.runtime.frame_buffer import FrameBuffer
+from services.runtime.frames.buffer import FrameBuffer
+from services.runtime.frames.transforms import take_fixed, take_moving
 from services.runtime.graph import Entity, snapshot
 from services.runtime.inputs import Input
-from services.runtime.transforms import take_fixed, take_moving
-from services.runtime.wire import NODE_BYTES, member_id
+from services.runtime.network.wire import NODE_BYTES, member_id
 
 WINDOW = 256
 """Stamps of a frame of which its rate is taken."""

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from messages.names import key as key_of
 from services.runtime.inputs import EVENTS
-from services.runtime.transport import Inlet, Transport
-from services.runtime.wire import FORMAT, Origin, detach
+from services.runtime.network.transport import Inlet, Transport
+from services.runtime.network.wire import FORMAT, Origin, detach
 
 
 class Heard(NamedTuple):

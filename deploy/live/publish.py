@@ -22,8 +22,8 @@ from messages.plain import plain_record
 from messages.topics import CLOCK, Quality, Topic
 from services.runtime.errors import BadInput, EleaError
 from services.runtime.graph import snapshot
+from services.runtime.network.transport import BEAT_S
 from services.runtime.outputs import Output
-from services.runtime.transport import BEAT_S
 
 _CLOCK_S = 2.0
 """Wall time that the first /clock has, where somebody publishes it."""

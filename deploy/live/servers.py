@@ -16,7 +16,7 @@ from messages.requests import Request
 from services.runtime.calls import call
 from services.runtime.errors import BadInput
 from services.runtime.graph import Entity, pattern
-from services.runtime.transport import Transport
+from services.runtime.network.transport import Transport
 
 
 class Server(NamedTuple):

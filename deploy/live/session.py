@@ -10,8 +10,8 @@ from deploy.live.output import leave_quietly, reader_gone
 from deploy.live.visit import visit
 from deploy.place import Place
 from services.runtime.graph import Entity, Kind
+from services.runtime.network.transport import Inlet, Token, Transport
 from services.runtime.process import on_stop
-from services.runtime.transport import Inlet, Token, Transport
 
 
 class Session:

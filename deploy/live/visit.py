@@ -7,14 +7,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from services.runtime.errors import BadInput
-from services.runtime.transport import Transport
+from services.runtime.network.transport import Transport
 
 
 @contextmanager
 def visit(router: str, domain: str = "", patience: float = 2.0) -> Iterator[Transport]:
     """A transport through the router at an endpoint; raises BadInput when nobody listens there for ``patience`` [s]."""
-    from services.runtime.zenoh_config import configuration, endpoint
-    from services.runtime.zenoh_transport import ZenohTransport
+    from services.runtime.network.zenoh_config import configuration, endpoint
+    from services.runtime.network.zenoh_transport import ZenohTransport
 
     where = endpoint(router)
     host, _, port = where.partition("/")[2].rpartition(":")

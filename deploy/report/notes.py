@@ -7,10 +7,10 @@ import math
 from deploy.fleet import Fleet, Robot
 from services.motion.planar import Motion
 from services.runtime.errors import BadInput
-from services.runtime.parameters import build
+from services.runtime.parameters.record import build
 from services.sim import BaseParameters
+from services.sim.base.settings import Settings, configured
 from services.sim.diffdrive.driver import AT_REST, Drive, advance, commanded
-from services.sim.settings import Settings, configured
 from services.square import SquareParameters
 from services.square.expected import STEP_S, Base, expected, runs_on
 from services.square.seed import ANGLE_THRESHOLD

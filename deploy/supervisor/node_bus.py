@@ -13,9 +13,9 @@ from messages.requests import SUPERVISOR_RESTART, SUPERVISOR_START, SUPERVISOR_S
 from messages.topics import FLEET_STATE, HEALTH, UPDATES
 from services.runtime.identity import Identity
 from services.runtime.log import Log
+from services.runtime.network.zenoh_config import configuration
+from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
-from services.runtime.zenoh_config import configuration
-from services.runtime.zenoh_transport import ZenohTransport
 
 _REQUESTS = {"start": SUPERVISOR_START, "stop": SUPERVISOR_STOP, "restart": SUPERVISOR_RESTART}
 

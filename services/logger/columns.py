@@ -19,7 +19,7 @@ from services.logger.course import Course
 from services.logger.fixed import lies_in_world
 from services.logger.scans import Scans
 from services.logger.trail import Trail
-from services.runtime.frame_buffer import FrameBuffer
+from services.runtime.frames.buffer import FrameBuffer
 
 BENEATH = -0.001
 """Height of the trail by odometry, m: as long as it agrees with the true one, it lies hidden under it."""

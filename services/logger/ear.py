@@ -6,7 +6,7 @@ from messages.topics import CMD_VEL, CONTROL_STATE, GROUND_TRUTH, JOINT_STATES, 
 from services.logger import LoggerParameters
 from services.logger.columns import RobotColumns
 from services.runtime.context import Context
-from services.runtime.frame_buffer import FrameBuffer
+from services.runtime.frames.buffer import FrameBuffer
 
 
 class Ear:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from services.logger.alignment import Alignment
 from services.runtime.errors import NoTransform
-from services.runtime.frame_buffer import FrameBuffer
-from services.runtime.rigid import HERE, Rigid
+from services.runtime.frames.buffer import FrameBuffer
+from services.runtime.frames.rigid import HERE, Rigid
 
 WORLD = "world"
 

@@ -21,7 +21,7 @@ from models.figures import read_model
 from services.logger.blueprint import Extent
 from services.logger.columns import RobotColumns
 from services.logger.recording import Recording
-from services.runtime.frame_buffer import FrameBuffer
+from services.runtime.frames.buffer import FrameBuffer
 
 BATCH_NS = 1_000_000_000
 """Simulated time in one batch."""

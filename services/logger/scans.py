@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from messages.sensor import LaserScan
 from services.logger.fixed import mounted
-from services.runtime.frame_buffer import FrameBuffer
-from services.runtime.rigid import Rigid
+from services.runtime.frames.buffer import FrameBuffer
+from services.runtime.frames.rigid import Rigid
 
 LIMIT = 200
 """Scans kept between two batches: 40 s of a laser of 5 Hz."""

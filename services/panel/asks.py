@@ -33,7 +33,7 @@ from services.panel.words import Ask, Forget, History, Pause, Process, Reset, Re
 from services.runtime.calls import understand
 from services.runtime.errors import BadInput, CallFailed
 from services.runtime.identity import Identity
-from services.runtime.transport import Pending, Transport
+from services.runtime.network.transport import Pending, Transport
 
 _ORDERS = {"start": SUPERVISOR_START, "stop": SUPERVISOR_STOP, "restart": SUPERVISOR_RESTART}
 

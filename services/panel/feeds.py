@@ -9,8 +9,8 @@ from messages.names import key as key_of
 from messages.records import RECORDS
 from messages.topics import TOPICS, Quality, Topic
 from services.runtime.inputs import CAPACITY, Input
+from services.runtime.network.wire import Origin, detach
 from services.runtime.node import Node
-from services.runtime.wire import Origin, detach
 
 LARGEST_FOREIGN = 1 << 20
 """Bytes of a message of unknown type that are read."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from services.runtime.graph import EVERYTHING, Entity
-from services.runtime.transport import Transport
+from services.runtime.network.transport import Transport
 
 
 class Network:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from bisect import bisect_right
 
 from messages.rosgraph import Clock
-from services.runtime.wire import Origin
+from services.runtime.network.wire import Origin
 
 KEPT = 512
 """Clocks remembered: 10 s at 50 Hz."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from messages.parameters import ResetParameters, SetParameters, Value
 from services.params.check import fit, shown
 from services.params.state import State
-from services.runtime.allowed import contradictions
 from services.runtime.errors import BadInput, unknown
+from services.runtime.parameters.allowed import contradictions
 
 Layer = dict[str, Value]
 

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 from messages.base import LARGEST
 from messages.parameters import ParameterDescription, Value
-from services.runtime.allowed import long, within
 from services.runtime.errors import BadInput
+from services.runtime.parameters.allowed import long, within
 
 _TYPE = re.compile(r"(bool|int|float|str)((?:\[\]){0,2})")
 _WHOLE = 2**63

@@ -8,9 +8,9 @@ from messages.topics import TOPICS, Topic
 from services.bag.channel import RAW, Channel
 from services.bag.typed import record_of, unknown_record
 from services.player.playback import Cue
+from services.runtime.network.wire import publisher_id
 from services.runtime.node import Node
 from services.runtime.outputs import Output
-from services.runtime.wire import publisher_id
 
 
 class Stage:

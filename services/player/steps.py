@@ -6,8 +6,8 @@ import time
 
 from services.player.clockwork import Clockwork
 from services.player.timeline import Moment
-from services.runtime.barrier import Barrier
-from services.runtime.lockstep import Go
+from services.runtime.lockstep.barrier import Barrier
+from services.runtime.lockstep.protocol import Go
 from services.runtime.node import Node
 from services.runtime.service import STEP_NS
 

@@ -11,8 +11,8 @@ from services.bag.typed import unknown_record
 from services.recorder.selection import Selection
 from services.runtime.graph import Entity, Kind, pattern
 from services.runtime.inputs import Input
+from services.runtime.network.zenoh_config import LARGEST_MESSAGE
 from services.runtime.node import Node
-from services.runtime.zenoh_config import LARGEST_MESSAGE
 
 _KINDS: tuple[Kind, ...] = ("pub", "sub")
 

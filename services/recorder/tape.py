@@ -19,7 +19,7 @@ from services.recorder.listening import Listening
 from services.recorder.times import Times, arrival
 from services.runtime.inputs import Input
 from services.runtime.log import Log
-from services.runtime.wire import NODE_BYTES, Origin
+from services.runtime.network.wire import NODE_BYTES, Origin
 
 _FOREIGN = b"foreign"
 """Stands for all senders that do not tell who they are."""

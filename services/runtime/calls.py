@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 from messages.base import Message, WrongPayload, decoder, encode
 from messages.requests import Refusal, Request
 from services.runtime.errors import CallFailed, EleaError, NoAnswer
-from services.runtime.transport import Reply, Transport
+from services.runtime.network.transport import Reply, Transport
 
 Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)

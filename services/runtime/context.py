@@ -11,17 +11,17 @@ from messages.requests import Request
 from messages.topics import Topic
 from services.runtime.calls import DEADLINE_S
 from services.runtime.errors import BadInput
-from services.runtime.followed import Followed
-from services.runtime.frame_buffer import CACHE_S
+from services.runtime.frames.buffer import CACHE_S
+from services.runtime.frames.transforms import Transforms
 from services.runtime.graph import ROOT
 from services.runtime.log import Log
+from services.runtime.network.transport import Inlet
 from services.runtime.node import Node
 from services.runtime.outputs import Output
 from services.runtime.pacing import ClockPacer, Instant, LockstepPacer, Pacer
-from services.runtime.parameters import ALL
+from services.runtime.parameters.followed import Followed
+from services.runtime.parameters.record import ALL
 from services.runtime.service import Parameters, period_of
-from services.runtime.transforms import Transforms
-from services.runtime.transport import Inlet
 from services.runtime.views import Latest, Stream
 
 M = TypeVar("M", bound=Message)

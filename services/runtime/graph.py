@@ -8,7 +8,7 @@ from typing import Literal
 
 from messages.names import BadName, mangle, unmangle
 from messages.names import key as absolute
-from services.runtime.transport import TOKENS, Transport
+from services.runtime.network.transport import TOKENS, Transport
 
 ROOT = TOKENS
 EVERYTHING = f"{ROOT}/*/*/*/*/*/*"

@@ -11,9 +11,9 @@ from typing import Any, Generic, TypeVar
 from messages.base import FAULTS, Message, bare_decoder
 from messages.elea import InputHealth
 from messages.topics import Quality, Topic
-from services.runtime.marks import Marks
-from services.runtime.transport import Inlet, Sample, Transport
-from services.runtime.wire import MEMBER_BYTES, NODE_BYTES, Origin, detach, encoding, member_id
+from services.runtime.lockstep.marks import Marks
+from services.runtime.network.transport import Inlet, Sample, Transport
+from services.runtime.network.wire import MEMBER_BYTES, NODE_BYTES, Origin, detach, encoding, member_id
 
 M = TypeVar("M", bound=Message)
 

@@ -12,9 +12,9 @@ from typing import Any
 import click
 import msgspec
 
-from services.runtime.allowed import beside, within
 from services.runtime.errors import TRY_AGAIN, BadInput, EleaError, Stopped, TryAgain
-from services.runtime.parameters import build, describe, read_assignments, stated
+from services.runtime.parameters.allowed import beside, within
+from services.runtime.parameters.record import build, describe, read_assignments, stated
 from services.runtime.service import Parameters, Service
 
 _declaring = ContextVar("declaring", default=False)

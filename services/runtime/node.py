@@ -13,17 +13,17 @@ from messages.rosgraph import Log as LogLine
 from messages.topics import HEALTH, ROSOUT, Topic
 from services.runtime.calls import DEADLINE_S, Served, call
 from services.runtime.errors import Stopped, TryAgain
-from services.runtime.following import Following
 from services.runtime.graph import Entity, Kind, pattern
 from services.runtime.health import Heart
 from services.runtime.identity import Identity
 from services.runtime.inputs import Input
+from services.runtime.lockstep.marks import Marks
 from services.runtime.log import Log
-from services.runtime.marks import Marks
+from services.runtime.network.transport import Inlet, Token, Transport
 from services.runtime.outbox import Outbox
 from services.runtime.outputs import Output
+from services.runtime.parameters.following import Following
 from services.runtime.register import present
-from services.runtime.transport import Inlet, Token, Transport
 
 M = TypeVar("M", bound=Message)
 Q = TypeVar("Q", bound=Message)

@@ -7,9 +7,9 @@ from typing import Generic, TypeVar
 from messages.base import Message, encode
 from messages.elea import OutputHealth
 from messages.topics import Quality, Topic
+from services.runtime.network.transport import Transport
+from services.runtime.network.wire import attach, encoding, publisher_id
 from services.runtime.outbox import Outbox
-from services.runtime.transport import Transport
-from services.runtime.wire import attach, encoding, publisher_id
 
 M = TypeVar("M", bound=Message)
 

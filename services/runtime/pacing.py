@@ -9,13 +9,13 @@ from typing import NamedTuple, Protocol
 from messages.base import WrongPayload, decoder
 from messages.rosgraph import Clock
 from messages.topics import CLOCK
-from services.runtime.follower import LINK_S, Follower
-from services.runtime.lockstep import Go, greeting_numbers, numbers
+from services.runtime.lockstep.follower import LINK_S, Follower
+from services.runtime.lockstep.marks import Marks
+from services.runtime.lockstep.protocol import Go, greeting_numbers, numbers
 from services.runtime.log import Log
-from services.runtime.marks import Marks
+from services.runtime.network.transport import Inlet
+from services.runtime.network.wire import detach, encoding
 from services.runtime.node import Node
-from services.runtime.transport import Inlet
-from services.runtime.wire import detach, encoding
 
 SILENCE_S = 0.5
 """Wall time without a clock after which the loop calls itself waiting."""

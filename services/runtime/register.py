@@ -10,7 +10,7 @@ import msgspec
 
 from messages.base import FAULTS, decoder, encode
 from services.runtime.graph import ROOT, pattern
-from services.runtime.transport import Transport
+from services.runtime.network.transport import Transport
 
 KEY = f"{ROOT}/register"
 WITHIN_S = 0.5

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 
 from services.runtime.graph import Entity, pattern
 from services.runtime.log import Log
-from services.runtime.transport import Transport
+from services.runtime.network.transport import Transport
 
 PATIENCE_S = 15.0
 """Wall time that a simulation which waits for nobody later waits for its fleet at the start."""

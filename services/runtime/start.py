@@ -6,15 +6,15 @@ from typing import Any
 
 from messages.requests import PARAMS_ANNOUNCE
 from services.runtime.context import Context
-from services.runtime.followed import Followed
 from services.runtime.identity import Identity
 from services.runtime.log import Log
+from services.runtime.network.zenoh_config import DEFAULT_ROUTER, Role, configuration
+from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
-from services.runtime.parameters import stated
+from services.runtime.parameters.followed import Followed
+from services.runtime.parameters.record import stated
 from services.runtime.process import CLOSE_S, end_within, give_way, on_stop
 from services.runtime.service import Service
-from services.runtime.zenoh_config import DEFAULT_ROUTER, Role, configuration
-from services.runtime.zenoh_transport import ZenohTransport
 
 FIRST_PATIENCE_S = 20.0
 """Wall time for which the parameter service waits for a first clock in silence."""

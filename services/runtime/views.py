@@ -9,7 +9,7 @@ from messages.base import Message
 from messages.std import Header
 from messages.topics import Quality
 from services.runtime.inputs import CAPACITY, Input
-from services.runtime.wire import Origin
+from services.runtime.network.wire import Origin
 
 M = TypeVar("M", bound=Message)
 

@@ -8,8 +8,8 @@ from msgspec import Meta
 from messages.requests import SIM_REQUESTS
 from messages.topics import CLOCK, LINK_STATES, MODEL_STATES, TF, TF_STATIC
 from services.runtime.service import Parameters, Service
-from services.sim.base_parameters import BaseParameters as BaseParameters
-from services.sim.joint_parameters import JointParameters as JointParameters
+from services.sim.base.parameters import BaseParameters as BaseParameters
+from services.sim.joints.parameters import JointParameters as JointParameters
 
 Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from messages.names import key as key_of
 from services.runtime.graph import Entity, pattern
-from services.runtime.transport import Transport
-from services.runtime.wire import MEMBER_BYTES, Origin, publisher_id
+from services.runtime.network.transport import Transport
+from services.runtime.network.wire import MEMBER_BYTES, Origin, publisher_id
 
 PRIORITIES = {"teleop": 10, "panel": 10}
 """By kind of service; everything else commands at 1. A person at the keys, or at a page, wins over a controller."""

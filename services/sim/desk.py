@@ -26,14 +26,14 @@ from models import UnknownModel
 from models.figures import read_model
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
-from services.runtime.parameters import build
+from services.runtime.parameters.record import build
 from services.sim import BaseParameters, JointParameters, RobotEntry
 from services.sim.entities import frame_state, placed_in, pose_and_twist, seen_from
-from services.sim.joint_desk import by_name
-from services.sim.rotation import into_world
+from services.sim.joints.desk import by_name
+from services.sim.physics.rotation import into_world
+from services.sim.physics.world import BodyState, Placement
 from services.sim.stage import Stage
 from services.sim.timing import Timing
-from services.sim.world import BodyState, Placement
 
 
 class Desk:

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from messages.geometry import Point, Pose, Quaternion, Twist, Vector3
 from services.runtime.errors import BadInput, unknown
-from services.sim.rotation import compose, into_body, into_world
-from services.sim.world import ORIGIN, BodyState, Placement, World
+from services.sim.physics.rotation import compose, into_body, into_world
+from services.sim.physics.world import ORIGIN, BodyState, Placement, World
 
 WORLD_FRAMES = ("", "world", "map", "/map", "/world")
 """The names of the world as a frame."""

@@ -9,7 +9,7 @@ from messages.topics import LINK_STATES, MODEL_STATES
 from services.runtime.node import Node
 from services.runtime.outputs import Output
 from services.sim.entities import pose_and_twist
-from services.sim.world import World
+from services.sim.physics.world import World
 
 
 class Everything:

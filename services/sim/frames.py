@@ -10,9 +10,9 @@ from messages.std import Header, Time
 from messages.tf import TFMessage
 from models.frames import Joint, read_joints
 from services.sim.diffdrive.odometry import Pose2
+from services.sim.physics.rotation import into_world
+from services.sim.physics.world import ORIGIN, Placement, World
 from services.sim.robot import Robot
-from services.sim.rotation import into_world
-from services.sim.world import ORIGIN, Placement, World
 
 
 def fixed(robots: Iterable[tuple[Robot, Placement]], now: int) -> TFMessage:

@@ -11,13 +11,13 @@ from services.runtime.errors import BadInput
 from services.runtime.roster import gather
 from services.runtime.service import STEP_NS
 from services.sim import SimParameters
-from services.sim.bullet import BulletWorld
 from services.sim.desk import Desk, advance
-from services.sim.joint_desk import JointDesk
+from services.sim.joints.desk import JointDesk
+from services.sim.physics.bullet import BulletWorld
+from services.sim.physics.world import Placement
 from services.sim.properties import Properties
 from services.sim.stage import Stage
 from services.sim.timing import Free, Lockstep, Real, Timing
-from services.sim.world import Placement
 
 SECOND_STEPS = 1_000_000_000 // STEP_NS
 """Physics steps in a second."""

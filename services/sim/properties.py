@@ -11,9 +11,9 @@ from services.runtime.node import Node
 from services.runtime.service import STEP_NS
 from services.sim import SimParameters
 from services.sim.entities import AT_REST, frame_state, link_named, pose_and_twist, seen_from
+from services.sim.physics.world import GRAVITY, ITERATIONS, BodyState
 from services.sim.stage import Stage
 from services.sim.timing import Timing
-from services.sim.world import GRAVITY, ITERATIONS, BodyState
 
 
 class Properties:

@@ -17,17 +17,17 @@ from services.runtime.errors import BadInput
 from services.runtime.inputs import Input
 from services.runtime.node import Node
 from services.sim import RobotEntry
-from services.sim.base import Base
-from services.sim.base_set import BaseSet
+from services.sim.base.base import Base
+from services.sim.base.parameter_set import BaseSet
+from services.sim.base.settings import effective, odometry_settings
 from services.sim.commanders import Ages, Commanders
-from services.sim.joint_set import JointSet
 from services.sim.joints.actuators import Actuators
+from services.sim.joints.parameter_set import JointSet
 from services.sim.joints.terms import positions
-from services.sim.odometer import Odometer
-from services.sim.odometry import body_twist, pose_of
-from services.sim.settings import effective, odometry_settings
+from services.sim.physics.world import Body, Motor, Placement, Resistance, World
+from services.sim.sensors.odometer import Odometer
+from services.sim.sensors.odometry import body_twist, pose_of
 from services.sim.telemetry import Telemetry
-from services.sim.world import Body, Motor, Placement, Resistance, World
 
 CMD_VEL_STAMPED = Topic(CMD_VEL.name, TwistStamped, CMD_VEL.rate, CMD_VEL.quality, "velocity command with its time")
 """What a base reads instead of ``CMD_VEL`` when ``use_stamped_vel`` is set."""

@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from typing import Generic, Protocol, TypeVar
 
 from messages.parameters import ParameterDescription
-from services.runtime.followed import Followed
-from services.runtime.leaves import differing, flatten
 from services.runtime.node import Node
+from services.runtime.parameters.followed import Followed
+from services.runtime.parameters.leaves import differing, flatten
 from services.runtime.service import Parameters
 
 

@@ -9,7 +9,7 @@ from messages.rosgraph import Clock
 from messages.std import Time
 from messages.topics import CLOCK, E_STOP, TF, TF_STATIC
 from services.runtime.errors import BadInput, unknown
-from services.runtime.marks import Marks
+from services.runtime.lockstep.marks import Marks
 from services.runtime.node import Node
 from services.runtime.outputs import Output
 from services.runtime.service import STEP_NS
@@ -18,8 +18,8 @@ from services.sim.commanders import Ages, Commanders
 from services.sim.everything import Everything
 from services.sim.frames import fixed, moving
 from services.sim.joints.wrenches import Wrenches
+from services.sim.physics.world import Placement, World
 from services.sim.robot import Robot
-from services.sim.world import Placement, World
 
 CONTROL = 4
 """Physics steps between two looks at the commands, and two messages of the clock: 50 Hz. Where joints are told faster,

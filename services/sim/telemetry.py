@@ -30,15 +30,15 @@ from services.runtime.node import Node
 from services.runtime.outputs import Output
 from services.runtime.service import STEP_NS
 from services.sim import RobotEntry
-from services.sim.base import Base
+from services.sim.base.base import Base
 from services.sim.joints.actuators import Actuators
-from services.sim.odometer import Odometer
-from services.sim.odometry import world_odometry
-from services.sim.photo import calibration, photograph
-from services.sim.rotation import into_body
-from services.sim.sensors import imu, joint_state, noise_source, scan
-from services.sim.sonar import cloud, measure, ranges_of, ring_of
-from services.sim.world import BodyState, World
+from services.sim.physics.rotation import into_body
+from services.sim.physics.world import BodyState, World
+from services.sim.sensors.odometer import Odometer
+from services.sim.sensors.odometry import world_odometry
+from services.sim.sensors.photo import calibration, photograph
+from services.sim.sensors.readings import imu, joint_state, noise_source, scan
+from services.sim.sensors.sonar import cloud, measure, ranges_of, ring_of
 
 
 class Telemetry:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from typing import Protocol
 
-from services.runtime.barrier import Barrier
-from services.runtime.lockstep import Go
-from services.runtime.marks import Marks
+from services.runtime.lockstep.barrier import Barrier
+from services.runtime.lockstep.marks import Marks
+from services.runtime.lockstep.protocol import Go
 from services.runtime.node import Node
 from services.sim.stage import CONTROL, Stage
 

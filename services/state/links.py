@@ -10,7 +10,7 @@ from messages.geometry import TransformStamped
 from messages.sensor import JointState
 from messages.std import Header, Time
 from models.description import DescribedJoint, Description
-from services.runtime.rigid import Rigid
+from services.runtime.frames.rigid import Rigid
 
 OLD_NS = 30_000_000_000
 """A joint state older than this is warned of."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from messages.tf import TFMessage
-from services.runtime.wire import Origin
+from services.runtime.network.wire import Origin
 
 
 class Neighbours:

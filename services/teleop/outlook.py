@@ -9,8 +9,8 @@ from messages.geometry import Twist
 from messages.topics import BASE_STATUS, CLOCK, ODOM
 from services.runtime.context import Context
 from services.runtime.health import State
+from services.runtime.network.wire import Origin
 from services.runtime.views import Latest
-from services.runtime.wire import Origin
 
 SILENCE_S = 1.0
 """Wall time after which what tells nothing is taken to be gone; a clock tells 50 times a second, a base 5 times."""

@@ -19,7 +19,7 @@ SERVICES = "Services stand on the runtime and never import each other"
 COMMANDS = "Nothing below the command line imports it"
 VOCABULARY = "Messages import no network, physics, viewer or arrays"
 NETWORK = "Zenoh stands behind the transport alone"
-PHYSICS = "PyBullet stands behind the simulation alone"
+PHYSICS = "PyBullet stands behind the world of the simulation alone"
 VIEWER = "Rerun stands behind the logger alone"
 BAGS = "MCAP stands behind the bags alone"
 WEB = "The web server stands behind the panel alone"
@@ -43,6 +43,7 @@ PLANTED = [
     (NETWORK, "services/grader/loop.py", "def later(): import zenoh"),
     (NETWORK, "deploy/live/visit.py", "from zenoh import Config"),
     (PHYSICS, "services/grader/loop.py", "import pybullet"),
+    (PHYSICS, "services/sim/robot.py", "import pybullet"),
     (PHYSICS, "models/scene.py", "import pybullet_data"),
     (VIEWER, "services/sim/loop.py", "import rerun"),
     (VIEWER, "deploy/report/picture.py", "import rerun_cli"),

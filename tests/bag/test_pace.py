@@ -8,7 +8,7 @@ from messages.topics import CLOCK
 from services.player.pace import Following
 from services.player.timeline import Moment
 from services.runtime.context import Context
-from services.runtime.memory_transport import MemoryBus
+from services.runtime.network.memory_transport import MemoryBus
 from services.runtime.outputs import Output
 from services.runtime.service import Parameters
 from tests.runtime.bench import node

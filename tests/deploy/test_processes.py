@@ -14,7 +14,7 @@ from deploy.fleet_file import find_fleet, fleet_names, read_fleet
 from deploy.policy import Policy
 from deploy.process import SUPERVISOR, Process, processes
 from deploy.wiring import Terms
-from services.runtime.parameters import build, read_assignments
+from services.runtime.parameters.record import build, read_assignments
 
 TERMS = Terms(folder=Path("/tmp/run"))
 

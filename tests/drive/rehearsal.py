@@ -19,20 +19,20 @@ from services.runtime.calls import call
 from services.runtime.identity import Identity
 from services.runtime.inputs import Input
 from services.runtime.log import Log
-from services.runtime.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.wire import encoding
 from services.runtime.node import Node
 from services.runtime.outputs import Output
-from services.runtime.parameters import build
+from services.runtime.parameters.record import build
 from services.runtime.service import STEP_NS
-from services.runtime.wire import encoding
 from services.sim import BaseParameters, RobotEntry
-from services.sim.base import Base
-from services.sim.bullet import BulletWorld
+from services.sim.base.base import Base
 from services.sim.desk import Desk
+from services.sim.physics.bullet import BulletWorld
+from services.sim.physics.world import Placement
 from services.sim.robot import Robot
 from services.sim.stage import CONTROL, Stage
 from services.sim.timing import Free
-from services.sim.world import Placement
 
 M = TypeVar("M", bound=Message)
 R = TypeVar("R", bound=Message)

@@ -12,7 +12,7 @@ from messages.std import Empty
 from messages.topics import GROUND_TRUTH, ODOM, TF, TF_STATIC
 from services.runtime.errors import CallFailed
 from services.runtime.inputs import Input
-from services.sim.world import Placement
+from services.sim.physics.world import Placement
 from tests.drive.rehearsal import NAME, Rehearsal, rehearsal
 
 HALF = math.pi / 8

@@ -12,11 +12,11 @@ import pytest
 from models import WHEELED, figures_path
 from models.figures import Model, read_model
 from services.runtime.errors import BadInput
+from services.sim.base.settings import Settings, base_settings, effective, odometry_settings
 from services.sim.diffdrive.driver import Drive
 from services.sim.diffdrive.geometry import Geometry
 from services.sim.diffdrive.limiter import Axis
 from services.sim.diffdrive.pid import Gains
-from services.sim.settings import Settings, base_settings, effective, odometry_settings
 from tests.drive.rehearsal import given, rehearsal
 
 

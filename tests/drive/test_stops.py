@@ -12,11 +12,11 @@ from messages.topics import CMD_VEL, E_STOP, GROUND_TRUTH
 from models.figures import read_model
 from models.stopping import Stop, stopping
 from services.runtime.identity import Identity
+from services.runtime.lockstep.marks import Marks
 from services.runtime.log import Log
-from services.runtime.marks import Marks
-from services.runtime.memory_transport import MemoryTransport
+from services.runtime.network.memory_transport import MemoryTransport
+from services.runtime.network.wire import member_id
 from services.runtime.node import Node
-from services.runtime.wire import member_id
 from tests.drive.rehearsal import NAME, Rehearsal, rehearsal
 
 SPEEDS = (0.2, 0.5, 0.75)

@@ -14,7 +14,7 @@ from messages.geometry import Twist
 from messages.nav import Odometry
 from messages.topics import CMD_VEL, CMD_VEL_OUT, GROUND_TRUTH, ODOM
 from services.runtime.errors import BadInput
-from services.sim.world import Placement
+from services.sim.physics.world import Placement
 from tests.drive.rehearsal import rehearsal
 
 FREE = {"linear": {"max_velocity": 10, "max_acceleration": 1e5}, "angular": {"max_acceleration": 1e5}, "clamp": False}

@@ -16,10 +16,10 @@ from messages.geometry import Twist
 from messages.std import String
 from services.runtime.identity import Identity
 from services.runtime.log import Log
+from services.runtime.network.zenoh_config import Role, configuration
+from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
 from services.runtime.outputs import Output
-from services.runtime.zenoh_config import Role, configuration
-from services.runtime.zenoh_transport import ZenohTransport
 from tests.faults.observer import Observer
 from tests.faults.services.full_speed import FAULT
 from tests.faults.services.full_speed import FULL_SPEED as FORWARD

@@ -6,9 +6,9 @@ from messages.base import encode
 from messages.rosgraph import Clock
 from messages.std import Time
 from messages.topics import CLOCK, Quality
-from services.runtime.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.wire import attach, encoding
 from services.runtime.pacing import ClockPacer, Instant
-from services.runtime.wire import attach, encoding
 from tests.runtime.bench import node
 
 PERIOD_NS = 40_000_000

@@ -14,8 +14,8 @@ from messages.geometry import Twist
 from messages.nav import Odometry
 from messages.topics import BASE_STATUS, CMD_VEL, GROUND_TRUTH
 from models.figures import Wheels, read_model
+from services.runtime.network.wire import Origin
 from services.runtime.node import Node
-from services.runtime.wire import Origin
 from services.sim import BaseParameters
 from services.sim.timing import SLACK_S
 

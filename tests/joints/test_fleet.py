@@ -9,7 +9,7 @@ import pytest
 from deploy.fleet_file import parse_fleet
 from deploy.wiring import Terms, wired
 from services.runtime.errors import BadInput
-from services.runtime.parameters import build
+from services.runtime.parameters.record import build
 from services.sim import SimParameters
 
 FLEET = """name = "x"

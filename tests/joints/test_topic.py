@@ -16,7 +16,7 @@ from messages.simulation import SpawnModel
 from messages.std import Bool, Empty, Time
 from messages.topics import CLOCK, CMD_VEL, E_STOP, JOINT_EFFORT, JOINT_STATES, ODOM, TF, TF_STATIC
 from services.runtime.errors import BadInput, CallFailed
-from services.runtime.wire import encoding
+from services.runtime.network.wire import encoding
 from tests.joints.scene import entry, scene
 
 

@@ -15,7 +15,7 @@ import msgpack
 import numpy as np
 import zenoh
 
-from services.runtime.wire import attach
+from services.runtime.network.wire import attach
 from tests.system.stranger import stranger
 from tests.system.terminal import Ended, Terminal
 

@@ -11,9 +11,9 @@ import pytest
 from messages.topics import BASE_STATUS, CLOCK, CMD_VEL, E_STOP, GOAL_POSE
 from services.runtime.identity import Identity
 from services.runtime.log import Log
+from services.runtime.network.zenoh_config import configuration
+from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
-from services.runtime.zenoh_config import configuration
-from services.runtime.zenoh_transport import ZenohTransport
 from tests.live.rig import Fleet, fleet, interrupt
 from tests.system.watched import WITHIN_S, Truth, Watched, speed
 from tests.waiting import until

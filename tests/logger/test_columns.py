@@ -31,7 +31,7 @@ from services.logger.columns import RobotColumns
 from services.logger.course import Course, to_segments
 from services.logger.table import Table
 from services.logger.trail import Trail
-from services.runtime.frame_buffer import FrameBuffer
+from services.runtime.frames.buffer import FrameBuffer
 
 COORDINATE = st.floats(-100, 100)
 ANGLE = st.floats(-math.pi, math.pi)

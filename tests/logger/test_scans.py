@@ -18,7 +18,7 @@ from messages.topics import GROUND_TRUTH, SCAN, TF, TF_STATIC
 from services.logger import SERVICE, LoggerParameters
 from services.logger.columns import RobotColumns
 from services.logger.scans import Scans, echoes
-from services.runtime.frame_buffer import FrameBuffer
+from services.runtime.frames.buffer import FrameBuffer
 from tests.logger.rows import columns, entities
 from tests.unit_waypoint.bench import running
 

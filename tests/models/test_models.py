@@ -16,8 +16,8 @@ from models import MODELS, SCENES, WHEELED, UnknownModel, figures_path, model_pa
 from models.figures import Laser, read_model
 from models.frames import link_offset, read_joints
 from models.scene import Scene, read_scene
-from services.sim.bullet import BulletWorld
-from services.sim.world import Body, Motor
+from services.sim.physics.bullet import BulletWorld
+from services.sim.physics.world import Body, Motor
 
 MASSES = {"burger": 1.0, "waffle": 1.55, "waffle_pi": 1.55, "p3dx": 9.0, "arm": 52.0, "arm_corrected": 52.0}
 """kg, the sums of the TurtleBots' and the arm's published URDFs, the Pioneer's published weight."""

@@ -22,7 +22,7 @@ from services.panel.page import Page
 from services.panel.words import Said
 from services.runtime.identity import Identity
 from services.runtime.log import Log
-from services.runtime.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
 from services.runtime.node import Node
 
 TURN_S = 0.02

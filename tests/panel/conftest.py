@@ -18,9 +18,9 @@ from messages.topics import BASE_STATUS, FLEET_STATE, GROUND_TRUTH
 from services.panel.address import Address, read
 from services.runtime.identity import Identity
 from services.runtime.log import Log
+from services.runtime.network.zenoh_config import configuration
+from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
-from services.runtime.zenoh_config import configuration
-from services.runtime.zenoh_transport import ZenohTransport
 from tests.ports import free_port
 from tests.processes import Process
 from tests.waiting import until

@@ -24,7 +24,7 @@ from services.panel.robots import Spot
 from services.panel.server import listen
 from services.panel.sim_time import SimTime
 from services.runtime.errors import BadInput
-from services.runtime.wire import Origin
+from services.runtime.network.wire import Origin
 
 ODOMETRY = Odometry(
     header=Header(stamp=Time.of(2_500_000_000)), pose=PoseWithCovariance(pose=Pose.planar(1.5, -2.0, pi / 2))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import sys
 
-from services.runtime.zenoh_config import configuration
-from services.runtime.zenoh_transport import ZenohTransport
+from services.runtime.network.zenoh_config import configuration
+from services.runtime.network.zenoh_transport import ZenohTransport
 from tests.params.sets import Asking, plain
 
 OWN = "ss_Kp", "tr_Kp", "ref_angle", "offset"

@@ -21,9 +21,9 @@ from messages.requests import PARAMS_ANNOUNCE, PARAMS_GET, PARAMS_HISTORY, PARAM
 from messages.std import Empty
 from services.runtime.calls import call
 from services.runtime.errors import CallFailed
-from services.runtime.transport import Transport
-from services.runtime.zenoh_config import configuration
-from services.runtime.zenoh_transport import ZenohTransport
+from services.runtime.network.transport import Transport
+from services.runtime.network.zenoh_config import configuration
+from services.runtime.network.zenoh_transport import ZenohTransport
 from tests.processes import Network, Process
 from tests.waiting import until
 

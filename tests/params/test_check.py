@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from messages.base import LARGEST
 from messages.parameters import ParameterDescription
 from services.params.check import expected, fit, taken_apart
-from services.runtime.allowed import within
 from services.runtime.errors import BadInput
+from services.runtime.parameters.allowed import within
 from tests.messages.strategies import STEADY
 
 

@@ -20,7 +20,7 @@ from services.params.loop import run
 from services.params.schedule import Schedule
 from services.runtime.context import Context
 from services.runtime.errors import BadInput, Stopped
-from services.runtime.memory_transport import MemoryBus
+from services.runtime.network.memory_transport import MemoryBus
 from services.runtime.node import Node
 from services.runtime.process import PARENT
 from tests.params.sets import arm, plain, values

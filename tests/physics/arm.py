@@ -14,11 +14,11 @@ from models import model_path
 from models.limits import read_limits
 from models.scene import Scene
 from services.runtime.log import Log
-from services.sim.bullet import BulletWorld
 from services.sim.commanders import Ages
 from services.sim.joints.actuators import Actuators
 from services.sim.joints.effort import Rule
-from services.sim.world import Body, Resistance
+from services.sim.physics.bullet import BulletWorld
+from services.sim.physics.world import Body, Resistance
 from tests.physics.rig import STEP_NS
 
 JOINT = "bear_link"

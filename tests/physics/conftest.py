@@ -8,9 +8,9 @@ import pytest
 
 from models.figures import read_model
 from models.scene import Scene
-from services.sim.bullet import BulletWorld
 from services.sim.diffdrive.driver import Drive
-from services.sim.world import Placement
+from services.sim.physics.bullet import BulletWorld
+from services.sim.physics.world import Placement
 from tests.physics.rig import STEP_NS, Driver, Spawner, body, place, wheels_of
 
 

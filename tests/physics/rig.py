@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 from models import model_path
 from models.figures import Model, Wheels, read_model
-from services.sim.bullet import BulletWorld
 from services.sim.diffdrive.driver import AT_REST, Drive, State, advance, wheel_speeds
-from services.sim.world import Body, BodyState, Motor, Placement
+from services.sim.physics.bullet import BulletWorld
+from services.sim.physics.world import Body, BodyState, Motor, Placement
 
 STEP_NS = 5_000_000
 DT = STEP_NS / 1e9

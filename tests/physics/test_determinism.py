@@ -7,8 +7,8 @@ import pytest
 from models import model_path
 from models.scene import Scene
 from services.runtime.errors import BadInput
-from services.sim.bullet import BulletWorld
-from services.sim.world import Body, BodyState
+from services.sim.physics.bullet import BulletWorld
+from services.sim.physics.world import Body, BodyState
 from tests.physics.rig import STEP_NS, body, place
 
 Trajectory = list[tuple[BodyState, ...]]

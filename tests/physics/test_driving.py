@@ -9,7 +9,7 @@ import pytest
 
 from models import WHEELED
 from models.figures import read_model
-from services.sim.bullet import BulletWorld
+from services.sim.physics.bullet import BulletWorld
 from tests.physics.rig import DT, Spawner, drive, place, wheels_of, yaw_of
 
 

@@ -10,10 +10,10 @@ import pytest
 
 from models.figures import read_model
 from models.scene import Box, Scene
-from services.sim.bullet import BulletWorld
 from services.sim.diffdrive.driver import Drive
 from services.sim.diffdrive.ramp import Ramp
-from services.sim.world import BodyState, Placement
+from services.sim.physics.bullet import BulletWorld
+from services.sim.physics.world import BodyState, Placement
 from tests.physics.rig import DT, STEP_NS, Driver, Spawner, body, drive, place, wheels_of, yaw_of
 
 WHEELS = wheels_of(read_model("p3dx"))

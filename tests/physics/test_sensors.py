@@ -11,9 +11,9 @@ from messages.std import Header
 from models import WHEELED
 from models.figures import Laser, read_model
 from models.scene import Box, Scene
-from services.sim.bullet import BulletWorld
-from services.sim.photo import calibration, photograph
-from services.sim.sensors import imu, joint_state, noise_source, scan
+from services.sim.physics.bullet import BulletWorld
+from services.sim.sensors.photo import calibration, photograph
+from services.sim.sensors.readings import imu, joint_state, noise_source, scan
 from tests.physics.rig import DT, STEP_NS, Spawner, body, drive, place
 
 WALL = Box(name="wall", size=(0.2, 8.0, 1.0), position=(2.1, 0.0, 0.5), colour=(1.0, 0.0, 0.0, 1.0))

@@ -13,11 +13,11 @@ from messages.std import Header
 from messages.topics import RANGE, SCAN, SONAR, TF_STATIC
 from models.figures import read_model
 from models.scene import Box, Scene, read_scene
-from services.runtime.memory_transport import MemoryBus
+from services.runtime.network.memory_transport import MemoryBus
 from services.sim import BaseParameters, RobotEntry
-from services.sim.bullet import BulletWorld
-from services.sim.sensors import noise_source
-from services.sim.sonar import Floats, Ring, cloud, cone, measure, ranges_of, ring_of
+from services.sim.physics.bullet import BulletWorld
+from services.sim.sensors.readings import noise_source
+from services.sim.sensors.sonar import Floats, Ring, cloud, cone, measure, ranges_of, ring_of
 from services.sim.stage import Stage
 from tests.physics.rig import STEP_NS, body, place
 from tests.runtime.bench import node

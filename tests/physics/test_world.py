@@ -11,8 +11,8 @@ import pytest
 
 from models.scene import Box, Scene
 from services.runtime.errors import BadInput
-from services.sim.bullet import BulletWorld
-from services.sim.world import Body, BodyState, Contact, World
+from services.sim.physics.bullet import BulletWorld
+from services.sim.physics.world import Body, BodyState, Contact, World
 from tests.physics.rig import STEP_NS, Spawner, body, drive, place, yaw_of
 
 BOX = Box(name="crate", size=(0.4, 0.4, 0.4), position=(1.0, 0.0, 0.2))
@@ -142,8 +142,8 @@ def test_standard_output_stays_clean() -> None:
         "from pathlib import Path\n"
         "from models import model_path\n"
         "from models.scene import Scene\n"
-        "from services.sim.bullet import BulletWorld\n"
-        "from services.sim.world import Body\n"
+        "from services.sim.physics.bullet import BulletWorld\n"
+        "from services.sim.physics.world import Body\n"
         "with BulletWorld(Scene(), 5_000_000) as world:\n"
         "    world.spawn(Body('a', model_path('burger')))\n"
         "    world.step()\n"

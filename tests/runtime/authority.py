@@ -10,7 +10,7 @@ from typing import Any, Self
 from messages.parameters import Announcement, Origin, Parameter, ParameterValues, SetParameters, UndoParameters
 from messages.requests import PARAMS_ANNOUNCE, PARAMS_SET, PARAMS_UNDO
 from messages.topics import UPDATES
-from services.runtime.memory_transport import MemoryBus
+from services.runtime.network.memory_transport import MemoryBus
 from tests.runtime.bench import node
 
 

@@ -10,10 +10,10 @@ from messages.std import Time
 from messages.topics import CLOCK, Quality
 from services.runtime.identity import Identity
 from services.runtime.log import Log
-from services.runtime.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.transport import Transport
+from services.runtime.network.wire import attach, encoding
 from services.runtime.node import Node
-from services.runtime.transport import Transport
-from services.runtime.wire import attach, encoding
 
 
 def node(bus: MemoryBus, name: str, namespace: str = "/", transport: Transport | None = None) -> Node:

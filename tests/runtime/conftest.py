@@ -7,10 +7,10 @@ from contextlib import ExitStack
 
 import pytest
 
-from services.runtime.memory_transport import MemoryBus, MemoryTransport
-from services.runtime.transport import Transport
-from services.runtime.zenoh_config import configuration
-from services.runtime.zenoh_transport import ZenohTransport
+from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.transport import Transport
+from services.runtime.network.zenoh_config import configuration
+from services.runtime.network.zenoh_transport import ZenohTransport
 from tests.ports import free_port
 from tests.runtime.bench import HandClock
 

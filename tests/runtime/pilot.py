@@ -10,9 +10,9 @@ from msgspec import Meta
 
 from messages.topics import UPDATES
 from services.runtime.errors import BadInput
-from services.runtime.followed import Followed
-from services.runtime.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
 from services.runtime.node import Node
+from services.runtime.parameters.followed import Followed
 from services.runtime.service import Parameters
 from tests.runtime.bench import node
 

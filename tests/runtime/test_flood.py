@@ -11,9 +11,9 @@ from messages.geometry import Twist
 from messages.rosgraph import Clock
 from messages.topics import CMD_VEL
 from services.runtime.inputs import CAPACITY, Input
-from services.runtime.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.wire import attach, publisher_id
 from services.runtime.pacing import ClockPacer
-from services.runtime.wire import attach, publisher_id
 from tests.runtime.bench import node
 
 

@@ -12,9 +12,9 @@ from messages.parameters import ParameterValues
 from messages.topics import UPDATES, Quality
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
-from services.runtime.memory_transport import MemoryBus, MemoryTransport
-from services.runtime.parameters import ALL
-from services.runtime.wire import encoding
+from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.wire import encoding
+from services.runtime.parameters.record import ALL
 from tests.runtime.authority import Authority, told
 from tests.runtime.bench import HandClock, node
 from tests.runtime.pilot import SET, Gains, follow, log_of, pilot, quiet, refused

@@ -12,10 +12,10 @@ import pytest
 from messages.parameters import ParameterValues
 from messages.requests import PARAMS_ANNOUNCE
 from services.runtime.errors import BadInput, CallFailed
-from services.runtime.followed import Followed
-from services.runtime.following import START_S
 from services.runtime.graph import Entity
-from services.runtime.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.parameters.followed import Followed
+from services.runtime.parameters.following import START_S
 from tests.runtime.authority import Authority, told
 from tests.runtime.bench import node
 from tests.runtime.pilot import SET, Gains, follow, log_of, pilot

@@ -17,11 +17,11 @@ from messages.std import Float64
 from messages.topics import UPDATES
 from services.runtime.context import Context
 from services.runtime.errors import Stopped
-from services.runtime.followed import Followed
-from services.runtime.memory_transport import MemoryBus
+from services.runtime.network.memory_transport import MemoryBus
+from services.runtime.network.transport import Transport
 from services.runtime.node import Node
+from services.runtime.parameters.followed import Followed
 from services.runtime.service import Parameters
-from services.runtime.transport import Transport
 from tests.runtime.bench import node
 from tests.runtime.test_lockstep import EFFORT, TRUTH, Simulation
 

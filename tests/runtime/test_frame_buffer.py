@@ -9,11 +9,11 @@ from hypothesis import given
 
 from messages.geometry import Quaternion, Transform, TransformStamped, Vector3
 from messages.std import Header, Time
-from services.runtime import frame_buffer
 from services.runtime.errors import Extrapolation, FrameLoop, NotConnected, NoTransform, UnknownFrame
-from services.runtime.frame_buffer import FrameBuffer
-from services.runtime.frame_claims import MOST_CLAIMS
-from services.runtime.rigid import HERE, Rigid
+from services.runtime.frames import buffer as frame_buffer
+from services.runtime.frames.buffer import FrameBuffer
+from services.runtime.frames.claims import MOST_CLAIMS
+from services.runtime.frames.rigid import HERE, Rigid
 from tests.runtime.test_rigid import rigids, same
 
 S = 1_000_000_000

@@ -7,15 +7,15 @@ from collections.abc import Callable
 
 import pytest
 
-from services.runtime import barrier
-from services.runtime.barrier import Barrier
 from services.runtime.errors import Stopped
-from services.runtime.follower import Follower
-from services.runtime.lockstep import Go
-from services.runtime.memory_transport import MemoryBus
+from services.runtime.lockstep import barrier
+from services.runtime.lockstep.barrier import Barrier
+from services.runtime.lockstep.follower import Follower
+from services.runtime.lockstep.protocol import Go
+from services.runtime.network.memory_transport import MemoryBus
+from services.runtime.network.transport import Transport
 from services.runtime.node import Node
 from services.runtime.service import STEP_NS
-from services.runtime.transport import Transport
 from tests.runtime.bench import node
 from tests.waiting import until
 

@@ -11,9 +11,9 @@ from messages.geometry import Twist
 from messages.std import String
 from messages.topics import CMD_VEL, Quality
 from services.runtime.inputs import Input
-from services.runtime.marks import Marks
-from services.runtime.memory_transport import MemoryBus, MemoryTransport
-from services.runtime.wire import attach, encoding, publisher_id
+from services.runtime.lockstep.marks import Marks
+from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.wire import attach, encoding, publisher_id
 
 KEY = "tb3_0/cmd_vel"
 TWIST = encoding(Twist.ROS_TYPE)

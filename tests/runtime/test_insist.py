@@ -13,9 +13,9 @@ from messages.requests import STEP, Refusal
 from messages.simulation import SimTime, Steps
 from services.runtime.errors import CallFailed
 from services.runtime.graph import Entity
-from services.runtime.insist import Uncertain, insist
-from services.runtime.memory_transport import MemoryBus, MemoryTransport
-from services.runtime.transport import Query
+from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.transport import Query
+from services.runtime.parameters.insist import Uncertain, insist
 
 Answer = Callable[[Query], None]
 
@@ -67,7 +67,7 @@ def server(bus: MemoryBus, *answers: Answer) -> Iterator[list[bytes]]:
 
 
 def test_a_lost_answer_is_asked_for_again_with_the_same_words(bus: MemoryBus, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("services.runtime.insist.TRY_S", 0.05)
+    monkeypatch.setattr("services.runtime.parameters.insist.TRY_S", 0.05)
     with server(bus, silent, fails, steps) as asked, MemoryTransport(bus) as me:
         assert insist(me, STEP, Steps(count=2)).tick == 3
     assert asked == [encode(Steps(count=2))] * 3

@@ -14,15 +14,15 @@ import pytest
 
 from messages.std import Float64
 from messages.topics import Quality, Topic
-from services.runtime.barrier import Barrier
 from services.runtime.context import Context
 from services.runtime.errors import BadInput, Stopped
-from services.runtime.lockstep import Go
-from services.runtime.memory_transport import MemoryBus
+from services.runtime.lockstep.barrier import Barrier
+from services.runtime.lockstep.protocol import Go
+from services.runtime.network.memory_transport import MemoryBus
+from services.runtime.network.transport import Transport
+from services.runtime.network.wire import member_id
 from services.runtime.node import Node
 from services.runtime.service import STEP_NS, Parameters, period_of
-from services.runtime.transport import Transport
-from services.runtime.wire import member_id
 from tests.runtime.bench import node
 from tests.waiting import until
 

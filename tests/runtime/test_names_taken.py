@@ -13,10 +13,10 @@ from services.runtime.errors import TryAgain
 from services.runtime.graph import snapshot
 from services.runtime.identity import Identity
 from services.runtime.log import Log
+from services.runtime.network.zenoh_config import Role, configuration
+from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
 from services.runtime.register import KEY, present
-from services.runtime.zenoh_config import Role, configuration
-from services.runtime.zenoh_transport import ZenohTransport
 from tests.processes import Network
 
 

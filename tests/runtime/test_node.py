@@ -16,7 +16,7 @@ from messages.topics import CMD_VEL, HEALTH, ODOM, ROSOUT
 from services.runtime.errors import BadInput, CallFailed, Stopped
 from services.runtime.graph import snapshot
 from services.runtime.log import Log
-from services.runtime.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
 from services.runtime.node import Node
 from tests.runtime.bench import node
 from tests.waiting import until

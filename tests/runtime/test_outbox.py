@@ -5,11 +5,11 @@ from __future__ import annotations
 from messages.base import encode
 from messages.std import Float64
 from messages.topics import Quality, Topic
-from services.runtime.lockstep import Done, Go, done_key, go_key, read_done
-from services.runtime.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.lockstep.protocol import Done, Go, done_key, go_key, read_done
+from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.transport import Transport
 from services.runtime.node import Node
 from services.runtime.pacing import LockstepPacer
-from services.runtime.transport import Transport
 from tests.runtime.bench import node
 
 TRAIL = Topic("/trail", Float64, 50, Quality.SENSOR, "what nobody waits for")

@@ -11,10 +11,10 @@ from msgspec import Meta
 
 from messages.base import decoder, encode
 from messages.parameters import ParameterDescription
-from services.runtime.allowed import beside, long, within
 from services.runtime.errors import BadInput
-from services.runtime.leaves import flatten, nest
-from services.runtime.parameters import build, check_value, describe, read_assignments, read_value, stated
+from services.runtime.parameters.allowed import beside, long, within
+from services.runtime.parameters.leaves import flatten, nest
+from services.runtime.parameters.record import build, check_value, describe, read_assignments, read_value, stated
 from services.runtime.service import Parameters
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.runtime.rigid import HERE, Rigid, Rotation, Vector, rotated
+from services.runtime.frames.rigid import HERE, Rigid, Rotation, Vector, rotated
 
 small = st.floats(-10, 10, allow_nan=False)
 angle = st.floats(-math.pi, math.pi)

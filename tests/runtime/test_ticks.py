@@ -16,9 +16,9 @@ from messages.std import Header, Time
 from messages.topics import CMD_VEL, ODOM, Quality
 from services.runtime.context import Context, Tick
 from services.runtime.errors import BadInput, Stopped
-from services.runtime.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.wire import attach, encoding
 from services.runtime.service import Parameters
-from services.runtime.wire import attach, encoding
 from tests.runtime.bench import HandClock, node
 from tests.waiting import until
 

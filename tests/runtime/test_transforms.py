@@ -14,9 +14,9 @@ from messages.tf import TFMessage
 from messages.topics import TF, TF_STATIC
 from services.runtime.context import Context, Tick
 from services.runtime.errors import NoTransform
-from services.runtime.memory_transport import MemoryBus
+from services.runtime.frames.rigid import Rigid
+from services.runtime.network.memory_transport import MemoryBus
 from services.runtime.node import Node
-from services.runtime.rigid import Rigid
 from services.runtime.service import Parameters
 from tests.runtime.bench import HandClock, node
 

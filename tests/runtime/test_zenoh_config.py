@@ -10,7 +10,7 @@ import pytest
 import zenoh
 
 from services.runtime.errors import BadInput
-from services.runtime.zenoh_config import Role, configuration, endpoint
+from services.runtime.network.zenoh_config import Role, configuration, endpoint
 
 ROLES: tuple[Role, ...] = ("router", "direct", "star")
 

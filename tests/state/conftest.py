@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from messages.topics import JOINT_STATES, TF, TF_STATIC
+from services.runtime.frames.transforms import Transforms
 from services.runtime.node import Node
 from services.runtime.process import ROOT
-from services.runtime.transforms import Transforms
 from tests.processes import Network, Process
 from tests.state.urdfs import GRIPPER
 from tests.waiting import until

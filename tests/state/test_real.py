@@ -16,8 +16,8 @@ from messages.std import Empty, Header, String, Time
 from messages.tf import TFMessage
 from messages.topics import CMD_VEL, HEALTH, JOINT_STATES, ROBOT_DESCRIPTION, TF, TF_STATIC, Quality
 from models.frames import read_joints
-from services.runtime.rigid import Rigid
-from services.runtime.wire import encoding
+from services.runtime.frames.rigid import Rigid
+from services.runtime.network.wire import encoding
 from tests.processes import Network
 from tests.runtime.test_rigid import same
 from tests.state.conftest import Scene

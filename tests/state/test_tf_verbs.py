@@ -19,8 +19,8 @@ from messages.simulation import SetModelState
 from messages.std import Header
 from messages.tf import TFMessage
 from messages.topics import TF_STATIC
+from services.runtime.frames.rigid import Rigid
 from services.runtime.process import ROOT
-from services.runtime.rigid import Rigid
 from tests.ports import free_port
 from tests.processes import Network
 from tests.state.conftest import Scene, elea

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from messages.geometry import Pose
 from messages.tf import TFMessage
-from services.sim.rotation import into_world
-from services.sim.world import Rotation, Vector
+from services.sim.physics.rotation import into_world
+from services.sim.physics.world import Rotation, Vector
 
 
 class Frame(NamedTuple):

@@ -13,7 +13,7 @@ import zenoh
 from messages.elea import InputHealth
 from messages.geometry import Twist
 from messages.topics import BASE_STATUS, CMD_VEL
-from services.runtime.wire import attach
+from services.runtime.network.wire import attach
 from tests.system.stranger import stranger
 from tests.system.watched import WITHIN_S, Watched, apart, time_of
 from tests.system.world import World, world

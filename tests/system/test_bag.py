@@ -34,10 +34,10 @@ from services.logger.palette import COLOURS
 from services.recorder.fitting import prefixed
 from services.runtime.identity import Identity
 from services.runtime.log import Log
+from services.runtime.network.zenoh_config import configuration
+from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
 from services.runtime.service import STEP_NS
-from services.runtime.zenoh_config import configuration
-from services.runtime.zenoh_transport import ZenohTransport
 from tests.bag.values import assert_same, seen
 from tests.processes import Network
 from tests.system.laps import short

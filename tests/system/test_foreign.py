@@ -17,9 +17,9 @@ from messages.topics import BASE_STATUS
 from models.figures import read_model
 from services.runtime.identity import Identity
 from services.runtime.log import Log
+from services.runtime.network.zenoh_config import configuration
+from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
-from services.runtime.zenoh_config import configuration
-from services.runtime.zenoh_transport import ZenohTransport
 from tests.system.terminal import Terminal
 from tests.system.watched import WITHIN_S, Truth, Watched, apart, speed, time_of
 from tests.waiting import until

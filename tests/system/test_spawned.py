@@ -29,7 +29,7 @@ from messages.topics import (
 from models import model_path
 from models.frames import link_offset
 from services.runtime.graph import snapshot
-from services.sim.rotation import into_world
+from services.sim.physics.rotation import into_world
 from tests.system.frames import Frame, chain, frames_of, of_pose
 from tests.system.watched import WITHIN_S, Truth, Watched, apart, speed, time_of
 from tests.system.world import STARTS, World, world

@@ -14,9 +14,9 @@ from messages.topics import CLOCK, CMD_VEL, HEALTH
 from services.runtime.errors import CallFailed
 from services.runtime.identity import Identity
 from services.runtime.log import Log
+from services.runtime.network.zenoh_config import configuration
+from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
-from services.runtime.zenoh_config import configuration
-from services.runtime.zenoh_transport import ZenohTransport
 from tests.waiting import until
 
 

@@ -19,7 +19,7 @@ from services.runtime.context import Context
 from services.runtime.errors import EleaError, Stopped
 from services.runtime.identity import Identity
 from services.runtime.log import Log
-from services.runtime.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
 from services.runtime.node import Node
 from services.teleop import SERVICE, TeleopParameters
 from services.teleop.display import View

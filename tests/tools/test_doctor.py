@@ -19,8 +19,8 @@ from messages.base import encode
 from messages.elea import Health, InputHealth
 from messages.topics import ODOM, Quality
 from services.runtime.graph import Entity
+from services.runtime.network.wire import encoding
 from services.runtime.process import ROOT
-from services.runtime.wire import encoding
 from tests.ports import free_port
 from tests.processes import Network
 from tests.state.conftest import elea

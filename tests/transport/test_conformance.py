@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 
 from messages.topics import Quality
-from services.runtime.transport import BEAT_S, Inlet, Sample, Transport
+from services.runtime.network.transport import BEAT_S, Inlet, Sample, Transport
 from tests.waiting import until
 
 Connect = Callable[[], Transport]

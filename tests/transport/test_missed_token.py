@@ -6,8 +6,8 @@ from typing import Any
 
 import zenoh
 
-from services.runtime.transport import TokenEvent
-from services.runtime.zenoh_ends import ZenohWatch
+from services.runtime.network.transport import TokenEvent
+from services.runtime.network.zenoh_ends import ZenohWatch
 
 
 class Change:

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from models.figures import read_model
-from services.sim.arbiter import BRAKE, Arbiter, Decision
+from services.sim.base.arbiter import BRAKE, Arbiter, Decision
 from services.sim.diffdrive.driver import AT_REST, Drive, advance, wheel_speeds
 
 MS = 1_000_000

@@ -8,8 +8,8 @@ import pytest
 
 from messages.std import Header, Time
 from services.sim.diffdrive.odometry import start
-from services.sim.odometry import EXACT, PLANAR, encoder_odometry, world_odometry
-from services.sim.world import BodyState
+from services.sim.physics.world import BodyState
+from services.sim.sensors.odometry import EXACT, PLANAR, encoder_odometry, world_odometry
 
 
 def test_the_twist_of_the_world_is_turned_into_the_body() -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from services.sim.rotation import into_body, into_world, matrix
+from services.sim.physics.rotation import into_body, into_world, matrix
 
 number = st.floats(-1, 1)
 

@@ -17,7 +17,7 @@ from services.runtime.context import Context
 from services.runtime.errors import Stopped
 from services.runtime.identity import Identity
 from services.runtime.log import Log
-from services.runtime.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
 from services.runtime.node import Node
 from services.runtime.outputs import Output
 from services.runtime.service import Parameters, Service

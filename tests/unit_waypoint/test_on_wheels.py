@@ -9,8 +9,8 @@ import pytest
 from models.figures import read_model
 from models.scene import Scene
 from services.motion.planar import STILL, Leg, Motion, Planar
-from services.sim.bullet import BulletWorld
 from services.sim.diffdrive.driver import Drive
+from services.sim.physics.bullet import BulletWorld
 from services.waypoint import WaypointParameters
 from services.waypoint.pilot import Pilot
 from tests.physics.rig import STEP_NS, Driver, body, place, wheels_of, yaw_of

@@ -21,8 +21,8 @@ from messages.parameters import (
 from messages.requests import PARAMS_GET, PARAMS_HISTORY, PARAMS_LIST, PARAMS_RESET, PARAMS_SET, PARAMS_UNDO
 from messages.std import Empty
 from services.runtime.errors import BadInput, unknown
-from services.runtime.insist import insist
-from services.runtime.transport import Transport
+from services.runtime.network.transport import Transport
+from services.runtime.parameters.insist import insist
 
 
 class Client:

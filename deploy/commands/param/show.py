@@ -37,7 +37,7 @@ def values_as_json(record: ParameterValues) -> dict[str, Any]:
 
 def description_as_row(each: ParameterDescription) -> tuple[str, ...]:
     """Name, type, bounds or choices, default, whether it is live, text."""
-    from services.runtime.allowed import beside, long, within
+    from services.runtime.parameters.allowed import beside, long, within
 
     bounds = (within(each) or each.unit or ", ".join(each.choices), long(each), beside(each))
     allowed = ", ".join(part for part in bounds if part)

@@ -16,7 +16,7 @@ from deploy.place import Place
 if TYPE_CHECKING:
     from messages.base import Message
     from messages.requests import Request
-    from services.runtime.transport import Transport
+    from services.runtime.network.transport import Transport
 
 R = TypeVar("R", bound="Message")
 

@@ -70,7 +70,7 @@ def spawn(
     from messages.parameters import Assignment
     from messages.requests import SPAWN
     from messages.simulation import SpawnModel
-    from services.runtime.parameters import read_assignments
+    from services.runtime.parameters.record import read_assignments
 
     at = assignments(joints)
     reply = asker.ask(

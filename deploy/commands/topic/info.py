@@ -69,7 +69,7 @@ def _listen(told: dict[str, Any], ends: Ends, live: Session) -> None:
     from deploy.live.rates import Sample, Window
     from deploy.live.subject import is_latched
     from messages.names import key as key_of
-    from services.runtime.wire import MEMBER_BYTES, member_id, publisher_id
+    from services.runtime.network.wire import MEMBER_BYTES, member_id, publisher_id
 
     beats, clock = Beats(live), SimClock(live.transport)
     listener, foreign = Listener(live.transport, ends.name, is_latched(ends)), list[str]()

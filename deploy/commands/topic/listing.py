@@ -50,7 +50,7 @@ def command(show_types: bool, verbose: bool, count_topics: bool, listen: float, 
 def _heard(live: Session, seconds: float) -> dict[str, list[str]]:
     """Topics with samples on them that nobody of this project sent, and the types that these tell."""
     from messages.names import BadName, name_of
-    from services.runtime.wire import FORMAT, detach
+    from services.runtime.network.wire import FORMAT, detach
 
     inlet, found = live.transport.subscribe("**", 8192), dict[str, list[str]]()
     for _ in live.turns(inlet, seconds):

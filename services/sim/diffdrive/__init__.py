@@ -8,5 +8,5 @@
 ``pid``       from wheel speeds to torques
 ``live``      what may change while the base drives
 
-``services/sim/settings.py`` makes these records from parameters, ``services/sim/base.py`` runs them.
+``services/sim/base/settings.py`` makes these records from parameters, ``services/sim/base/base.py`` runs them.
 """

@@ -8,12 +8,12 @@ from models.limits import Limits
 from services.runtime.errors import BadInput, unknown
 from services.runtime.inputs import Input
 from services.runtime.log import Log
+from services.runtime.network.wire import MEMBER_BYTES, Origin
 from services.runtime.service import STEP_NS
-from services.runtime.wire import MEMBER_BYTES, Origin
 from services.sim.commanders import Ages
 from services.sim.joints.effort import Rule, total
 from services.sim.joints.jobs import Jobs, schedule
-from services.sim.world import World
+from services.sim.physics.world import World
 
 GRACE_S = 0.25
 """How late, in simulation time, a job from the topic may come that is shorter than this or has no end."""

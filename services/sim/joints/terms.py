@@ -11,7 +11,7 @@ from models.limits import read_limits
 from services.runtime.errors import BadInput, unknown
 from services.sim import JointParameters
 from services.sim.joints.effort import Rule
-from services.sim.world import Resistance
+from services.sim.physics.world import Resistance
 
 
 @dataclass(frozen=True)

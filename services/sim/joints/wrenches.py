@@ -8,8 +8,8 @@ from services.runtime.errors import BadInput
 from services.runtime.log import Log
 from services.sim.entities import Part, frame_state
 from services.sim.joints.jobs import Job, Jobs
-from services.sim.rotation import into_world
-from services.sim.world import Vector, World
+from services.sim.physics.rotation import into_world
+from services.sim.physics.world import Vector, World
 
 
 class Push(NamedTuple):

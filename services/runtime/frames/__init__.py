@@ -1,0 +1,1 @@
+"""Where any frame lies in any other, as told on /tf and /tf_static."""

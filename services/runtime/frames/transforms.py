@@ -1,0 +1,87 @@
+"""How a loop sees the tree of frames: as it stood at the start of the tick."""
+
+from __future__ import annotations
+
+from messages.geometry import TransformStamped
+from messages.std import Header, Time
+from messages.tf import TFMessage
+from messages.topics import TF, TF_STATIC
+from services.runtime.errors import NoTransform
+from services.runtime.frames.buffer import CACHE_S, FrameBuffer
+from services.runtime.inputs import Input
+from services.runtime.network.wire import NODE_BYTES
+from services.runtime.node import Node
+
+
+class Transforms:
+    """The transforms of ``/tf`` and ``/tf_static``, kept for ``cache`` [s of simulation time].
+
+    Without ``moving`` those of ``/tf_static`` alone: the simulation makes ``/tf`` only while somebody reads it. A frame
+    that gets two parents or two publishers is told in the log, once. After a reset only the fixed ones are left.
+    """
+
+    latched = False
+
+    def __init__(self, node: Node, cache: float = CACHE_S, moving: bool = True) -> None:
+        self.buffer = FrameBuffer(cache)
+        self._moving = node.read(TF) if moving else None
+        self._fixed = node.read(TF_STATIC)
+        self._log = node.log
+        self._said: set[str] = set()
+        self._refused = 0
+
+    def refresh(self) -> None:
+        """Follow the inputs' last batches."""
+        take_fixed(self.buffer, self._fixed)
+        if self._moving is not None:
+            take_moving(self.buffer, self._moving)
+        self._tell()
+
+    def clear(self) -> None:
+        """Time has begun anew: forget what moves."""
+        self.buffer.clear()
+        take_fixed(self.buffer, self._fixed)
+
+    def lookup(self, target: str, source: str, time: int | None = None) -> TransformStamped:
+        """Where the frame ``source`` lies in ``target`` at ``time`` [ns]; at the latest common time when None.
+
+        As tf2's ``lookupTransform``: it takes what is told in ``source`` to ``target``. The stamp of the answer is that
+        time; 0 when only fixed frames lie between. Raises NoTransform, whose subclasses tell an unknown frame from two
+        unconnected ones, a time outside of what is known, and a loop.
+        """
+        found = self.buffer.lookup(target, source, time)
+        header = Header(stamp=Time.of(found.time or 0), frame_id=target.removeprefix("/"))
+        return TransformStamped(header=header, child_frame_id=source.removeprefix("/"), transform=found.rigid.message)
+
+    def can(self, target: str, source: str, time: int | None = None) -> bool:
+        """Whether ``lookup`` would answer."""
+        try:
+            self.buffer.lookup(target, source, time)
+        except NoTransform:
+            return False
+        return True
+
+    def frames(self) -> list[str]:
+        """The names of all frames."""
+        return self.buffer.frames()
+
+    def _tell(self) -> None:
+        for frame, text in self.buffer.conflicts().items():
+            if frame not in self._said:
+                self._said.add(frame)
+                self._log.warn(f"{text}: a frame has one publisher, see ./elea tf tree")
+        if self.buffer.refused > self._refused:
+            self._refused = self.buffer.refused
+            self._log.warn(f"{self._refused} transforms refused, the last one because {self.buffer.reason}", every=5.0)
+
+
+def take_moving(buffer: FrameBuffer, source: Input[TFMessage]) -> None:
+    """Add the last batch of ``/tf``. A publisher is known by its node: one that was restarted is still the same."""
+    for message, origin in source.batch:
+        buffer.add(message.transforms, origin.publisher[:NODE_BYTES] if origin is not None else b"")
+
+
+def take_fixed(buffer: FrameBuffer, source: Input[TFMessage]) -> None:
+    """Add the last batch of ``/tf_static``."""
+    for message, origin in source.batch:
+        buffer.add_static(message.transforms, origin.publisher[:NODE_BYTES] if origin is not None else b"")

@@ -1,0 +1,1 @@
+"""Stepping together: the simulation waits for its members, and a run repeats bit for bit."""

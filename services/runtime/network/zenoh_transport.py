@@ -1,0 +1,172 @@
+"""The transport on Eclipse Zenoh."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, Self
+
+import zenoh
+from zenoh.handlers import Callback, FifoChannel, RingChannel
+
+from messages.topics import Quality
+from services.runtime.errors import TryAgain
+from services.runtime.network.transport import BEAT_S, TOKENS, Inlet, Reply
+from services.runtime.network.zenoh_ends import (
+    NUDGE,
+    Mailbox,
+    ZenohCensus,
+    ZenohInlet,
+    ZenohOutlet,
+    ZenohPending,
+    ZenohServer,
+    ZenohToken,
+    ZenohWatch,
+    answers,
+)
+
+# One thread receives (by default one wakes another for each message), another sends while that one waits for room. A
+# router keeps to the defaults: it has to pass on what it receives, and lost large messages under load with one thread.
+_THREADS = "(rx: (worker_threads: 1), acc: (handover: rx), net: (handover: rx))"
+
+_MOST_TOKENS = 1 << 20
+"""Answers that a question for tokens can hold; a fleet of twelve processes has 400."""
+
+_DROP, _BLOCK = zenoh.CongestionControl.DROP, zenoh.CongestionControl.BLOCK
+_QUALITIES: dict[Quality, dict[str, Any]] = {
+    Quality.SENSOR: {"congestion_control": _DROP, "priority": zenoh.Priority.DATA},
+    Quality.COMMAND: {"congestion_control": _DROP, "priority": zenoh.Priority.REAL_TIME, "express": True},
+    Quality.EVENT: {"congestion_control": _BLOCK, "priority": zenoh.Priority.DATA},
+    Quality.LATCHED: {"congestion_control": _BLOCK, "priority": zenoh.Priority.DATA},
+    # Not express: what waits for the sending thread gathers in one packet, and is not one packet too many.
+    Quality.VITAL: {"congestion_control": _DROP, "priority": zenoh.Priority.INTERACTIVE_HIGH},
+}
+
+
+class ZenohTransport:
+    """One Zenoh session. A single small thread nudges the loop; no other Python thread exists."""
+
+    def __init__(self, configuration: dict[str, Any], settle_s: float = 0.7) -> None:
+        self._configuration, self.settle_s = configuration, settle_s
+        self._waiting: ZenohInlet | None = None
+        self._poked = False
+        self._awake = threading.Event()
+        self.open = True
+
+    def __enter__(self) -> Self:
+        zenoh.init_log_from_env_or("off")
+        wanted = self._configuration["connect"]["endpoints"]
+        try:
+            with _few_threads(self._configuration["mode"] != "router"):
+                self._zenoh = zenoh.open(zenoh.Config.from_json5(json.dumps(self._configuration)))
+        except zenoh.ZError as error:
+            listens = self._configuration["listen"]["endpoints"]
+            raise TryAgain(f"cannot join the network (connect {wanted}, listen {listens}): {error}") from None
+        self.session = str(self._zenoh.zid())
+        self._census = ZenohCensus()
+        if self._configuration["mode"] != "client":  # the router answers a client, and whole
+            hear = Callback(self._census.hear, indirect=False)
+            self._census.handle = self._zenoh.liveliness().declare_subscriber(f"{TOKENS}/**", hear, history=True)
+        self._ticker = threading.Thread(target=self._beat, name="nudge", daemon=True)
+        self._ticker.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def subscribe(self, key: str, capacity: int, latched: bool = False) -> ZenohInlet:
+        handler: Any = RingChannel(capacity)
+        if latched:
+            past = zenoh.ext.HistoryConfig(detect_late_publishers=True)
+            subscriber: Any = zenoh.ext.declare_advanced_subscriber(self._zenoh, key, handler, history=past)
+        else:
+            subscriber = self._zenoh.declare_subscriber(key, handler)
+        return ZenohInlet(key, subscriber, self.session)
+
+    def publish(self, key: str, encoding: str, quality: Quality) -> ZenohOutlet:
+        options = dict(_QUALITIES[quality], encoding=zenoh.Encoding(encoding))
+        if quality is Quality.LATCHED:
+            cache = zenoh.ext.CacheConfig(1)
+            publisher = zenoh.ext.declare_advanced_publisher(
+                self._zenoh, key, cache=cache, publisher_detection=True, **options
+            )
+            return ZenohOutlet(publisher, latched=True)
+        return ZenohOutlet(self._zenoh.declare_publisher(key, **options))
+
+    def serve(self, key: str) -> ZenohServer:
+        server = ZenohServer()
+        server.handle = self._zenoh.declare_queryable(key, self._handing_over(server))
+        return server
+
+    def query(self, key: str, payload: bytes, timeout: float) -> Sequence[Reply]:
+        return [each for reply in self._zenoh.get(key, payload=payload, timeout=timeout) for each in answers(reply)]
+
+    def ask(self, key: str, payload: bytes, timeout: float) -> ZenohPending:
+        return ZenohPending(self._zenoh.get(key, payload=payload, timeout=timeout))
+
+    def token(self, key: str) -> ZenohToken:
+        return ZenohToken(self._zenoh.liveliness().declare_token(key))
+
+    def tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
+        # With Zenoh's own FIFO, 256 deep, a get that more tokens answer than fit never returns.
+        replies = self._zenoh.liveliness().get(pattern, FifoChannel(_MOST_TOKENS), timeout=timeout)
+        found = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
+        return sorted(found | self._census.matching(pattern))
+
+    def watch(self, pattern: str) -> ZenohWatch:
+        watch = ZenohWatch(lambda: self.tokens(pattern))
+        handler = self._handing_over(watch)
+        watch.handle = self._zenoh.liveliness().declare_subscriber(pattern, handler, history=True)
+        return watch
+
+    def wait(self, inlet: Inlet) -> None:
+        assert isinstance(inlet, ZenohInlet)
+        if inlet.held is not None or self._poked:
+            self._poked = False
+            return
+        self._waiting = inlet
+        inlet.held = inlet.subscriber.recv()
+        self._waiting = None
+
+    def nudge(self) -> None:
+        self._awake.set()
+
+    def close(self) -> None:
+        if self.open:
+            self.open = False
+            self._awake.set()
+            self._zenoh.close()  # type: ignore[no-untyped-call]
+
+    def _handing_over(self, mailbox: Mailbox) -> Callback[Any]:
+        def hand_over(item: Any) -> None:
+            mailbox.items.append(item)
+            self._awake.set()
+
+        return Callback(hand_over, indirect=False)
+
+    def _beat(self) -> None:
+        """Wake the loop when asked and ten times a second, by a sample that stays in this session."""
+        while self.open:
+            asked = self._awake.wait(BEAT_S)
+            self._awake.clear()
+            if (inlet := self._waiting) is None:
+                self._poked = self._poked or asked
+            elif self.open:
+                here = zenoh.Locality.SESSION_LOCAL
+                self._zenoh.put(inlet.nudge_key, b"", encoding=NUDGE, allowed_destination=here)
+
+
+@contextmanager
+def _few_threads(wanted: bool) -> Iterator[None]:
+    """Let Zenoh start with _THREADS, unless the user's environment says otherwise; children do not inherit it."""
+    ours = wanted and "ZENOH_RUNTIME" not in os.environ
+    if ours:
+        os.environ["ZENOH_RUNTIME"] = _THREADS
+    try:
+        yield
+    finally:
+        if ours:
+            del os.environ["ZENOH_RUNTIME"]

@@ -1,0 +1,186 @@
+"""One set of parameters that a node follows: the record as it stands, checked anew at every change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Generic, TypeVar
+
+import msgspec
+
+from messages.names import key as key_of
+from messages.parameters import Origin, ParameterDescription, ParameterValues, SetParameters
+from messages.requests import PARAMS_SET
+from messages.topics import UPDATES
+from services.runtime.calls import call
+from services.runtime.errors import BadInput
+from services.runtime.inputs import Input
+from services.runtime.network.wire import MEMBER_BYTES
+from services.runtime.node import Node
+from services.runtime.parameters.following import AUTHORITY, Following, assignments
+from services.runtime.parameters.leaves import differing, flatten, leaves, nest
+from services.runtime.parameters.record import build, describe
+from services.runtime.service import Parameters
+
+P = TypeVar("P", bound=Parameters)
+
+CHANGE_S = 0.5
+"""Wall time that ``change`` waits for the parameter service."""
+SAID_S = 1.0
+"""Wall time between two lines of the log about updates that are refused."""
+
+
+class Followed(Generic[P]):
+    """``params`` is replaced as a whole, between two calls of ``refresh``; ``origins`` tells where each value is from.
+
+    ``fits`` raises BadInput for values that contradict each other; a change to such is refused, and taken back at the
+    parameter service, so that all agree. ``described`` stands instead of what the record says of its parameters;
+    ``fleet`` and ``command_line`` hold what they state, by dotted names.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        name: str,
+        params: P,
+        *,
+        fleet: Mapping[str, Any] | None = None,
+        command_line: Mapping[str, Any] | None = None,
+        described: Sequence[ParameterDescription] = (),
+        fits: Callable[[P], object] | None = None,
+        quiet: bool = False,
+    ) -> None:
+        self.set, self.params = name, params
+        self.fleet, self.command_line = dict(fleet or {}), dict(command_line or {})
+        self.described = tuple(described or describe(type(params)))
+        self.origins: dict[str, Origin] = {each.name: "default" for each in self.described}
+        self.origins.update(dict.fromkeys(self.fleet, "fleet"))
+        self.origins.update(dict.fromkeys(self.command_line, "command line"))
+        self.trouble = ""
+        self._node, self._fits = node, fits
+        self._flat = flatten(params)
+        self._live = {each.name: each.level for each in self.described if each.live}
+        self._kept = {leaf.name.partition(".")[0] for leaf in leaves(type(params)) if leaf.structured}
+        self._input: Input[ParameterValues] = node.read(UPDATES, f"{name}/{UPDATES.name.removeprefix('~')}")
+        self._heard: list[tuple[ParameterValues, bytes]] = []
+        self._revision, self._source = -1, b""
+        self._taken_back = False
+        if node.following is None:
+            node.following = Following(node.transport, node.identity.node, node.log, quiet)
+        self._following = node.following
+
+    def begin(self, wait: bool = True) -> None:
+        """Announce the set; with ``wait``, ``params`` is what the parameter service says when this returns."""
+        if wait and self._node.expects_params:
+            self._following.expect(lambda: self._node.stopping)
+        self._following.begin(self, wait)
+
+    def close(self) -> None:
+        """Follow the set no more."""
+        self._following.end(self)
+        self._node.forget(self._input)
+
+    @property
+    def run_values(self) -> dict[str, Any]:
+        """What was set for this run alone, for a parameter service that has forgotten it."""
+        return {name: self._flat[name] for name, origin in self.origins.items() if origin == "run"}
+
+    def told(self, values: ParameterValues, source: bytes) -> None:
+        """Take what the parameter service says as the node starts; what contradicts itself is not taken."""
+        before = self._flat
+        self._take(values, source, undo=False)
+        if news := differing(self._flat, before):
+            told = ", ".join(f"{name} = {self._flat[name]} ({self.origins[name]})" for name in news)
+            self._node.log.info(f"parameters {self.set}: {told}")
+
+    def hear(self, values: ParameterValues, source: bytes) -> None:
+        """Keep what it says until the next ``refresh``."""
+        self._heard.append((values, source))
+
+    def admit(self) -> None:
+        """Take what has come, where nobody takes the snapshot of all inputs."""
+        self._input.admit()
+
+    def refresh(self) -> int:
+        """Follow what was admitted; the levels of the parameters that changed, 0 when none did."""
+        if not self._input.batch and not self._heard:
+            return 0
+        self._following.turn()
+        levels = 0
+        for values, origin in self._input.batch:
+            if origin is None or not self._following.trusts(origin.publisher, self._input.key):
+                self._refuse(f"not from the node {AUTHORITY} that is there")
+            else:
+                self._heard.append((values, origin.publisher[:MEMBER_BYTES]))
+        heard, self._heard, self._input.batch = self._heard, [], []
+        for values, source in heard:
+            levels |= self._take(values, source, undo=True)
+        return levels
+
+    def change(self, values: Mapping[str, Any]) -> None:
+        """Set parameters for this run, by dotted names, from the next step on.
+
+        Raises BadInput for values that are out of bounds or contradict each other, CallFailed when the parameter
+        service is there and does not agree.
+        """
+        if not values:
+            return
+        params = self._checked({**self._flat, **values})
+        if not self._following.there:
+            self._replace(params, {**self.origins, **dict.fromkeys(values, "run")})
+            return
+        asked = SetParameters(
+            set=self.set,
+            values=tuple(assignments(dict(values))),
+            run=True,
+            id=self._following.next_id(),
+            who=self._node.identity.node,
+        )
+        answer = call(self._node.transport, PARAMS_SET, key_of(PARAMS_SET.name), asked, CHANGE_S)
+        self._take(answer, self._source, undo=True)
+
+    def _take(self, values: ParameterValues, source: bytes, undo: bool) -> int:
+        if source == self._source and values.revision < self._revision:
+            return 0  # overtaken by the answer to a request
+        self._source, self._revision = source, values.revision
+        self.trouble = ""
+        told = {each.name: each for each in values.values if each.name in self._live}
+        flat = {**self._flat, **{name: each.value for name, each in told.items()}}
+        origins: dict[str, Origin] = {**self.origins, **{name: each.origin for name, each in told.items()}}
+        if not differing(flat, self._flat):
+            self.origins, self._taken_back = origins, False
+            return 0
+        try:
+            params = self._checked(flat)
+        except BadInput as error:
+            if not undo:
+                self._refuse(f"{error}; its own values stay. ./elea param reset {self.set} forgets what was saved")
+            else:
+                self._refuse(str(error))
+                if not self._taken_back:
+                    self._following.take_back(self, values.revision, str(error))
+            self._taken_back = True  # once, until something fits again
+            return 0
+        self._taken_back = False
+        return self._replace(params, origins)
+
+    def _checked(self, flat: Mapping[str, Any]) -> P:
+        """The record with these values; raises BadInput."""
+        record = type(self.params)
+        built = build(record, nest(record, flat), self.set)
+        params = msgspec.structs.replace(built, **{name: getattr(self.params, name) for name in self._kept})
+        if self._fits is not None:
+            self._fits(params)
+        return params
+
+    def _replace(self, params: P, origins: dict[str, Origin]) -> int:
+        flat = flatten(params)
+        changed = differing(flat, self._flat)
+        self.params, self.origins, self._flat = params, origins, flat
+        levels = 0
+        for name in changed:
+            levels |= self._live.get(name, 0)
+        return levels
+
+    def _refuse(self, reason: str) -> None:
+        self._input.refuse(reason)
+        self._node.log.warn(f"a change of the parameters {self.set} is refused: {reason}", every=SAID_S)

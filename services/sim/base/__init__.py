@@ -1,0 +1,1 @@
+"""The driven base of one robot: whom it obeys, within which limits, by which parameters."""

@@ -1,0 +1,1 @@
+"""The world behind one Protocol, and PyBullet behind that."""

@@ -1,0 +1,105 @@
+"""PyBullet as this project sets it up: one private client, its ground and obstacles, and bodies loaded with care.
+
+Each setting below is there for a measured reason, given beside it; ``models/README.md`` tells what a URDF must bring.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from models.scene import Box, Scene
+from services.runtime.errors import BadInput
+from services.sim.physics.quiet import pybullet, stdout_kept_clean
+from services.sim.physics.world import GRAVITY, ITERATIONS, Placement
+
+# Who may touch whom, as (group, mask): rolling parts touch the ground alone, because a sphere is wider than the wheel
+# it stands for. Masks are spelt out: with the mask -1 PyBullet lets rolling parts and bodies collide all the same.
+_BODY_BIT, _ROLLER_BIT, _GROUND_BIT = 1, 2, 4
+_BODY = (_BODY_BIT, _BODY_BIT | _GROUND_BIT)
+_ROLLER = (_ROLLER_BIT, _GROUND_BIT)
+_GROUND = (_GROUND_BIT, _BODY_BIT | _ROLLER_BIT)
+_SPHERE = pybullet.GEOM_SPHERE
+
+
+def connect(step: float) -> int:
+    """Open a client without a window whose steps take ``step`` [s]; returns its number."""
+    client: int = pybullet.connect(pybullet.DIRECT)
+    configure(client, step)
+    return client
+
+
+def configure(client: int, step: float) -> None:
+    """Give a new or reset client its settings."""
+    pybullet.setPhysicsEngineParameter(
+        fixedTimeStep=step,
+        numSubSteps=0,
+        numSolverIterations=ITERATIONS,
+        solverResidualThreshold=0,  # never ends early: a resting robot creeps by 0.000 mm instead of 1 mm in 20 s
+        useSplitImpulse=0,  # with it, a joint that is thrown 0.04 rad past its limit stays there for ever
+        deterministicOverlappingPairs=1,
+        enableFileCaching=0,  # a URDF that changed under its name is seen
+        physicsClientId=client,
+    )
+    pybullet.setRealTimeSimulation(0, physicsClientId=client)
+    pybullet.setGravity(0, 0, -GRAVITY, physicsClientId=client)
+
+
+def load_scene(client: int, scene: Scene) -> dict[int, str]:
+    """Put the ground and the obstacles into a client; returns the obstacles' names by their numbers."""
+    plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
+    ground = pybullet.createMultiBody(0, plane, physicsClientId=client)
+    _settle(client, ground, -1, scene.friction, _GROUND)
+    return {_load_box(client, box): box.name for box in scene.boxes}
+
+
+def _load_box(client: int, box: Box) -> int:
+    half = [extent / 2 for extent in box.size]
+    shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=client)
+    look = pybullet.createVisualShape(pybullet.GEOM_BOX, halfExtents=half, rgbaColor=box.colour, physicsClientId=client)
+    turn = (0.0, 0.0, math.sin(box.yaw / 2), math.cos(box.yaw / 2))
+    number: int = pybullet.createMultiBody(0, shape, look, box.position, turn, physicsClientId=client)
+    _settle(client, number, -1, 0.5, _BODY)
+    return number
+
+
+def load_body(client: int, urdf: Path, placement: Placement, fixed: bool = False) -> int:
+    """Load a URDF with its root frame at ``placement``, at rest, all motors off; returns its number. With ``fixed`` the
+    root stays where it is.
+
+    A link whose collision shape is a sphere rolls: it touches the ground and nothing else. Raises BadInput for a file
+    that PyBullet cannot read.
+    """
+    try:
+        with stdout_kept_clean():
+            # Inertia from the file, or shapes would replace the tensors. Fixed links are not merged: merging ignores
+            # where their masses are.
+            number: int = pybullet.loadURDF(
+                str(urdf),
+                *placement,
+                useFixedBase=fixed,
+                flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
+                physicsClientId=client,
+            )
+    except pybullet.error as error:
+        raise BadInput(f"{urdf}: PyBullet cannot load this URDF ({error}); its reasons stand on stderr") from error
+    for link in range(-1, pybullet.getNumJoints(number, physicsClientId=client)):
+        friction = pybullet.getDynamicsInfo(number, link, physicsClientId=client)[1]
+        _settle(client, number, link, friction, _ROLLER if rolls(client, number, link) else _BODY)
+        if link >= 0:
+            # Every movable joint is born with a motor that brakes it.
+            pybullet.setJointMotorControl2(number, link, pybullet.VELOCITY_CONTROL, force=0, physicsClientId=client)
+    return number
+
+
+def rolls(client: int, number: int, link: int) -> bool:
+    """Whether a link of a body rolls, that is, collides as a sphere."""
+    shapes = pybullet.getCollisionShapeData(number, link, physicsClientId=client)
+    return bool(shapes) and all(shape[2] == _SPHERE for shape in shapes)
+
+
+def _settle(client: int, number: int, link: int, friction: float, touches: tuple[int, int]) -> None:
+    # Two calls: in one, PyBullet leaves the friction at 0.5, and a burger spins 3.9 % short.
+    pybullet.changeDynamics(number, link, lateralFriction=friction, physicsClientId=client)
+    pybullet.changeDynamics(number, link, linearDamping=0, angularDamping=0, physicsClientId=client)
+    pybullet.setCollisionFilterGroupMask(number, link, *touches, physicsClientId=client)

@@ -1,0 +1,1 @@
+"""What a robot's sensors and odometry read."""
