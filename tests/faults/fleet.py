@@ -56,7 +56,7 @@ class Fleet:
         self._stack.callback(self._assert_gone)
         self.supervisor = self._stack.enter_context(Process(command, self.folder / "up.log", environment))
         self._stack.callback(self.count)
-        self.observer = Observer(self._stack.enter_context(self.node("observer")), self._robots)
+        self.observer = Observer(self._stack.enter_context(self.node(f"observer_{self.folder.name}")), self._robots)
         return self
 
     def __exit__(self, *exception: object) -> None:
