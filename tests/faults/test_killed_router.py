@@ -15,7 +15,7 @@ def declared(fleet: Fleet, name: str) -> set[tuple[str, str, str, str]]:
         return {
             (each.kind, each.node, each.name, each.session)
             for each in snapshot(node.transport)
-            if each.node not in ("/router", "/observer", f"/{name}")
+            if each.node not in ("/router", f"/{name}") and not each.node.startswith("/observer")
         }
 
 
