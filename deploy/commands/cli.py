@@ -52,22 +52,39 @@ def main() -> None:
         from deploy.commands.completion_scripts import register
 
         register()
+    status = _status()
+    if "zenoh" in sys.modules:
+        from services.runtime.process import end
+
+        # A thread of Zenoh may be on its way into Python: were the interpreter taken down beneath it, it would abort.
+        end(status)
+    sys.exit(status)
+
+
+def _status() -> int:
     try:
         try:
             elea.main(prog_name="elea")
         finally:
             sys.stdout.flush()
     except SystemExit as ended:
-        if "_ELEA_COMPLETE" in os.environ:
-            os._exit(0 if ended.code is None else int(ended.code))  # a question without an answer may still wait
-        raise
+        return _number(ended)
     except BadInput as error:
         sys.stderr.write(f"elea: {error}\n")
-        sys.exit(2)
+        return 2
     except EleaError as error:
         sys.stderr.write(f"elea: {error}\n")
-        sys.exit(1)
+        return 1
     except BrokenPipeError:
-        from deploy.live.output import leave_quietly
+        from deploy.live.output import mute
 
-        leave_quietly()
+        mute()
+    return 0
+
+
+def _number(ended: SystemExit) -> int:
+    """The exit status; a text in its place is an error that is told."""
+    if ended.code is None or isinstance(ended.code, int):
+        return ended.code or 0
+    sys.stderr.write(f"{ended.code}\n")
+    return 1

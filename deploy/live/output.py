@@ -42,10 +42,14 @@ def reader_gone() -> bool:
 
 
 def leave_quietly(status: int = 0) -> NoReturn:
-    """End the process after its reader; nothing that is still in the buffers may complain."""
-    nothing = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nothing, sys.stdout.fileno())
+    """End the process after its reader."""
+    mute()
     raise SystemExit(status)
+
+
+def mute() -> None:
+    """Write to nobody from now on: what is still in the buffers may not complain."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextmanager

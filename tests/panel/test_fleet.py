@@ -166,13 +166,29 @@ pose = { y = 1.0 }
 kind = "waypoint"
 from_start = ["goals"]
 parameters = { goals = [[0.7, 0.2], [0.2, -0.3]] }
+[[service]]
+kind = "starter.py"
+"""
+STARTER = """
+from pathlib import Path
+from services.runtime import Parameters, Service, main
+
+def run(ctx):
+    while not Path({signal!r}).exists():
+        ctx.idle()
+    for _ in ctx.ticks():
+        pass
+
+if __name__ == "__main__":
+    main(Service(name="starter", about="Time begins when a file is there.", run=run, rate=25))
 """
 
 
 def driven(folder: Path, watched: bool) -> str:
     """The hash of all trajectories of a lockstep run, with a panel that is asked for everything, or without one."""
     folder.mkdir()
-    file = folder / "pair.toml"
+    file, begin = folder / "pair.toml", folder / "begin"
+    (folder / "starter.py").write_text(STARTER.format(signal=str(begin)))
     file.write_text(LOCKSTEP + ('[[service]]\nkind = "panel"\nparameters = { port = 0 }\n' if watched else ""))
     command = ["-m", "deploy", "up", str(file), "--report", str(folder / "run"), "--port", str(free_port())]
     with Process([*command, "--no-view", "--json"], folder / "up.log", {"XDG_STATE_HOME": str(folder)}) as up:
@@ -187,9 +203,12 @@ def driven(folder: Path, watched: bool) -> str:
                 say(
                     at, k="want", channels=["poses", "robots", "graph", "rates", "log", "sets", "values"], series=series
                 )
+                hear(at, "graph", 30.0)
+                begin.touch()
                 hear(at, "frame", 30.0)
                 up.wait(60.0)
         else:
+            begin.touch()
             up.wait(60.0)
     report = json.loads((folder / "run" / "report.json").read_text())
     return str(report["run"]["trajectory_hash"])
