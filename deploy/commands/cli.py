@@ -47,18 +47,12 @@ def elea() -> None:
 
 
 def main() -> None:
-    """Run the command line and end the process with its status; a reader that closes the pipe ends it quietly."""
+    """Run the command line; raises SystemExit with its status. A reader that closes the pipe ends it quietly."""
     if "_ELEA_COMPLETE" in os.environ:
         from deploy.commands.completion_scripts import register
 
         register()
-    status = _status()
-    if "zenoh" in sys.modules:
-        from services.runtime.process import end
-
-        # A thread of Zenoh may be on its way into Python: were the interpreter taken down beneath it, it would abort.
-        end(status)
-    sys.exit(status)
+    sys.exit(_status())
 
 
 def _status() -> int:
