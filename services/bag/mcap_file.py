@@ -20,7 +20,7 @@ from services.bag.mcap_records import LIBRARY, MAGIC, Declared, encoded, ending
 
 CHUNK = 1 << 20
 """Bytes of messages in a chunk, at most, unless a single one is larger."""
-FLUSH_S = 0.8
+FLUSH_S = 0.7
 """Wall time after which what has come is written, so that a killed process loses a second at most."""
 LEVEL = 1
 """Of zstd: three times as fast as its default of 3, and a tenth larger."""

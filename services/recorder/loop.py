@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 from services.bag.folder import BagFolder
 from services.recorder import RecorderParameters
 from services.recorder.listening import Listening
 from services.recorder.selection import Selection
-from services.recorder.tape import Tape
+from services.recorder.tape import SETTLE_S, Tape
 from services.runtime.context import Context
 from services.runtime.errors import EleaError
 from services.runtime.roster import gather
@@ -37,8 +38,13 @@ def run(ctx: Context[RecorderParameters]) -> None:
             else:
                 _with_messages(ctx, listening, tape)
         finally:
-            node.admit()
-            (tape.take_rest(ctx.now) if ctx.lockstep else tape.take())
+            if ctx.lockstep:
+                node.admit()
+                tape.take_rest(ctx.now)
+            else:
+                time.sleep(SETTLE_S)
+                node.admit()
+                tape.take(end=True)
             tape.close()
             _tell(ctx, bag, tape)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from bisect import bisect_right
 from collections import Counter
 from typing import Any
 
@@ -24,6 +25,9 @@ from services.runtime.network.wire import NODE_BYTES, Origin
 _FOREIGN = b"foreign"
 """Stands for all senders that do not tell who they are."""
 
+SETTLE_S = 0.1
+"""Wall time for which messages wait to be put in the order of their sending: a command overtakes the clock."""
+
 Heard = tuple[Input[Any], Any, Origin | None]
 
 
@@ -38,6 +42,7 @@ class Tape:
         self._numbers: Counter[str] = Counter()
         self._first: dict[str, bytes] = {}
         self._since = time.time_ns()
+        self._waiting: list[tuple[int, Heard]] = []
         self._told = 0
         self.unfit: Counter[str] = Counter()
         self.troubled = ""
@@ -67,8 +72,8 @@ class Tape:
                 later = max(self._times.of(message, wall, True), now + 1)
                 self._write(self._listening.heard[name], message, origin, wall, later)
 
-    def take(self) -> None:
-        """What has come since the last call, in the order in which it was sent."""
+    def take(self, end: bool = False) -> None:
+        """What has come, in the order in which it was sent, but for the last SETTLE_S; at the ``end`` that as well."""
         clock = self._listening.clock
         # Inputs are emptied in turn: what a clock told meanwhile belongs before what came after it.
         early = clock.batch
@@ -76,14 +81,15 @@ class Tape:
         clock.batch = [*early, *clock.batch]
         wall, since = time.time_ns(), self._since
         self._learn()
-        heard: list[tuple[int, Heard]] = []
         sources = {**self._listening.heard, CLOCK.name: self._listening.clock}
         for source in sources.values():
             for message, origin in source.batch:
                 at = arrival(origin.source_ns if origin is not None else None, since, wall)
-                heard.append((at, (source, message, origin)))
-        heard.sort(key=lambda each: each[0])
-        self._since = wall
+                self._waiting.append((at, (source, message, origin)))
+        self._waiting.sort(key=lambda each: each[0])
+        self._since = wall if end else max(since, wall - round(SETTLE_S * 1e9))
+        ripe = bisect_right(self._waiting, self._since, key=lambda each: each[0])
+        heard, self._waiting = self._waiting[:ripe], self._waiting[ripe:]
         for log_time, (source, message, origin) in heard:
             publish_time = self._times.of(message, log_time, self._listening.timed)
             if source.name in self._listening.heard:

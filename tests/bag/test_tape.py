@@ -1,0 +1,47 @@
+"""The order of what is recorded as it comes: that of its sending, though a command overtakes the clock."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from messages.geometry import Twist
+from messages.rosgraph import Clock
+from messages.std import Time
+from messages.topics import CLOCK, CMD_VEL
+from services.bag.folder import BagFolder
+from services.bag.reading import open_bag
+from services.recorder import RecorderParameters
+from services.recorder.listening import Listening
+from services.recorder.selection import Selection
+from services.recorder.tape import Tape
+from services.runtime.network.memory_transport import MemoryBus
+from tests.runtime.bench import node
+from tests.waiting import until
+
+
+def test_a_command_that_overtakes_the_clock_has_the_time_before_which_it_was_sent(tmp_path: Path) -> None:
+    bus = MemoryBus()
+    with node(bus, "simulation") as sender, node(bus, "recorder") as taker, BagFolder(tmp_path / "bag") as bag:
+        clock, command = sender.write(CLOCK), sender.write(CMD_VEL, "/r/cmd_vel")
+        listening = Listening(taker, Selection(RecorderParameters(), taker.identity.resolve))
+        listening.look()
+        tape = Tape(bag, listening, taker.log)
+
+        def take(end: bool = False) -> int:
+            taker.admit()
+            tape.take(end)
+            return tape.now
+
+        clock.publish(Clock(clock=Time.of(20_000_000)))
+        until(lambda: take() == 20_000_000, what="the first clock")
+        sender.outbox.hold()
+        clock.publish(Clock(clock=Time.of(40_000_000)))
+        command.publish(Twist.planar(0.1, 0.0))
+        assert take() == 20_000_000, "the command is there, the clock before it is not"
+        sender.outbox.release()
+        until(lambda: take() == 40_000_000, what="the second clock")
+        command.publish(Twist.planar(0.2, 0.0))
+        take(end=True)
+        tape.close()
+    found = [each for each in open_bag(tmp_path / "bag").entries() if each.channel.topic == "/r/cmd_vel"]
+    assert [each.publish_time for each in found] == [40_000_000, 40_000_000]
