@@ -8,8 +8,9 @@ from pathlib import Path
 from services.bag.folder import BagFolder
 from services.recorder import RecorderParameters
 from services.recorder.listening import Listening
+from services.recorder.order import SETTLE_S
 from services.recorder.selection import Selection
-from services.recorder.tape import SETTLE_S, Tape
+from services.recorder.tape import Tape
 from services.runtime.context import Context
 from services.runtime.errors import EleaError
 from services.runtime.roster import gather

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import time
-from bisect import bisect_right
 from collections import Counter
 from typing import Any
 
@@ -17,18 +16,14 @@ from services.bag.channel import BESIDE, SENDER, Channel, Sender, channel_of, ra
 from services.bag.folder import BagFolder
 from services.recorder.fitting import Fitting
 from services.recorder.listening import Listening
-from services.recorder.times import Times, arrival
+from services.recorder.order import Order
+from services.recorder.times import Times
 from services.runtime.inputs import Input
 from services.runtime.log import Log
 from services.runtime.network.wire import NODE_BYTES, Origin
 
 _FOREIGN = b"foreign"
 """Stands for all senders that do not tell who they are."""
-
-SETTLE_S = 0.1
-"""Wall time for which messages wait to be put in the order of their sending: a command overtakes the clock."""
-
-Heard = tuple[Input[Any], Any, Origin | None]
 
 
 class Tape:
@@ -41,8 +36,7 @@ class Tape:
         self._channels: dict[tuple[str, str], Channel] = {}
         self._numbers: Counter[str] = Counter()
         self._first: dict[str, bytes] = {}
-        self._since = time.time_ns()
-        self._waiting: list[tuple[int, Heard]] = []
+        self._order = Order()
         self._told = 0
         self.unfit: Counter[str] = Counter()
         self.troubled = ""
@@ -79,18 +73,12 @@ class Tape:
         early = clock.batch
         clock.admit()
         clock.batch = [*early, *clock.batch]
-        wall, since = time.time_ns(), self._since
+        wall = time.time_ns()
         self._learn()
-        sources = {**self._listening.heard, CLOCK.name: self._listening.clock}
-        for source in sources.values():
+        for source in {**self._listening.heard, CLOCK.name: self._listening.clock}.values():
             for message, origin in source.batch:
-                at = arrival(origin.source_ns if origin is not None else None, since, wall)
-                self._waiting.append((at, (source, message, origin)))
-        self._waiting.sort(key=lambda each: each[0])
-        self._since = wall if end else max(since, wall - round(SETTLE_S * 1e9))
-        ripe = bisect_right(self._waiting, self._since, key=lambda each: each[0])
-        heard, self._waiting = self._waiting[:ripe], self._waiting[ripe:]
-        for log_time, (source, message, origin) in heard:
+                self._order.put((source, message, origin), wall)
+        for log_time, (source, message, origin) in self._order.take(wall, end):
             publish_time = self._times.of(message, log_time, self._listening.timed)
             if source.name in self._listening.heard:
                 self._write(source, message, origin, log_time, publish_time)

@@ -36,8 +36,7 @@ class Follower:
 
     def take(self) -> Go | None:
         """The next Go, if one is there; what a stranger sent in its place is dropped."""
-        sample = self.inlet.take()
-        if sample is None:
+        if (sample := self.inlet.take()) is None:
             return None
         try:
             go = read_go(sample[0])
