@@ -20,12 +20,20 @@ def times(page: Page, plot: Locator) -> tuple[float, float]:
     return float(rows[0].split(",")[0]), float(rows[-1].split(",")[0])
 
 
+def stands(page: Page, shown: Locator) -> bool:
+    """Whether something has had its place for a while: what comes later on may still move it."""
+    before = shown.bounding_box()
+    page.wait_for_timeout(400)
+    return before == shown.bounding_box()
+
+
 def test_a_drag_zooms_the_wheel_widens_and_a_double_click_returns(fleet: Watched, pages: Pages) -> None:
     page = pages.open("plots")
     page.select_option("#plots-window", "5")
     plot = page.locator(".plot").first
     over = plot.locator(".u-over")
     until(lambda: (lambda t: t[1] - t[0] > 6)(times(page, plot)), 2 * SOON_S, "more samples than the window shows")
+    until(lambda: stands(page, over), SOON_S, "a layout that stands")
     box = over.bounding_box()
     assert box is not None
     y = box["y"] + box["height"] / 2

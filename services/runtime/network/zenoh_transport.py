@@ -32,6 +32,9 @@ from services.runtime.network.zenoh_ends import (
 # router keeps to the defaults: it has to pass on what it receives, and lost large messages under load with one thread.
 _THREADS = "(rx: (worker_threads: 1), acc: (handover: rx), net: (handover: rx))"
 
+_OPENING = threading.Lock()
+"""Held while a session opens: the environment belongs to all threads."""
+
 _MOST_TOKENS = 1 << 20
 """Answers that a question for tokens can hold; a fleet of twelve processes has 400."""
 
@@ -162,11 +165,12 @@ class ZenohTransport:
 @contextmanager
 def _few_threads(wanted: bool) -> Iterator[None]:
     """Let Zenoh start with _THREADS, unless the user's environment says otherwise; children do not inherit it."""
-    ours = wanted and "ZENOH_RUNTIME" not in os.environ
-    if ours:
-        os.environ["ZENOH_RUNTIME"] = _THREADS
-    try:
-        yield
-    finally:
+    with _OPENING:
+        ours = wanted and "ZENOH_RUNTIME" not in os.environ
         if ours:
-            del os.environ["ZENOH_RUNTIME"]
+            os.environ["ZENOH_RUNTIME"] = _THREADS
+        try:
+            yield
+        finally:
+            if ours:
+                del os.environ["ZENOH_RUNTIME"]
