@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 from messages.geometry import Point, Pose, Quaternion, Twist, Vector3
 from services.runtime.errors import BadInput, unknown
-from services.sim.physics.rotation import compose, into_body, into_world
+from services.runtime.frames.rigid import product
+from services.sim.physics.rotation import into_body, into_world
 from services.sim.physics.world import ORIGIN, BodyState, Placement, World
 
 WORLD_FRAMES = ("", "world", "map", "/map", "/world")
@@ -61,7 +62,7 @@ def seen_from(frame: BodyState, state: BodyState) -> BodyState:
     i, j, k, w = turn
     return BodyState(
         into_body(turn, _less(state.position, frame.position)),
-        compose((-i, -j, -k, w), state.orientation),
+        product((-i, -j, -k, w), state.orientation),
         into_body(turn, _less(state.linear, frame.linear)),
         into_body(turn, _less(state.angular, frame.angular)),
     )
@@ -71,7 +72,7 @@ def placed_in(frame: BodyState, place: Placement) -> Placement:
     """Where in the world something is that has ``place`` in a frame."""
     x, y, z = into_world(frame.orientation, place.position)
     a, b, c = frame.position
-    return Placement((a + x, b + y, c + z), compose(frame.orientation, place.orientation))
+    return Placement((a + x, b + y, c + z), product(frame.orientation, place.orientation))
 
 
 def pose_and_twist(state: BodyState) -> tuple[Pose, Twist]:

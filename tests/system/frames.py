@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from messages.geometry import Pose
 from messages.tf import TFMessage
+from services.runtime.frames.rigid import product
 from services.sim.physics.rotation import into_world
 from services.sim.physics.world import Rotation, Vector
 
@@ -53,14 +54,3 @@ def chain(frames: Mapping[str, Frame], name: str) -> Frame:
         place = (above.place[0] + shift[0], above.place[1] + shift[1], above.place[2] + shift[2])
         here = Frame(above.parent, place, product(above.turn, here.turn))
     return here
-
-
-def product(p: Rotation, q: Rotation) -> Rotation:
-    """The rotation q, then p (Hamilton)."""
-    (a, b, c, w), (x, y, z, v) = p, q
-    return (
-        w * x + a * v + b * z - c * y,
-        w * y - a * z + b * v + c * x,
-        w * z + a * y - b * x + c * v,
-        w * v - a * x - b * y - c * z,
-    )

@@ -31,14 +31,3 @@ def matrix(orientation: Rotation) -> NDArray[np.float64]:
     """The rotation matrix R(q), shape (3, 3): its columns are the body's axes in the world."""
     axes = [into_world(orientation, axis) for axis in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
     return np.array(axes).T
-
-
-def compose(one: Rotation, other: Rotation) -> Rotation:
-    """``other`` in the axes of ``one``: the Hamilton product q1 q2."""
-    (a, b, c, w), (x, y, z, v) = one, other
-    return (
-        w * x + a * v + b * z - c * y,
-        w * y - a * z + b * v + c * x,
-        w * z + a * y - b * x + c * v,
-        w * v - a * x - b * y - c * z,
-    )
