@@ -16,11 +16,17 @@ from messages.requests import RESET_WORLD
 from messages.std import Empty
 from messages.topics import BASE_STATUS, FLEET_STATE, GROUND_TRUTH
 from services.panel.address import Address, read
+from services.panel.board import Board
+from services.panel.guard import Pass
+from services.panel.server import Server, listen
+from services.panel.web import application
 from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.network.zenoh_config import configuration
 from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
+from tests.panel.bench import Bench, bench
+from tests.panel.desk import TOKEN, Desk
 from tests.ports import free_port
 from tests.processes import Process
 from tests.waiting import until
@@ -177,3 +183,26 @@ def pages(browser: Browser, fleet: Watched) -> Iterator[Pages]:
 def anew(fleet: Watched) -> None:
     """All robots begin where they were spawned."""
     fleet.begin_anew()
+
+
+@pytest.fixture
+def at() -> Iterator[Bench]:
+    """The panel's hub between a page and a robot, all in memory."""
+    with bench() as made:
+        made.turn(0.1, tell=True)
+        yield made
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Desk]:
+    board, listening = Board(lambda: None, 2), listen(0)
+    port = listening.getsockname()[1]
+    with Server(application(Pass(TOKEN, port), board), listening, lambda: None, lambda: 0.1):
+        yield Desk(board, port)
+
+
+@pytest.fixture
+def desk(server: Desk) -> Iterator[Desk]:
+    yield server
+    until(lambda: server.board.pages == [], SOON_S, "all pages have left")
+    server.board.heard()
