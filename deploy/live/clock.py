@@ -58,7 +58,8 @@ class SimClock:
         self.since = 0
         self.paused = False
         self._sent: list[int] = []
-        self._times: list[int] = []
+        self._times: list[int | None] = []
+        """The clock sent at each of these moments; None after one that was lost: when, and what it told, is unknown."""
 
     def follow(self) -> None:
         """Take what has come."""
@@ -70,6 +71,8 @@ class SimClock:
             if clock.epoch != self.epoch:
                 self._sent, self._times, self.since = [], [], heard.sent
             self.now, self.epoch, self.paused = clock.clock.ns, clock.epoch, clock.paused
+            if heard.lost and self._times:
+                self._times[-1] = None
             if not self._sent or heard.sent >= self._sent[-1]:
                 self._sent.append(heard.sent)
                 self._times.append(clock.clock.ns)
@@ -81,11 +84,14 @@ class SimClock:
         return bool(self._sent) and self._sent[-1] > moment
 
     def at(self, moment: int) -> int | None:
-        """The simulation time [ns] of a moment of the wall clock [ns]: of the last clock sent before it."""
+        """The simulation time [ns] of a moment of the wall clock [ns]: of the last clock sent before it.
+
+        None before the first one, and where one was lost that may have been sent before the moment.
+        """
         place = bisect_right(self._sent, moment)
         return self._times[place - 1] if place else None
 
     def time_of(self, heard: Heard) -> int | None:
-        """When a sample was made, ns: by its stamp, or by the clock as it stood when it was sent."""
+        """When a sample was made, ns: by its stamp, or by the clock as it stood when it was sent; None if unknown."""
         stamp = stamp_of(heard.payload)
         return self.at(heard.sent) if stamp is None else stamp

@@ -40,6 +40,7 @@ class HzMeter:
             "received": window.received,
             "lost": window.lost,
             "window": len(window.samples),
+            "untimed": window.untimed,
             "simulated": _fields(window.simulated()),
             "wall": _fields(window.wall()),
         }

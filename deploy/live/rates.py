@@ -13,7 +13,7 @@ SECOND = 1e9
 
 
 class Sample(NamedTuple):
-    """One message: its simulation time (None when there is no clock) and wall time [ns], the number lost before it,
+    """One message: its simulation time (None when no clock tells it) and wall time [ns], the number lost before it,
     and its size [bytes].
     """
 
@@ -55,8 +55,22 @@ class Window:
         self.samples.append(sample)
 
     def simulated(self) -> Rate | None:
-        """The rate by simulation time."""
-        return rate([(each.time, each.lost) for each in self.samples if each.time is not None])
+        """The rate by simulation time. What has none counts between its neighbours, as what was lost does."""
+        moments: list[tuple[int, int]] = []
+        between = 0
+        for each in self.samples:
+            between += each.lost
+            if each.time is None:
+                between += 1
+            else:
+                moments.append((each.time, between))
+                between = 0
+        return rate(moments)
+
+    @property
+    def untimed(self) -> int:
+        """Samples whose simulation time is not known."""
+        return sum(each.time is None for each in self.samples)
 
     def wall(self) -> Rate | None:
         """The rate by the clocks of the senders."""

@@ -71,3 +71,15 @@ def test_a_window_keeps_the_newest_and_starts_anew_with_time() -> None:
     assert len(window.samples) == 1
     assert window.simulated() is None
     assert Window(5).sizes() == (0.0, 0, 0)
+
+
+def test_what_has_no_time_counts_between_its_neighbours() -> None:
+    """At the ends it is left out: between which instants it lay is not known."""
+    window = Window(20)
+    for each in range(12):
+        time = None if each in (0, 4, 5, 9, 11) else 40 * MS * (each + 10)
+        window.add(Sample(time, each, 1 if each == 5 else 0))
+    found = window.simulated()
+    assert found is not None
+    assert (window.untimed, found.count) == (5, 10)
+    assert (found.least, found.most) == (0.04, 0.04)

@@ -14,23 +14,20 @@ from __future__ import annotations
 
 import json
 import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
 from messages.nav import Odometry
-from messages.topics import BASE_STATUS
 from models.figures import read_model
 from models.stopping import Stop, stopping
-from services.runtime.node import Node
 from services.runtime.service import STEP_NS
 from services.sim import BaseParameters
-from tests.processes import Network, Process
-from tests.system import commander
+from tests.processes import Network
+from tests.system import commander, spectator
 from tests.system.commander import HANGS, RATE, SPEEDS, End
-from tests.system.watched import Truth, Watched, apart, speed, time_of
+from tests.system.spectator import Seen, read_seen
+from tests.system.watched import apart, speed, time_of
 from tests.waiting import until
 
 WHEELS = read_model("p3dx").wheels
@@ -49,45 +46,44 @@ SECONDS = 60.0
 
 
 class Robot:
-    """What is seen of one robot."""
+    """What was seen of one robot."""
 
-    def __init__(self, node: Node, name: str) -> None:
-        self.truth, self.status = Truth(node, name), Watched(node.read(BASE_STATUS, f"/{name}/base_status"))
-
-    @property
-    def now(self) -> float:
-        """Simulation time of the newest sample, s."""
-        return time_of(self.truth.all()[-1])
+    def __init__(self, seen: Seen, name: str) -> None:
+        self._truth, self.base = seen.truth[name], seen.status[name]
 
     def at(self, seconds: float) -> Odometry:
         """Ground truth of an instant, exactly."""
-        return next(each for each in self.truth.all() if each.header.stamp.ns == round(seconds * 1e9))
+        return next(each for each in self._truth if each.header.stamp.ns == round(seconds * 1e9))
 
     def stop(self, begin: float) -> Stop:
         """Time and way from ``begin`` [s] to the standstill, by ground truth at 50 Hz."""
-        end = self.truth.all()[-1]
+        end = self._truth[-1]
         assert abs(speed(end)) < STANDING
-        moving = [time_of(each) for each in self.truth.all() if abs(speed(each)) > STANDING]
+        moving = [time_of(each) for each in self._truth if abs(speed(each)) > STANDING]
         return Stop(moving[-1] + 0.02 - begin, apart(self.at(begin), end))
 
 
-@contextmanager
-def driven(logs: Path, end: End, latency: int = 0) -> Iterator[tuple[dict[str, Robot], Process]]:
-    """The three robots in lockstep with their commander, and its process."""
-    entries = [{"name": name, "model": "p3dx", "y": 2.0 * index} for index, name in enumerate(SPEEDS)]
-    settings = {"robots": entries, "mode": "lockstep", "latency": latency, "members": ["/commander"]}
-    words = [word for key, value in settings.items() for word in ("--param", f"{key}={json.dumps(value)}")]
-    with Network(logs) as network, network.node() as node:
-        robots = {name: Robot(node, name) for name in SPEEDS}
-        network.start("sim", "--lockstep", *words)
-        ends = "--lockstep", "--param", f"end={json.dumps(end)}", "--param", f"at={END}"
-        yield robots, network.run(Path(commander.__file__), *ends)
+class Drive:
+    """The three robots in lockstep with their commander, and with a spectator that misses nothing."""
+
+    def __init__(self, network: Network, folder: Path, end: End, latency: int = 0) -> None:
+        entries = [{"name": name, "model": "p3dx", "y": 2.0 * index} for index, name in enumerate(SPEEDS)]
+        members = ["/commander", "/spectator"]
+        network.start("sim", "--lockstep", *_words(robots=entries, mode="lockstep", latency=latency, members=members))
+        self._output = folder / "seen"
+        sees = _words(robots=list(SPEEDS), until=END + 1.2, output=str(self._output))
+        network.run(Path(spectator.__file__), "--lockstep", *sees)
+        self.commander = network.run(Path(commander.__file__), "--lockstep", *_words(end=end, at=END))
+
+    def robots(self) -> dict[str, Robot]:
+        """What was seen until all of them have had the time to stop."""
+        until(self._output.exists, SECONDS, "rest")
+        seen = read_seen(self._output.read_bytes())
+        return {name: Robot(seen, name) for name in SPEEDS}
 
 
-def rest(robots: dict[str, Robot]) -> None:
-    """Wait until all of them have had the time to stop."""
-    for robot in robots.values():
-        until(lambda r=robot: r.status.all() and r.truth.all() and r.now > END + 1.2, SECONDS, "rest")  # type: ignore[misc]
+def _words(**parameters: object) -> list[str]:
+    return [word for key, value in parameters.items() for word in ("--param", f"{key}={json.dumps(value)}")]
 
 
 def near(robot: Robot, v: float, begin: float, coasting: float, theory: Stop) -> None:
@@ -108,33 +104,34 @@ def near(robot: Robot, v: float, begin: float, coasting: float, theory: Stop) ->
 def test_a_commander_that_is_killed(tmp_path: Path, latency: int) -> None:
     """Kill -9, in the middle of a tick; no time-out passes."""
     last = END if latency else END - PERIOD
-    with driven(tmp_path, "hangs", latency) as (robots, process):
-        until(lambda: HANGS in process.text, SECONDS, "the tick in which it ends")
-        assert process.kill() == -signal.SIGKILL
-        rest(robots)
-        for name, v in SPEEDS.items():
-            base = robots[name].status.all()[-1]
-            assert base.last_command.ns == round(last * 1e9)
-            assert (base.timed_out, base.commands_timed_out) == (True, 1)
-            near(robots[name], v, last, PERIOD, stopping(v, PERIOD, BRAKE))
+    with Network(tmp_path) as network:
+        drive = Drive(network, tmp_path, "hangs", latency)
+        until(lambda: HANGS in drive.commander.text, SECONDS, "the tick in which it ends")
+        assert drive.commander.kill() == -signal.SIGKILL
+        robots = drive.robots()
+    for name, v in SPEEDS.items():
+        base = robots[name].base
+        assert base.last_command.ns == round(last * 1e9)
+        assert (base.timed_out, base.commands_timed_out) == (True, 1)
+        near(robots[name], v, last, PERIOD, stopping(v, PERIOD, BRAKE))
 
 
 def test_a_commander_that_falls_silent(tmp_path: Path) -> None:
     last = END - PERIOD
-    with driven(tmp_path, "falls silent") as (robots, _):
-        rest(robots)
-        for name, v in SPEEDS.items():
-            base = robots[name].status.all()[-1]
-            assert base.last_command.ns == round(last * 1e9)
-            assert (base.timed_out, base.commands_timed_out) == (True, 1)
-            near(robots[name], v, last, 0.24, stopping(v, TIMEOUT, BRAKE))
+    with Network(tmp_path) as network:
+        robots = Drive(network, tmp_path, "falls silent").robots()
+    for name, v in SPEEDS.items():
+        base = robots[name].base
+        assert base.last_command.ns == round(last * 1e9)
+        assert (base.timed_out, base.commands_timed_out) == (True, 1)
+        near(robots[name], v, last, 0.24, stopping(v, TIMEOUT, BRAKE))
 
 
 def test_an_emergency_stop_that_the_commander_does_not_heed(tmp_path: Path) -> None:
-    with driven(tmp_path, "stops") as (robots, _):
-        rest(robots)
-        for name, v in SPEEDS.items():
-            base = robots[name].status.all()[-1]
-            assert base.e_stopped
-            assert base.last_command.ns > END * 1e9
-            near(robots[name], v, END, 0.0, stopping(v, 0.0, BRAKE))
+    with Network(tmp_path) as network:
+        robots = Drive(network, tmp_path, "stops").robots()
+    for name, v in SPEEDS.items():
+        base = robots[name].base
+        assert base.e_stopped
+        assert base.last_command.ns > END * 1e9
+        near(robots[name], v, END, 0.0, stopping(v, 0.0, BRAKE))

@@ -1,0 +1,62 @@
+"""The clock of those who look on, on a bus in memory: what time a moment had, and where that cannot be known."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+
+from deploy.live.clock import SimClock
+from messages.base import encode
+from messages.rosgraph import Clock
+from messages.std import Time
+from messages.topics import CLOCK
+from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.wire import encoding
+
+TICK = 20_000_000
+"""Between two clocks, ns of simulation time and here of the wall clock as well."""
+
+
+class Told:
+    """A clock, and who tells it."""
+
+    def __init__(self, bus: MemoryBus) -> None:
+        self.clock = SimClock(MemoryTransport(bus))
+        self._out = MemoryTransport(bus).publish("clock", encoding(Clock.ROS_TYPE), CLOCK.quality)
+
+    def tell(self, number: int, epoch: int = 0) -> None:
+        """The clock of this number, sent at as many ticks of the wall clock."""
+        message = Clock(clock=Time.of(number * TICK), epoch=epoch)
+        beside = struct.pack("<qqB16s", number, number * TICK, 16, b"simulation")
+        self._out.put(encode(message), attachment=beside)
+        self.clock.follow()
+
+
+@pytest.fixture
+def told() -> Told:
+    return Told(MemoryBus())
+
+
+def test_a_moment_has_the_time_of_the_last_clock_before_it(told: Told) -> None:
+    for number in range(1, 5):
+        told.tell(number)
+    assert told.clock.at(TICK - 1) is None
+    assert [told.clock.at(round(each * TICK)) for each in (1, 1.9, 2, 4.5)] == [TICK, TICK, 2 * TICK, 4 * TICK]
+    assert told.clock.past(4 * TICK - 1)
+    assert not told.clock.past(4 * TICK)
+
+
+def test_where_a_clock_was_lost_the_time_is_not_known(told: Told) -> None:
+    for number in (1, 2, 4, 5):
+        told.tell(number)
+    assert [told.clock.at(round(each * TICK)) for each in (1.5, 2, 2.5, 3.5)] == [TICK, None, None, None]
+    assert told.clock.at(round(4.5 * TICK)) == 4 * TICK
+    assert told.clock.now == 5 * TICK
+
+
+def test_time_that_begins_anew_forgets_what_was_before(told: Told) -> None:
+    told.tell(8)
+    told.tell(10, epoch=1)
+    assert told.clock.at(9 * TICK) is None
+    assert told.clock.at(11 * TICK) == 10 * TICK
