@@ -56,15 +56,16 @@ class Tape:
     def take_rest(self, now: int) -> None:
         """What came after the last tick, at ``now`` [ns]: nobody had it yet, so its time lies after that tick.
 
-        Its own stamp tells it, if it has a later one.
+        Its own stamp tells it, or the clock that was sent before it, if that is later.
         """
         wall = time.time_ns()
         self._learn()
-        for name in sorted(self._listening.heard):
-            for message, origin in self._listening.heard[name].batch:
-                self._times.clock = now
-                later = max(self._times.of(message, wall, True), now + 1)
-                self._write(self._listening.heard[name], message, origin, wall, later)
+        self._times.clock = now
+        self._queue(wall)
+        for _, (source, message, origin) in self._order.take(wall, end=True):
+            later = max(self._times.of(message, wall, timed=True), now + 1)
+            if source.name in self._listening.heard:
+                self._write(source, message, origin, wall, later)
 
     def take(self, end: bool = False) -> None:
         """What has come, in the order in which it was sent, but for the last SETTLE_S; at the ``end`` that as well."""
@@ -75,9 +76,7 @@ class Tape:
         clock.batch = [*early, *clock.batch]
         wall = time.time_ns()
         self._learn()
-        for source in {**self._listening.heard, CLOCK.name: self._listening.clock}.values():
-            for message, origin in source.batch:
-                self._order.put((source, message, origin), wall)
+        self._queue(wall)
         for log_time, (source, message, origin) in self._order.take(wall, end):
             publish_time = self._times.of(message, log_time, self._listening.timed)
             if source.name in self._listening.heard:
@@ -119,6 +118,12 @@ class Tape:
         for topic in (TF, TF_STATIC):
             if (source := self._listening.heard.get(topic.name)) is not None and source.topic.record is TFMessage:
                 self._fitting.learn(message for message, _ in source.batch)
+
+    def _queue(self, wall: int) -> None:
+        """Leave it to the order of sending when what is there is written."""
+        for source in {**self._listening.heard, CLOCK.name: self._listening.clock}.values():
+            for message, origin in source.batch:
+                self._order.put((source, message, origin), wall)
 
     def _write(self, source: Input[Any], message: Any, origin: Origin | None, log_time: int, publish_time: int) -> None:
         name = source.name

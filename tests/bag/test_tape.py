@@ -1,4 +1,4 @@
-"""The order of what is recorded as it comes: that of its sending, though a command overtakes the clock."""
+"""The order of what is recorded as it comes, and of what comes after the last tick: that of its sending."""
 
 from __future__ import annotations
 
@@ -43,5 +43,26 @@ def test_a_command_that_overtakes_the_clock_has_the_time_before_which_it_was_sen
         command.publish(Twist.planar(0.2, 0.0))
         take(end=True)
         tape.close()
-    found = [each for each in open_bag(tmp_path / "bag").entries() if each.channel.topic == "/r/cmd_vel"]
-    assert [each.publish_time for each in found] == [40_000_000, 40_000_000]
+    assert times(tmp_path / "bag") == [40_000_000, 40_000_000]
+
+
+def test_what_comes_after_the_last_tick_has_the_time_at_which_it_was_sent(tmp_path: Path) -> None:
+    """As late as the others went on without the recorder; what was sent in its last tick comes right behind that."""
+    bus = MemoryBus()
+    with node(bus, "simulation") as sender, node(bus, "recorder") as taker, BagFolder(tmp_path / "bag") as bag:
+        clock, command = sender.write(CLOCK), sender.write(CMD_VEL, "/r/cmd_vel")
+        listening = Listening(taker, Selection(RecorderParameters(), taker.identity.resolve))
+        listening.look()
+        tape = Tape(bag, listening, taker.log)
+        for ms in (20, 40, 60, 80):
+            clock.publish(Clock(clock=Time.of(ms * 1_000_000)))
+            command.publish(Twist.planar(0.1, 0.0))
+        taker.admit()
+        tape.take_rest(40_000_000)
+        tape.close()
+    assert times(tmp_path / "bag") == [40_000_001, 40_000_001, 60_000_000, 80_000_000]
+
+
+def times(folder: Path) -> list[int]:
+    """When the commands in a bag were published, ns of simulation time."""
+    return [each.publish_time for each in open_bag(folder).entries() if each.channel.topic == "/r/cmd_vel"]
