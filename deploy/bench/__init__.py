@@ -12,7 +12,7 @@ from deploy.bench.figures import Figure
 
 def bench(rounds: int, as_json: bool) -> int:
     """Measure everything and show it; status 1 when a bound is missed."""
-    from deploy.bench import idle, motion, wire
+    from deploy.bench import idle, lockstep, wire
     from deploy.bench.ports import free_port
 
     def say(text: str) -> None:
@@ -20,7 +20,7 @@ def bench(rounds: int, as_json: bool) -> int:
 
     with tempfile.TemporaryDirectory() as folder:
         figures = wire.run(rounds, free_port(), Path(folder), say)
-    figures += motion.measure(rounds, free_port(), say)
+    figures += lockstep.measure(rounds, free_port(), say)
     figures += idle.measure(1, free_port(), say)
     if as_json:
         sys.stdout.write(json.dumps({each.name: _row(each) for each in figures}, indent=2) + "\n")

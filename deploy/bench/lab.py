@@ -61,14 +61,14 @@ class Watch:
     """What the bench sees of a running fleet. It listens to a message of 5 Hz only, so as not to weigh on the fleet."""
 
     def __init__(self, node: Node) -> None:
-        self._node = node
+        self.node = node
         self._status = node.read(BASE_STATUS, f"/{WATCHED}/base_status")
         self.now = 0.0
 
     def turn(self) -> None:
         """Wait for the next state of the robot's base."""
-        self._node.wait(self._status.inlet)
-        self._node.admit()
+        self.node.wait(self._status.inlet)
+        self.node.admit()
         if self._status.batch:
             self.now = self._status.batch[-1][0].header.stamp.ns / 1e9
 
@@ -80,23 +80,23 @@ class Watch:
 
     def until_motion(self, within: float = BEGIN_S) -> float:
         """Watch until the robot moves; the wall-clock time then."""
-        truth = self._node.read(GROUND_TRUTH, f"/{WATCHED}/ground_truth")
+        truth = self.node.read(GROUND_TRUTH, f"/{WATCHED}/ground_truth")
         deadline = time.perf_counter() + within
         try:
             while time.perf_counter() < deadline:
-                self._node.wait(truth.inlet)
-                self._node.admit()
+                self.node.wait(truth.inlet)
+                self.node.admit()
                 for seen, _ in truth.batch:
                     twist = seen.twist.twist
                     if abs(twist.linear.x) > 0.01 or abs(twist.angular.z) > 0.01:
                         return time.perf_counter()
         finally:
-            self._node.forget(truth)
+            self.node.forget(truth)
         raise TimeoutError(f"no robot moved within {within} s")
 
     def commands(self, robots: Mapping[str, Topic[Message]], seconds: float) -> dict[str, list[Any]]:
         """What each robot is told on a topic of its namespace until simulation time ``seconds``."""
-        sources = {name: self._node.read(topic, f"/{name}/{topic.name}") for name, topic in robots.items()}
+        sources = {name: self.node.read(topic, f"/{name}/{topic.name}") for name, topic in robots.items()}
         heard: dict[str, list[Any]] = {name: [] for name in robots}
         while self.now < seconds:
             self.turn()

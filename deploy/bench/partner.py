@@ -1,7 +1,8 @@
 """The other end of the wire measurements, a process of its own: ``python -m deploy.bench.partner KIND``.
 
 ``typed`` is a service of the runtime that answers each Odometry with an Odometry; ``raw`` answers bytes with bytes on a
-plain Zenoh session of the same configuration. Both can also flood the measuring side.
+plain Zenoh session of the same configuration. Both can also flood the measuring side. ``member`` takes part in a bare
+barrier: it answers each leave on its own key, and does nothing else.
 """
 
 from __future__ import annotations
@@ -24,13 +25,15 @@ from services.runtime.context import Context
 from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.network.zenoh_config import configuration
-from services.runtime.network.zenoh_transport import ZenohTransport
+from services.runtime.network.zenoh_transport import ZenohTransport, few_threads
 from services.runtime.node import Node
 
 PING = Topic("/bench/ping", Odometry, 0, Quality.SENSOR, "measured round trip, out")
 PONG = Topic("/bench/pong", Odometry, 0, Quality.SENSOR, "measured round trip, back")
 FLOOD = Topic("/bench/flood", Odometry, 0, Quality.EVENT, "measured throughput")
 RAW_PING, RAW_PONG, RAW_FLOOD = "bench_raw/ping", "bench_raw/pong", "bench_raw/flood"
+RAW_GO, RAW_DONE = "bench_raw/go", "bench_raw/done"
+"""Each followed by the number of a member."""
 
 COUNT_IN_SEC = 1_000_000
 """A ping whose stamp's seconds are this much or more asks for a flood of (seconds - COUNT_IN_SEC) messages."""
@@ -71,6 +74,21 @@ def watcher(endpoint: str) -> Iterator[Node]:
         yield node
 
 
+def bare(endpoint: str) -> zenoh.Session:
+    """A plain Zenoh session with the configuration and the threads that the runtime's have in lockstep."""
+    with few_threads():
+        return zenoh.open(zenoh.Config.from_json5(json.dumps(configuration("direct", (endpoint,), reliable=True))))
+
+
+def member(endpoint: str, number: str) -> None:
+    """Answer each leave; an empty one ends."""
+    with bare(endpoint) as session:
+        leaves = session.declare_subscriber(f"{RAW_GO}/{number}", zenoh.handlers.RingChannel(1024))
+        done = session.declare_publisher(f"{RAW_DONE}/{number}", congestion_control=zenoh.CongestionControl.BLOCK)
+        while leave := leaves.recv().payload.to_bytes():
+            done.put(leave)
+
+
 def raw(endpoint: str) -> None:
     """Answer, or flood when a ping of eight bytes tells how many; an empty one ends."""
     with zenoh.open(zenoh.Config.from_json5(json.dumps(configuration("direct", (endpoint,))))) as session:
@@ -93,6 +111,8 @@ def raw(endpoint: str) -> None:
 if __name__ == "__main__":
     if sys.argv[1] == "raw":
         raw(sys.argv[2])
+    elif sys.argv[1] == "member":
+        member(*sys.argv[2:])
     else:
         sys.argv.pop(1)
         main(Service(name="bench_partner", about="Answers the bench.", run=typed, reads=(PING,), writes=(PONG, FLOOD)))

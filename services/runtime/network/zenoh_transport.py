@@ -63,7 +63,7 @@ class ZenohTransport:
         zenoh.init_log_from_env_or("off")
         wanted = self._configuration["connect"]["endpoints"]
         try:
-            with _few_threads(self._configuration["mode"] != "router"):
+            with few_threads(self._configuration["mode"] != "router"):
                 self._zenoh = zenoh.open(zenoh.Config.from_json5(json.dumps(self._configuration)))
         except zenoh.ZError as error:
             listens = self._configuration["listen"]["endpoints"]
@@ -163,7 +163,7 @@ class ZenohTransport:
 
 
 @contextmanager
-def _few_threads(wanted: bool) -> Iterator[None]:
+def few_threads(wanted: bool = True) -> Iterator[None]:
     """Let Zenoh start with _THREADS, unless the user's environment says otherwise; children do not inherit it."""
     with _OPENING:
         ours = wanted and "ZENOH_RUNTIME" not in os.environ

@@ -1,0 +1,91 @@
+"""A bare barrier: plain Zenoh sessions that step with a loop and do nothing else, the least that lockstep can cost."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+
+import zenoh
+
+from deploy.bench.partner import RAW_DONE, RAW_GO, bare
+
+_LEAVE = bytes(64)
+"""As long as a leave with a few numbers in it."""
+_BEGIN_S = 20.0
+"""Wall time in which all members must listen."""
+_SETTLE_S = 1.0
+"""Wall time for links that a new session is still making while it is seen already."""
+
+
+class Barrier:
+    """Members by the number of physics steps between two of theirs; each steps while the physics does."""
+
+    def __init__(self, session: zenoh.Session, strides: Sequence[int]) -> None:
+        block = zenoh.CongestionControl.BLOCK
+        self._strides = strides
+        self._leaves = [
+            session.declare_publisher(f"{RAW_GO}/{number}", congestion_control=block) for number in range(len(strides))
+        ]
+        self._done = session.declare_subscriber(f"{RAW_DONE}/*", zenoh.handlers.RingChannel(1024))
+        self._pending: set[int] = set()
+
+    def begin(self) -> None:
+        """Block until all members listen; raises TimeoutError."""
+        deadline = time.monotonic() + _BEGIN_S
+        while not all(getattr(each.matching_status, "matching", False) for each in self._leaves):
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"not all members of a bare barrier came within {_BEGIN_S:g} s")
+            time.sleep(0.02)
+        time.sleep(_SETTLE_S)
+
+    def hold(self, step: int) -> None:
+        """Wait for those that are due at this step, and let them go on."""
+        due = [number for number, stride in enumerate(self._strides) if step % stride == 0]
+        while not self._pending.isdisjoint(due):
+            self._take()
+        for number in due:
+            self._leaves[number].put(_LEAVE)
+            self._pending.add(number)
+
+    def finish(self) -> None:
+        """Wait for everybody."""
+        while self._pending:
+            self._take()
+
+    def end(self) -> None:
+        """Let the members go."""
+        for each in self._leaves:
+            each.put(b"")
+
+    def _take(self) -> None:
+        self._pending.discard(int(str(self._done.recv().key_expr).rpartition("/")[2]))
+
+
+@contextmanager
+def barrier(strides: Sequence[int], port: int) -> Iterator[Barrier]:
+    """A router, a process for each member, and this side of the barrier."""
+    endpoint = f"tcp/127.0.0.1:{port}"
+    module = [sys.executable, "-P", "-m"]
+    commands = [[*module, "services.router", "--param", f"listen={endpoint}"]]
+    commands += [[*module, "deploy.bench.partner", "member", endpoint, str(number)] for number in range(len(strides))]
+    with ExitStack() as stack:
+        for command in commands:
+            quiet = subprocess.DEVNULL
+            stack.enter_context(ended(subprocess.Popen(command, stdout=quiet, stderr=quiet)))
+        made = Barrier(stack.enter_context(bare(endpoint)), strides)
+        made.begin()
+        yield made
+        made.end()
+
+
+@contextmanager
+def ended(process: subprocess.Popen[bytes]) -> Iterator[None]:
+    """Kill a process at the end."""
+    try:
+        yield
+    finally:
+        process.kill()
+        process.wait()
