@@ -22,7 +22,7 @@ from messages.plain import plain_record
 from messages.topics import CLOCK, Quality, Topic
 from services.runtime.errors import BadInput, EleaError
 from services.runtime.graph import snapshot
-from services.runtime.network.transport import BEAT_S
+from services.runtime.network.transport import BEAT_S, resting
 from services.runtime.outputs import Output
 
 _CLOCK_S = 2.0
@@ -114,7 +114,7 @@ def _rate(asked: Publication, name: str, quality: Quality) -> float:
 def _matched(live: Session, output: Output[Any], name: str, asked: Publication) -> bool:
     """Wait for subscribers; False when it was interrupted. Raises EleaError when they do not come in time."""
     started, told = time.monotonic(), False
-    inlet = live.transport.subscribe(f"@elea/{live.transport.session}/rest", 16)
+    inlet = resting(live.transport)
     settled = started + _SETTLE_S
     for _ in live.turns(inlet):
         now = time.monotonic()

@@ -15,7 +15,7 @@ from services.panel.server import Server, listen
 from services.panel.web import application
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
-from services.runtime.graph import ROOT
+from services.runtime.network.transport import resting
 
 
 def run(ctx: Context[PanelParameters]) -> None:
@@ -35,7 +35,7 @@ def run(ctx: Context[PanelParameters]) -> None:
         ctx.log.info(f"the page is on http://127.0.0.1:{port}; ./elea panel opens it")
         node.heart.state, node.heart.note = "running", f"http://127.0.0.1:{port}"
         node.heart.hurry()
-        rest = node.transport.subscribe(f"{ROOT}/{node.transport.session}/rest", 16)
+        rest = resting(node.transport)
         try:
             while True:
                 node.wait(rest)

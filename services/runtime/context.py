@@ -13,9 +13,8 @@ from services.runtime.calls import DEADLINE_S
 from services.runtime.errors import BadInput
 from services.runtime.frames.buffer import CACHE_S
 from services.runtime.frames.transforms import Transforms
-from services.runtime.graph import ROOT
 from services.runtime.log import Log
-from services.runtime.network.transport import Inlet
+from services.runtime.network.transport import Inlet, resting
 from services.runtime.node import Node
 from services.runtime.outputs import Output
 from services.runtime.pacing import ClockPacer, Instant, LockstepPacer, Pacer
@@ -179,8 +178,7 @@ class Context(Generic[P]):
     def idle(self) -> None:
         """Turn once and rest for a tenth of a second, for services that follow neither time nor messages."""
         if self._resting is None:
-            key = f"{ROOT}/{self._node.transport.session}/rest"
-            self._resting = self._node.transport.subscribe(key, 16)
+            self._resting = resting(self._node.transport)
         self._look()
         self._node.wait(self._resting)
         self._resting.take()

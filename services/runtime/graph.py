@@ -8,10 +8,9 @@ from typing import Literal
 
 from messages.names import BadName, mangle, unmangle
 from messages.names import key as absolute
-from services.runtime.network.transport import TOKENS, Transport
+from services.runtime.network.transport import KERNEL, Transport
 
-ROOT = TOKENS
-EVERYTHING = f"{ROOT}/*/*/*/*/*/*"
+EVERYTHING = f"{KERNEL}/*/*/*/*/*/*"
 
 _SESSION = re.compile(r"[0-9a-f]{1,32}")
 _PERIOD = re.compile(r"[1-9][0-9]{0,17}")
@@ -38,13 +37,13 @@ class Entity:
     def key(self) -> str:
         """The Zenoh key of the token."""
         chunks = (self.session, self.kind, mangle(self.node), mangle(self.name), mangle(self.record), self.detail)
-        return "/".join((ROOT, *chunks))
+        return "/".join((KERNEL, *chunks))
 
     @classmethod
     def parse(cls, key: str) -> Entity | None:
         """The entity behind a token's key, or None when it is not one of ours."""
         chunks = key.split("/")
-        if len(chunks) != 7 or chunks[0] != ROOT or chunks[2] not in ("node", "pub", "sub", "srv", "step"):
+        if len(chunks) != 7 or chunks[0] != KERNEL or chunks[2] not in ("node", "pub", "sub", "srv", "step"):
             return None
         _, session, kind, node, name, record, detail = chunks
         if not _SESSION.fullmatch(session) or (kind == "step" and not _PERIOD.fullmatch(detail)):
@@ -61,7 +60,7 @@ class Entity:
 def pattern(kind: Kind | Literal["*"] = "*", node: str = "*", name: str = "*") -> str:
     """The key expression of all tokens of a kind, a node, or a topic."""
     chunks = [each if each == "*" else mangle(each) for each in (node, name)]
-    return "/".join((ROOT, "*", kind, *chunks, "*", "*"))
+    return "/".join((KERNEL, "*", kind, *chunks, "*", "*"))
 
 
 def snapshot(transport: Transport) -> list[Entity]:

@@ -9,10 +9,10 @@ from __future__ import annotations
 import msgspec
 
 from messages.base import FAULTS, decoder, encode
-from services.runtime.graph import ROOT, pattern
-from services.runtime.network.transport import Transport
+from services.runtime.graph import pattern
+from services.runtime.network.transport import KERNEL, Transport
 
-KEY = f"{ROOT}/register"
+KEY = f"{KERNEL}/register"
 WITHIN_S = 0.5
 """Wall time that the router has for its answer."""
 LOOK_S = 0.05

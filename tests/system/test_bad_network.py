@@ -16,8 +16,8 @@ import zenoh
 from messages.elea import GoalStatus
 from messages.geometry import Pose, PoseStamped, Twist
 from messages.topics import CMD_VEL, GOAL_POSE, STATUS
-from services.runtime.graph import ROOT as TOKENS
 from services.runtime.graph import snapshot
+from services.runtime.network.transport import KERNEL
 from services.runtime.process import ROOT
 from tests.processes import Process
 from tests.system.stranger import stranger
@@ -154,7 +154,7 @@ def test_garbage_on_the_keys_of_lockstep(running: World, session: zenoh.Session)
     nodes = ("/sim", "/witness", "/tb3_0/waypoint")
     ids = [until(lambda n=node: sessions(running, n), WITHIN_S, f"the tokens of {node}")[0] for node in nodes]  # type: ignore[misc]
     for payload in (*GARBAGE, msgpack.packb(["x"]), msgpack.packb(["x", -1, "0", None])):
-        for key in (f"{TOKENS}/**", *(f"{TOKENS}/{each}/{end}" for each in ids for end in ("go", "done", "rest"))):
+        for key in (f"{KERNEL}/**", *(f"{KERNEL}/{each}/{end}" for each in ids for end in ("go", "done", "rest"))):
             session.put(key, payload)
 
 
@@ -162,13 +162,13 @@ def test_odd_tokens(running: World, session: zenoh.Session) -> None:
     token = session.liveliness().declare_token
     live = until(lambda: sessions(running, "/witness"), WITHIN_S, "the tokens of the witness")[0]
     odd = ("x", "%", "%%", "no_slash", "%a%", "%tb3_0%cmd_vel", "ünïcode", "a b", "'\"\\", "-", "9" * 300, "%witness")
-    tokens = [token(f"{TOKENS}/x")]
+    tokens = [token(f"{KERNEL}/x")]
     for text in odd:
         for kind in ("node", "pub", "sub", "srv", "step", "none"):
-            tokens.append(token(f"{TOKENS}/{text}/{kind}/{text}/{text}/{text}/{text}"))
-            tokens.append(token(f"{TOKENS}/{live[:8]}/{kind}/%foe/{text}/geometry_msgs%Twist/{text}"))
+            tokens.append(token(f"{KERNEL}/{text}/{kind}/{text}/{text}/{text}/{text}"))
+            tokens.append(token(f"{KERNEL}/{live[:8]}/{kind}/%foe/{text}/geometry_msgs%Twist/{text}"))
     for period in ("0", "-5", "1e9", "²", "²²", "9" * 400, "nan"):
-        tokens.append(token(f"{TOKENS}/abc{len(tokens)}/step/%witness/-/-/{period}"))
+        tokens.append(token(f"{KERNEL}/abc{len(tokens)}/step/%witness/-/-/{period}"))
     running.truth["tb3_0"].after(0.5)
     drawn = subprocess.run(
         [sys.executable, "-P", "-m", "deploy", "graph", "--connect", running.network.endpoint, "--json"],

@@ -15,8 +15,8 @@ import msgspec
 
 from messages.base import decoder
 from messages.topics import Quality
-from services.runtime.graph import ROOT
 from services.runtime.lockstep.marks import Numbers
+from services.runtime.network.transport import KERNEL
 from services.runtime.outputs import Output
 
 ENCODING = "application/msgpack;elea/lockstep"
@@ -58,12 +58,12 @@ read_done = decoder(Done)
 
 def go_key(session: str) -> str:
     """Where the member of this session receives Go."""
-    return f"{ROOT}/{session}/go"
+    return f"{KERNEL}/{session}/go"
 
 
 def done_key(session: str) -> str:
     """Where the simulation of this session receives Done."""
-    return f"{ROOT}/{session}/done"
+    return f"{KERNEL}/{session}/done"
 
 
 def numbers(outputs: Iterable[Output[Any]]) -> Numbers:

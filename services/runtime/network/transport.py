@@ -15,8 +15,8 @@ from messages.topics import Quality
 
 BEAT_S = 0.1
 """``wait`` returns at least this often [s of wall time]."""
-TOKENS = "@elea"
-"""First chunk of the key of every token."""
+KERNEL = "@elea"
+"""First chunk of the keys that are the runtime's own: those of tokens, and what lockstep and idle loops wait on."""
 
 
 Sample = tuple[bytes, bytes, Any]
@@ -160,7 +160,7 @@ class Transport(Protocol):
         ...
 
     def token(self, key: str) -> Token:
-        """Show that this process lives, for as long as the token is kept; ``key`` begins with the chunk TOKENS."""
+        """Show that this process lives, for as long as the token is kept; ``key`` begins with the chunk KERNEL."""
         ...
 
     def tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
@@ -182,3 +182,8 @@ class Transport(Protocol):
     def close(self) -> None:
         """Leave the network."""
         ...
+
+
+def resting(transport: Transport) -> Inlet:
+    """A subscription to nothing, for a loop that waits for nudges alone."""
+    return transport.subscribe(f"{KERNEL}/{transport.session}/rest", 16)

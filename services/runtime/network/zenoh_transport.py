@@ -14,7 +14,7 @@ from zenoh.handlers import Callback, FifoChannel, RingChannel
 
 from messages.topics import Quality
 from services.runtime.errors import TryAgain
-from services.runtime.network.transport import BEAT_S, TOKENS, Inlet, Reply
+from services.runtime.network.transport import BEAT_S, KERNEL, Inlet, Reply
 from services.runtime.network.zenoh_ends import (
     NUDGE,
     Mailbox,
@@ -72,7 +72,7 @@ class ZenohTransport:
         self._census = ZenohCensus()
         if self._configuration["mode"] != "client":  # the router answers a client, and whole
             hear = Callback(self._census.hear, indirect=False)
-            self._census.handle = self._zenoh.liveliness().declare_subscriber(f"{TOKENS}/**", hear, history=True)
+            self._census.handle = self._zenoh.liveliness().declare_subscriber(f"{KERNEL}/**", hear, history=True)
         self._ticker = threading.Thread(target=self._beat, name="nudge", daemon=True)
         self._ticker.start()
         return self
