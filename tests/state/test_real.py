@@ -192,6 +192,8 @@ def test_in_lockstep_every_joint_state_is_told_with_its_stamp(tmp_path: Path) ->
             return [each.header.stamp.ns for each in found if each.child_frame_id == "a/wheel_left_link"]
 
         until(lambda: len(stamps()) >= 200, 60.0, "two hundred transforms of a wheel")
-        times = stamps()[:200]
-        assert [later - earlier for earlier, later in pairwise(times)] == [40_000_000] * 199
+        apart = [later - earlier for earlier, later in pairwise(stamps())]
+        missed = sum(each // 40_000_000 - 1 for each in apart)
+        assert all(each > 0 and each % 40_000_000 == 0 for each in apart)
+        assert missed <= told.source.lost, "all were sent; on a busy machine this test may lose some"
         assert states.all()

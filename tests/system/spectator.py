@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from pathlib import Path
 
 from messages.base import Message, decoder, encode
@@ -10,6 +12,13 @@ from messages.nav import Odometry
 from messages.topics import BASE_STATUS, GROUND_TRUTH
 from services.runtime import Parameters, Service, main
 from services.runtime.context import Context
+from tests.processes import Network
+from tests.waiting import until
+
+NODE = "/spectator"
+"""To be named among the simulation's members."""
+SECONDS = 60.0
+"""Wall time for what takes a few seconds on a machine that is not busy."""
 
 
 class SpectatorParameters(Parameters, frozen=True, kw_only=True):
@@ -21,28 +30,44 @@ class SpectatorParameters(Parameters, frozen=True, kw_only=True):
 
 
 class Seen(Message, frozen=True, kw_only=True):
-    """Ground truth by robot, oldest first, and the last word on its base."""
+    """Ground truth and states of the base by robot, oldest first."""
 
     truth: dict[str, list[Odometry]]
-    status: dict[str, BaseStatus]
+    status: dict[str, list[BaseStatus]]
 
 
-read_seen = decoder(Seen)
+_read_seen = decoder(Seen)
+
+
+class Spectator:
+    """The process beside a test."""
+
+    def __init__(self, network: Network, folder: Path, robots: Sequence[str], seconds: float) -> None:
+        self._output = folder / "seen"
+        given = {"robots": list(robots), "until": seconds, "output": str(self._output)}
+        words = [word for key, value in given.items() for word in ("--param", f"{key}={json.dumps(value)}")]
+        network.run(Path(__file__), "--lockstep", *words)
+
+    def seen(self) -> Seen:
+        """What it saw, once that is enough."""
+        until(self._output.exists, SECONDS, "what there is to see")
+        return _read_seen(self._output.read_bytes())
 
 
 def run(ctx: Context[SpectatorParameters]) -> None:
     p = ctx.params
     truth = {name: ctx.stream(GROUND_TRUTH, f"/{name}/ground_truth") for name in p.robots}
-    bases = {name: ctx.latest(BASE_STATUS, f"/{name}/base_status") for name in p.robots}
+    bases = {name: ctx.stream(BASE_STATUS, f"/{name}/base_status") for name in p.robots}
     samples: dict[str, list[Odometry]] = {name: [] for name in p.robots}
+    states: dict[str, list[BaseStatus]] = {name: [] for name in p.robots}
     for tick in ctx.ticks():
-        for name, stream in truth.items():
-            samples[name] += stream.take()
+        for name in p.robots:
+            samples[name] += truth[name].take()
+            states[name] += bases[name].take()
         if tick.time >= round(p.until * 1e9):
             break
-    status = {name: base.value for name, base in bases.items() if base.value is not None}
     unfinished = Path(p.output).with_suffix(".part")
-    unfinished.write_bytes(encode(Seen(truth=samples, status=status)))
+    unfinished.write_bytes(encode(Seen(truth=samples, status=states)))
     unfinished.rename(p.output)
 
 

@@ -24,9 +24,9 @@ from models.stopping import Stop, stopping
 from services.runtime.service import STEP_NS
 from services.sim import BaseParameters
 from tests.processes import Network
-from tests.system import commander, spectator
+from tests.system import commander
 from tests.system.commander import HANGS, RATE, SPEEDS, End
-from tests.system.spectator import Seen, read_seen
+from tests.system.spectator import NODE, SECONDS, Seen, Spectator
 from tests.system.watched import apart, speed, time_of
 from tests.waiting import until
 
@@ -41,15 +41,13 @@ END = 3.2
 STANDING = 1e-3
 """m/s; below it a robot stands."""
 STEP_S = STEP_NS / 1e9
-SECONDS = 60.0
-"""Wall time for what takes a few seconds on a machine that is not busy."""
 
 
 class Robot:
     """What was seen of one robot."""
 
     def __init__(self, seen: Seen, name: str) -> None:
-        self._truth, self.base = seen.truth[name], seen.status[name]
+        self._truth, self.base = seen.truth[name], seen.status[name][-1]
 
     def at(self, seconds: float) -> Odometry:
         """Ground truth of an instant, exactly."""
@@ -64,26 +62,21 @@ class Robot:
 
 
 class Drive:
-    """The three robots in lockstep with their commander, and with a spectator that misses nothing."""
+    """The three robots in lockstep with their commander, and with a spectator who misses nothing."""
 
     def __init__(self, network: Network, folder: Path, end: End, latency: int = 0) -> None:
         entries = [{"name": name, "model": "p3dx", "y": 2.0 * index} for index, name in enumerate(SPEEDS)]
-        members = ["/commander", "/spectator"]
-        network.start("sim", "--lockstep", *_words(robots=entries, mode="lockstep", latency=latency, members=members))
-        self._output = folder / "seen"
-        sees = _words(robots=list(SPEEDS), until=END + 1.2, output=str(self._output))
-        network.run(Path(spectator.__file__), "--lockstep", *sees)
-        self.commander = network.run(Path(commander.__file__), "--lockstep", *_words(end=end, at=END))
+        settings = {"robots": entries, "mode": "lockstep", "latency": latency, "members": ["/commander", NODE]}
+        words = [word for key, value in settings.items() for word in ("--param", f"{key}={json.dumps(value)}")]
+        network.start("sim", "--lockstep", *words)
+        self._spectator = Spectator(network, folder, list(SPEEDS), END + 1.2)
+        ends = "--lockstep", "--param", f"end={json.dumps(end)}", "--param", f"at={END}"
+        self.commander = network.run(Path(commander.__file__), *ends)
 
     def robots(self) -> dict[str, Robot]:
         """What was seen until all of them have had the time to stop."""
-        until(self._output.exists, SECONDS, "rest")
-        seen = read_seen(self._output.read_bytes())
+        seen = self._spectator.seen()
         return {name: Robot(seen, name) for name in SPEEDS}
-
-
-def _words(**parameters: object) -> list[str]:
-    return [word for key, value in parameters.items() for word in ("--param", f"{key}={json.dumps(value)}")]
 
 
 def near(robot: Robot, v: float, begin: float, coasting: float, theory: Stop) -> None:
