@@ -79,13 +79,18 @@ class Stops:
         if end == 0 or begin.stamp > since:
             return  # it stood already, or the command is older than all samples
         samples = list(self._samples)[: end + 1]
-        run_up = begin.speed * (since - begin.stamp) / 1e9
-        distance = samples[-1].length - begin.length - run_up
+        distance = samples[-1].length - _covered(begin, samples[1], since)
         self.count += 1
         if self.hardest.distance is None or distance > self.hardest.distance:
             base = self.halting
             theory = stopping(begin.speed, base.timeout, base.brake) if base else (None, None)
             self.hardest = Stop(begin.speed, _end(samples) - since / 1e9, distance, *theory)
+
+
+def _covered(before: Sample, after: Sample, stamp: int) -> float:
+    """The way covered by ``stamp`` [ns], m, between two samples: evenly, also where those between them were lost."""
+    share = (stamp - before.stamp) / (after.stamp - before.stamp)
+    return before.length + share * (after.length - before.length)
 
 
 def _end(samples: list[Sample]) -> float:

@@ -7,6 +7,7 @@ import sys
 
 from services.runtime.network.zenoh_config import configuration
 from services.runtime.network.zenoh_transport import ZenohTransport
+from services.runtime.process import end
 from tests.params.sets import Asking, plain
 
 OWN = "ss_Kp", "tr_Kp", "ref_angle", "offset"
@@ -28,4 +29,5 @@ def crowd(endpoint: str, client: int, count: int) -> list[float]:
 
 
 if __name__ == "__main__":
-    print(json.dumps(crowd(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))))
+    print(json.dumps(crowd(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))), flush=True)
+    end(0)

@@ -152,6 +152,16 @@ def test_without_the_figures_of_the_base_there_is_no_theory() -> None:
     assert (stops.hardest.theory_time, stops.hardest.theory_distance) == (None, None)
 
 
+def test_lost_samples_make_no_stop_of_less_than_nothing() -> None:
+    """Just before the command there were none: the robot drove slower there than when it was last seen."""
+    stops = Stops()
+    for seconds, length, speed in ((1.0, 0.0, 0.5), (3.0, 0.6, 0.3), (3.2, 0.65, 0.0)):
+        stops.at(round(seconds * 1e9), length, speed)
+    stops.status(BaseStatus(last_command=Time.of(2_900_000_000), timed_out=True, commands_timed_out=1))
+    assert stops.count == 1
+    assert stops.hardest.distance == pytest.approx(0.65 - 0.6 * 1.9 / 2.0)
+
+
 def test_a_commander_that_returns_before_rest_is_no_stop() -> None:
     stops = Stops(Halting(name="a", timeout=0.25, brake=0.3))
     brake = Brake(0.75, 1.0, 0.25, 0.3)
