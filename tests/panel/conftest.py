@@ -11,10 +11,11 @@ import pytest
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from messages.elea import BaseStatus, FleetState, ProcessState
+from messages.geometry import Pose, PoseStamped
 from messages.nav import Odometry
 from messages.requests import RESET_WORLD
-from messages.std import Empty
-from messages.topics import BASE_STATUS, FLEET_STATE, GROUND_TRUTH
+from messages.std import Empty, Header
+from messages.topics import BASE_STATUS, FLEET_STATE, GOAL_POSE, GROUND_TRUTH
 from services.panel.address import Address, read
 from services.panel.board import Board
 from services.panel.guard import Pass
@@ -31,7 +32,11 @@ from tests.ports import free_port
 from tests.processes import Process
 from tests.waiting import until
 
-ROBOTS = ("/tb3_0", "/tb3_1", "/tb3_2")
+STARTS = {"/tb3_0": 0.0, "/tb3_1": 1.0, "/tb3_2": -1.0}
+"""y of each robot, m; x is 0, all look along x."""
+ROBOTS = tuple(STARTS)
+FAR = 50.0
+"""m; so long a way ends in no test, however slow the page is to show what happens on it."""
 START_S = 60.0
 SOON_S = 20.0
 """Wall time for what takes a second or two on a machine that is not busy."""
@@ -128,6 +133,19 @@ class Watched:
     def moves(self, robot: str) -> bool:
         return abs(self.speed(robot)) > 0.05
 
+    @contextmanager
+    def underway(self, robot: str) -> Iterator[None]:
+        """A robot drives straight ahead within, and then back to where it began."""
+        goals = self.node.write(GOAL_POSE, f"{robot}/goal_pose")
+        until(lambda: goals.wanted, SOON_S, f"who takes the goals of {robot}")
+        goals.publish(goal(FAR, STARTS[robot]))
+        self.wait(lambda: self.moves(robot), what=f"{robot} sets out")
+        try:
+            yield
+        finally:
+            goals.publish(goal(0.0, STARTS[robot]))
+            self.node.forget(goals)
+
     def begin_anew(self) -> None:
         """All robots to where they were spawned, at rest."""
         self.node.call(RESET_WORLD, Empty())
@@ -135,6 +153,11 @@ class Watched:
 
     def _all_ready(self) -> bool:
         return len(self.processes) == self._size and all(each.state == "ready" for each in self.processes.values())
+
+
+def goal(x: float, y: float) -> PoseStamped:
+    """A goal in the world, looking along x."""
+    return PoseStamped(header=Header(frame_id="world"), pose=Pose.planar(x, y, 0.0))
 
 
 @pytest.fixture(scope="package")

@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.panel.conftest import SOON_S, Pages, Watched
-from tests.panel.widgets import drawn, parameter, point, saved, slide
+from tests.panel.widgets import drawn, parameter, saved, slide
 from tests.processes import Process
 from tests.waiting import until
 
@@ -24,16 +24,11 @@ def test_a_slider_changes_the_speed_and_the_plot_shows_it_on_both_pages(fleet: W
     for each in (page, other):
         each.fill("input[placeholder='Filter parameters']", "tb3_0/waypoint")
         expect(each.locator(f"{speed} input[type=number]")).to_have_value("0.22")
-    page.click("#tab-robots")
-    page.click("[data-robot='/tb3_0']")
-    until(lambda: page.evaluate("window.elea.map.fitted"), SOON_S, "a map")
-    page.click("#goal-mode")
-    page.locator("canvas.map").click(position=point(page, 2.5, 0.0))
-    fleet.wait(lambda: fleet.speed("/tb3_0") > 0.21, what="tb3_0 at its top speed")
-    page.click("#tab-plots")
-    until(lambda: (drawn(page, line) or 0) > 0.21, SOON_S, "the plot shows it")
-    slide(page, speed, 0.1)
-    until(lambda: abs((drawn(page, line) or 0) - 0.1) < 0.005, SOON_S, "the plot shows the slower drive")
+    with fleet.underway("/tb3_0"):
+        fleet.wait(lambda: fleet.speed("/tb3_0") > 0.21, what="tb3_0 at its top speed")
+        until(lambda: (drawn(page, line) or 0) > 0.21, SOON_S, "the plot shows it")
+        slide(page, speed, 0.1)
+        until(lambda: abs((drawn(page, line) or 0) - 0.1) < 0.005, SOON_S, "the plot shows the slower drive")
     expect(other.locator(f"{speed} input[type=number]")).to_have_value("0.1")
     expect(other.locator(f"{speed} .origin")).to_have_text("run")
 
