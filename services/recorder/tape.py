@@ -10,6 +10,7 @@ from typing import Any
 from messages.base import Message
 from messages.cdr.extras import split
 from messages.cdr.write import NotWritable, writer
+from messages.rosgraph import Clock
 from messages.tf import TFMessage
 from messages.topics import CLOCK, TF, TF_STATIC, Quality
 from services.bag.channel import BESIDE, SENDER, Channel, Sender, channel_of, raw_channel
@@ -17,7 +18,7 @@ from services.bag.folder import BagFolder
 from services.recorder.fitting import Fitting
 from services.recorder.listening import Listening
 from services.recorder.order import Order
-from services.recorder.times import Times
+from services.recorder.times import Times, stamp_of
 from services.runtime.inputs import Input
 from services.runtime.log import Log
 from services.runtime.network.wire import NODE_BYTES, Origin
@@ -56,14 +57,15 @@ class Tape:
     def take_rest(self, now: int) -> None:
         """What came after the last tick, at ``now`` [ns]: nobody had it yet, so its time lies after that tick.
 
-        Its own stamp tells it, or the clock that was sent before it, if that is later.
+        Its own stamp tells it; one without a stamp lies right after the clock that was sent before it, at no step.
         """
         wall = time.time_ns()
         self._learn()
         self._times.clock = now
         self._queue(wall)
         for _, (source, message, origin) in self._order.take(wall, end=True):
-            later = max(self._times.of(message, wall, timed=True), now + 1)
+            bare = stamp_of(message) is None and not isinstance(message, Clock)
+            later = max(self._times.of(message, wall, timed=True) + bare, now + 1)
             if source.name in self._listening.heard:
                 self._write(source, message, origin, wall, later)
 

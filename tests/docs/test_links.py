@@ -13,7 +13,8 @@ from tests.tree import files
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 CODE = re.compile(r"`([^`\n]+)`")
 PLACE = re.compile(r"[\w.-]+(?:/[\w.-]+)*/?")
-TOP = {each.name for each in ROOT.iterdir() if each.is_dir() and not each.name.startswith(".")} - {"runs"}
+TOP = {path.relative_to(ROOT).parts[0] for path in files()}
+"""Of the project itself, not of what a run leaves there."""
 
 DOCUMENTS = list(files(".md"))
 
