@@ -53,7 +53,8 @@ def brief(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(wire, "TRIPS", 50)
     monkeypatch.setattr(wire, "MESSAGES", 500)
     monkeypatch.setattr(lockstep, "SPAN", SPAN)
-    monkeypatch.setattr(idle, "TO_S", idle.FROM_S + 1.0)
+    monkeypatch.setattr(idle, "FROM_S", 1.0)
+    monkeypatch.setattr(idle, "TO_S", 2.0)
 
 
 @pytest.mark.usefixtures("brief")
