@@ -92,7 +92,7 @@ def test_who_dies_disappears_within_three_seconds(fleet: Watched, pages: Pages, 
 def test_rates_and_details_of_a_topic(fleet: Watched, pages: Pages) -> None:
     page = pages.open("graph")
     topic = page.locator("g.topic[data-topic='/tb3_0/odom']")
-    expect(topic.locator("text.num")).to_have_text(re.compile(r"^2[3-7] Hz$"))
+    expect(topic.locator("text.num")).to_have_text(re.compile(r"^(\d+ lost · )?2[3-7] Hz$"))
     topic.click()
     expect(page.locator(".details")).to_contain_text("nav_msgs/Odometry")
     expect(page.locator(".details")).to_contain_text("25 promised")
