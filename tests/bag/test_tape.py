@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from messages.geometry import Twist
@@ -15,17 +17,26 @@ from services.recorder.listening import Listening
 from services.recorder.selection import Selection
 from services.recorder.tape import Tape
 from services.runtime.network.memory_transport import MemoryBus
+from services.runtime.node import Node
 from tests.runtime.bench import node
 from tests.waiting import until
 
 
-def test_a_command_that_overtakes_the_clock_has_the_time_before_which_it_was_sent(tmp_path: Path) -> None:
+@contextmanager
+def taping(folder: Path) -> Iterator[tuple[Node, Node, Tape]]:
+    """A node that sends, one that listens, and the tape of what this one hears: the clock and a command."""
     bus = MemoryBus()
-    with node(bus, "simulation") as sender, node(bus, "recorder") as taker, BagFolder(tmp_path / "bag") as bag:
-        clock, command = sender.write(CLOCK), sender.write(CMD_VEL, "/r/cmd_vel")
+    with node(bus, "simulation") as sender, node(bus, "recorder") as taker, BagFolder(folder) as bag:
+        sender.write(CLOCK)
+        sender.write(CMD_VEL, "/r/cmd_vel")
         listening = Listening(taker, Selection(RecorderParameters(), taker.identity.resolve))
         listening.look()
-        tape = Tape(bag, listening, taker.log)
+        yield sender, taker, Tape(bag, listening, taker.log)
+
+
+def test_a_command_that_overtakes_the_clock_has_the_time_before_which_it_was_sent(tmp_path: Path) -> None:
+    with taping(tmp_path / "bag") as (sender, taker, tape):
+        clock, command = sender.write(CLOCK), sender.write(CMD_VEL, "/r/cmd_vel")
 
         def take(end: bool = False) -> int:
             taker.admit()
@@ -48,12 +59,8 @@ def test_a_command_that_overtakes_the_clock_has_the_time_before_which_it_was_sen
 
 def test_what_comes_after_the_last_tick_has_the_time_at_which_it_was_sent(tmp_path: Path) -> None:
     """As late as the others went on without the recorder, and at no step: none of it counted in the run."""
-    bus = MemoryBus()
-    with node(bus, "simulation") as sender, node(bus, "recorder") as taker, BagFolder(tmp_path / "bag") as bag:
+    with taping(tmp_path / "bag") as (sender, taker, tape):
         clock, command = sender.write(CLOCK), sender.write(CMD_VEL, "/r/cmd_vel")
-        listening = Listening(taker, Selection(RecorderParameters(), taker.identity.resolve))
-        listening.look()
-        tape = Tape(bag, listening, taker.log)
         for ms in (20, 40, 60, 80):
             clock.publish(Clock(clock=Time.of(ms * 1_000_000)))
             command.publish(Twist.planar(0.1, 0.0))

@@ -211,7 +211,7 @@ def test_loss_of_odometry_stops_the_robot_until_it_is_back(pioneer: Pioneer) -> 
     until(cruising, WITHIN_S, "0.2 m/s")
     last = source.all()[passed - 1]
     rest = pioneer.until_rest(last)
-    assert time_of(rest) - time_of(last) < 0.5 + 0.2 / 0.3 + 0.3
+    assert 0.5 < time_of(rest) - time_of(last) < 0.5 + 0.2 / 0.3 + 0.3
     until(lambda: pioneer.status.all()[-1].state == "waiting", WITHIN_S, "the square's word")
     until(lambda: "no odometry on /RosAria/odom" in square.text, WITHIN_S, "its complaint")
     assert apart(rest, pioneer.truth.after(0.5)) < 1e-3
