@@ -26,6 +26,9 @@ function roomy(low, high) {
   return [middle - half, middle + half];
 }
 
+// All plots show where the mouse points in one; a drag is for that one alone, as each would take it for its own stretch.
+const pointing = (type) => type === "mousemove" || type === "mouseleave";
+
 export class Plot {
   // `board` follows time for all plots: {range(), zoom(a, b), follow(), activate(plot), drop(plot), changed()}.
   constructor(series, board) {
@@ -93,7 +96,7 @@ export class Plot {
       padding: [8, 26, 0, 0],
       scales: { x: { time: false, range: (_, low, high) => [low, high] }, y: { range: (_, low, high) => roomy(low, high) } },
       axes: [{ ...axis, size: 28, values: (_, ticks) => ticks.map((t) => `${Number(t.toFixed(3))} s`) }, { ...axis, size: 60, values: (_, ticks, __, ___, step) => ticks.map((each) => tick(each, step)) }],
-      cursor: { sync: { key: "elea" }, drag: { x: true, y: false, setScale: false }, points: { size: 6 } },
+      cursor: { sync: { key: "elea", filters: { pub: pointing } }, drag: { x: true, y: false, setScale: false }, points: { size: 6 } },
       series: [{}, ...this.lines.map((line) => ({ stroke: paint(line.paint), width: 1.5, points: { show: false } }))],
       hooks: {
         setSelect: [(chart) => {
