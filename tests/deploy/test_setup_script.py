@@ -32,7 +32,10 @@ case "$*" in
         echo "pip" >>"$COUNT"
         [ -z "${HANG:-}" ] || { echo "half" >"$HANG"; sleep 60; }
         exit ${PIP_STATUS:-0} ;;
-    *) echo "python $*"; echo "path $PYTHONPATH" ;;
+    *)
+        echo "python $*"; echo "path $PYTHONPATH"
+        [ -z "${PYTHONPYCACHEPREFIX:-}" ] ||
+            echo "bytecode $PYTHONPYCACHEPREFIX${PYTHONDONTWRITEBYTECODE:+, read alone}" ;;
 esac
 END
         chmod +x "$3/bin/python" ;;
@@ -117,6 +120,13 @@ def test_completion_installs_nothing(copy: Copy) -> None:
     assert copy.installs() == []
     copy.start()
     assert copy.start(extra={"_ELEA_COMPLETE": "bash_source"}).stdout.startswith("python -P -m deploy")
+
+
+def test_bytecode_that_must_not_lie_beside_the_sources_goes_into_the_environment(copy: Copy) -> None:
+    started = copy.start("ps", extra={"PYTHONDONTWRITEBYTECODE": "1"})
+    assert started.stdout.endswith(f"bytecode {copy.root}/.venv/bytecode\n")
+    own = copy.start("ps", extra={"PYTHONDONTWRITEBYTECODE": "1", "PYTHONPYCACHEPREFIX": "/elsewhere"})
+    assert own.stdout.endswith("bytecode /elsewhere, read alone\n")
 
 
 def test_works_through_a_link_and_from_anywhere(copy: Copy, tmp_path: Path) -> None:
