@@ -8,6 +8,8 @@ from collections.abc import Iterator
 import pytest
 
 from messages.joints import JointEffort
+from messages.parameters import Assignment, SetParameters
+from messages.requests import PARAMS_SET
 from messages.sensor import JointState
 from messages.topics import JOINT_EFFORT, JOINT_STATES, REFERENCE
 from services.runtime.node import Node
@@ -16,6 +18,7 @@ from tests.faults.fleet import START_S, Fleet
 
 DURATION_S = 0.1
 """How long an effort of the controller acts."""
+PATIENCE_S = 1.0
 STEP_S = 0.005
 """The physics step; a job acts on every step from its start to its end, both included."""
 
@@ -45,6 +48,7 @@ class Witness:
     """Everything seen of the joint, the jobs on it and the references, as it was sent."""
 
     def __init__(self, node: Node) -> None:
+        self.node = node
         self._joints = node.read(JOINT_STATES, "/arm/joint_states")
         self._efforts = node.read(JOINT_EFFORT, "/arm/joint_effort")
         self._references = node.read(REFERENCE)
@@ -120,7 +124,10 @@ def test_a_killed_controller_lets_the_joint_go_within_its_last_job(swinging: tup
 
 
 def test_a_killed_reference_is_held_and_said(swinging: tuple[Fleet, Witness]) -> None:
+    """What the controller sends acts longer here: one that gets no processor for a moment does not let the joint go."""
     fleet, witness = swinging
+    patient = (Assignment(name="duration", value=PATIENCE_S), Assignment(name="state_timeout", value=PATIENCE_S))
+    witness.node.call(PARAMS_SET, SetParameters(set="/robot_control", values=patient, run=True, who="test"))
     fleet.kill("arm/reference")
     fleet.wait(lambda: "no reference for" in fleet.log("arm/arm"), "the controller to say so")
     witness.look()

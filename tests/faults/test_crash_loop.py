@@ -24,7 +24,7 @@ def test_it_is_given_up_after_pauses_that_grow(broken: Fleet) -> None:
     assert pauses == pytest.approx(expected, rel=JITTER + 0.05)
     assert f"{NAME} failed: exit status 1; restarted 5 times within 30 s" in log
     assert log.count("the lidar does not answer") == 1 + policy.limit
-    assert f"{NAME} failed: exit status 1" in broken.supervisor.text
+    broken.wait(lambda: f"{NAME} failed: exit status 1" in broken.supervisor.text, "the supervisor's word")
     assert broken.process(NAME).restarts == policy.limit
 
 

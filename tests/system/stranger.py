@@ -11,11 +11,20 @@ import zenoh
 
 from messages.requests import Refusal
 
+_WAITING = {
+    "id": "waiting",
+    "messages": ["put", "delete"],
+    "key_exprs": ["**"],
+    "overwrite": {"congestion_control": "block"},
+    "flows": ["egress"],
+}
+"""Nothing that it sends is dropped on the way for want of room, as Zenoh's default does on a busy machine."""
+
 
 @contextmanager
 def stranger(endpoint: str) -> Iterator[zenoh.Session]:
     """A plain client of the router at ``endpoint``."""
-    config = {"mode": "client", "connect": {"endpoints": [endpoint]}}
+    config = {"mode": "client", "connect": {"endpoints": [endpoint]}, "qos": {"network": [_WAITING]}}
     with zenoh.open(zenoh.Config.from_json5(json.dumps(config))) as session:
         yield session
 

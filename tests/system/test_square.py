@@ -28,6 +28,8 @@ from tests.waiting import until
 
 DRIVE = {"ramp": "base", "linear": {"max_acceleration": 0.3}, "angular": {"max_acceleration": 1.745329}}
 """The tutorial's limits."""
+PATIENCE_S = 5.0
+"""Time-out of a base whose square is to stop it: one that got no processor for a moment must not be stopped instead."""
 
 
 class Run:
@@ -162,7 +164,7 @@ class Pioneer:
 
 @pytest.fixture
 def pioneer(tmp_path: Path) -> Iterator[Pioneer]:
-    robots = [{"name": "RosAria", "model": "p3dx", "parameters": DRIVE}]
+    robots = [{"name": "RosAria", "model": "p3dx", "parameters": {**DRIVE, "cmd_vel_timeout": PATIENCE_S}}]
     with Network(tmp_path) as network:
         network.start("sim", "--param", f"robots={json.dumps(robots)}", "--param", "mode=real")
         with network.node() as node:
