@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 
 from messages.nav import Odometry
+from messages.requests import RESET_WORLD
+from messages.std import Empty
 from messages.topics import BASE_STATUS
 from models.figures import read_model
 from services.runtime.identity import Identity
@@ -27,6 +29,8 @@ from tests.waiting import until
 PROGRAM = Path(__file__).with_name("foreign_driver.py")
 TIMEOUT_S, STEP_S = 0.25, 0.005
 """The base's command timeout and the physics step, simulation time."""
+TRIES = 4
+"""Drives, until one is seen whole."""
 
 
 @pytest.fixture(scope="module")
@@ -61,12 +65,10 @@ def test_the_program_needs_zenoh_and_msgpack_alone() -> None:
 def test_it_drives_and_its_silence_stops_the_robot(bare: Terminal, node: Node) -> None:
     truth, others = Truth(node, "tb3_0"), [Truth(node, f"tb3_{number}") for number in (1, 2, 3)]
     bases = Watched(node.read(BASE_STATUS, "/tb3_0/base_status"))
-    starts = [each.next() for each in (truth, *others)]
-    sent = int(run(bare).split()[0])
-    truth.after(1.0)
+    starts = [each.next() for each in others]
+    sent, samples = seen_whole(bare, node, truth)
 
-    samples = truth.all()
-    assert 0.15 < apart(starts[0], samples[-1]) < 0.3
+    assert 0.15 < apart(samples[0], samples[-1]) < 0.3
     faster = first(samples, 0, lambda v: v > 0.105)
     full = first(samples, faster, lambda v: v > 0.195)
     slower = first(samples, full, lambda v: v < 0.195)
@@ -80,7 +82,7 @@ def test_it_drives_and_its_silence_stops_the_robot(bare: Terminal, node: Node) -
     period = time_of(samples[still]) - time_of(samples[still - 1])
     assert time_of(samples[still]) - obeyed <= TIMEOUT_S + STEP_S + 0.2 / wheels.brake + period + STEP_S
     assert all(abs(speed(each)) < 1e-3 for each in samples[still:])
-    for other, start in zip(others, starts[1:], strict=True):
+    for other, start in zip(others, starts, strict=True):
         assert apart(start, other.next()) < 1e-3
 
     driving = [each for each in bases.all() if each.source]
@@ -97,6 +99,20 @@ def test_a_second_fleet_is_told_who_holds_the_port(bare: Terminal) -> None:
     assert "--port" in refused.err
     assert refused.out == ""
     assert until(lambda: json.loads(bare.do("ps", "--json").out), WITHIN_S)[0]["fleet"] == "bare"
+
+
+def seen_whole(bare: Terminal, node: Node, truth: Truth) -> tuple[int, list[Odometry]]:
+    """Commands sent in all, and a drive from the start to standstill of which no sample was lost on a busy machine."""
+    sent = 0
+    for _ in range(TRIES):
+        node.call(RESET_WORLD, Empty())
+        truth.next()
+        begin, lost = len(truth.all()) - 1, truth.source.lost
+        sent += int(run(bare).split()[0])
+        truth.after(1.0)
+        if truth.source.lost == lost:
+            return sent, truth.all()[begin:]
+    raise AssertionError(f"{truth.source.lost} samples lost in {TRIES} drives")
 
 
 def run(bare: Terminal) -> str:
