@@ -141,6 +141,7 @@ class ZenohTransport:
         if self.open:
             self.open = False
             self._awake.set()
+            self._ticker.join()  # a nudge into a session that closes fails, and the thread with it
             self._zenoh.close()  # type: ignore[no-untyped-call]
 
     def _handing_over(self, mailbox: Mailbox) -> Callback[Any]:
