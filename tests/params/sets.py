@@ -24,6 +24,7 @@ from services.runtime.errors import CallFailed
 from services.runtime.network.transport import Transport
 from services.runtime.network.zenoh_config import configuration
 from services.runtime.network.zenoh_transport import ZenohTransport
+from services.runtime.parameters.insist import insist
 from tests.processes import Network, Process
 from tests.waiting import until
 
@@ -58,7 +59,7 @@ def plain(record: ParameterValues) -> dict[str, Any]:
 
 
 class Asking:
-    """What a node and a person ask of the service, each question once."""
+    """What a node and a person ask of the service, each question once unless it says otherwise."""
 
     def __init__(self, transport: Transport, timeout: float = 5.0) -> None:
         self.transport, self.timeout = transport, timeout
@@ -69,6 +70,11 @@ class Asking:
     def set(self, name: str = "/robot_control", request: str = "", **given: Any) -> ParameterValues:
         asked = SetParameters(set=name, values=values(**given), id=request, who="tester")
         return call(self.transport, PARAMS_SET, "params/set", asked, self.timeout)
+
+    def insist(self, request: str, **given: Any) -> ParameterValues:
+        """Set, and ask again under the same id while no answer comes, as every node and tool does."""
+        asked = SetParameters(set="/robot_control", values=values(**given), id=request, who="tester")
+        return insist(self.transport, PARAMS_SET, asked)
 
     def get(self, name: str = "/robot_control") -> ParameterValues:
         return call(self.transport, PARAMS_GET, "params/get", ParameterSet(set=name), self.timeout)

@@ -66,7 +66,7 @@ def lane(network: Network, file: Path, index: int) -> dict[str, int]:
                 new, old = (on_its_way / 100,) * 2, (acknowledged / 100,) * 2 if acknowledged else UNSET
                 assert pair in (new, old), "mixed, or an acknowledged one was lost"
                 seen["applied" if pair == new else "lost"] += 1
-                again = plain(client.set(request=f"n{on_its_way}", ss_Kp=on_its_way / 100, tr_Kp=on_its_way / 100))
+                again = plain(client.insist(request=f"n{on_its_way}", ss_Kp=on_its_way / 100, tr_Kp=on_its_way / 100))
                 assert again["ss_Kp"] == on_its_way / 100
             acknowledged, on_its_way = burst(client, process, chance, on_its_way)
         process = serving(network, client, file, "--domain", domain)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from messages.elea import BaseStatus
 from tests.faults.track import STANDING, WHEELS, Order, Sight, Track
 from tests.processes import Network, Process
 from tests.teleop.seat import Seat, Strokes
@@ -39,6 +40,13 @@ class Drive:
     def wait_standing(self) -> None:
         """Until the robot stands."""
         until(lambda: self.look() or abs(self.track.speed) < STANDING, WITHIN_S, "a robot that stands")
+
+    def status(self) -> BaseStatus:
+        """The state of the base, told after this call."""
+        self.look()
+        known = len(self.track.statuses)
+        until(lambda: self.look() or len(self.track.statuses) > known, WITHIN_S, "the state of the base")
+        return self.track.base
 
     def orders(self, since: float, to: float) -> list[Order]:
         """The commands sent between two instants, s of ``time.monotonic``."""
