@@ -19,12 +19,15 @@ NODE = "/spectator"
 """To be named among the simulation's members."""
 SECONDS = 60.0
 """Wall time for what takes a few seconds on a machine that is not busy."""
+THERE = "has taken the tick of which it is to tell"
+"""What it prints at the tick at which it is to tell."""
 
 
 class SpectatorParameters(Parameters, frozen=True, kw_only=True):
-    """What it looks at, the simulation time [s] at which it has seen enough, and where it writes that."""
+    """What it looks at, the times [s] of its tick to tell of and of having seen enough, and where it writes what."""
 
     robots: tuple[str, ...] = ()
+    tell: float = 0.0
     until: float = 1.0
     output: str = "seen"
 
@@ -42,11 +45,17 @@ _read_seen = decoder(Seen)
 class Spectator:
     """The process beside a test."""
 
-    def __init__(self, network: Network, folder: Path, robots: Sequence[str], seconds: float) -> None:
+    def __init__(
+        self, network: Network, folder: Path, robots: Sequence[str], seconds: float, tell: float = 0.0
+    ) -> None:
         self._output = folder / "seen"
-        given = {"robots": list(robots), "until": seconds, "output": str(self._output)}
+        given = {"robots": list(robots), "tell": tell, "until": seconds, "output": str(self._output)}
         words = [word for key, value in given.items() for word in ("--param", f"{key}={json.dumps(value)}")]
-        network.run(Path(__file__), "--lockstep", *words)
+        self._process = network.run(Path(__file__), "--lockstep", *words)
+
+    def await_tick(self) -> None:
+        """Block until the simulation has let it take the tick of which it is to tell."""
+        until(lambda: THERE in self._process.text, SECONDS, "the spectator's tick")
 
     def seen(self) -> Seen:
         """What it saw, once that is enough."""
@@ -64,6 +73,8 @@ def run(ctx: Context[SpectatorParameters]) -> None:
         for name in p.robots:
             samples[name] += truth[name].take()
             states[name] += bases[name].take()
+        if tick.time == round(p.tell * 1e9):
+            print(THERE, flush=True)
         if tick.time >= round(p.until * 1e9):
             break
     unfinished = Path(p.output).with_suffix(".part")

@@ -41,6 +41,8 @@ END = 3.2
 STANDING = 1e-3
 """m/s; below it a robot stands."""
 STEP_S = STEP_NS / 1e9
+LOOK = 0.02
+"""Simulation time between two looks of the spectator, s."""
 
 
 class Robot:
@@ -69,13 +71,13 @@ class Drive:
         settings = {"robots": entries, "mode": "lockstep", "latency": latency, "members": ["/commander", NODE]}
         words = [word for key, value in settings.items() for word in ("--param", f"{key}={json.dumps(value)}")]
         network.start("sim", "--lockstep", *words)
-        self._spectator = Spectator(network, folder, list(SPEEDS), END + 1.2)
+        self.spectator = Spectator(network, folder, list(SPEEDS), END + 1.2, END + latency * LOOK)
         ends = "--lockstep", "--param", f"end={json.dumps(end)}", "--param", f"at={END}"
         self.commander = network.run(Path(commander.__file__), *ends)
 
     def robots(self) -> dict[str, Robot]:
         """What was seen until all of them have had the time to stop."""
-        seen = self._spectator.seen()
+        seen = self.spectator.seen()
         return {name: Robot(seen, name) for name in SPEEDS}
 
 
@@ -95,11 +97,15 @@ def near(robot: Robot, v: float, begin: float, coasting: float, theory: Stop) ->
 
 @pytest.mark.parametrize("latency", [0, 1])
 def test_a_commander_that_is_killed(tmp_path: Path, latency: int) -> None:
-    """Kill -9, in the middle of a tick; no time-out passes."""
+    """Kill -9, in the middle of a tick; no time-out passes.
+
+    With latency 1 the simulation goes on meanwhile: it has given its last leave before the one it waits in.
+    """
     last = END if latency else END - PERIOD
     with Network(tmp_path) as network:
         drive = Drive(network, tmp_path, "hangs", latency)
         until(lambda: HANGS in drive.commander.text, SECONDS, "the tick in which it ends")
+        drive.spectator.await_tick()
         assert drive.commander.kill() == -signal.SIGKILL
         robots = drive.robots()
     for name, v in SPEEDS.items():
