@@ -60,7 +60,7 @@ class Robot:
         end = self._truth[-1]
         assert abs(speed(end)) < STANDING
         moving = [time_of(each) for each in self._truth if abs(speed(each)) > STANDING]
-        return Stop(moving[-1] + 0.02 - begin, apart(self.at(begin), end))
+        return Stop(moving[-1] + LOOK - begin, apart(self.at(begin), end))
 
 
 class Drive:
@@ -88,11 +88,11 @@ def near(robot: Robot, v: float, begin: float, coasting: float, theory: Stop) ->
     """
     assert speed(robot.at(begin)) == pytest.approx(v, rel=2e-3)
     assert speed(robot.at(begin + coasting)) == pytest.approx(v, rel=2e-3)
-    assert speed(robot.at(begin + coasting + 0.02)) < v - 0.5 * STEP_S * BRAKE
+    assert speed(robot.at(begin + coasting + LOOK)) < v - 0.5 * STEP_S * BRAKE
     stop = robot.stop(begin)
     print(f"{v:g} m/s: {stop.distance:.4f} m of {theory.distance:.4f}, {stop.time:.3f} s of {theory.time:.3f}")
     assert stop.distance == pytest.approx(theory.distance, rel=0.05)
-    assert abs(stop.time - theory.time) <= 0.05 * theory.time + 0.02
+    assert abs(stop.time - theory.time) <= 0.05 * theory.time + LOOK
 
 
 @pytest.mark.parametrize("latency", [0, 1])

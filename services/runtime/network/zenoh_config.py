@@ -58,7 +58,7 @@ def configuration(
 
     Commands, each a packet of its own, queue in 16 batches for each link in place of 2, made when they are needed: in
     real time, beside 40 processes that start others on two cores, ``lab`` lost 1 to 7 messages in most runs of 20 s,
-    and none in eleven with 16; memory is the same. So does all else in a router, which waits for nobody: of a lockstep
+    and none in 13 with 16; memory is the same. So does all else in a router, which waits for nobody: of a lockstep
     fleet at full speed, its clients lost 27 of 49,500 samples. A router's full queue has 10 ms to move in place of 1,
     as its sender may not have had a processor. A stuck client costs this once: Zenoh then drops what is for it without
     waiting, until it takes something again.
