@@ -55,7 +55,7 @@ def export_rrd(bag: Bag, output: Path, names: frozenset[str]) -> Told:
             channel = entry.channel
             if channel not in readable:
                 readable[channel] = channel.encoding == "cdr" and not why_not(channel)
-            if not readable[channel] or not (channel.topic in names or beside(channel)):
+            if not readable[channel] or not (channel.name in names or beside(channel)):
                 continue
             try:
                 message = typed.message(entry)
@@ -63,7 +63,7 @@ def export_rrd(bag: Bag, output: Path, names: frozenset[str]) -> Told:
                 unread += 1
                 continue
             if message is not None:
-                rebuild.take(channel.topic, message, entry.publish_time)
+                rebuild.take(channel.name, message, entry.publish_time)
     troubles += bag.troubles + ([f"{unread} messages were not of their type"] if unread else [])
     robots = ", ".join(f"{namespace.strip('/')} ({model})" for namespace, model in found.robots)
     return Told(output, f"{output}: {robots}", troubles)
@@ -81,7 +81,7 @@ def _whole(bag: Bag, output: Path, names: frozenset[str]) -> Told:
     with BagFolder(output) as folder:
         try:
             for entry in bag.entries():
-                if entry.channel.topic in names or beside(entry.channel):
+                if entry.channel.name in names or beside(entry.channel):
                     folder.add(*entry)
             folder.notes.update(bag.notes)
             folder.close()
@@ -93,7 +93,7 @@ def _whole(bag: Bag, output: Path, names: frozenset[str]) -> Told:
 
 def _chosen(bag: Bag, topics: tuple[str, ...]) -> frozenset[str]:
     """The topics to export; raises BadInput for one that is not in the bag, and for a bag without messages."""
-    known = {channel.topic for channel in bag.channels() if not beside(channel)}
+    known = {channel.name for channel in bag.channels() if not beside(channel)}
     if not known:
         raise BadInput("; ".join([f"{bag.path} holds no messages", *bag.troubles]))
     names = frozenset(topic if topic.startswith("/") else f"/{topic}" for topic in topics)

@@ -32,7 +32,7 @@ def robots_in(bag: Bag) -> Robots:
     low, high = [math.inf, math.inf], [-math.inf, -math.inf]
     typed = Typed()
     for entry in bag.entries():
-        namespace, _, name = entry.channel.topic.rpartition("/")
+        namespace, _, name = entry.channel.name.rpartition("/")
         wanted = name in (GROUND_TRUTH.name, ROBOT_DESCRIPTION.name) or beside(entry.channel)
         if not wanted or why_not(entry.channel):
             continue

@@ -1,51 +1,37 @@
-"""Which fleets run on this machine: one file each, locked by its supervisor as long as it lives.
-
-The lock, not the number in the file, says that a fleet runs: the kernel lifts it with the process, however it dies, so
-a number that another process got later is never taken for a supervisor.
-"""
+"""A fleet's claim on its port: the file by which others see that it runs, locked as long as its supervisor lives."""
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import socket
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import msgspec
 
 from services.runtime.errors import BadInput
+from services.runtime.fleets import Running, folder, held, latest, running
+from services.runtime.network import sockets
+
+__all__ = ["Running", "claim", "folder", "held", "latest", "running"]
 
 _PATIENCE_S = 1.0
 """Others look at a lock for a moment; a claim waits so long [s] for them."""
 
 
-class Running(msgspec.Struct, frozen=True, kw_only=True):
-    """A fleet that runs: what its files, its supervisor and its router are called; ``saved`` are its parameters."""
-
-    fleet: str
-    mode: str
-    port: int
-    pid: int
-    folder: str
-    started: str
-    domain: str = ""
-    root: str = ""
-    saved: str = ""
-
-
-def folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Where the files lie: ``elea`` in the user's state folder (XDG base directory specification)."""
-    base = environment.get("XDG_STATE_HOME", "")
-    return (Path(base) if base else Path.home() / ".local" / "state") / "elea"
-
-
 @contextmanager
 def claim(entry: Running) -> Iterator[None]:
-    """Hold the port for this fleet; raises BadInput when another fleet, or another program, holds it."""
+    """Hold the port for this fleet; raises BadInput when another fleet, or another program, holds it.
+
+    What killed processes of an earlier fleet left of their sockets is removed, and at the end what those of this one
+    leave.
+    """
     path = folder() / f"{entry.port}.json"
+    meeting = sockets.path_of(entry.router or sockets.router_endpoint(entry.port)).parent
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
@@ -54,36 +40,18 @@ def claim(entry: Running) -> Iterator[None]:
             f"{path} cannot be written ({error.strerror}): set XDG_STATE_HOME to a folder of yours"
         ) from None
     with os.fdopen(descriptor, "r+b") as file:
-        if not _lock(file.fileno()) or not _free(entry.port):
+        if not _lock(file.fileno()):
             raise _taken(entry.port)
+        sockets.secure(meeting)
+        _check_free(entry, meeting)
+        sockets.sweep(meeting)
         file.truncate(0)
         file.write(msgspec.json.encode(entry))
         file.flush()
-        yield
-
-
-def running() -> tuple[Running, ...]:
-    """Every fleet of this user that runs now."""
-    found = []
-    for path in sorted(folder().glob("*.json")):
         try:
-            with path.open("rb") as file:
-                if not held(file.fileno()):
-                    continue
-                found.append(msgspec.json.decode(file.read(), type=Running))
-        except (OSError, msgspec.MsgspecError):
-            continue
-    return tuple(found)
-
-
-def held(descriptor: int) -> bool:
-    """Whether another process has locked the open file for itself."""
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    fcntl.flock(descriptor, fcntl.LOCK_UN)
-    return False
+            yield
+        finally:
+            sockets.sweep(meeting)
 
 
 def _lock(descriptor: int) -> bool:
@@ -98,15 +66,33 @@ def _lock(descriptor: int) -> bool:
             time.sleep(0.02)
 
 
-def _free(port: int) -> bool:
-    """Whether a router could listen there."""
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+def _check_free(entry: Running, meeting: Path) -> None:
+    """Raise BadInput unless the fleet's router can listen wherever it is to.
+
+    Another program may take a place before the router does: the router then ends with status 75 and says so.
+    """
+    try:
+        sockets.knock(sockets.router_in(meeting))
+    except OSError:
+        pass
+    else:
+        raise BadInput(
+            f"a router that is no fleet's already listens in {meeting}: end it, or take another port with --port"
+        )
+    for each in entry.listen:
+        host, _, port = each.partition("/")[2].rpartition(":")
         try:
-            probe.bind(("127.0.0.1", port))
-        except OSError:
-            return False
-    return True
+            family, kind, protocol, _, address = socket.getaddrinfo(
+                host.strip("[]"), int(port), type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+            )[0]
+            with socket.socket(family, kind, protocol) as probe:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                probe.bind(address)
+        except OSError as error:
+            if error.errno == errno.EADDRINUSE:
+                why = f"port {port} of {host} is held by another program: take another one with"
+                raise BadInput(f"{why} {'--port' if int(port) == entry.port else '--listen'}") from None
+            raise BadInput(f"the router cannot listen on {each}: {error.strerror or error}") from None
 
 
 def _taken(port: int) -> BadInput:
@@ -116,4 +102,4 @@ def _taken(port: int) -> BadInput:
                 f"port {port} is held by the fleet {other.fleet} (supervisor {other.pid}, since {other.started}, "
                 f"{other.folder}): end it with ./elea down --port {port}, or take another port with --port"
             )
-    return BadInput(f"port {port} of 127.0.0.1 is held by another program: take another one with --port")
+    return BadInput(f"{folder() / f'{port}.json'} is held by another program: take another port with --port")

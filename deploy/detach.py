@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
+import itertools
+import os
+import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import msgspec
 
+from deploy.policy import describe_exit
 from deploy.progress import screen
-from deploy.run_folder import make_folder, read_state
+from deploy.run_folder import SUPERVISOR_LOG, check_room, make_folder, read_state
+from services.runtime.errors import EleaError
 from services.runtime.process import ROOT
 
-LOG = "supervisor.log"
 _TURN_S = 0.1
+_ROOM_TURNS = 20
+"""After so many turns it is looked whether the state of the fleet can be written at all."""
+_END_S = 60.0
+
+
+def _private(path: str, flags: int) -> int:
+    """The log holds the address of the panel's page, token and all."""
+    return os.open(path, flags, 0o600)
 
 
 def up_detached(fleet: str, report: str, as_json: bool, argv: list[str] | None = None) -> int:
@@ -21,20 +34,27 @@ def up_detached(fleet: str, report: str, as_json: bool, argv: list[str] | None =
     arguments = [each for each in (argv if argv is not None else sys.argv[1:]) if each not in ("--detach", "--json")]
     folder = make_folder(fleet, report)
     command = [sys.executable, "-P", "-m", "deploy", *arguments, "--report", str(folder)]
-    with (folder / LOG).open("wb") as log, screen() as shown:
+    log = folder / SUPERVISOR_LOG
+    log.unlink(missing_ok=True)
+    with open(log, "xb", opener=_private) as out, screen() as shown:
         supervisor = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, start_new_session=True
+            command, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT, start_new_session=True
         )
-        while supervisor.poll() is None:
+        for turn in itertools.count(1):
+            if supervisor.poll() is not None:
+                break
             state = read_state(folder)
             processes = state.processes if state else ()
             waiting = [each.name for each in processes if each.state != "ready"]
             if processes and not waiting:
                 break
+            if turn % _ROOM_TURNS == 0:
+                _check_room(folder, supervisor)
             shown.show(f"waiting for {', '.join(waiting) or 'the supervisor'}")
             time.sleep(_TURN_S)
     if supervisor.returncode is not None:
-        sys.stderr.write((folder / LOG).read_text(errors="replace"))
+        said = log.read_text(errors="replace")
+        sys.stderr.write(said or f"elea: {_silent(supervisor.returncode, folder)}\n")
         return supervisor.returncode
     if as_json:
         entry = {"fleet": fleet, "pid": supervisor.pid, "folder": str(folder), "root": str(ROOT)}
@@ -42,3 +62,28 @@ def up_detached(fleet: str, report: str, as_json: bool, argv: list[str] | None =
     else:
         sys.stdout.write(f"{fleet} runs (supervisor {supervisor.pid}), results go to {folder}; end it: ./elea down\n")
     return 0
+
+
+def _check_room(folder: Path, supervisor: subprocess.Popen[bytes]) -> None:
+    """End the supervisor and raise EleaError when the disk is full: nobody would see what becomes of its fleet."""
+    try:
+        check_room(folder)
+    except OSError as error:
+        supervisor.send_signal(signal.SIGINT)
+        try:
+            supervisor.wait(_END_S)
+        except subprocess.TimeoutExpired:
+            supervisor.kill()
+        raise EleaError(
+            f"the folder {folder} cannot be written while the fleet starts: {error.strerror}; the fleet was ended"
+        ) from None
+
+
+def _silent(status: int, folder: Path) -> str:
+    """What to say of a supervisor that ended without a word."""
+    how = f"the supervisor {describe_exit(status).replace('exit', 'ended with exit')} and has written nothing"
+    try:
+        check_room(folder)
+    except OSError as error:
+        return f"{how}: {folder} cannot be written: {error.strerror}"
+    return f"{how} to {folder / SUPERVISOR_LOG}"

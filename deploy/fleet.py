@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import msgspec
 from msgspec import Meta
 
 from deploy.policy import Policy, When
-from deploy.report.bounds import Bound
+from deploy.report.bounds import Bound, Bounds
+from services.runtime.network.zenoh_config import PORT
 
-Mode = Literal["lockstep", "real", "free"]
+Mode = Literal["lockstep", "real"]
+MODES: tuple[Mode, ...] = get_args(Mode)
+GONE_MODES = {
+    "free": "there is no mode 'free' any more, as no controller could keep up with it. Use lockstep: it runs as fast "
+    "as the machine can, and waits for the controllers; without any it runs at full speed. real follows the wall "
+    "clock, at any factor"
+}
+"""What to say of modes that there were."""
+
 Ends = Literal["goals", "duration", "never"]
 Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
-PORT = 7447
-"""Where a fleet's router listens on the loopback unless told otherwise; Zenoh's own default port."""
+FleetName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*\Z", max_length=64)]
+"""Names folders and files: of the results, of the saved parameters."""
 
 
 class Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -30,7 +39,11 @@ class Start(Table, frozen=True, kw_only=True):
 
 
 class Run(Table, frozen=True, kw_only=True):
-    """How time runs, how long, and over which network."""
+    """How time runs, how long, and over which network.
+
+    ``port`` tells the fleets of a user apart. With ``tcp`` the router listens there on 127.0.0.1, too, for every user
+    of the machine.
+    """
 
     mode: Mode = "lockstep"
     factor: Annotated[float, Meta(gt=0, le=1000)] = 1.0
@@ -40,6 +53,7 @@ class Run(Table, frozen=True, kw_only=True):
     latency: Annotated[int, Meta(ge=0, le=1)] = 0
     topology: Literal["direct", "star"] = "direct"
     port: Annotated[int, Meta(ge=1, le=65535)] = PORT
+    tcp: bool = False
 
 
 class Member(Table, frozen=True, kw_only=True):
@@ -79,9 +93,12 @@ class Change(Table, frozen=True, kw_only=True):
 
 
 class Fleet(Table, frozen=True, kw_only=True):
-    """A fleet. ``every_robot`` are services that each robot gets beside its own."""
+    """A fleet. ``every_robot`` are services that each robot gets beside its own.
 
-    name: str
+    ``mode_bounds`` are the tables ``[bounds.real]`` and ``[bounds.lockstep]`` of the file.
+    """
+
+    name: FleetName
     description: str = ""
     run: Run = Run()
     robot: tuple[Robot, ...] = ()
@@ -89,6 +106,11 @@ class Fleet(Table, frozen=True, kw_only=True):
     service: tuple[Member, ...] = ()
     change: tuple[Change, ...] = ()
     bounds: dict[str, float | int | Bound] = {}
+    mode_bounds: dict[Mode, dict[str, float | int | Bound]] = {}
+
+    def judged_by(self) -> Bounds:
+        """The bounds of a run in the fleet's mode: those of the mode win over those of all."""
+        return {**self.bounds, **self.mode_bounds.get(self.run.mode, {})}
 
     def shared(self, robot: Robot) -> tuple[tuple[int, Member], ...]:
         """Those of ``every_robot`` that a robot gets, each with its index in the file."""

@@ -30,6 +30,9 @@ def check(fleet: Fleet, source: Source) -> None:
         nodes[node] = source.at(*path)
     for name in fleet.bounds:
         check_bounds({name: fleet.bounds[name]}, source.at("bounds", name))
+    for mode, bounds in fleet.mode_bounds.items():
+        for name in bounds:
+            check_bounds({name: bounds[name]}, source.at("bounds", mode, name))
     if fleet.run.ends == "duration" and not fleet.run.duration:
         raise BadInput(f'{source.at("run", "ends")}: ends = "duration" needs a duration [s] above 0')
 

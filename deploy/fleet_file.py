@@ -5,21 +5,23 @@ from __future__ import annotations
 import re
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import msgspec
 from msgspec.structs import replace
 
-from deploy.fleet import Change, Fleet, Member, Robot, Run, Start
+from deploy.fleet import GONE_MODES, MODES, Change, Fleet, Member, Robot, Run, Start
 from deploy.fleet_check import check
 from deploy.own_service import is_own
 from deploy.parameter_sets import check_changes
 from deploy.policy import Policy
-from deploy.report.bounds import Bound
+from deploy.report.bounds import KEYS, Bound
 from deploy.toml_place import Source, Step
 from services.runtime.errors import BadInput, unknown
 
 FLEETS = Path(__file__).resolve().parent / "fleets"
 
+_BY_MODE = "mode_bounds"
 _TABLES: dict[str, type[msgspec.Struct]] = {
     "": Fleet,
     "run": Run,
@@ -70,14 +72,38 @@ def parse_fleet(path: Path, text: str) -> Fleet:
         place = f"{path}:{found[1]}" if found else f"{path}:{text.count(chr(10)) + 1}"
         raise BadInput(f"{place}: this is not TOML: {error}") from None
     source = Source(path, text)
+    _check_mode(tree, source)
+    if _BY_MODE in tree:
+        raise unknown("key", _BY_MODE, [each.name for each in msgspec.structs.fields(Fleet)], source.at(_BY_MODE))
     try:
-        fleet = msgspec.convert(tree, Fleet)
+        fleet = msgspec.convert(_apart(tree, source), Fleet)
     except msgspec.ValidationError as error:
         raise _located(source, str(error)) from None
     fleet = _with_files(fleet, path.parent)
     check(fleet, source)
     check_changes(fleet, source)
     return fleet
+
+
+def _check_mode(tree: dict[str, Any], source: Source) -> None:
+    """Raise BadInput for a mode that there was once."""
+    run = tree.get("run")
+    mode = run.get("mode") if isinstance(run, dict) else None
+    if isinstance(mode, str) and mode in GONE_MODES:
+        raise BadInput(f"{source.at('run', 'mode')}: {GONE_MODES[mode]}")
+
+
+def _apart(tree: dict[str, Any], source: Source) -> dict[str, Any]:
+    """The bounds for one mode, as ``[bounds.real]``, apart from those beside them, as the record has them."""
+    bounds = tree.get("bounds")
+    if not isinstance(bounds, dict):
+        return tree
+    for name, each in bounds.items():
+        if isinstance(each, dict) and name not in (*KEYS, *MODES):
+            raise unknown("figure or mode", name, (*KEYS, *MODES), source.at("bounds", name))
+    by_mode = {name: each for name, each in bounds.items() if name in MODES}
+    rest = {name: each for name, each in bounds.items() if name not in MODES}
+    return {**tree, "bounds": rest, _BY_MODE: by_mode}
 
 
 def _with_files(fleet: Fleet, folder: Path) -> Fleet:
@@ -96,6 +122,8 @@ def _located(source: Source, error: str) -> BadInput:
     """msgspec's error with the line of its path, and the alternatives when a key is unknown."""
     text, _, where = error.partition(" - at `$")
     path = _path(where.rstrip("`"))
+    if path[:1] == (_BY_MODE,):
+        path = ("bounds", *path[1:])
     if found := re.search(r"unknown field `(.*?)`", text):
         names = [step for step in path if isinstance(step, str)]
         record = _TABLES[names[-1] if names else ""]

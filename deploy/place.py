@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from deploy.claim import Running, running
-from deploy.fleet import PORT
 from services.runtime.errors import BadInput
+from services.runtime.network.sockets import router_endpoint
+from services.runtime.network.zenoh_config import PORT, endpoint, is_local
 
 
 class Place(NamedTuple):
@@ -18,15 +19,21 @@ class Place(NamedTuple):
     @property
     def arguments(self) -> list[str]:
         """The words with which a service is started there."""
-        return ["--connect", self.router, *(("--domain", self.domain) if self.domain else ())]
+        far = () if is_local(endpoint(self.router)) else ("--topology", "star")  # peers meet on one machine alone
+        return ["--connect", self.router, *(("--domain", self.domain) if self.domain else ()), *far]
 
 
 def place_of(connect: str = "", domain: str = "", port: int | None = None) -> Place:
     """The network that the options name; raises BadInput where several fleets run and none is chosen."""
     if not connect and running():
         fleet = chosen(port)
-        return Place(f"tcp/127.0.0.1:{fleet.port}", domain or fleet.domain)
-    return Place(connect or f"tcp/127.0.0.1:{port or PORT}", domain)
+        return Place(router_of(fleet), domain or fleet.domain)
+    return Place(connect or router_endpoint(port or PORT), domain)
+
+
+def router_of(fleet: Running) -> str:
+    """Where the router of a running fleet listens, as its supervisor noted it: the environment may differ here."""
+    return fleet.router or router_endpoint(fleet.port)
 
 
 def chosen(port: int | None) -> Running:

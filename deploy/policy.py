@@ -63,13 +63,12 @@ def after_exit(
     if status == 0 and policy.when != "always":
         return Finished()
     how = describe_exit(status)
-    if status == BAD_INPUT:
-        return Failed(f"{how}: {said}" if said else how)
-    if policy.when == "never":
-        return Failed(how)
+    why = f": {said}" if said and status > 0 else ""
+    if status == BAD_INPUT or policy.when == "never":
+        return Failed(f"{how}{why}")
     recent = sum(1 for each in restarts if now - each < policy.window)
     if recent >= policy.limit:
-        return Failed(f"{how}; restarted {recent} times within {policy.window:g} s")
+        return Failed(f"{how}; restarted {recent} times within {policy.window:g} s{why}")
     pause = min(policy.longest, policy.first * 2.0**recent)
     return Restart(min(policy.longest, pause * (1.0 + JITTER * (2.0 * chance - 1.0))))
 

@@ -14,7 +14,7 @@ from deploy.fleet import Fleet, Member, Robot
 from deploy.fleet_check import identity
 from deploy.own_service import is_own
 from deploy.policy import Policy, When
-from deploy.wiring import IMPLIED, ONLOOKERS, Terms, endpoint, wired
+from deploy.wiring import IMPLIED, ONLOOKERS, Nodes, Terms, endpoint, wired
 
 _RESTART: dict[str, When] = {"router": "always", "grader": "never"}
 """A router has no work that could be done; a grader that comes back has lost what it measured."""
@@ -22,6 +22,9 @@ _RESTART: dict[str, When] = {"router": "always", "grader": "never"}
 
 SUPERVISOR = "/supervisor"
 """The node of who starts them all."""
+
+_BEFORE = ("router", "sim")
+"""Services that time does not wait for: the first carries what the others tell, the second is who waits."""
 
 _NEEDS = {"router": (), "params": ("router",), "sim": ("router", "params")}
 """What must be ready before; everything else needs router and simulation, and by them the parameters."""
@@ -51,13 +54,23 @@ class _Stated(msgspec.Struct, frozen=True):
     def node(self) -> str:
         return identity(self.member, self.robot).node
 
+    @property
+    def required(self) -> bool:
+        return self.member.required if self.member.required is not None else self.member.kind in IMPLIED
+
 
 def processes(fleet: Fleet, terms: Terms) -> tuple[Process, ...]:
     """Every process of the fleet, those first that others depend on: router, parameters, simulation, then the rest."""
     stated = _stated(fleet)
-    members = tuple(each.node for each in stated if _awaited(each.member.kind, fleet.run.mode))
-    readers = (SUPERVISOR, *(each.node for each in stated if each.member.kind not in ONLOOKERS))
-    return tuple(_process(each, fleet, terms, members, readers) for each in stated)
+    taking_part = [each for each in stated if each.member.kind not in ONLOOKERS]
+    awaited = [each for each in taking_part if each.member.kind not in _BEFORE]
+    nodes = Nodes(
+        members=tuple(each.node for each in stated if fleet.run.mode == "lockstep" and _steps(each.member.kind)),
+        awaits=tuple(each.node for each in awaited),
+        requires=tuple(each.node for each in awaited if each.required),
+        readers=(SUPERVISOR, *(each.node for each in taking_part)),
+    )
+    return tuple(_process(each, fleet, terms, nodes) for each in stated)
 
 
 def _stated(fleet: Fleet) -> list[_Stated]:
@@ -70,19 +83,15 @@ def _stated(fleet: Fleet) -> list[_Stated]:
     return stated
 
 
-def _awaited(kind: str, mode: str) -> bool:
-    """Whether time begins with services of this kind: in real time only recorders, which would miss its beginning."""
-    if mode == "real":
-        return kind == "recorder"
+def _steps(kind: str) -> bool:
+    """Whether lockstep waits for services of this kind at each tick."""
     service = declaration(kind)
     return service.holds_lockstep and service.rate is not None
 
 
-def _process(
-    stated: _Stated, fleet: Fleet, terms: Terms, members: tuple[str, ...], readers: tuple[str, ...]
-) -> Process:
+def _process(stated: _Stated, fleet: Fleet, terms: Terms, nodes: Nodes) -> Process:
     member, kind = stated.member, stated.member.kind
-    told = {**wired(kind, fleet, terms, members, readers), **arm_wired(kind, fleet, stated.robot)}
+    told = {**wired(kind, fleet, terms, nodes), **arm_wired(kind, fleet, stated.robot)}
     parameters = {**told, **_shifted(stated)}
     match member.restart:
         case None:
@@ -95,9 +104,9 @@ def _process(
         name=stated.node.removeprefix("/"),
         node=stated.node,
         kind=kind,
-        argv=(sys.executable, "-P", "-m", *_module(kind), *_arguments(stated, fleet, terms, members, parameters)),
-        required=member.required if member.required is not None else kind in IMPLIED,
-        begins=kind == "sim" or stated.node in members,
+        argv=(sys.executable, "-P", "-m", *_module(kind), *_arguments(stated, fleet, terms, nodes, parameters)),
+        required=stated.required,
+        begins=kind == "sim" or stated.node in nodes.awaits,
         policy=policy,
         depends_on=_NEEDS.get(kind, ("router", "sim")),
     )
@@ -108,9 +117,7 @@ def _module(kind: str) -> tuple[str, ...]:
     return ("deploy", "run", kind) if is_own(kind) else (f"services.{kind}",)
 
 
-def _arguments(
-    stated: _Stated, fleet: Fleet, terms: Terms, members: tuple[str, ...], parameters: dict[str, Any]
-) -> list[str]:
+def _arguments(stated: _Stated, fleet: Fleet, terms: Terms, nodes: Nodes, parameters: dict[str, Any]) -> list[str]:
     member = stated.member
     namespace, node = identity(member, stated.robot)
     arguments = ["--namespace", namespace, "--name", node.rpartition("/")[2]]
@@ -118,7 +125,7 @@ def _arguments(
         arguments += ["--connect", endpoint(fleet), "--topology", fleet.run.topology]
     if terms.domain:
         arguments += ["--domain", terms.domain]
-    if fleet.run.mode == "lockstep" and (node in members or member.kind == "sim"):
+    if fleet.run.mode == "lockstep" and (node in nodes.members or member.kind == "sim"):
         arguments.append("--lockstep")
     if "params" in _NEEDS.get(member.kind, ("params",)):
         arguments.append("--await-params")

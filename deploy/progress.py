@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
+from deploy.live.output import printable
 from deploy.run_folder import write_state
 from deploy.supervisor.life import Life
 from deploy.supervisor.log_file import last_words, log_name
@@ -17,6 +18,9 @@ from services.panel.address import FILE, read
 
 PLAIN_PERIOD_S = 10.0
 """Wall time between two lines about a fleet that runs well, where no live line can be shown."""
+
+WAITING_PERIOD_S = 5.0
+"""Wall time between two lines about whom time waits for."""
 
 _TROUBLE = ("backing off", "failed")
 
@@ -40,7 +44,7 @@ class PlainScreen:
         self._shown, self._next = "", time.monotonic() + PLAIN_PERIOD_S
 
     def say(self, line: str) -> None:
-        sys.stderr.write(f"{line}\n")
+        sys.stderr.write(printable(f"{line}\n"))
         sys.stderr.flush()
 
     def show(self, line: str) -> None:
@@ -62,7 +66,7 @@ def screen() -> Iterator[Screen]:
 
         class LiveScreen:
             def say(self, line: str) -> None:
-                console.print(line, markup=False)
+                console.print(printable(line), markup=False)
 
             def show(self, line: str) -> None:
                 status.update(line)
@@ -77,6 +81,7 @@ class Progress:
         self._screen, self._folder, self._news = screen, folder, news
         self._started = time.monotonic()
         self._complete = False
+        self._next_wait = self._started + WAITING_PERIOD_S
         self._quoted: set[str] = set()
         self._starved: set[str] = set()
 
@@ -117,11 +122,24 @@ class Progress:
                     "this machine is too busy for the fleet"
                 )
 
+    def noted(self, text: str) -> None:
+        """What hinders the supervision of all processes stands where troubles of single ones stand."""
+        self._screen.say(text)
+
+    def _tell_waiting(self, lives: Sequence[Life]) -> None:
+        """Say now and then whom time waits for."""
+        now = time.monotonic()
+        for life in lives:
+            if life.process.kind == "sim" and life.doing == "waiting" and life.note and now > self._next_wait:
+                self._next_wait = now + WAITING_PERIOD_S
+                self._screen.say(life.note)
+
     def turned(self, lives: Sequence[Life]) -> None:
         """Another look at heartbeats is done."""
         for line in self._news():
             self._screen.say(line)
         self._tell_starved(lives)
+        self._tell_waiting(lives)
         waiting = [life.process.name for life in lives if life.state in ("waiting", "starting", *_TROUBLE)]
         notes = [life.note for life in lives if life.process.kind in ("grader", "sim") and life.note]
         if any(life.state == "stopping" for life in lives):

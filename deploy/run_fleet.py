@@ -18,16 +18,19 @@ from deploy.parameter_sets import own_values
 from deploy.process import processes
 from deploy.progress import Progress, Screen
 from deploy.report.notes import notes
-from deploy.report.record import Effective, Report, RunFacts
-from deploy.report.write import write_report
+from deploy.report.own_checks import own_checks, unheard
+from deploy.report.record import Check, Effective, Report, RunFacts
+from deploy.report.write import read_measurements, write_report
 from deploy.supervisor.child import Nursery
+from deploy.supervisor.conduct import Conduct
 from deploy.supervisor.log_file import log_name
 from deploy.supervisor.node_bus import node_bus
 from deploy.supervisor.supervisor import Outcome, Supervisor
 from deploy.supervisor.warden import Warden
 from deploy.version import VERSION
-from deploy.wiring import Terms, endpoint
+from deploy.wiring import Terms, endpoint, open_endpoints
 from services.runtime.errors import BadInput
+from services.runtime.network.zenoh_config import OPEN_TO_ALL, is_local
 from services.runtime.process import ROOT
 
 INTERRUPTED = 130
@@ -64,6 +67,8 @@ def run_fleet(fleet: Fleet, terms: Terms, screen: Screen) -> Result:
         folder=str(terms.folder),
         started=started,
         domain=terms.domain,
+        router=endpoint(fleet),
+        listen=open_endpoints(fleet, terms),
         root=str(ROOT),
         saved=str(terms.saved or ""),
     )
@@ -73,22 +78,28 @@ def run_fleet(fleet: Fleet, terms: Terms, screen: Screen) -> Result:
         if terms.saved is not None:
             check_unused(terms.saved)
         screen.say(f"{fleet.name}: {len(plan)} processes, {fleet.run.mode}; results go to {terms.folder}")
+        for each in entry.listen:
+            who = "every user of this machine can read everything and drive the robots"
+            screen.say(f"listening on {each}: {who if is_local(each) else OPEN_TO_ALL}")
         warden = Warden()
         try:
-            with node_bus(endpoint(fleet), terms.domain, own) as bus:
+            members = [each.node for each in plan]
+            with node_bus(endpoint(fleet), terms.domain, own, members) as bus:
                 nursery = Nursery(terms.folder, warden)
-                progress = Progress(screen, terms.folder, Saved(bus.parameters, own).news)
+                saved = Saved(bus.parameters, own)
+                progress = Progress(screen, terms.folder, lambda: (*saved.news(), *bus.conduct().news(fleet.change)))
                 supervisor = Supervisor(fleet.name, fleet.run.mode, plan, bus, nursery, progress, fleet.run.seed)
                 outcome = asyncio.run(_until_end(supervisor, screen))
-                told = dict(bus.parameters())
+                bus.hear_out()
+                told, conduct, checks = dict(bus.parameters()), bus.conduct(), own_checks(bus.checks())
         finally:
             warden.close()
         if outcome.ended != "graded":
             screen.say(f"the fleet ended: {outcome.reason}")
         for name in outcome.complaints:
             screen.say(f"{name} ended with an error: {_last_line(terms.folder / 'logs' / log_name(name))}")
-        found = notes(fleet) + note(told, own, fleet)
-        return _graded(fleet, terms.folder, outcome, started, found, effective(told, own))
+        found = notes(fleet) + note(told, own, fleet) + unheard(bus.strangers)
+        return _graded(fleet, terms.folder, outcome, started, found, effective(told, own), conduct, checks)
 
 
 async def _until_end(supervisor: Supervisor, screen: Screen) -> Outcome:
@@ -120,8 +131,11 @@ def _graded(
     started: str,
     found: tuple[str, ...],
     parameters: dict[str, dict[str, Effective]],
+    conduct: Conduct,
+    checks: tuple[Check, ...],
 ) -> Result:
     try:
+        measured = read_measurements(folder)
         facts = RunFacts(
             fleet=fleet.name,
             mode=fleet.run.mode,
@@ -130,9 +144,14 @@ def _graded(
             wall_seconds=outcome.wall_seconds,
             restarts=outcome.restarts,
             started=started,
+            factor=fleet.run.factor,
+            changes=conduct.changes(fleet.change, measured.sim_seconds),
+            absent=conduct.absent,
+            lag_s=conduct.lag_s,
             notes=found,
             parameters=parameters,
+            checks=checks,
         )
-        return Result(outcome=outcome, report=write_report(folder, facts, fleet.bounds))
+        return Result(outcome=outcome, report=write_report(folder, facts, fleet.judged_by()))
     except BadInput as error:
         return Result(outcome=outcome, report=None, trouble=str(error))

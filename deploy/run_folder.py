@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import tempfile
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 
 import msgspec
 
+from deploy.claim import latest
 from deploy.report.record import PICTURE_FILE, REPORT_FILE
 from messages.elea import FleetState
 from services.grader.records import MEASUREMENTS_FILE, TRAJECTORIES_FILE
 from services.logger.earlier import earlier
 from services.panel.address import FILE as PANEL_FILE
 from services.runtime.errors import BadInput
+from services.runtime.files import write_whole
 from services.runtime.process import ROOT
 from services.square import LOG_FILE
 
@@ -23,20 +26,42 @@ BAG_FOLDER = "bag"
 """Where a run's recorder writes, in the folder of the run."""
 METADATA_FILE = "metadata.yaml"
 STATE_FILE = "processes.json"
+STOPS_FILE = "stops.json"
+"""Where a run's simulation keeps the emergency stops, which outlive it. A new run begins without any."""
+SUPERVISOR_LOG = "supervisor.log"
+"""What a supervisor in the background writes, in the folder of the run."""
+
+ROOM = 1 << 20
+"""Bytes that a run needs at least: logs, figures, report and picture."""
+
+_FILES = (
+    MEASUREMENTS_FILE,
+    TRAJECTORIES_FILE,
+    REPORT_FILE,
+    PICTURE_FILE,
+    STATE_FILE,
+    STOPS_FILE,
+    LOG_FILE,
+    PANEL_FILE,
+)
 
 
 def make_folder(fleet: str, report: str = "", now: datetime | None = None) -> Path:
     """The folder of a new run, ``runs/<time>-<fleet>`` or ``report``; raises BadInput when it cannot be written.
 
-    What an earlier run left in ``report`` is removed, lest it be taken for this one's.
+    What an earlier run left in ``report`` is removed, lest it be taken for this one's. Links are not followed: others
+    may be able to write in that folder.
     """
     moment = f"{now or datetime.now():%Y%m%d-%H%M%S}-{fleet}"
     path = Path(report).absolute() if report else _unused(RUNS / moment)
     try:
-        (path / "logs").mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path):
-            pass
-        for name in (MEASUREMENTS_FILE, TRAJECTORIES_FILE, REPORT_FILE, PICTURE_FILE, STATE_FILE, LOG_FILE, PANEL_FILE):
+        path.mkdir(parents=True, exist_ok=True)
+        for name in ("logs", BAG_FOLDER):
+            if (path / name).is_symlink():
+                raise BadInput(f"{path / name} is a symbolic link: remove it, or choose another folder with --report")
+        (path / "logs").mkdir(exist_ok=True)
+        check_room(path)
+        for name in _FILES:
             (path / name).unlink(missing_ok=True)
         for part in (path / BAG_FOLDER).glob("*"):
             if part.name == METADATA_FILE or part.suffix == ".mcap":
@@ -48,19 +73,29 @@ def make_folder(fleet: str, report: str = "", now: datetime | None = None) -> Pa
     return path
 
 
+def check_room(path: Path) -> None:
+    """Raise OSError when the folder does not take ROOM bytes, as on a full disk, where an empty file can be made."""
+    with tempfile.TemporaryFile(dir=path, buffering=0) as file:
+        written = 0
+        while written < ROOM:
+            written += file.write(bytes(ROOM - written))
+
+
 def latest_folder() -> Path | None:
-    """The newest run in ``runs``."""
-    return max((each for each in RUNS.glob("*") if (each / "logs").is_dir()), default=None)
+    """The folder of the run that was started last, by this user or in ``runs``; None when there is none."""
+    entry = latest()
+    claimed = [Path(entry.folder)] if entry is not None else []
+    folders = [each for each in (*claimed, *RUNS.glob("*")) if (each / "logs").is_dir()]
+    return max(folders, key=lambda each: (each / "logs").stat().st_mtime_ns, default=None)
 
 
 def write_state(path: Path, state: FleetState) -> None:
-    """Put the fleet's state beside the logs, whole or not at all; a full disk only makes it old."""
-    beside = path / f".{STATE_FILE}"
-    try:
-        beside.write_bytes(msgspec.json.encode(state))
-        beside.replace(path / STATE_FILE)
-    except OSError:
-        return
+    """Put the fleet's state beside the logs, whole or not at all; a full disk only makes it old.
+
+    It is not forced onto the disk: after a power failure no fleet runs.
+    """
+    with suppress(OSError):
+        write_whole(path / STATE_FILE, msgspec.json.encode(state))
 
 
 def read_state(path: Path) -> FleetState | None:

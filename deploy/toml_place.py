@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -44,8 +45,16 @@ def line_of(text: str, path: Sequence[Step]) -> int:
     return line
 
 
-def _statements(text: str) -> Iterator[tuple[int, str, dict[str, Any]]]:
-    """Line, text and content of each statement: the shortest run of lines that is valid TOML by itself."""
+@lru_cache(1)
+def _statements(text: str) -> tuple[tuple[int, str, dict[str, Any]], ...]:
+    """Line, text and content of each statement: the shortest run of lines that is valid TOML by itself.
+
+    A file is asked for every robot in it: of 300, reading it anew each time took minutes.
+    """
+    return tuple(_split(text))
+
+
+def _split(text: str) -> Iterator[tuple[int, str, dict[str, Any]]]:
     lines = text.splitlines()
     start = 0
     while start < len(lines):

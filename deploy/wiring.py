@@ -8,11 +8,13 @@ from typing import Any
 import msgspec
 
 from deploy.arm_wiring import graded_arms, not_before, states
-from deploy.fleet import PORT, Fleet, Robot
-from deploy.run_folder import BAG_FOLDER, RECORDING_FILE
+from deploy.fleet import Fleet, Robot
+from deploy.run_folder import BAG_FOLDER, RECORDING_FILE, STOPS_FILE
 from models.figures import read_model
 from services.logger import LoggerParameters
 from services.panel.address import FILE as PANEL_FILE
+from services.runtime.network.sockets import router_endpoint
+from services.runtime.network.zenoh_config import PORT
 from services.runtime.parameters.record import build
 from services.runtime.service import Parameters
 from services.sim import BaseParameters, JointParameters
@@ -28,32 +30,54 @@ ONLOOKERS = ("panel",)
 class Terms(msgspec.Struct, frozen=True, kw_only=True):
     """What the command line adds to a fleet file: where results go, the network, whether to open a viewer.
 
-    ``saved`` is the file of what parameters were set to; without one that is known for the run alone.
+    ``saved`` is the file of what parameters were set to; without one that is known for the run alone. The router
+    joins those at ``links``, and listens at ``listen`` as well; ``insecure`` allows addresses beyond this machine.
     """
 
     folder: Path
     saved: Path | None = None
     domain: str = ""
     links: tuple[str, ...] = ()
+    listen: tuple[str, ...] = ()
+    insecure: bool = False
     view: bool = True
 
 
 def endpoint(fleet: Fleet) -> str:
-    """Where the fleet's router listens."""
-    return f"tcp/127.0.0.1:{fleet.run.port}"
+    """Where the fleet's router listens for the processes of this user."""
+    return router_endpoint(fleet.run.port)
 
 
-def wired(
-    kind: str, fleet: Fleet, terms: Terms, members: tuple[str, ...], readers: tuple[str, ...] = ()
-) -> dict[str, Any]:
-    """The parameters that a service gets from the fleet; its own table in the fleet file wins over them.
+def open_endpoints(fleet: Fleet, terms: Terms) -> tuple[str, ...]:
+    """Where it listens for others, too."""
+    own = (f"tcp/127.0.0.1:{fleet.run.port}",) if fleet.run.tcp else ()
+    return (*own, *(each for each in terms.listen if each not in own))
 
-    ``members`` are the nodes that time waits for, ``readers`` those whose losses the run answers for.
+
+class Nodes(msgspec.Struct, frozen=True, kw_only=True):
+    """The nodes of a fleet by what they are to others.
+
+    ``members`` are those that lockstep waits for at each tick, ``awaits`` all for which time waits to begin,
+    ``requires`` those of them without which it does not begin, ``readers`` those whose losses the run answers for.
     """
+
+    members: tuple[str, ...] = ()
+    awaits: tuple[str, ...] = ()
+    requires: tuple[str, ...] = ()
+    readers: tuple[str, ...] = ()
+
+
+def wired(kind: str, fleet: Fleet, terms: Terms, nodes: Nodes) -> dict[str, Any]:
+    """The parameters that a service gets from the fleet; its own table in the fleet file wins over them."""
     run, robots = fleet.run, fleet.robot
     match kind:
         case "router":
-            return {"listen": endpoint(fleet), "link": list(terms.links)}
+            return {
+                "listen": endpoint(fleet),
+                "also": list(open_endpoints(fleet, terms)),
+                "insecure": terms.insecure,
+                "link": list(terms.links),
+            }
         case "params":
             return {
                 "file": str(terms.saved) if terms.saved is not None else "",
@@ -66,7 +90,10 @@ def wired(
                 "factor": run.factor,
                 "latency": run.latency,
                 "seed": run.seed,
-                "members": list(members),
+                "members": list(nodes.members),
+                "awaits": [each for each in nodes.awaits if each not in nodes.members],
+                "requires": list(nodes.requires),
+                "stops_file": str(terms.folder / STOPS_FILE),
             }
         case "grader":
             return {
@@ -76,11 +103,11 @@ def wired(
                 "ends": run.ends,
                 "not_before": not_before(fleet),
                 "duration": run.duration,
-                "readers": list(readers),
+                "readers": list(nodes.readers),
                 "output": str(terms.folder),
             }
         case "logger":
-            viewer = {} if terms.view else {"view": "never"}
+            viewer = {} if terms.view else {"view": "never", "serve": False}
             return {
                 "robots": [each.name for each in robots],
                 "models": [each.model for each in robots] or ["burger"],
@@ -92,7 +119,7 @@ def wired(
                 **viewer,
             }
         case "recorder":
-            return {"output": str(terms.folder / BAG_FOLDER), "members": list(members), "resume": True}
+            return {"output": str(terms.folder / BAG_FOLDER), "members": list(nodes.members), "resume": True}
         case "panel":
             return {"address": str(terms.folder / PANEL_FILE)}
         case _:

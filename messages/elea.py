@@ -4,7 +4,7 @@ from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta
 
-from messages.base import Count, Message, Metres
+from messages.base import Count, Finite, Message, Metres
 from messages.geometry import Pose, Twist
 from messages.std import Header, Time
 
@@ -12,7 +12,12 @@ Seconds = Annotated[float, Meta(ge=0, le=1e9, extra={"unit": "s"})]
 
 
 class InputHealth(Message, frozen=True, kw_only=True):
-    """What came in on one topic: samples taken, lost (gaps in sequence numbers), refused (with the last reason)."""
+    """What came in on one topic: samples taken, lost (gaps in sequence numbers), refused (with the last reason).
+
+    ``repeated`` were dropped because their number does not grow; ``resynced`` is how often a publisher's numbers were
+    followed though they do not continue those before: it began anew under its old id, or somebody forged its numbers.
+    ``foreign`` came without a number.
+    """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/InputHealth"
     topic: str = ""
@@ -21,6 +26,8 @@ class InputHealth(Message, frozen=True, kw_only=True):
     refused: Count = 0
     foreign: Count = 0
     reason: str = ""
+    repeated: Count = 0
+    resynced: Count = 0
 
 
 class OutputHealth(Message, frozen=True, kw_only=True):
@@ -32,7 +39,14 @@ class OutputHealth(Message, frozen=True, kw_only=True):
 
 
 class Health(Message, frozen=True, kw_only=True):
-    """The heartbeat of a node, sent by its own loop; its absence means that the loop hangs."""
+    """The heartbeat of a node, sent by its own loop; its absence means that the loop hangs.
+
+    ``missed`` counts the ticks that it did not take because it was late: a newer time had come meanwhile. ``received``
+    to ``sent`` are totals over all topics, of which there are ``reads`` that it reads and ``writes`` that it writes.
+    ``inputs`` and ``outputs`` list all of them where they fit into one beat. Of a node with hundreds, they list those
+    with new trouble first, and the others in turn: each is told every few beats. ``refused_requests`` counts the
+    requests that got an error for their answer, ``request_reason`` is the last one.
+    """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Health"
     node: str = ""
@@ -41,8 +55,20 @@ class Health(Message, frozen=True, kw_only=True):
     state: Literal["starting", "waiting", "running", "paused", "stopping"] = "starting"
     note: str = ""
     ticks: Count = 0
+    missed: Count = 0
     inputs: tuple[InputHealth, ...] = ()
     outputs: tuple[OutputHealth, ...] = ()
+    reads: Count = 0
+    writes: Count = 0
+    received: Count = 0
+    lost: Count = 0
+    refused: Count = 0
+    repeated: Count = 0
+    resynced: Count = 0
+    foreign: Count = 0
+    sent: Count = 0
+    refused_requests: Count = 0
+    request_reason: str = ""
 
 
 class GoalStatus(Message, frozen=True, kw_only=True):
@@ -60,7 +86,8 @@ class GoalStatus(Message, frozen=True, kw_only=True):
 class BaseStatus(Message, frozen=True, kw_only=True):
     """What a base obeys and refuses; the counts grow from spawn to delete.
 
-    ``last_command`` is the simulation time of the newest command that it took.
+    ``last_command`` is the simulation time of the newest command that it took. ``stopped_by`` names the nodes whose
+    emergency stops hold it.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/BaseStatus"
@@ -76,6 +103,58 @@ class BaseStatus(Message, frozen=True, kw_only=True):
     last_command: Time = Time()
     colliding: bool = False
     collisions: Count = 0
+    stopped_by: tuple[str, ...] = ()
+
+
+class EmergencyStop(Message, frozen=True, kw_only=True):
+    """One holder's emergency stop of one robot, or of all.
+
+    ``robot`` is empty for the stop of all. ``topic`` is the one on which the holder gave it, and resets it by false.
+    ``holder`` is the name of the holder's node, ``id`` what stays the same of its publisher ids through all its lives:
+    their first 6 bytes in hexadecimal. ``since`` is the simulation machine's clock when it was given, ns.
+    """
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/EmergencyStop"
+    robot: Annotated[str, Meta(max_length=255)] = ""
+    topic: Annotated[str, Meta(max_length=255)] = ""
+    holder: Annotated[str, Meta(max_length=255)] = ""
+    id: Annotated[str, Meta(max_length=255)] = ""
+    since: Count = 0
+
+
+class EmergencyStops(Message, frozen=True, kw_only=True):
+    """All emergency stops that hold at present."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/EmergencyStops"
+    stops: tuple[EmergencyStop, ...] = ()
+
+
+MOST_CHECKS = 64
+"""Checks that one node may state."""
+
+CheckName = Annotated[str, Meta(pattern=r"^[A-Za-z_][A-Za-z0-9_]*\Z", max_length=64)]
+
+
+class Check(Message, frozen=True, kw_only=True):
+    """A figure that a node has measured itself, with the least and the largest good value; null: not measured.
+
+    ``reason`` tells a person what it means, or why it is as it is.
+    """
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/Check"
+    name: CheckName = "check"
+    value: Finite | None = None
+    min: Finite | None = None
+    max: Finite | None = None
+    reason: Annotated[str, Meta(max_length=200)] = ""
+
+
+class Checks(Message, frozen=True, kw_only=True):
+    """All checks of one node as they stand; the newest message of a node counts."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/Checks"
+    node: Annotated[str, Meta(max_length=255)] = ""
+    checks: Annotated[tuple[Check, ...], Meta(max_length=MOST_CHECKS)] = ()
 
 
 class ModelState(Message, frozen=True, kw_only=True):
@@ -103,9 +182,23 @@ class ProcessState(Message, frozen=True, kw_only=True):
 
 
 class FleetState(Message, frozen=True, kw_only=True):
-    """The processes of a running fleet."""
+    """The processes of a running fleet; ``note`` says what hinders their supervision, if anything does."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/FleetState"
     fleet: str = ""
     mode: str = ""
     processes: tuple[ProcessState, ...] = ()
+    note: str = ""
+
+
+class LockstepState(Message, frozen=True, kw_only=True):
+    """Whom the simulation waits for at its ticks.
+
+    ``lost`` are the nodes that it has gone on without since time began: their processes ended, did not answer, or never
+    came. ``left`` are those that took leave. Who came back is among ``members`` as well.
+    """
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/LockstepState"
+    members: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
+    left: tuple[str, ...] = ()

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta
 
-from messages.base import Count, Finite, Message, Metres
+from messages.base import MOST_ITEMS, Count, Finite, Message, Metres, NameStr, ScopedName
 from messages.geometry import Point, Pose, Twist, Vector3, Wrench
 from messages.joints import JointEffort
 from messages.std import Time
@@ -19,7 +19,7 @@ class ApplyEffort(Message, frozen=True, kw_only=True):
     """Put a job on a joint of ``model``, which may be empty where the joint's name tells it."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ApplyEffort"
-    model: str = ""
+    model: NameStr = ""
     job: JointEffort = JointEffort()
 
 
@@ -27,17 +27,17 @@ class JointName(Message, frozen=True, kw_only=True):
     """A joint; ``model`` may be empty where the joint's name tells it."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/JointName"
-    model: str = ""
-    joint_name: str = ""
+    model: NameStr = ""
+    joint_name: NameStr = ""
 
 
 class SetConfiguration(Message, frozen=True, kw_only=True):
     """Put joints of a model at positions, rad or m, at rest; those not named keep theirs."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/SetConfiguration"
-    model: str = ""
-    joint_names: tuple[str, ...] = ()
-    joint_positions: tuple[Finite, ...] = ()
+    model: NameStr = ""
+    joint_names: Annotated[tuple[NameStr, ...], Meta(max_length=MOST_ITEMS)] = ()
+    joint_positions: Annotated[tuple[Finite, ...], Meta(max_length=MOST_ITEMS)] = ()
 
 
 class ApplyWrench(Message, frozen=True, kw_only=True):
@@ -49,8 +49,8 @@ class ApplyWrench(Message, frozen=True, kw_only=True):
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ApplyWrench"
-    body_name: str = ""
-    reference_frame: str = ""
+    body_name: ScopedName = ""
+    reference_frame: ScopedName = ""
     reference_point: Point = Point()
     wrench: Wrench = Wrench()
     start_time: Time = Time()
@@ -61,8 +61,8 @@ class LinkName(Message, frozen=True, kw_only=True):
     """A link (``model::link``), or a model for its root; ``reference_frame`` as in GetModelState."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/LinkName"
-    link_name: str = ""
-    reference_frame: str = ""
+    link_name: ScopedName = ""
+    reference_frame: ScopedName = ""
 
 
 class LinkState(Message, frozen=True, kw_only=True):
@@ -113,7 +113,7 @@ class WorldProperties(Message, frozen=True, kw_only=True):
     sim_time: Time = Time()
     tick: Count = 0
     epoch: Count = 0
-    mode: Literal["lockstep", "real", "free"] = "real"
+    mode: Literal["lockstep", "real"] = "real"
     factor: Finite = 1.0
     pause: bool = False
     time_step: Finite = 0.0

@@ -4,7 +4,7 @@ from typing import Annotated, ClassVar
 
 from msgspec import Meta
 
-from messages.base import Finite, Message
+from messages.base import Finite, Message, NameStr
 from messages.std import Time
 
 Effort = Annotated[float, Meta(ge=-1e6, le=1e6, extra={"unit": "N m"})]
@@ -18,7 +18,7 @@ class JointEffort(Message, frozen=True, kw_only=True):
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/JointEffort"
-    joint_name: str = ""
+    joint_name: NameStr = ""
     effort: Effort = 0.0
     start_time: Time = Time()
     duration: Annotated[float, Meta(ge=-1, le=1e9, extra={"unit": "s"})] = 0.0

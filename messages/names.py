@@ -1,7 +1,7 @@
 """ROS names: which are legal, how they resolve against a node and its remapping rules, and their Zenoh keys.
 
-A part is ``[A-Za-z_][A-Za-z0-9_]*``, has no ``__`` in it and no ``_`` at its end; parts are joined by single slashes.
-These are the rules of ROS 2 (design.ros2.org, "Topic and Service name mapping to DDS"), with the ``~name`` and
+A part is ``[A-Za-z_][A-Za-z0-9_]*``; parts are joined by single slashes. These are the rules and the lengths that ROS 2
+checks (rmw_validate_full_topic_name, rmw_validate_namespace and rmw_validate_node_name), with the ``~name`` and
 ``__name`` of ROS 1 as well. All such names are legal Zenoh keys, and none holds a wildcard.
 """
 
@@ -9,8 +9,13 @@ import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
-LONGEST = 255
-"""Characters of a name, before and after it is resolved."""
+LONGEST = 247
+"""Characters of the absolute name of a topic or a request; rmw's RMW_TOPIC_MAX_NAME_LENGTH."""
+LONGEST_NAMESPACE = 245
+"""Characters of an absolute namespace; rmw's RMW_NAMESPACE_MAX_LENGTH."""
+LONGEST_NODE = 255
+"""Characters of a node's own name, without its namespace; rmw's RMW_NODE_NAME_MAX_NAME_LENGTH."""
+_LONGEST_ABSOLUTE = LONGEST_NAMESPACE + 1 + LONGEST_NODE
 
 _PART = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _ODD = re.compile(r"[^A-Za-z0-9_/]")
@@ -43,10 +48,9 @@ NAMESPACE_RULE = "__ns"
 """Origin of the rule that moves the node to another namespace."""
 
 
-def validate(name: str) -> str:
-    """``name`` itself if it is a legal relative, absolute or private name; raises BadName otherwise."""
-    if len(name) > LONGEST:
-        raise BadName(f"{name[:40]!r}… has {len(name)} characters; a name has at most {LONGEST}")
+def validate(name: str, longest: int = LONGEST) -> str:
+    """``name`` itself if it is a legal relative, absolute or private name of a topic; raises BadName otherwise."""
+    _measure(name, longest, "a name")
     if not name:
         raise BadName("'' is not a name: it is empty")
     if name == "~":
@@ -74,9 +78,9 @@ def resolve(name: str, namespace: str, node: str) -> str:
         return name
     if name.startswith("~"):
         inner = name[1:].removeprefix("/")
-        owner = resolve(node, namespace, "")
-        return _join(owner, inner) if inner else owner
-    return _join(absolute_namespace(namespace), name)
+        owner = _absolute_node(node, namespace)
+        return validate(_join(owner, inner) if inner else owner)
+    return validate(_join(absolute_namespace(namespace), name))
 
 
 def absolute_namespace(namespace: str) -> str:
@@ -85,23 +89,37 @@ def absolute_namespace(namespace: str) -> str:
         return "/"
     if namespace.startswith("~"):
         raise _bad(namespace, 0, "a namespace is not private")
-    return "/" + validate(namespace).removeprefix("/")
+    absolute = "/" + namespace.removeprefix("/")
+    _measure(absolute, LONGEST_NAMESPACE, "a namespace")
+    validate(namespace)
+    return absolute
 
 
 def key(absolute: str) -> str:
-    """The Zenoh key of an absolute name: ``/tb3_0/cmd_vel`` is ``tb3_0/cmd_vel``."""
+    """The Zenoh key of an absolute name of a topic or a node: ``/tb3_0/cmd_vel`` is ``tb3_0/cmd_vel``."""
     if not absolute.startswith("/"):
         raise BadName(f"{absolute!r} has no key: it is not absolute; resolve it first")
-    return validate(absolute)[1:]
+    return validate(absolute, _LONGEST_ABSOLUTE)[1:]
 
 
 def name_of(zenoh_key: str) -> str:
-    """The absolute name of a Zenoh key; raises BadName for the keys that no name has."""
+    """The absolute name of the topic that a Zenoh key belongs to; raises BadName for the keys that no topic has."""
     return validate("/" + zenoh_key)
 
 
+def parse_assignment(text: str) -> tuple[str, str] | None:
+    """The name and value of a private parameter, of ``_name:=value`` as ROS 1 writes it; None for any other text."""
+    origin, mark, value = text.partition(":=")
+    return (origin[1:], value) if mark and origin.startswith("_") and not origin.startswith("__") else None
+
+
 def parse_remap(text: str) -> Remap:
-    """The rule written as ``from:=to``; raises BadName."""
+    """The rule written as ``from:=to``; raises BadName, also for ``_name:=value``, which sets a parameter."""
+    if (assigned := parse_assignment(text)) is not None:
+        raise BadName(
+            f"{text!r} is not a remapping rule: _name:=value sets the private parameter {assigned[0]!r}; "
+            "a hidden topic is written with its namespace, as /_name"
+        )
     origin, mark, target = text.partition(":=")
     if not mark or not origin or not target:
         raise BadName(f"{text!r} is not a remapping rule: write from:=to, as in cmd_vel:=/teleop/cmd_vel")
@@ -126,7 +144,7 @@ def identify(name: str, namespace: str, rules: Iterable[Remap]) -> Identity:
     name = next((rule.target for rule in rules if rule.origin in NODE_RULES), name)
     namespace = next((rule.target for rule in rules if rule.origin == NAMESPACE_RULE), namespace)
     namespace = absolute_namespace(namespace)
-    return Identity(namespace, resolve(_node_name(name), namespace, ""))
+    return Identity(namespace, _absolute_node(_node_name(name), namespace))
 
 
 def remap(name: str, namespace: str, node: str, rules: Iterable[Remap]) -> str:
@@ -158,16 +176,26 @@ def unmangle(chunk: str) -> str:
 
 
 def _join(above: str, name: str) -> str:
-    whole = f"{above.rstrip('/')}/{name}"
-    if len(whole) > LONGEST:
-        raise BadName(f"{name!r} in {above[:40]!r} has {len(whole)} characters; a name has at most {LONGEST}")
-    return whole
+    return f"{above.rstrip('/')}/{name}"
+
+
+def _absolute_node(node: str, namespace: str) -> str:
+    """The absolute name of a node, which may be absolute already."""
+    if node.startswith("/"):
+        return validate(node, _LONGEST_ABSOLUTE)
+    return _join(absolute_namespace(namespace), _node_name(node))
 
 
 def _node_name(name: str) -> str:
     if "/" in name or "~" in name:
         raise BadName(f"{name!r} is not a node's name: it is a single part; {NAMESPACE_RULE} sets the namespace")
-    return validate(name)
+    _measure(name, LONGEST_NODE, "a node's name")
+    return validate(name, LONGEST_NODE)
+
+
+def _measure(name: str, longest: int, what: str) -> None:
+    if len(name) > longest:
+        raise BadName(f"{name[:40]!r}… has {len(name)} characters; {what} has at most {longest}")
 
 
 def _check_part(name: str, part: str, start: int) -> None:
@@ -176,10 +204,6 @@ def _check_part(name: str, part: str, start: int) -> None:
         raise _bad(name, start - 1, "a name does not end in '/'" if at_end else "parts are joined by a single '/'")
     if not _PART.fullmatch(part):
         raise _bad(name, start, "a part does not start with a digit")
-    if "__" in part:
-        raise _bad(name, start + part.index("__"), "'__' is reserved")
-    if part.endswith("_"):
-        raise _bad(name, start + len(part) - 1, "a part does not end in '_'")
 
 
 def _bad(name: str, position: int, rule: str) -> BadName:

@@ -4,13 +4,14 @@ from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta
 
-from messages.base import Count, Finite, Message
+from messages.base import MOST_ITEMS, Count, Finite, Message, NameStr
 from messages.std import Time
 
 Whole = Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
 Scalar = bool | Whole | Finite | Annotated[str, Meta(max_length=65_536)] | None
-Value = Scalar | tuple[Scalar | tuple[Scalar, ...], ...]
-"""What a parameter may be: a scalar, a list of scalars, or a list of such lists."""
+_Scalars = Annotated[tuple[Scalar, ...], Meta(max_length=10_000)]
+Value = Scalar | Annotated[tuple[Scalar | _Scalars, ...], Meta(max_length=10_000)]
+"""What a parameter may be: a scalar, a list of scalars, or a list of such lists, each of at most 10,000 items."""
 
 Origin = Literal["default", "fleet", "saved", "command line", "run"]
 """Where a value comes from; a later one in this list wins. ``run`` is set for this run alone and never saved."""
@@ -32,8 +33,8 @@ class ParameterDescription(Message, frozen=True, kw_only=True):
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ParameterDescription"
-    name: str = ""
-    type: str = "float"
+    name: NameStr = ""
+    type: NameStr = "float"
     default: Value = None
     low: Finite | None = None
     high: Finite | None = None
@@ -42,8 +43,8 @@ class ParameterDescription(Message, frozen=True, kw_only=True):
     choices: tuple[str, ...] = ()
     shortest: tuple[Count, ...] = ()
     longest: tuple[Count, ...] = ()
-    at_most: str = ""
-    excludes: tuple[str, ...] = ()
+    at_most: NameStr = ""
+    excludes: Annotated[tuple[NameStr, ...], Meta(max_length=100)] = ()
     optional: bool = False
     unit: str = ""
     text: str = ""
@@ -88,8 +89,11 @@ class Assignment(Message, frozen=True, kw_only=True):
     """A name and a value."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Assignment"
-    name: str = ""
+    name: NameStr = ""
     value: Value = None
+
+
+Assignments = Annotated[tuple[Assignment, ...], Meta(max_length=MOST_ITEMS)]
 
 
 class Announcement(Message, frozen=True, kw_only=True):
@@ -101,12 +105,33 @@ class Announcement(Message, frozen=True, kw_only=True):
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Announcement"
     set: SetName = ""
-    node: str = ""
-    parameters: tuple[ParameterDescription, ...] = ()
-    fleet: tuple[Assignment, ...] = ()
-    command_line: tuple[Assignment, ...] = ()
-    run: tuple[Assignment, ...] = ()
+    node: NameStr = ""
+    parameters: Annotated[tuple[ParameterDescription, ...], Meta(max_length=MOST_ITEMS)] = ()
+    fleet: Assignments = ()
+    command_line: Assignments = ()
+    run: Assignments = ()
     leaves: bool = False
+
+
+class ScheduledChange(Message, frozen=True, kw_only=True):
+    """A change of the run's schedule whose time has come: ``number`` counts in the order of their times from 0.
+
+    ``time`` is the simulation time at which it was made or refused; ``reason`` says why it was not made.
+    """
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/ScheduledChange"
+    number: Count = 0
+    made: bool = False
+    time: Time = Time()
+    reason: str = ""
+
+
+class ScheduledChanges(Message, frozen=True, kw_only=True):
+    """What became of the schedule of a run so far: those changes whose time has come in this ``epoch``."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/ScheduledChanges"
+    epoch: Count = 0
+    changes: tuple[ScheduledChange, ...] = ()
 
 
 class ParameterSet(Message, frozen=True, kw_only=True):
@@ -133,7 +158,7 @@ class SetParameters(Message, frozen=True, kw_only=True):
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/SetParameters"
     set: SetName = ""
-    values: tuple[Assignment, ...] = ()
+    values: Assignments = ()
     clamp: bool = False
     run: bool = False
     kind: Literal["set", "load"] = "set"
@@ -146,7 +171,7 @@ class ResetParameters(Message, frozen=True, kw_only=True):
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ResetParameters"
     set: SetName = ""
-    names: tuple[str, ...] = ()
+    names: Annotated[tuple[NameStr, ...], Meta(max_length=MOST_ITEMS)] = ()
     id: RequestId = ""
     who: Who = ""
 

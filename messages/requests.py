@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar, Generic, TypeVar
 
-from messages.base import Message
-from messages.elea import ModelState
+from messages.base import Message, NameStr
+from messages.elea import EmergencyStops, ModelState
 from messages.gazebo import (
     ApplyEffort,
     ApplyWrench,
@@ -33,6 +33,7 @@ from messages.simulation import (
     DriveSettings,
     GetModelState,
     ModelList,
+    ReleaseStop,
     SetModelState,
     SetOdometry,
     SimTime,
@@ -45,21 +46,29 @@ Q_co = TypeVar("Q_co", bound=Message, covariant=True)
 R_co = TypeVar("R_co", bound=Message, covariant=True)
 
 
+LARGEST_REQUEST = 1 << 16
+"""Bytes that a request may have, unless it says otherwise."""
+
+
 @dataclass(frozen=True)
 class Request(Generic[Q_co, R_co]):
-    """A named request: its ROS name (relative, absolute or private), the records asked and replied."""
+    """A named request: its ROS name (relative, absolute or private), the records asked and replied.
+
+    A request of more than ``largest`` bytes is refused unread.
+    """
 
     name: str
     asks: type[Q_co]
     replies: type[R_co]
     about: str
+    largest: int = LARGEST_REQUEST
 
 
 class Name(Message, frozen=True, kw_only=True):
     """The name of a model or process."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Name"
-    name: str = ""
+    name: NameStr = ""
 
 
 class Refusal(Message, frozen=True, kw_only=True):
@@ -76,7 +85,7 @@ class Done(Message, frozen=True, kw_only=True):
     text: str = ""
 
 
-SPAWN = Request("/sim/spawn", SpawnModel, ModelState, "put a model into the world")
+SPAWN = Request("/sim/spawn", SpawnModel, ModelState, "put a model into the world", 1 << 20)
 DELETE = Request("/sim/delete", Name, Done, "take a model out of the world")
 LIST = Request("/sim/list", Empty, ModelList, "all models with their poses and twists")
 GET_STATE = Request(
@@ -90,6 +99,8 @@ RESET_WORLD = Request("/sim/reset_world", Empty, SimTime, "all models to where t
 PAUSE = Request("/sim/pause", Empty, SimTime, "stop simulation time")
 RESUME = Request("/sim/resume", Empty, SimTime, "let simulation time go on")
 STEP = Request("/sim/step", Steps, SimTime, "run some physics steps while paused")
+LIST_STOPS = Request("/sim/list_stops", Empty, EmergencyStops, "who holds which emergency stop")
+RELEASE_STOP = Request("/sim/release_stop", ReleaseStop, Done, "release the emergency stops of holders that are gone")
 APPLY_EFFORT = Request("/sim/apply_effort", ApplyEffort, Done, "put an effort on a joint, for a time")
 CLEAR_EFFORT = Request("/sim/clear_effort", JointName, Done, "drop the efforts on a joint, waiting ones too")
 JOINT_PROPERTIES = Request("/sim/joint_properties", JointName, JointProperties, "what a joint is and does")
@@ -105,10 +116,10 @@ SUPERVISOR_START = Request("/supervisor/start", Name, Done, "start a stopped pro
 SUPERVISOR_STOP = Request("/supervisor/stop", Name, Done, "stop a process of the fleet")
 SUPERVISOR_RESTART = Request("/supervisor/restart", Name, Done, "stop and start a process of the fleet")
 
-PARAMS_ANNOUNCE = Request("/params/announce", Announcement, ParameterValues, "say which parameters a node has")
+PARAMS_ANNOUNCE = Request("/params/announce", Announcement, ParameterValues, "say which parameters a node has", 1 << 20)
 PARAMS_LIST = Request("/params/list", Empty, ParameterSets, "all sets of parameters, described")
 PARAMS_GET = Request("/params/get", ParameterSet, ParameterValues, "the effective values of a set")
-PARAMS_SET = Request("/params/set", SetParameters, ParameterValues, "change parameters of a set, all or none")
+PARAMS_SET = Request("/params/set", SetParameters, ParameterValues, "change parameters of a set, all or none", 1 << 19)
 PARAMS_RESET = Request("/params/reset", ResetParameters, ParameterValues, "forget what was set")
 PARAMS_UNDO = Request("/params/undo", UndoParameters, ParameterValues, "take the newest change of a set back")
 PARAMS_HISTORY = Request("/params/history", HistoryOf, ParameterHistory, "who changed what, and when")
@@ -126,6 +137,8 @@ SIM_REQUESTS: tuple[Request[Message, Message], ...] = (
     PAUSE,
     RESUME,
     STEP,
+    LIST_STOPS,
+    RELEASE_STOP,
     APPLY_EFFORT,
     CLEAR_EFFORT,
     JOINT_PROPERTIES,

@@ -1,6 +1,5 @@
 """sensor_msgs: joints, lasers, sonars, inertial data and cameras."""
 
-import math
 from typing import Annotated, ClassVar
 
 from msgspec import Meta
@@ -13,14 +12,17 @@ Seconds = Annotated[float, Meta(ge=0, le=1e6, extra={"unit": "s"})]
 
 
 class JointState(Message, frozen=True, kw_only=True):
-    """Position [rad or m], velocity [rad/s or m/s] and effort [N m or N] of the named joints; a part may be empty."""
+    """Position [rad or m], velocity [rad/s or m/s] and effort [N m or N] of the named joints; a part may be empty.
+
+    An effort that is not measured is NaN, as ROS drivers send it.
+    """
 
     ROS_TYPE: ClassVar[str] = "sensor_msgs/JointState"
     header: Header = Header()
     name: tuple[str, ...] = ()
     position: tuple[Finite, ...] = ()
     velocity: tuple[Finite, ...] = ()
-    effort: tuple[Finite, ...] = ()
+    effort: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         for part in ("position", "velocity", "effort"):
@@ -55,7 +57,7 @@ class Range(Message, frozen=True, kw_only=True):
     """One reading of a sonar or infrared ranger along the x axis of the header's frame.
 
     ``field_of_view`` [rad] is the whole angle of the cone, ``range`` [m] the nearest echo: inf without one, -inf when
-    it is nearer than ``min_range`` (REP 117).
+    it is nearer than ``min_range``, NaN for a reading that is none (REP 117).
     """
 
     ROS_TYPE: ClassVar[str] = "sensor_msgs/Range"
@@ -67,10 +69,6 @@ class Range(Message, frozen=True, kw_only=True):
     min_range: Metres = 0.0
     max_range: Metres = 0.0
     range: float = 0.0
-
-    def __post_init__(self) -> None:
-        if math.isnan(self.range):
-            raise ValueError("range is not a number; without an echo it is inf")
 
 
 class ChannelFloat32(Message, frozen=True, kw_only=True):

@@ -4,10 +4,24 @@ from typing import Annotated, ClassVar
 
 from msgspec import Meta
 
-from messages.base import Count, Finite, Message, Metres, Radians
-from messages.elea import ModelState
+from messages.base import MOST_ITEMS, Count, Finite, Message, Metres, NameStr, Radians, ScopedName
+from messages.elea import ModelState, Seconds
 from messages.geometry import Pose, Twist
 from messages.parameters import Assignment
+
+
+class SimStatus(Message, frozen=True, kw_only=True):
+    """How simulation time runs.
+
+    ``absent`` are the nodes of the fleet that were not ready when time began. In real time, ``lags`` counts how often
+    the simulation fell behind the wall clock and gave up catching up, and ``lag`` [s] is the wall time lost by that.
+    """
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/SimStatus"
+    begun: bool = False
+    absent: tuple[str, ...] = ()
+    lags: Count = 0
+    lag: Seconds = 0.0
 
 
 class SpawnModel(Message, frozen=True, kw_only=True):
@@ -19,14 +33,14 @@ class SpawnModel(Message, frozen=True, kw_only=True):
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/SpawnModel"
-    name: str = ""
-    model: str = ""
+    name: NameStr = ""
+    model: NameStr = ""
     pose: Pose = Pose()
-    namespace: str = ""
-    reference_frame: str = ""
-    joint_names: tuple[str, ...] = ()
-    joint_positions: tuple[Finite, ...] = ()
-    parameters: tuple[Assignment, ...] = ()
+    namespace: NameStr = ""
+    reference_frame: ScopedName = ""
+    joint_names: Annotated[tuple[NameStr, ...], Meta(max_length=MOST_ITEMS)] = ()
+    joint_positions: Annotated[tuple[Finite, ...], Meta(max_length=MOST_ITEMS)] = ()
+    parameters: Annotated[tuple[Assignment, ...], Meta(max_length=MOST_ITEMS)] = ()
 
 
 class SetModelState(Message, frozen=True, kw_only=True):
@@ -37,23 +51,23 @@ class SetModelState(Message, frozen=True, kw_only=True):
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/SetModelState"
-    name: str = ""
+    name: NameStr = ""
     pose: Pose = Pose()
     twist: Twist = Twist()
-    reference_frame: str = ""
+    reference_frame: ScopedName = ""
 
 
 class SetOdometry(Message, frozen=True, kw_only=True):
     """From now on, the wheel odometry of the robot ``name`` counts from here: ROS 2's ``set_odometry``."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/SetOdometry"
-    name: str = ""
+    name: NameStr = ""
     x: Metres = 0.0
     y: Metres = 0.0
     yaw: Radians = 0.0
 
 
-Multiplier = Annotated[float, Meta(ge=0.5, le=1.5)]
+Multiplier = Annotated[float, Meta(ge=0.1, le=10)]
 
 
 class DriveSettings(Message, frozen=True, kw_only=True):
@@ -63,12 +77,23 @@ class DriveSettings(Message, frozen=True, kw_only=True):
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/DriveSettings"
-    name: str = ""
+    name: NameStr = ""
     wheel_separation_multiplier: Multiplier | None = None
     left_wheel_radius_multiplier: Multiplier | None = None
     right_wheel_radius_multiplier: Multiplier | None = None
     publish_rate: Annotated[float, Meta(ge=0, le=50, extra={"unit": "Hz"})] | None = None
     enable_odom_tf: bool | None = None
+
+
+class ReleaseStop(Message, frozen=True, kw_only=True):
+    """Release emergency stops that others hold: of the robot ``name``, or, when that is empty, the stop of all robots.
+
+    ``holder`` is the node, or its ``id``, whose stop is released; when it is empty, that of every holder is.
+    """
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/ReleaseStop"
+    name: Annotated[str, Meta(max_length=255)] = ""
+    holder: Annotated[str, Meta(max_length=255)] = ""
 
 
 class ModelList(Message, frozen=True, kw_only=True):
@@ -102,5 +127,5 @@ class GetModelState(Message, frozen=True, kw_only=True):
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/GetModelState"
-    name: str = ""
-    relative_entity: str = ""
+    name: NameStr = ""
+    relative_entity: ScopedName = ""

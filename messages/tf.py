@@ -1,5 +1,6 @@
 """tf2_msgs: transforms between frames."""
 
+from collections.abc import Iterable, Iterator
 from typing import ClassVar
 
 from messages.base import Message
@@ -11,3 +12,23 @@ class TFMessage(Message, frozen=True, kw_only=True):
 
     ROS_TYPE: ClassVar[str] = "tf2_msgs/TFMessage"
     transforms: tuple[TransformStamped, ...] = ()
+
+
+SPLIT_BYTES = 48_000
+"""What the messages of ``split`` take at most, well below what readers of /tf take: some 200 transforms."""
+_BYTES = 192
+"""A transform without its two names: field names, and nine numbers."""
+
+
+def split(transforms: Iterable[TransformStamped]) -> Iterator[TFMessage]:
+    """Any number of transforms in as many messages as it takes; none for none."""
+    part, size = list[TransformStamped](), 0
+    for each in transforms:
+        bytes_ = _BYTES + len(each.header.frame_id.encode()) + len(each.child_frame_id.encode())
+        if part and size + bytes_ > SPLIT_BYTES:
+            yield TFMessage(transforms=tuple(part))
+            part, size = [], 0
+        part.append(each)
+        size += bytes_
+    if part:
+        yield TFMessage(transforms=tuple(part))

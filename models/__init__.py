@@ -42,6 +42,6 @@ def scene_path(name: str) -> Path:
 def _known(kind: str, name: str, names: tuple[str, ...]) -> str:
     if name in names:
         return name
-    near = difflib.get_close_matches(name, names, 1)
+    near = difflib.get_close_matches(name, names, 1) if len(name) < 100 else []  # it takes the product of the lengths
     hint = f"; did you mean {near[0]!r}?" if near else ""
-    raise UnknownModel(f"unknown {kind} {name!r}{hint} (known: {', '.join(names)})")
+    raise UnknownModel(f"unknown {kind} {name[:255]!r}{hint} (known: {', '.join(names)})")

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NoReturn
 from xml.etree import ElementTree
+from xml.parsers import expat
 
 from models.frames import Joint, Vector
 
@@ -13,9 +16,11 @@ LARGEST = 1 << 20
 """Characters of a URDF; a longer one is refused unread."""
 MOST_LINKS = 2000
 """Links of a robot."""
+DEEPEST = 100
+"""Elements within elements, as TinyXML has them at most, by which ROS reads a URDF; seven are usual."""
 
 FARTHEST = 1e6
-"""Bound of every number in a URDF, m or rad."""
+"""Bound of every number in a URDF, m or rad; a joint's limit that lies beyond it is taken as this one."""
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
@@ -66,31 +71,62 @@ class DescribedJoint:
 
 @dataclass(frozen=True)
 class Description:
-    """A robot: its name, the link that is in no other, and all joints in the order of the URDF."""
+    """A robot: its name, the link that is in no other, and all joints in the order of the URDF.
+
+    ``remarks`` tell what ROS takes as well, and does nothing with.
+    """
 
     name: str
     root: str
     joints: tuple[DescribedJoint, ...]
+    remarks: tuple[str, ...] = ()
 
 
 def describe(urdf: str) -> Description:
     """The robot that a URDF describes; raises BadDescription."""
+    robot = parsed(urdf)
+    links = [each.get("name", "") for each in robot.findall("link")]
+    joints, remarks = _with_mimics(tuple(_joint(each) for each in robot.findall("joint")))
+    return Description(robot.get("name", ""), _root(links, joints), joints, remarks)
+
+
+def parsed(urdf: str) -> ElementTree.Element:
+    """The elements of a URDF, at most DEEPEST deep, so that whoever walks them may recurse; raises BadDescription.
+
+    Prefixes of names (``xacro:property``) are part of them, declared or not, as TinyXML has it.
+    """
     if len(urdf) > LARGEST:
         raise BadDescription(f"the URDF has {len(urdf)} characters, the limit is {LARGEST}")
-    if "<!DOCTYPE" in urdf or "<!ENTITY" in urdf:
+    builder, depth = ElementTree.TreeBuilder(), 0
+    parser = expat.ParserCreate("utf-8")
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > DEEPEST:
+            raise BadDescription(f"the URDF has elements more than {DEEPEST} deep, at line {parser.CurrentLineNumber}")
+        builder.start(tag, attributes)
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag)
+
+    def refuse(*_: object) -> NoReturn:
         raise BadDescription("the URDF declares a document type or entities: a URDF needs none")
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = builder.data
+    parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = refuse
     try:
-        robot = ElementTree.fromstring(urdf.strip())
-    except ElementTree.ParseError as error:
+        parser.Parse(urdf.strip().encode(), True)
+    except (expat.ExpatError, UnicodeEncodeError) as error:
         hint = ": is it a xacro or a path? Convert a xacro with the command xacro" if "<robot" not in urdf else ""
         raise BadDescription(f"the URDF is not XML: {error}{hint}") from None
+    robot = builder.close()
     if robot.tag != "robot":
         raise BadDescription(f"the URDF's root is <{robot.tag[:40]}>, not <robot>")
-    links = [each.get("name", "") for each in robot.findall("link")]
-    joints = tuple(_joint(each) for each in robot.findall("joint"))
-    root = _root(links, joints)
-    _check_mimics(joints)
-    return Description(robot.get("name", ""), root, joints)
+    return robot
 
 
 def _joint(element: ElementTree.Element) -> DescribedJoint:
@@ -112,8 +148,8 @@ def _joint(element: ElementTree.Element) -> DescribedJoint:
     limit = element.find("limit")
     if limited and limit is None:
         raise BadDescription(f"joint {name!r} is {kind} and has no <limit>; a joint that turns for ever is continuous")
-    lower = _number(limit, "lower", name) if limited else None
-    upper = _number(limit, "upper", name) if limited else None
+    lower = _limit(limit, "lower", name) if limited else None
+    upper = _limit(limit, "upper", name) if limited else None
     if lower is not None and upper is not None and lower > upper:
         raise BadDescription(f"joint {name!r}: its lower limit {lower:g} lies above the upper one {upper:g}")
     safety = element.find("safety_controller")
@@ -122,8 +158,8 @@ def _joint(element: ElementTree.Element) -> DescribedJoint:
         frame=frame,
         lower=lower,
         upper=upper,
-        soft_lower=_number(safety, "soft_lower_limit", name, None),
-        soft_upper=_number(safety, "soft_upper_limit", name, None),
+        soft_lower=_limit(safety, "soft_lower_limit", name, None),
+        soft_upper=_limit(safety, "soft_upper_limit", name, None),
         mimic=_mimic(follows, name) if follows is not None else None,
     )
 
@@ -139,7 +175,9 @@ def _mimic(element: ElementTree.Element, name: str) -> Mimic:
 
 
 def _axis(element: ElementTree.Element, name: str, kind: str) -> Vector:
-    """The unit vector of the axis; x when none is given."""
+    """The unit vector of the axis; x when none is given, or none is meant."""
+    if kind in ("fixed", "floating"):
+        return 1.0, 0.0, 0.0
     axis = _vector(element, "axis", "xyz", (1.0, 0.0, 0.0), name)
     length = math.hypot(*axis)
     if length < 1e-9:
@@ -188,6 +226,18 @@ def _number(
     return value
 
 
+def _limit(element: ElementTree.Element | None, attribute: str, name: str, default: float | None = 0.0) -> float | None:
+    """A limit within FARTHEST: converters write 1e16 or inf for none."""
+    text = element.get(attribute) if element is not None else None
+    try:
+        value = float(text) if text is not None else 0.0
+    except ValueError:
+        value = 0.0
+    if abs(value) > FARTHEST:
+        return math.copysign(FARTHEST, value)
+    return _number(element, attribute, name, default)
+
+
 def _root(links: list[str], joints: tuple[DescribedJoint, ...]) -> str:
     """The one link that no joint moves; raises BadDescription when the links are no tree."""
     if not links:
@@ -220,17 +270,37 @@ def _root(links: list[str], joints: tuple[DescribedJoint, ...]) -> str:
     return roots[0]
 
 
-def _check_mimics(joints: tuple[DescribedJoint, ...]) -> None:
-    """Whoever is followed exists and moves, and nobody follows himself."""
+def _with_mimics(joints: tuple[DescribedJoint, ...]) -> tuple[tuple[DescribedJoint, ...], tuple[str, ...]]:
+    """The joints, without mimicry that ROS takes and that moves nothing, and what that was; raises BadDescription.
+
+    A joint that does not move follows nobody, and one that follows what does not move, or is not there, is told by
+    joint states alone, as by robot_state_publisher.
+    """
+    own = {each.name: each for each in joints}
+    remarks: list[str] = []
+    kept = []
+    for each in joints:
+        if each.mimic is not None and each.told:
+            followed = own.get(each.mimic.joint)
+            if followed is None or not followed.told:
+                what = "does not exist" if followed is None else f"is {followed.kind}"
+                remarks.append(f"joint {each.name!r} mimics {each.mimic.joint!r}, which {what}: it follows nothing")
+                each = replace(each, mimic=None)
+        elif each.mimic is not None:
+            remarks.append(f"joint {each.name!r} is {each.kind} and mimics {each.mimic.joint!r}: it stays as it is")
+            each = replace(each, mimic=None)
+        kept.append(each)
+    _check_mimics(kept)
+    return tuple(kept), tuple(remarks)
+
+
+def _check_mimics(joints: Sequence[DescribedJoint]) -> None:
+    """Nobody follows himself, not even through others."""
     own = {each.name: each for each in joints}
     for each in joints:
         seen, follower = {each.name}, each
         while follower.mimic is not None:
-            followed = own.get(follower.mimic.joint)
-            if followed is None or not followed.told:
-                what = "does not exist" if followed is None else f"is {followed.kind}"
-                raise BadDescription(f"joint {follower.name!r} mimics {follower.mimic.joint!r}, which {what}")
-            if followed.name in seen:
-                raise BadDescription(f"joints mimic each other in a circle, {followed.name!r} for one")
-            seen.add(followed.name)
-            follower = followed
+            follower = own[follower.mimic.joint]
+            if follower.name in seen:
+                raise BadDescription(f"joints mimic each other in a circle, {follower.name!r} for one")
+            seen.add(follower.name)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -137,7 +139,14 @@ class Model(Figures, frozen=True, kw_only=True):
 
 def read_model(name: str) -> Model:
     """The figures of the robot ``name``; raises ``models.UnknownModel``."""
-    table = msgspec.toml.decode(figures_path(name).read_bytes())
+    path = figures_path(name)
+    return _read(name, path, path.stat().st_mtime_ns)
+
+
+@lru_cache(64)
+def _read(name: str, path: Path, _: int) -> Model:
+    """Its file, read again when that has changed."""
+    table = msgspec.toml.decode(path.read_bytes())
     if "wheels" in table:
         _complete(table["wheels"], name)
     return msgspec.convert(table, Model)

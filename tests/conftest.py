@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Iterator
 
 import pytest
@@ -10,9 +11,11 @@ import pytest
 
 @pytest.fixture(scope="session", autouse=True)
 def own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """What commands note of the fleets that run, for the commands of this test run alone."""
-    with pytest.MonkeyPatch.context() as patch:
+    """What commands note of the fleets that run, and their sockets, for the commands of this test run alone."""
+    # Not below the folder of this test run: its path may be too long for a socket.
+    with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory(prefix="elea-test-") as runtime:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
+        patch.setenv("XDG_RUNTIME_DIR", runtime)
         yield
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,6 +13,7 @@ from typing import Self
 
 from services.runtime.identity import Identity
 from services.runtime.log import Log
+from services.runtime.network.sockets import knock, router_endpoint
 from services.runtime.network.zenoh_config import configuration
 from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
@@ -28,15 +28,23 @@ STOP_S = 10.0
 class Process:
     """A running program of the project's Python; output and errors go to ``log``. It dies with the test.
 
+    ``through`` are the words of a program that becomes this one, as ``ip netns exec NAME``.
+
     As a context manager it is stopped at the end. ``wait`` and ``stop`` return the exit status, -N for signal N.
     """
 
-    def __init__(self, arguments: Sequence[str], log: Path, env: Mapping[str, str] | None = None) -> None:
+    def __init__(
+        self,
+        arguments: Sequence[str],
+        log: Path,
+        env: Mapping[str, str] | None = None,
+        through: Sequence[str] = (),
+    ) -> None:
         environment = {**os.environ, "PYTHONPATH": str(ROOT), PARENT: str(os.getpid()), **(env or {})}
         self.log = log
         with log.open("ab") as out:
             self._child = subprocess.Popen(
-                [sys.executable, "-P", *arguments],
+                [*through, sys.executable, "-P", *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=out,
                 stderr=subprocess.STDOUT,
@@ -94,11 +102,11 @@ def start_service(name: str, *arguments: str, logs: Path, env: Mapping[str, str]
 
 
 class Network:
-    """A router on a free port of the loopback, and the processes started on it; ``with`` ends them all."""
+    """A router on a port of its own, and the processes started on it; ``with`` ends them all."""
 
     def __init__(self, logs: Path) -> None:
         self.port = free_port()
-        self.endpoint = f"tcp/127.0.0.1:{self.port}"
+        self.endpoint = router_endpoint(self.port)
         self._logs = logs
         self._stack = ExitStack()
 
@@ -133,8 +141,11 @@ class Network:
 
     def _listens(self) -> bool:
         assert self.router.status is None, self.router.text
-        with socket.socket() as probe:
-            return probe.connect_ex(("127.0.0.1", self.port)) == 0
+        try:
+            knock(self.endpoint)
+        except OSError:
+            return False
+        return True
 
 
 def _unused(logs: Path, name: str) -> Path:

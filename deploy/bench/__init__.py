@@ -12,14 +12,15 @@ from deploy.bench.figures import Figure
 
 def bench(rounds: int, as_json: bool) -> int:
     """Measure everything and show it; status 1 when a bound is missed."""
-    from deploy.bench import idle, lockstep, wire
+    from deploy.bench import codec, idle, lockstep, wire
     from deploy.bench.ports import free_port
 
     def say(text: str) -> None:
         sys.stderr.write(f"bench: {text}\n")
 
     with tempfile.TemporaryDirectory() as folder:
-        figures = wire.run(rounds, free_port(), Path(folder), say)
+        figures = wire.run(rounds, Path(folder), say)
+    figures += codec.measure(rounds)
     figures += lockstep.measure(rounds, free_port(), say)
     figures += idle.measure(1, free_port(), say)
     if as_json:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 
 import zenoh
 
 from deploy.bench.partner import RAW_DONE, RAW_GO, bare
+from services.runtime.network.sockets import router_in
 
 _LEAVE = bytes(64)
 """As long as a leave with a few numbers in it."""
@@ -65,9 +68,13 @@ class Barrier:
 
 
 @contextmanager
-def barrier(strides: Sequence[int], port: int) -> Iterator[Barrier]:
+def barrier(strides: Sequence[int]) -> Iterator[Barrier]:
     """A router, a process for each member, and this side of the barrier."""
-    endpoint = f"tcp/127.0.0.1:{port}"
+    with tempfile.TemporaryDirectory() as folder:
+        yield from _barrier(strides, router_in(Path(folder)))
+
+
+def _barrier(strides: Sequence[int], endpoint: str) -> Iterator[Barrier]:
     module = [sys.executable, "-P", "-m"]
     commands = [[*module, "services.router", "--param", f"listen={endpoint}"]]
     commands += [[*module, "deploy.bench.partner", "member", endpoint, str(number)] for number in range(len(strides))]

@@ -17,6 +17,7 @@ import psutil
 from deploy.bench.partner import watcher
 from messages.base import Message
 from messages.topics import BASE_STATUS, GROUND_TRUTH, Topic
+from services.runtime.network.sockets import router_endpoint
 from services.runtime.node import Node
 
 WATCHED = "tb3_0"
@@ -31,7 +32,7 @@ class Fleet:
     def __init__(self, name: str, folder: Path, port: int, *options: str) -> None:
         self._command = [sys.executable, "-P", "-m", "deploy", "up", name, "--report", str(folder), "--port", str(port)]
         self._command += ["--no-view", "--no-saved", *options]
-        self.endpoint = f"tcp/127.0.0.1:{port}"
+        self.endpoint = router_endpoint(port)
         self.folder = folder
 
     def __enter__(self) -> Self:

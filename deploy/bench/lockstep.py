@@ -87,7 +87,7 @@ def measure(rounds: int, port: int, say: Callable[[str], None]) -> list[Figure]:
         say(f"lockstep, round {number + 1} of {rounds}")
         runs.append(timed(port, span))
         raw.append(raw_factor(steps, span))
-        with barrier(seen.strides, port) as bare:
+        with barrier(seen.strides) as bare:
             behind.append(raw_factor(steps, span, bare.hold))
             bare.finish()
     lockstep = [each.factor for each in runs]

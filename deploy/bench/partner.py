@@ -8,6 +8,7 @@ barrier: it answers each leave on its own key, and does nothing else.
 from __future__ import annotations
 
 import json
+import math
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,9 +16,10 @@ from typing import Any
 
 import zenoh
 
-from messages.base import covariance
+from messages.base import Float32Array, covariance
 from messages.geometry import Pose, PoseWithCovariance, Twist, TwistWithCovariance
 from messages.nav import Odometry
+from messages.sensor import LaserScan
 from messages.std import Header, Time
 from messages.topics import Quality, Topic
 from services.runtime import Service, main
@@ -31,20 +33,36 @@ from services.runtime.node import Node
 PING = Topic("/bench/ping", Odometry, 0, Quality.SENSOR, "measured round trip, out")
 PONG = Topic("/bench/pong", Odometry, 0, Quality.SENSOR, "measured round trip, back")
 FLOOD = Topic("/bench/flood", Odometry, 0, Quality.EVENT, "measured throughput")
+SCANS = Topic("/bench/scans", LaserScan, 0, Quality.EVENT, "measured throughput of scans")
 RAW_PING, RAW_PONG, RAW_FLOOD = "bench_raw/ping", "bench_raw/pong", "bench_raw/flood"
 RAW_GO, RAW_DONE = "bench_raw/go", "bench_raw/done"
 """Each followed by the number of a member."""
 
 COUNT_IN_SEC = 1_000_000
-"""A ping whose stamp's seconds are this much or more asks for a flood of (seconds - COUNT_IN_SEC) messages."""
+"""A ping whose stamp's seconds are this much or more asks for a flood of (seconds - COUNT_IN_SEC) messages: of scans
+where its ``child_frame_id`` is OF_SCANS."""
+OF_SCANS = "scans"
 
 
-def odometry(number: int = 0) -> Odometry:
+def scan(number: int = 0) -> LaserScan:
+    """A turn of 360 rays, as a TurtleBot's laser sends it."""
+    return LaserScan(
+        header=Header(stamp=Time(sec=number, nanosec=123_456_789), frame_id="tb3_0/base_scan"),
+        angle_max=math.tau,
+        angle_increment=math.tau / 360,
+        scan_time=0.2,
+        range_min=0.12,
+        range_max=3.5,
+        ranges=Float32Array([0.12 + 0.009 * ray for ray in range(360)]),
+    )
+
+
+def odometry(number: int = 0, child: str = "tb3_0/base_footprint") -> Odometry:
     """A message with every field in use, as a robot sends it."""
     variances = covariance(1e-5, 1e-5, 1e-5, 1e-5, 1e-5, 1e-5)
     return Odometry(
         header=Header(stamp=Time(sec=number, nanosec=123_456_789), frame_id="tb3_0/odom"),
-        child_frame_id="tb3_0/base_footprint",
+        child_frame_id=child,
         pose=PoseWithCovariance(pose=Pose.planar(1.2345, -0.9876, 0.4321), packed=variances),
         twist=TwistWithCovariance(twist=Twist.planar(0.21987, 0.1234), packed=variances),
     )
@@ -52,11 +70,17 @@ def odometry(number: int = 0) -> Odometry:
 
 def typed(ctx: Context[Any]) -> None:
     """Answer, or flood."""
-    pong, flood = ctx.writer(PONG), ctx.writer(FLOOD)
+    pong, flood, scans = ctx.writer(PONG), ctx.writer(FLOOD), ctx.writer(SCANS)
     for ping in ctx.messages(PING):
         asked = ping.header.stamp.sec - COUNT_IN_SEC
         if asked < 0:
             pong.publish(ping)
+            continue
+        if ping.child_frame_id == OF_SCANS:
+            one = scan()
+            for _ in range(asked - 1):
+                scans.publish(one)
+            scans.publish(scan(asked - 1))
             continue
         for _ in range(asked - 1):
             flood.publish(ping)
@@ -115,4 +139,8 @@ if __name__ == "__main__":
         member(*sys.argv[2:])
     else:
         sys.argv.pop(1)
-        main(Service(name="bench_partner", about="Answers the bench.", run=typed, reads=(PING,), writes=(PONG, FLOOD)))
+        main(
+            Service(
+                name="bench_partner", about="Answers the bench.", run=typed, reads=(PING,), writes=(PONG, FLOOD, SCANS)
+            )
+        )

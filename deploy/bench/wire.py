@@ -19,16 +19,21 @@ from deploy.bench.figures import Figure, ratios
 from deploy.bench.partner import (
     COUNT_IN_SEC,
     FLOOD,
+    OF_SCANS,
     PING,
     PONG,
     RAW_FLOOD,
     RAW_PING,
     RAW_PONG,
+    SCANS,
     odometry,
+    scan,
     watcher,
 )
 from messages.base import encode
 from services.runtime.graph import pattern
+from services.runtime.inputs import Input
+from services.runtime.network.sockets import router_in
 from services.runtime.network.zenoh_config import configuration
 from services.runtime.node import Node
 
@@ -48,7 +53,7 @@ class TypedEnd:
     def __init__(self, node: Node) -> None:
         self._node = node
         self._ping, self._pong = node.write(PING), node.read(PONG)
-        self._flood = node.read(FLOOD)
+        self._flood, self._scans = node.read(FLOOD), node.read(SCANS)
         self._message = odometry()
 
     def await_partner(self) -> None:
@@ -68,17 +73,25 @@ class TypedEnd:
                 return
 
     def flood(self, count: int) -> tuple[int, float]:
-        """Messages that arrived, and the time from the first to the last [s]."""
-        take, final = self._flood.next, count - 1
+        """Odometries that arrived, and the time from the first to the last [s]."""
         self._ping.publish(odometry(COUNT_IN_SEC + count))
+        return self._arrive(self._flood, count)
+
+    def scans(self, count: int) -> tuple[int, float]:
+        """The same of LaserScans."""
+        self._ping.publish(odometry(COUNT_IN_SEC + count, OF_SCANS))
+        return self._arrive(self._scans, count)
+
+    def _arrive(self, source: Input[Any], count: int) -> tuple[int, float]:
+        take, final = source.next, count - 1
         while take() is None:
-            self._node.transport.wait(self._flood.inlet)
+            self._node.transport.wait(source.inlet)
         arrived, first = 1, time.perf_counter()
         last = first
         while last - first < _FLOOD_S:
             if (message := take()) is None:
                 last = time.perf_counter()
-                self._node.transport.wait(self._flood.inlet)
+                self._node.transport.wait(source.inlet)
                 continue
             arrived += 1
             if message.header.stamp.sec == final:
@@ -93,7 +106,7 @@ class RawEnd:
         self._pong = session.declare_subscriber(RAW_PONG, zenoh.handlers.RingChannel(1024))
         self._flood = session.declare_subscriber(RAW_FLOOD, zenoh.handlers.FifoChannel(1024))
         self._ping = session.declare_publisher(RAW_PING, congestion_control=zenoh.CongestionControl.DROP)
-        self._payload = encode(odometry())
+        self._payload, self._scan = encode(odometry()), encode(scan())
 
     def await_partner(self) -> None:
         """Block until the other side listens and answers."""
@@ -111,7 +124,16 @@ class RawEnd:
         self._pong.recv().payload.to_bytes()
 
     def flood(self, count: int) -> tuple[int, float]:
-        """Messages that arrived, and the time from the first to the last [s]."""
+        """Payloads of an Odometry's size that arrived, and the time from the first to the last [s]."""
+        return self._arrive(self._payload, count)
+
+    def scans(self, count: int) -> tuple[int, float]:
+        """The same of a LaserScan's size."""
+        return self._arrive(self._scan, count)
+
+    def _arrive(self, payload: bytes, count: int) -> tuple[int, float]:
+        self._ping.put(payload)  # what it floods with
+        self._pong.recv()
         self._ping.put(count.to_bytes(8, "little"))
         self._flood.recv()
         first = time.perf_counter()
@@ -133,9 +155,9 @@ def _block(trip: Callable[[], None]) -> list[float]:
     return times
 
 
-def run(rounds: int, port: int, folder: Path, say: Callable[[str], None]) -> list[Figure]:
+def run(rounds: int, folder: Path, say: Callable[[str], None]) -> list[Figure]:
     """Start a router and both partners, measure, end them."""
-    endpoint = f"tcp/127.0.0.1:{port}"
+    endpoint = router_in(folder)  # Both sides meet over the same kind of link.
     module = [sys.executable, "-P", "-m"]
     commands = (
         [*module, "services.router", "--param", f"listen={endpoint}"],
@@ -159,6 +181,8 @@ def measure(node: Node, session: zenoh.Session, rounds: int, say: Callable[[str]
     raw.await_partner()
     trips: dict[str, list[list[float]]] = {"raw": [], "typed": []}
     rates: dict[str, list[float]] = {"raw": [], "typed": []}
+    scans: dict[str, list[float]] = {"raw": [], "typed": []}
+    losses: dict[str, list[float]] = {"flood": [], "scans": []}
     for end in ends.values():
         for _ in range(200):
             end.trip()
@@ -166,13 +190,17 @@ def measure(node: Node, session: zenoh.Session, rounds: int, say: Callable[[str]
         say(f"wire, round {number + 1} of {rounds}")
         for name in sorted(ends, reverse=bool(number % 2)):
             trips[name].append(_block(ends[name].trip))
-        floods: dict[str, list[float]] = {"raw": [], "typed": []}
-        for flood in range(FLOODS):
-            for name in sorted(ends, reverse=bool(flood % 2)):
-                arrived, seconds = ends[name].flood(MESSAGES)
-                floods[name].append(arrived / seconds)
-        for name in ends:
-            rates[name].append(statistics.median(floods[name]))
+        for what, found in (("flood", rates), ("scans", scans)):
+            floods: dict[str, list[float]] = {"raw": [], "typed": []}
+            arrivals = 0
+            for flood in range(FLOODS):
+                for name in sorted(ends, reverse=bool(flood % 2)):
+                    arrived, seconds = getattr(ends[name], what)(MESSAGES)
+                    floods[name].append(arrived / seconds)
+                    arrivals += arrived if name == "typed" else 0
+            for name in ends:
+                found[name].append(statistics.median(floods[name]))
+            losses[what].append(100 * (1 - arrivals / (FLOODS * MESSAGES)))
     raw.end()
     median = {name: [statistics.median(block) for block in blocks] for name, blocks in trips.items()}
     tail = {name: [statistics.quantiles(block, n=100)[98] for block in blocks] for name, blocks in trips.items()}
@@ -195,4 +223,8 @@ def measure(node: Node, session: zenoh.Session, rounds: int, say: Callable[[str]
             at_least=0.45,
         ),
         Figure("throughput_per_s", "1/s", "the same, absolute", tuple(rates["typed"])),
+        Figure("throughput_loss_percent", "%", "of these the reader lost", tuple(losses["flood"])),
+        Figure("scans_ratio", "", "LaserScans of 360 rays one way, typed / raw", ratios(scans["typed"], scans["raw"])),
+        Figure("scans_per_s", "1/s", "the same, absolute", tuple(scans["typed"])),
+        Figure("scans_loss_percent", "%", "of these the reader lost", tuple(losses["scans"])),
     ]

@@ -8,8 +8,10 @@ import sys
 import click
 
 from deploy.commands.table import Verb, Verbs
+from deploy.live.output import printable
 from deploy.version import VERSION
 from services.runtime.errors import BadInput, EleaError
+from services.runtime.process import lossy_stderr
 
 VERBS = {
     "up": Verb("up", "Run a fleet to its report; lab by default."),
@@ -47,32 +49,43 @@ def elea() -> None:
 
 
 def main() -> None:
-    """Run the command line; raises SystemExit with its status. A reader that closes the pipe ends it quietly."""
+    """Run the command line; raises SystemExit with its status.
+
+    A reader that closes standard output ends it quietly, one that closes standard error does not.
+    """
     if "_ELEA_COMPLETE" in os.environ:
         from deploy.commands.completion_scripts import register
 
         register()
+    lossy_stderr()
     sys.exit(_status())
 
 
 def _status() -> int:
+    status = 0
     try:
-        try:
-            elea.main(prog_name="elea")
-        finally:
-            sys.stdout.flush()
-    except SystemExit as ended:
-        return _number(ended)
-    except BadInput as error:
-        sys.stderr.write(f"elea: {error}\n")
-        return 2
-    except EleaError as error:
-        sys.stderr.write(f"elea: {error}\n")
-        return 1
+        status = _run()
+        sys.stdout.flush()
     except BrokenPipeError:
         from deploy.live.output import mute
 
         mute()
+    return status
+
+
+def _run() -> int:
+    out = sys.stdout
+    try:
+        elea.main(prog_name="elea")
+    except SystemExit as ended:
+        # Of a closed pipe click makes a status of 1, and puts something that bears it in the place of the output.
+        return _number(ended) if sys.stdout is out else 0
+    except BadInput as error:
+        sys.stderr.write(printable(f"elea: {error}\n"))
+        return 2
+    except EleaError as error:
+        sys.stderr.write(printable(f"elea: {error}\n"))
+        return 1
     return 0
 
 

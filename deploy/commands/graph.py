@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
@@ -21,15 +19,16 @@ if TYPE_CHECKING:
 @json_option
 def command(place: Place, as_json: bool) -> None:
     """List every node with what it publishes, subscribes and serves, asked of the network now."""
+    from deploy.live.output import say, say_json
     from deploy.live.visit import visit
     from services.runtime.graph import snapshot
 
     with visit(place.router, place.domain) as transport:
         entities = snapshot(transport)
     if as_json:
-        sys.stdout.write(json.dumps([asdict(each) for each in entities], indent=2) + "\n")
+        say_json([asdict(each) for each in entities])
     else:
-        sys.stdout.write(_drawn(entities))
+        say(_drawn(entities))
 
 
 def _drawn(entities: list[Entity]) -> str:

@@ -12,8 +12,9 @@ import click
 from deploy.claim import running
 from deploy.commands.completion import PROCESS
 from deploy.commands.options import json_option, port_option
+from deploy.live.output import printable
 from deploy.place import chosen
-from deploy.run_folder import latest_folder
+from deploy.run_folder import latest_folder, read_state
 from deploy.supervisor.log_file import log_name
 from services.runtime.errors import BadInput, unknown
 
@@ -26,7 +27,7 @@ _TURN_S = 0.2
 @port_option
 @json_option
 def command(name: str, follow: bool, port: int | None, as_json: bool) -> None:
-    """Show the log of process NAME, or of all; of the running fleet, or of the latest run.
+    """Show the log of process NAME, or of all; of the running fleet, or of the latest run, wherever its results went.
 
     With --json, each line is an object with the process and the text.
     """
@@ -36,7 +37,12 @@ def command(name: str, follow: bool, port: int | None, as_json: bool) -> None:
     files = {path.name.removesuffix(".log"): path for path in sorted((folder / "logs").glob("*.log"))}
     wanted = log_name(name.removeprefix("/")).removesuffix(".log") if name else ""
     if wanted and wanted not in files:
-        raise unknown("process", name, (each.replace(".", "/") for each in files))
+        state = read_state(folder)
+        known = {each.name for each in (state.processes if state else ())}
+        if name.removeprefix("/") not in known:
+            raise unknown("process", name, sorted(known | {each.replace(".", "/") for each in files}))
+        sys.stderr.write(f"{name} has written nothing yet\n")
+        files[wanted] = folder / "logs" / log_name(name.removeprefix("/"))
     tails = [Tail(each.replace(".", "/"), path) for each, path in files.items() if wanted in ("", each)]
     try:
         while True:
@@ -80,4 +86,4 @@ def _print(name: str, line: str, as_json: bool, alone: bool) -> None:
 
         sys.stdout.write(json.dumps({"process": name, "text": line}) + "\n")
     else:
-        sys.stdout.write(f"{line}\n" if alone else f"{name} | {line}\n")
+        sys.stdout.write(printable(f"{line}\n" if alone else f"{name} | {line}\n"))

@@ -17,16 +17,18 @@ import click
 
 from deploy.claim import Running, running
 from deploy.commands.options import json_option, port_option
-from deploy.fleet import PORT
-from deploy.place import chosen
+from deploy.place import chosen, place_of
 from services.runtime.errors import EleaError
 from services.runtime.process import PARENT, ROOT
 
 if TYPE_CHECKING:
+    from deploy.place import Place
     from services.panel.address import Address
 
 _PATIENCE_S = 15.0
 """Wall time that a panel has to open its page."""
+
+_LOOK_S = 0.5
 
 
 @click.command("panel")
@@ -39,15 +41,14 @@ _PATIENCE_S = 15.0
 def command(page_port: int | None, no_open: bool, connect: str, domain: str, port: int | None, as_json: bool) -> None:
     """Print the address of the running fleet's page, and open it where there is a display.
 
-    A fleet without a panel gets one, until Ctrl-C. The address holds a token: whoever has it may drive the robots.
+    A fleet without a panel gets one, served by this command until the fleet ends, or Ctrl-C. The address holds a token:
+    whoever has it may drive the robots.
     """
     fleet = chosen(port) if not connect and running() else None
     if fleet is not None and (address := _of(fleet)) is not None:
         _show(address, as_json, no_open)
         return
-    if fleet is not None:
-        connect, domain = f"tcp/127.0.0.1:{fleet.port}", domain or fleet.domain
-    raise SystemExit(_own(connect or f"tcp/127.0.0.1:{port or PORT}", domain, page_port, as_json, no_open))
+    raise SystemExit(_own(place_of(connect, domain, port), page_port, as_json, no_open, fleet))
 
 
 def _of(fleet: Running) -> Address | None:
@@ -62,16 +63,16 @@ def _of(fleet: Running) -> Address | None:
         return address if probe.connect_ex(("127.0.0.1", address.port)) == 0 else None
 
 
-def _own(connect: str, domain: str, page_port: int | None, as_json: bool, no_open: bool) -> int:
-    """Run a panel until it ends; its exit status."""
+def _own(place: Place, page_port: int | None, as_json: bool, no_open: bool, fleet: Running | None) -> int:
+    """Run a panel until it ends, or its fleet does; its exit status."""
     from deploy.live.visit import visit
     from services.panel.address import read
 
-    with visit(connect, domain):
+    with visit(place.router, place.domain):
         pass  # there is a router, or this says that there is none
     with tempfile.TemporaryDirectory(prefix="elea-panel-") as folder:
         file = Path(folder) / "panel.json"
-        arguments = ["--connect", connect, *(["--domain", domain] if domain else []), "--param", f"address={file}"]
+        arguments = [*place.arguments, "--param", f"address={file}"]
         arguments += ["--param", f"port={page_port}"] if page_port is not None else []
         child = subprocess.Popen(
             [sys.executable, "-P", "-m", "services.panel", *arguments],
@@ -86,7 +87,15 @@ def _own(connect: str, domain: str, page_port: int | None, as_json: bool, no_ope
                     raise EleaError(f"the panel did not open its page within {_PATIENCE_S:g} s")
                 time.sleep(0.05)
             _show(address, as_json, no_open)
-            return child.wait()
+            until = "the fleet ends, or Ctrl-C" if fleet is not None else "Ctrl-C"
+            sys.stderr.write(f"no panel belongs to this fleet: this command serves the page, until {until}\n")
+            while child.poll() is None:
+                if fleet is not None and fleet not in running():
+                    sys.stderr.write(f"{fleet.fleet} has ended, and its page with it\n")
+                    child.send_signal(signal.SIGINT)
+                    return child.wait(_PATIENCE_S)
+                time.sleep(_LOOK_S)
+            return child.returncode
         except KeyboardInterrupt:
             child.send_signal(signal.SIGINT)
             return child.wait(_PATIENCE_S)
@@ -102,4 +111,9 @@ def _show(address: Address, as_json: bool, no_open: bool) -> None:
     if not (no_open or as_json) and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         import webbrowser
 
-        webbrowser.open(address.url)
+        from services.panel.address import once
+
+        try:
+            webbrowser.open(once(address))  # not the token: other users see the command line of a browser
+        except OSError as error:
+            sys.stderr.write(f"elea: no browser was opened ({error}): open the address above\n")

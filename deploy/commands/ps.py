@@ -10,14 +10,19 @@ from typing import Any
 import click
 
 from deploy.claim import Running, running
-from deploy.commands.options import json_option
+from deploy.commands.options import json_option, port_option
+from deploy.live.output import printable
+from deploy.place import chosen
 
 
 @click.command("ps")
+@port_option
 @json_option
-def command(as_json: bool) -> None:
-    """List the processes of the running fleets: state, restarts, memory, share of a core since the start."""
-    fleets = [_fleet(each) for each in running()]
+def command(port: int | None, as_json: bool) -> None:
+    """List the processes of the running fleets, or of that on --port: state, restarts, memory, share of a core since
+    the start.
+    """
+    fleets = [_fleet(each) for each in (running() if port is None else (chosen(port),))]
     if as_json:
         sys.stdout.write(json.dumps(fleets, indent=2) + "\n")
     elif not fleets:
@@ -57,7 +62,8 @@ def _usage(pid: int) -> dict[str, float | None]:
 
 def _show(fleet: dict[str, Any]) -> None:
     sys.stdout.write(
-        f"{fleet['fleet']} ({fleet['mode']}) on port {fleet['port']}, supervisor {fleet['pid']}, {fleet['folder']}\n"
+        f"{fleet['fleet']} ({fleet['mode']}) on port {fleet['port']}"
+        f"{', domain ' + fleet['domain'] if fleet['domain'] else ''}, supervisor {fleet['pid']}, {fleet['folder']}\n"
     )
     rows = [("NAME", "STATE", "PID", "RESTARTS", "MIB", "CPU %", "")]
     for each in fleet["processes"]:
@@ -67,4 +73,4 @@ def _show(fleet: dict[str, Any]) -> None:
     widths = [max(len(row[column]) for row in rows) for column in range(6)]
     for row in rows:
         cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=False)]
-        sys.stdout.write("  ".join((*cells, row[6])).rstrip() + "\n")
+        sys.stdout.write(printable("  ".join((*cells, row[6])).rstrip()) + "\n")

@@ -9,7 +9,7 @@ import click
 
 from deploy.commands.completion import PROCESS
 from deploy.commands.options import json_option, port_option
-from deploy.place import chosen
+from deploy.place import chosen, router_of
 
 
 @click.command("restart")
@@ -24,6 +24,6 @@ def command(name: str, port: int | None, as_json: bool) -> None:
     from services.runtime.calls import call
 
     fleet = chosen(port)
-    with visit(f"tcp/127.0.0.1:{fleet.port}", fleet.domain) as transport:
+    with visit(router_of(fleet), fleet.domain) as transport:
         done = call(transport, SUPERVISOR_RESTART, key(SUPERVISOR_RESTART.name), Name(name=name))
     sys.stdout.write(json.dumps({"text": done.text}) + "\n" if as_json else f"{done.text}\n")

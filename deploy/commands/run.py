@@ -9,19 +9,28 @@ from pathlib import Path
 import click
 
 from deploy.commands.completion import KIND
+from deploy.commands.options import port_option
+from deploy.place import place_of
+from services.runtime import process
 from services.runtime.errors import BadInput, unknown
 from services.runtime.process import ROOT
 
 
 @click.command("run", context_settings={"ignore_unknown_options": True, "allow_interspersed_args": False})
+@port_option
 @click.argument("target", type=KIND)
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
-def command(target: str, arguments: tuple[str, ...]) -> None:
+def command(target: str, arguments: tuple[str, ...], port: int | None) -> None:
     """Run TARGET, a service by its name or a .py file of your own, with the rest of the line as its arguments.
+
+    It joins the running fleet, that on --port where several run, unless --connect says otherwise.
 
     `./elea run waypoint --help` shows the options that all services have.
     """
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    port, arguments = _port(port, arguments)
+    if target != "router" and not _placed(arguments):
+        arguments = (*_place(port, arguments), *arguments)
     if target.endswith(".py"):
         file = Path(target).resolve()
         if not file.is_file():
@@ -34,5 +43,34 @@ def command(target: str, arguments: tuple[str, ...]) -> None:
         if target not in kinds():
             raise unknown("service", target, kinds())
         place = ["-m", f"services.{target}"]
+    environment[process.PROGRAM] = f"./elea run {target}"
     sys.stdout.flush()
     os.execve(sys.executable, [sys.executable, "-P", *place, *arguments], environment)
+
+
+def _port(port: int | None, arguments: tuple[str, ...]) -> tuple[int | None, tuple[str, ...]]:
+    """The port, where it stands behind TARGET, and the other arguments; raises BadInput."""
+    left = list(arguments)
+    for index, word in enumerate(arguments):
+        name, equals, value = word.partition("=")
+        if name != "--port":
+            continue
+        value = value if equals else "".join(arguments[index + 1 : index + 2])
+        if not value.isdigit() or not 0 < int(value) <= 65535:
+            raise BadInput(f"--port {value}: give the port of a fleet's router, 1 to 65535")
+        del left[index : index + (1 if equals else 2)]
+        return int(value), tuple(left)
+    return port, arguments
+
+
+def _placed(arguments: tuple[str, ...]) -> bool:
+    """Whether the arguments say where to join, or want no network."""
+    return any(each.partition("=")[0] in ("--connect", "--help", "--print-config") for each in arguments)
+
+
+def _place(port: int | None, arguments: tuple[str, ...]) -> list[str]:
+    """The words that lead to the fleet that is meant; a domain that is given stays."""
+    place = place_of(port=port)
+    if any(each.partition("=")[0] == "--domain" for each in arguments):
+        place = place._replace(domain="")
+    return place.arguments

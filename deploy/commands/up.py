@@ -4,20 +4,32 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import msgspec
 
 from deploy.commands.completion import FLEET
-from deploy.fleet import Fleet, Member, Run
+from deploy.fleet import GONE_MODES, MODES, Fleet, Member, Run
 from deploy.fleet_file import find_fleet, read_fleet
 from services.runtime.errors import BadInput
+
+if TYPE_CHECKING:
+    from deploy.report.record import Report
+
+
+class _Mode(click.Choice[str]):
+    """A mode of time; one that there was once is refused with what to take instead."""
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        if value in GONE_MODES:
+            self.fail(GONE_MODES[value], param, ctx)
+        return super().convert(value, param, ctx)
 
 
 @click.command("up")
 @click.argument("fleet", default="lab", type=FLEET)
-@click.option("--mode", type=click.Choice(["lockstep", "real", "free"]), help="How time runs; the fleet's by default.")
+@click.option("--mode", type=_Mode(MODES), help="How time runs; the fleet's by default.")
 @click.option("--factor", type=float, help="Simulated per wall-clock second, in real time.")
 @click.option("--duration", type=float, metavar="S", help="End after S seconds of simulation time.")
 @click.option("--detach", is_flag=True, help="Return when all is ready; end it with ./elea down.")
@@ -25,11 +37,13 @@ from services.runtime.errors import BadInput
 @click.option("--seed", type=int, metavar="N", help="Seed of the sensors' noise.")
 @click.option("--domain", default="", help="Isolates fleets of one network from each other.")
 @click.option("--connect", multiple=True, metavar="ENDPOINT", help="Router of another machine, as tcp/host:7447.")
-@click.option("--port", type=int, help="Port of the fleet's router on the loopback.")
+@click.option("--port", type=int, help="Tells this fleet from others; the TCP port of one that listens on TCP.")
+@click.option("--listen", multiple=True, metavar="ENDPOINT", help="Let others in, too, as at tcp/127.0.0.1:7447.")
+@click.option("--insecure", is_flag=True, help="Allow --listen on addresses that other machines can reach.")
 @click.option("--params", metavar="FILE", default="", help="File of saved parameters; params/FLEET.db by default.")
 @click.option("--no-saved", is_flag=True, help="Leave saved parameters out, and save none.")
 @click.option("--record", is_flag=True, help="Record all topics into a bag beside the report.")
-@click.option("--no-view", is_flag=True, help="Do not open the viewer.")
+@click.option("--no-view", is_flag=True, help="Do not open the viewer, nor serve the run to one.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 def command(fleet: str, detach: bool, report: str, as_json: bool, **options: Any) -> None:
     """Run FLEET, one of deploy/fleets or a TOML file, to its report; lab by default.
@@ -63,29 +77,46 @@ def overridden(fleet: Fleet, options: dict[str, Any]) -> Fleet:
 
 
 def _run(fleet: Fleet, report: str, as_json: bool, options: dict[str, Any]) -> int:
+    from deploy.live.output import unread
     from deploy.progress import screen
     from deploy.run_fleet import run_fleet
     from deploy.run_folder import make_folder
     from deploy.wiring import Terms
-    from services.runtime.network.zenoh_config import endpoint
+    from services.runtime.network.zenoh_config import check_listen, endpoint
 
     if options["params"] and options["no_saved"]:
         raise BadInput("--params and --no-saved contradict each other: give one of them")
     saved = None if options["no_saved"] else Path(options["params"] or Path("params") / f"{fleet.name}.db").absolute()
     links = tuple(endpoint(each) for each in options["connect"])
+    listen = check_listen(options["listen"], options["insecure"])
     folder = make_folder(fleet.name, report)
-    terms = Terms(folder=folder, saved=saved, domain=options["domain"], links=links, view=not options["no_view"])
+    terms = Terms(
+        folder=folder,
+        saved=saved,
+        domain=options["domain"],
+        links=links,
+        listen=listen,
+        insecure=options["insecure"],
+        view=not options["no_view"],
+    )
     with screen() as shown:
         result = run_fleet(fleet, terms, shown)
     if result.report is None:
         sys.stderr.write(f"elea: no report: {result.trouble}\n")
-    elif as_json:
+    else:
+        with unread():
+            _print(result.report, folder, as_json)
+    return result.status(fleet)
+
+
+def _print(report: Report, folder: Path, as_json: bool) -> None:
+    if as_json:
         from deploy.report.write import to_json
 
-        sys.stdout.write(to_json(result.report).decode())
+        sys.stdout.write(to_json(report).decode())
     else:
         from deploy.report.table import show
 
-        show(result.report)
+        show(report)
         sys.stdout.write(f"results in {folder}\n")
-    return result.status(fleet)
+    sys.stdout.flush()

@@ -38,7 +38,7 @@ def examine(connect: str = "", domain: str = "", port: int | None = None) -> lis
     except BadInput as error:
         return [*findings, fail("network", str(error), "name one, with --port or --connect")]
     asked = bool(connect) or port is not None
-    return [*findings, *network.ports(place), *network.router(place, asked)]
+    return [*findings, *network.ports(place), *network.access(), *network.router(place, asked)]
 
 
 def show(findings: Sequence[Finding], as_json: bool) -> None:

@@ -8,6 +8,7 @@ from itertools import pairwise
 
 from deploy.claim import running
 from deploy.doctor import Finding, ok, warn
+from deploy.doctor.running import disk
 
 ADOPTERS = ("systemd", "init")
 """Who takes over a process whose parent has died, besides process 1."""
@@ -49,3 +50,4 @@ def fleets() -> Iterator[Finding]:
     """The fleets that run."""
     for each in running():
         yield ok("fleet", f"{each.fleet} ({each.mode}) on port {each.port}, supervisor {each.pid}, {each.folder}")
+        yield from disk(each.fleet, each.folder)

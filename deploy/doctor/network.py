@@ -4,31 +4,32 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from deploy.claim import Running, running
 from deploy.doctor import Finding, fail, ok, warn
-from deploy.place import Place
+from deploy.doctor.running import WATCH_S, judge, watch, why_lost
+from deploy.place import Place, router_of
 from messages.elea import Health
 from services.runtime.errors import BadInput
 from services.runtime.graph import Entity
-from services.runtime.network.transport import Transport
+from services.runtime.network.sockets import is_unix, knock, path_of, secure, sweep
+from services.runtime.network.zenoh_config import is_local
 
-LISTEN_S = 1.6
-"""Wall time in which each node beats once, and a busy one as well."""
 VIEWER_PORT = 9876
 
 
 def ports(place: Place) -> Iterator[Finding]:
     """Whether a router and a live view can listen, or who does."""
-    fleets = {each.port: each for each in running()}
-    address = place.router.partition("/")[2]
-    port = int(address.rpartition(":")[2])
-    if not address.startswith("127.0.0.1:"):
+    fleets = running()
+    held = _fleet_at(place.router, fleets)
+    if not is_local(place.router):
         yield ok("port", f"{place.router} is not this machine's")
-    elif port in fleets:
-        yield ok("port", f"{port} is held by the fleet {fleets[port].fleet} (supervisor {fleets[port].pid})")
-    elif _taken(port):
+    elif held is not None:
+        yield ok("port", f"{place.router} is held by the fleet {held.fleet} (supervisor {held.pid})")
+    elif is_unix(place.router):
+        yield from _sockets(place.router)
+    elif _taken(port := int(place.router.rpartition(":")[2])):
         yield warn(
             "port",
             f"{port} is held by a program that is no fleet of yours",
@@ -40,6 +41,37 @@ def ports(place: Place) -> Iterator[Finding]:
         yield warn(
             "live view", f"{VIEWER_PORT} is held by another program", f"see who: ss -ltnp sport = :{VIEWER_PORT}"
         )
+
+
+def _sockets(router: str) -> Iterator[Finding]:
+    """Whether a router can listen on a Unix socket."""
+    folder = path_of(router).parent
+    try:
+        secure(folder)
+        sweep(folder)
+    except BadInput as error:
+        yield fail("sockets", str(error), "fleets cannot start until this is mended")
+        return
+    try:
+        knock(router)
+    except OSError:
+        yield ok("sockets", f"{router} is free for a router, and out of reach for other users")
+    else:
+        yield warn(
+            "sockets", f"{router} is held by a router that no fleet of yours has started", "end it, or use --port"
+        )
+
+
+def access() -> Iterator[Finding]:
+    """Who, besides this user, can drive the robots of the running fleets."""
+    for each in running():
+        for where in each.listen:
+            who = "every user of this machine" if is_local(where) else "whoever reaches it over the network"
+            yield warn(
+                "access",
+                f"{each.fleet} listens on {where}: {who} can drive its robots",
+                "if nobody else needs it, leave out --listen, and tcp in the fleet file; see docs/security.md",
+            )
 
 
 def router(place: Place, asked: bool) -> Iterator[Finding]:
@@ -56,17 +88,40 @@ def router(place: Place, asked: bool) -> Iterator[Finding]:
             took = time.monotonic() - began
             entities = snapshot(transport)
             yield ok("router", f"{place.router} joined within {took:.2f} s, {len(_nodes(entities))} nodes")
-            yield from nodes(entities, _beats(transport))
+            yield from requests(entities)
+            seen = watch(transport, entities)
+            yield from nodes(entities, seen.beats, lambda topic, beat: why_lost(topic, beat, seen))
+            yield from judge(entities, seen)
     except BadInput as error:
         yield fail("router", str(error), _advice(place.router, running()))
 
 
-def nodes(entities: Sequence[Entity], beats: dict[str, Health]) -> Iterator[Finding]:
-    """What is wrong with nodes: no heartbeat, waiting, losses, refusals."""
+def requests(entities: Sequence[Entity]) -> Iterator[Finding]:
+    """Requests that more than one process serves: whoever asks one of them gets an error instead of an answer."""
+    served: dict[str, set[tuple[str, str]]] = {}
+    for each in entities:
+        if each.kind == "srv":
+            served.setdefault(each.name, set()).add((each.node, each.session))
+    rivals: dict[tuple[tuple[str, str], ...], list[str]] = {}
+    for name, who in sorted(served.items()):
+        if len(who) > 1:
+            rivals.setdefault(tuple(sorted(who)), []).append(name)
+    for several, names in rivals.items():
+        said = ", ".join(f"{node} (session {session[:8]})" for node, session in several)
+        listed = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+        yield fail("requests", f"{len(several)} processes serve {listed}: {said}", "stop all but one of them")
+    if served and not rivals:
+        yield ok("requests", f"{len(served)} are served, each by one process")
+
+
+def nodes(
+    entities: Sequence[Entity], beats: dict[str, Health], cause: Callable[[str, Health], str] | None = None
+) -> Iterator[Finding]:
+    """What is wrong with nodes: no heartbeat, waiting, losses, refusals; ``cause`` says why a reader lost messages."""
     silent = [each for each in _nodes(entities) if each not in beats]
     for name in silent:
         yield warn(
-            f"node {name}", f"no heartbeat in {LISTEN_S} s: it is busy, stopped or hung", "see ./elea logs, ./elea ps"
+            f"node {name}", f"no heartbeat in {WATCH_S:g} s: it is busy, stopped or hung", "see ./elea logs, ./elea ps"
         )
     for name, beat in sorted(beats.items()):
         if beat.state == "waiting":
@@ -78,7 +133,7 @@ def nodes(entities: Sequence[Entity], beats: dict[str, Health]) -> Iterator[Find
                 yield warn(
                     f"node {name}",
                     f"{each.topic}: {each.lost} of {each.received + each.lost} messages were lost on the way",
-                    "the machine is overloaded, or the node too slow: see ./elea ps",
+                    cause(each.topic, beat) if cause else f"see whether the count grows: ./elea node info {name}",
                 )
             if each.refused:
                 yield warn(
@@ -86,23 +141,30 @@ def nodes(entities: Sequence[Entity], beats: dict[str, Health]) -> Iterator[Find
                     f"{each.topic}: {each.refused} messages refused, the last one: {each.reason}",
                     "see who publishes it: ./elea graph",
                 )
+            if each.resynced or each.repeated > each.received:
+                yield warn(
+                    f"node {name}",
+                    f"{each.topic}: the numbers of a publisher began anew {each.resynced} times, and {each.repeated} "
+                    f"messages that repeat one were dropped, {each.received} taken",
+                    "a program began anew under its old publisher id (choose one at each start), or somebody forges "
+                    "numbers: ./elea topic info -v",
+                )
+        if beat.refused_requests:
+            yield warn(
+                f"node {name}",
+                f"{beat.refused_requests} requests were refused, the last one: {beat.request_reason}",
+                f"see who asks: ./elea logs {name.strip('/')}",
+            )
+        for what in ("lost", "refused", "resynced"):
+            if (unlisted := getattr(beat, what) - sum(getattr(each, what) for each in beat.inputs)) > 0:
+                yield warn(
+                    f"node {name}",
+                    f"{unlisted} messages {what} on topics that the last heartbeat does not list",
+                    f"see all: ./elea node info {name}",
+                )
     if beats and not silent:
         sound = "none waits, loses or refuses" if not _troubled(beats) else "see above"
         yield ok("nodes", f"{len(beats)} beat, {sound}")
-
-
-def _beats(link: Transport) -> dict[str, Health]:
-    """The last heartbeat of each node within LISTEN_S."""
-    from messages.topics import HEALTH
-    from services.runtime.inputs import Input
-
-    source, heard = Input(HEALTH, HEALTH.name, HEALTH.name[1:], link), {}
-    deadline = time.monotonic() + LISTEN_S
-    while time.monotonic() < deadline:
-        link.wait(source.inlet)
-        source.admit()
-        heard.update({beat.node: beat for beat, _ in source.batch})
-    return heard
 
 
 def _nodes(entities: Sequence[Entity]) -> list[str]:
@@ -112,16 +174,26 @@ def _nodes(entities: Sequence[Entity]) -> list[str]:
 
 
 def _troubled(beats: dict[str, Health]) -> bool:
-    return any(b.state == "waiting" or any(i.lost or i.refused for i in b.inputs) for b in beats.values())
+    return any(b.state == "waiting" or _troubles(b) for b in beats.values())
+
+
+def _troubles(beat: Health) -> bool:
+    return bool(beat.lost or beat.refused or beat.resynced) or any(
+        i.lost or i.refused or i.resynced for i in beat.inputs
+    )
 
 
 def _advice(router: str, fleets: Sequence[Running]) -> str:
-    port = router.rpartition(":")[2]
-    if any(str(each.port) == port for each in fleets):
+    if _fleet_at(router, fleets) is not None:
         return "the fleet may be starting, or its router hang: ./elea ps, ./elea logs router, ./elea restart router"
     advice = "start a fleet: ./elea up; or name its router with --connect"
     elsewhere = ", ".join(f"{each.fleet} with --port {each.port}" for each in fleets)
     return f"{advice}; running: {elsewhere}" if elsewhere else advice
+
+
+def _fleet_at(router: str, fleets: Sequence[Running]) -> Running | None:
+    """The fleet whose router listens at an endpoint."""
+    return next((each for each in fleets if router in (router_of(each), *each.listen)), None)
 
 
 def _taken(port: int) -> bool:

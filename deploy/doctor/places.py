@@ -30,13 +30,18 @@ def _writable(name: str, path: Path, do: str) -> Iterator[Finding]:
     try:
         with tempfile.TemporaryFile(dir=there) as file:
             file.write(b"elea")
-        free = shutil.disk_usage(there).free // 2**20
+        free = shutil.disk_usage(there).free
     except OSError as error:
         yield fail(name, f"{path} cannot be written: {error.strerror}", do)
         return
-    if free < NONE_MIB:
-        yield fail(name, f"{path}: {free} MiB are free", "make room on this disk: runs/ holds old recordings")
-    elif free < SCANT_MIB:
-        yield warn(name, f"{path}: {free} MiB are free", "make room on this disk: runs/ holds old recordings")
-    else:
-        yield ok(name, f"{path}, {free / 1024:.0f} GiB free")
+    yield room(name, path, free)
+
+
+def room(name: str, path: Path, free: int) -> Finding:
+    """Whether ``free`` bytes are room enough on the disk of ``path``."""
+    mib = free // 2**20
+    if mib < NONE_MIB:
+        return fail(name, f"{path}: {mib} MiB are free", "make room on this disk: runs/ holds old recordings")
+    if mib < SCANT_MIB:
+        return warn(name, f"{path}: {mib} MiB are free", "make room on this disk: runs/ holds old recordings")
+    return ok(name, f"{path}, {mib / 1024:.0f} GiB free")

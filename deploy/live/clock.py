@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
-
 from deploy.live.listener import Heard, Listener
 from messages.base import Message, WrongPayload, decoder
 from messages.rosgraph import Clock
 from messages.std import Header, Time
 from messages.topics import CLOCK
+from services.runtime.clock_map import ClockMap
 from services.runtime.network.transport import Transport
 
 _KEPT = 4096
@@ -57,9 +56,7 @@ class SimClock:
         self.epoch = 0
         self.since = 0
         self.paused = False
-        self._sent: list[int] = []
-        self._times: list[int | None] = []
-        """The clock sent at each of these moments; None after one that was lost: when, and what it told, is unknown."""
+        self._map = ClockMap(_KEPT)
 
     def follow(self) -> None:
         """Take what has come."""
@@ -69,27 +66,24 @@ class SimClock:
             except WrongPayload:
                 continue
             if clock.epoch != self.epoch:
-                self._sent, self._times, self.since = [], [], heard.sent
+                self._map.clear()
+                self.since = heard.sent
             self.now, self.epoch, self.paused = clock.clock.ns, clock.epoch, clock.paused
-            if heard.lost and self._times:
-                self._times[-1] = None
-            if not self._sent or heard.sent >= self._sent[-1]:
-                self._sent.append(heard.sent)
-                self._times.append(clock.clock.ns)
-        if len(self._sent) > 2 * _KEPT:
-            self._sent, self._times = self._sent[-_KEPT:], self._times[-_KEPT:]
+            if heard.lost:
+                self._map.lose()
+            if self._map.add(heard.sent, clock.clock.ns):
+                self.since = min(self.since, heard.sent)
 
     def past(self, moment: int) -> bool:
         """Whether a clock sent after this moment of the wall clock [ns] has come: then ``at`` is certain."""
-        return bool(self._sent) and self._sent[-1] > moment
+        return self._map.past(moment)
 
     def at(self, moment: int) -> int | None:
         """The simulation time [ns] of a moment of the wall clock [ns]: of the last clock sent before it.
 
         None before the first one, and where one was lost that may have been sent before the moment.
         """
-        place = bisect_right(self._sent, moment)
-        return self._times[place - 1] if place else None
+        return self._map.before(moment)
 
     def time_of(self, heard: Heard) -> int | None:
         """When a sample was made, ns: by its stamp, or by the clock as it stood when it was sent; None if unknown."""

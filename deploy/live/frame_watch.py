@@ -40,8 +40,8 @@ class FrameWatch:
             self.stamps.clear()
         self._fixed.admit()
         self.moving.admit()
-        take_fixed(self.buffer, self._fixed)
         take_moving(self.buffer, self.moving)
+        take_fixed(self.buffer, self._fixed)
         for message, _ in self.moving.batch:
             for each in message.transforms:
                 seen = self.stamps.setdefault(each.child_frame_id.removeprefix("/"), deque(maxlen=WINDOW))

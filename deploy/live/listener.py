@@ -6,8 +6,10 @@ import time
 from collections.abc import Iterator
 from typing import NamedTuple
 
+from messages.base import counted
 from messages.names import key as key_of
 from services.runtime.inputs import EVENTS
+from services.runtime.network.sequences import Sequences, Verdict
 from services.runtime.network.transport import Inlet, Transport
 from services.runtime.network.wire import FORMAT, Origin, detach
 
@@ -31,13 +33,16 @@ class Heard(NamedTuple):
 
 
 class Listener:
-    """A subscription without a type. What a slow reader misses is counted by the numbers of what it gets."""
+    """A subscription without a type. What a slow reader misses is counted by the numbers of what it gets.
+
+    ``left_out`` counts what came twice, and numbers that cannot be true.
+    """
 
     def __init__(self, transport: Transport, name: str, latched: bool = False) -> None:
         self.name = name
         self.inlet: Inlet = transport.subscribe(key_of(name), EVENTS, latched)
-        self.received = self.lost = self.foreign = 0
-        self._last: dict[bytes, int] = {}
+        self.received = self.lost = self.foreign = self.left_out = 0
+        self._sequences = Sequences()
 
     def take(self) -> Iterator[Heard]:
         """What has come, oldest first; what came twice is left out."""
@@ -47,13 +52,15 @@ class Listener:
             if origin is None:
                 self.foreign += 1
             else:
-                last = self._last.get(origin.publisher)
-                if last is not None and origin.sequence <= last:
+                verdict = self._sequences.judge(origin)
+                if verdict in (Verdict.REPEATED, Verdict.TOO_FAR):
+                    self.left_out += 1
                     continue
-                lost = 0 if last is None else origin.sequence - last - 1
-                self._last[origin.publisher] = origin.sequence
+                if verdict is Verdict.GAP:
+                    lost = origin.sequence - self._sequences.last[origin.publisher] - 1
+                self._sequences.accept(origin)
             self.received += 1
-            self.lost += lost
+            self.lost = counted(self.lost, lost)
             form, _, type_name = self.inlet.encoding(source).partition(";")
             yield Heard(payload, origin, type_name if form == FORMAT else "", time.time_ns(), lost)
 

@@ -73,7 +73,7 @@ class _Channel:
         self.name, self.meter, self._count = name, meter, terms.count
         self.listener = Listener(live.transport, name, latched)
         live.reads(name, type_of(ends), "LATCHED" if latched else "SENSOR")
-        self._pending: deque[Heard] = deque()
+        self._pending: deque[tuple[Heard, float]] = deque()
         self._epoch: int | None = None
         self._told = -1
 
@@ -84,16 +84,18 @@ class _Channel:
 
     def follow(self, clock: SimClock, at_once: bool = False) -> None:
         """Measure what has come, once the clock tells its time."""
-        self._pending.extend(self.listener.take())
+        now = time.monotonic()
+        self._pending.extend((heard, now) for heard in self.listener.take())
         while self._pending and not self.full:
-            heard = self._pending[0]
-            if not (at_once or clock.past(heard.sent) or time.time_ns() - heard.arrived > _CLOCK_S * 1e9):
+            heard, came = self._pending[0]
+            if not (at_once or clock.past(heard.sent) or now - came > _CLOCK_S):
                 return
             if clock.now is not None and clock.epoch != self._epoch and heard.sent >= clock.since:
                 if self._epoch is not None:
                     self.meter.clear()
                 self._epoch = clock.epoch
-            self.meter.take(self._pending.popleft(), clock)
+            self._pending.popleft()
+            self.meter.take(heard, clock)
 
     def news(self) -> bool:
         """Whether something came since the last call."""

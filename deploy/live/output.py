@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 import os
+import re
 import select
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
+_CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+"""Whatever moves the cursor, sets a terminal's title, writes its clipboard or turns the order of its text."""
+
+
+def printable(text: str) -> str:
+    """Text that came from the network, a bag or a log, with its control characters shown and not obeyed.
+
+    Line breaks and tabs stay.
+    """
+    return _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
+
 
 def say(text: str, *, flush: bool = False) -> None:
-    """Write text as it stands."""
+    """Write text, with its control characters shown and not obeyed."""
     with _quietly():
-        sys.stdout.write(text)
+        sys.stdout.write(printable(text))
         if flush:
             sys.stdout.flush()
 
@@ -28,7 +40,7 @@ def say_json(value: Any, *, lines: bool = False) -> None:
 
 def note(text: str) -> None:
     """A remark beside the output, on standard error."""
-    sys.stderr.write(f"elea: {text}\n")
+    sys.stderr.write(printable(f"elea: {text}\n"))
     sys.stderr.flush()
 
 
@@ -50,6 +62,16 @@ def leave_quietly(status: int = 0) -> NoReturn:
 def mute() -> None:
     """Write to nobody from now on: what is still in the buffers may not complain."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+@contextmanager
+def unread() -> Iterator[None]:
+    """For what is printed beside the real work: within, a reader that has closed the pipe, or a full disk, changes
+    nothing of how the verb ends."""
+    try:
+        yield
+    except OSError:
+        mute()
 
 
 @contextmanager

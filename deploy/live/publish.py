@@ -12,14 +12,14 @@ from deploy.live.ends import Ends, absolute, is_hidden, nearest, topics
 from deploy.live.known import record_of, topic_of
 from deploy.live.measure import INTERRUPTED
 from deploy.live.output import note, say, say_json
-from deploy.live.session import Session, session
+from deploy.live.session import Session, person, session
 from deploy.live.text import flow, trimmed
 from deploy.live.values import Draft, split_type
 from deploy.place import Place
 from messages.base import Message
 from messages.names import key as key_of
 from messages.plain import plain_record
-from messages.topics import CLOCK, Quality, Topic
+from messages.topics import CLOCK, E_STOP, Quality, Topic
 from services.runtime.errors import BadInput, EleaError
 from services.runtime.graph import snapshot
 from services.runtime.network.transport import BEAT_S, resting
@@ -49,7 +49,8 @@ class Publication:
 def publish(place: Place, asked: Publication, show: str = "text") -> int:
     """Send until it is enough; the exit status. ``show`` is ``text``, ``json`` or empty. Raises EleaError."""
     name = absolute(asked.topic)
-    with session(place, "pub") as live:
+    # A stop is held by the person, whose next command resets it, and not by this process, which is gone by then.
+    with session(place, "pub", person() if topic_of(name) is E_STOP else "") as live:
         graph = snapshot(live.transport)
         known = topics(graph)
         ends = known.get(name, Ends(name))

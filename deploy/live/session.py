@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import getpass
+import os
+import re
+import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,12 +21,13 @@ from services.runtime.process import on_stop
 class Session:
     """A light node: a name of its own that nobody else can have, tokens for what it reads and writes, no heartbeat.
 
-    Its name begins with an underscore, which hides it in lists, as in ROS 2.
+    Its name begins with an underscore, which hides it in lists, as in ROS 2. With ``owner`` it is the same in every
+    stay, and in several at once: what one of them says, another can take back.
     """
 
-    def __init__(self, transport: Transport, role: str) -> None:
+    def __init__(self, transport: Transport, role: str, owner: str = "") -> None:
         self.transport = transport
-        self.node = f"/_{role}_{transport.session[:12]}"
+        self.node = f"/_{role}_{owner or transport.session[:12]}"
         self.stopping = False
         self._tokens: list[Token] = []
         self._show("node", role, "-", "-")
@@ -56,10 +61,19 @@ class Session:
         self._tokens.append(self.transport.token(entity.key))
 
 
+def person() -> str:
+    """The user and the machine, in letters that a name may have: ``anna_laptop``."""
+    try:
+        user = getpass.getuser()
+    except (KeyError, OSError):  # a container's user that no table names
+        user = str(os.getuid())
+    return re.sub(r"[^A-Za-z0-9]+", "_", f"{user[:64]}_{socket.gethostname()[:64]}").strip("_")
+
+
 @contextmanager
-def session(place: Place, role: str) -> Iterator[Session]:
+def session(place: Place, role: str, owner: str = "") -> Iterator[Session]:
     """Join the network for a while; raises BadInput when nobody is there. SIGINT and SIGTERM stop it."""
     with visit(place.router, place.domain) as transport:
-        made = Session(transport, role)
+        made = Session(transport, role, owner)
         on_stop(made.stop)
         yield made

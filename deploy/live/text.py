@@ -114,13 +114,17 @@ def _scalar(value: Any) -> str:
 
 def _text(value: str) -> str:
     if value.lower() in _WORDS or not _PLAIN.fullmatch(value):
-        quoted = "".join(map(_printable, json.dumps(value, ensure_ascii=False)))
+        quoted = printable(json.dumps(value, ensure_ascii=False))
         return quoted if value else "''"
     return value
 
 
+def printable(text: str) -> str:
+    """Text from outside, without the control characters that a terminal would obey."""
+    return "".join(map(_printable, text))
+
+
 def _printable(character: str) -> str:
-    """No message writes control characters to a terminal."""
     if character.isprintable():
         return character
     code = ord(character)

@@ -26,11 +26,19 @@ Bounds = Mapping[str, float | int | Bound]
 
 DEFAULTS: Bounds = {"collisions": 0, "messages_lost": 0}
 """Hold in every run unless the fleet states others; beside them, every robot must be seen and reach all its points."""
+LOCKSTEP_DEFAULTS: Bounds = {"members_lost": 0}
+"""Hold in every run in lockstep unless the fleet states others."""
+
+_FAULTS = ("changes_missed", "nodes_absent")
+"""Counts of the run that are 0 unless something went wrong: a check of its own is missed where one is not."""
 
 _LISTS = ("points_reached", "points_reached_at", "points_closest_m", "corners", "steps")
 _FIELDS = (*msgspec.structs.fields(RobotFigures), *msgspec.structs.fields(ArmFigures))
 ROBOT_KEYS = tuple(dict.fromkeys(each.name for each in _FIELDS if each.name not in _LISTS))
-RUN_KEYS = ("sim_seconds", "wall_seconds", "real_time_factor", "messages_lost", "restarts")
+RUN_KEYS = (
+    *("sim_seconds", "wall_seconds", "real_time_factor", "messages_lost", "restarts"),
+    *("members_lost", "members_left", "changes_missed", "nodes_absent", "lag_s"),
+)
 KEYS = (*ROBOT_KEYS, "points_reached", *RUN_KEYS)
 
 
@@ -46,15 +54,20 @@ def check_bounds(bounds: Bounds, where: str) -> None:
 def checks(run: RunFigures, robots: Mapping[str, Figures], bounds: Bounds) -> tuple[Check, ...]:
     """Every figure that has a bound, against it; ``points_reached`` must be ``points`` unless bounded.
 
-    A bound on a figure that one kind of robot does not have is none for it.
+    A bound on a figure that one kind of robot does not have is none for it, and neither is one on the distance to
+    others for a robot that drives alone. What was not measured misses its bound.
     """
     found: list[Check] = []
-    stated = {**DEFAULTS, **bounds}
+    faults = {name: 0 for name in _FAULTS if getattr(run, name)}
+    stated = {**faults, **DEFAULTS, **(LOCKSTEP_DEFAULTS if run.mode == "lockstep" else {}), **bounds}
+    alone = sum(isinstance(figures, RobotFigures) for figures in robots.values()) == 1
     for robot, figures in robots.items():
         own: dict[str, float | int | Bound] = {"samples": Bound(min=1), **stated}
         if isinstance(figures, RobotFigures):
             own = {"points_reached": Bound(min=figures.points), **own}
         for name, bound in own.items():
+            if alone and name == "min_distance_m":
+                continue
             if hasattr(figures, name) and name not in RUN_KEYS:
                 found += _against(f"{robot}.{name}", getattr(figures, name), bound)
     for name, bound in stated.items():
@@ -72,11 +85,10 @@ def _against(name: str, value: Value, bound: float | int | Bound) -> Iterator[Ch
 
 
 def _check(name: str, value: Value, kind: Literal["min", "max"], bound: float | int) -> Check:
-    return Check(name=name, value=value, kind=kind, bound=bound, ok=_holds(name, value, kind, bound))
+    return Check(name=name, value=value, kind=kind, bound=bound, ok=_holds(value, kind, bound))
 
 
-def _holds(name: str, value: Value, kind: Literal["min", "max"], bound: float | int) -> bool:
-    """What was not measured does not hold, but for the distance to others of a robot that is alone."""
+def _holds(value: Value, kind: Literal["min", "max"], bound: float | int) -> bool:
     if value is None:
-        return name.endswith(".min_distance_m")
+        return False
     return value >= bound if kind == "min" else value <= bound

@@ -30,6 +30,17 @@ class Effective(msgspec.Struct, frozen=True, kw_only=True):
     origin: Annotated[Origin, _text("where it comes from; run: it was set for this run alone, on the way")]
 
 
+class ChangeFigures(msgspec.Struct, frozen=True, kw_only=True):
+    """A scheduled change of parameters, and what became of it."""
+
+    at_s: Annotated[float, _positive("simulation time for which it was scheduled", "s")]
+    set: Annotated[str, _text("the set of parameters")]
+    values: Annotated[dict[str, Value], _text("the values, by the names of the parameters")]
+    made: Annotated[bool | None, _text("whether it was made; null when the run ended before its time")]
+    made_at_s: Annotated[float | None, _text("simulation time at which it was made", "s")]
+    reason: Annotated[str, _text("why it was not made; empty when it was")]
+
+
 class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
     """What the supervisor knows of a run and the grader does not."""
 
@@ -40,15 +51,20 @@ class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
     wall_seconds: float
     restarts: int = 0
     started: str = ""
+    factor: float = 1.0
+    changes: tuple[ChangeFigures, ...] = ()
+    absent: tuple[str, ...] = ()
+    lag_s: float = 0.0
     notes: tuple[str, ...] = ()
     parameters: dict[str, dict[str, Effective]] = {}
+    checks: tuple[Check, ...] = ()
 
 
 class RunFigures(msgspec.Struct, frozen=True, kw_only=True):
     """The run as a whole."""
 
     fleet: Annotated[str, _text("name of the fleet")]
-    mode: Annotated[str, _text("lockstep, real or free")]
+    mode: Annotated[str, _text("lockstep or real; free in reports of earlier versions")]
     ended: Annotated[Ended, _text("goals: all robots finished; duration: time was up; stopped: from outside")]
     started: Annotated[str, _text("wall-clock time of the start, ISO 8601; empty when not known")]
     sim_seconds: Annotated[float, _positive("simulation time measured", "s")]
@@ -63,16 +79,42 @@ class RunFigures(msgspec.Struct, frozen=True, kw_only=True):
         _text("the same of each node on which no run depends, as panels and tools; those that missed none left out"),
     ]
     restarts: Annotated[int, _positive("processes restarted during the run")]
+    members_lost: (
+        Annotated[
+            int,
+            _positive(
+                "nodes that lockstep went on without, as they ended, did not answer or never came; null without it"
+            ),
+        ]
+        | None
+    ) = None
+    members_left: Annotated[int, _positive("nodes that took leave of lockstep before the end")] = 0
+    changes_missed: Annotated[int, _positive("scheduled changes whose time came and that were not made")] = 0
+    nodes_absent: Annotated[int, _positive("nodes of the fleet that were not ready when time began")] = 0
+    absent: Annotated[tuple[str, ...], _text("these nodes")] = ()
+    factor: Annotated[float, _positive("simulated per wall-clock second, as asked for; of real time alone")] = 1.0
+    lag_s: Annotated[float, _positive("wall time by which the simulation fell behind, in real time", "s")] = 0.0
+    ticks_missed: Annotated[
+        dict[str, Annotated[int, Meta(ge=1)]],
+        _text("ticks that a process of the fleet did not take as it was late, by node; in real time alone"),
+    ] = {}
 
 
 class Check(msgspec.Struct, frozen=True, kw_only=True):
     """One figure against one bound."""
 
-    name: Annotated[str, _text("the figure: its key, behind the robot's name and a dot if it is a robot's")]
+    name: Annotated[
+        str,
+        _text(
+            "the figure: its key, behind the robot's name and a dot if it is a robot's; of a service's own check, its "
+            "name behind the node's and a dot"
+        ),
+    ]
     value: Annotated[float | int | None, _text("what was measured, in the unit of the key; null when nothing was")]
     kind: Annotated[Literal["min", "max"], _text("whether the bound is the least or the largest good value")]
     bound: Annotated[float | int, _text("the bound, in the unit of the key")]
     ok: bool
+    reason: Annotated[str, _text("what a service says of a check of its own; else empty")] = ""
 
 
 class Report(msgspec.Struct, frozen=True, kw_only=True):
@@ -86,7 +128,10 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     parameters: Annotated[
         dict[str, dict[str, Effective]], _text("live parameters that are not at their defaults, by set and name")
     ]
-    notes: Annotated[tuple[str, ...], _text("what is off by design or by its configuration, and why, in words")]
+    notes: Annotated[
+        tuple[str, ...], _text("what is off by design, by its configuration or by the machine, and why, in words")
+    ]
+    changes: Annotated[tuple[ChangeFigures, ...], _text("the scheduled changes, in the order of their times")] = ()
 
 
 def run_figures(facts: RunFacts, measured: Measurements) -> RunFigures:
@@ -105,4 +150,22 @@ def run_figures(facts: RunFacts, measured: Measurements) -> RunFigures:
         messages_lost=measured.messages_lost,
         onlookers_lost=measured.onlookers_lost,
         restarts=facts.restarts,
+        members_lost=None if measured.members_lost is None else len(measured.members_lost),
+        members_left=len(measured.members_left),
+        changes_missed=sum(each.made is False for each in facts.changes),
+        nodes_absent=len(facts.absent),
+        absent=facts.absent,
+        factor=facts.factor,
+        lag_s=facts.lag_s,
+        ticks_missed=measured.ticks_missed,
     )
+
+
+def member_notes(measured: Measurements) -> tuple[str, ...]:
+    """Whom lockstep did not have to its end, in words."""
+    found = []
+    if measured.members_lost:
+        found.append(f"lockstep went on without {', '.join(measured.members_lost)}: the run does not repeat")
+    if measured.members_left:
+        found.append(f"before the end {', '.join(measured.members_left)} took leave of lockstep")
+    return tuple(found)

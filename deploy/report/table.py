@@ -5,7 +5,9 @@ from __future__ import annotations
 import sys
 from typing import TextIO
 
-from deploy.report.record import Report
+from deploy.report.numbers import fixed, plain
+from deploy.report.own_checks import is_own
+from deploy.report.record import Check, Report
 from services.grader.records import ArmFigures, CornerFigures, RobotFigures
 
 _HEADINGS = (
@@ -47,18 +49,57 @@ def summary(report: Report) -> str:
 
 def missed(report: Report) -> list[str]:
     """One line for each check that does not hold."""
+    lines = []
+    for each in report.checks:
+        if not each.ok:
+            lines += [f"missed: {stated(each)}", *_named(each.name, report)]
+    return lines
+
+
+def stated(check: Check) -> str:
+    """A check in words."""
     sign = {"min": "at least", "max": "at most"}
+    value = "not measured" if check.value is None else plain(check.value, check.bound)
+    reason = f": {check.reason}" if check.reason else ""
+    return f"{check.name} is {value}, should be {sign[check.kind]} {check.bound:g}{reason}"
+
+
+def own(report: Report) -> list[str]:
+    """The checks of the services' own that hold; those that do not are told as missed."""
+    return [f"holds: {stated(each)}" for each in report.checks if is_own(each) and each.ok]
+
+
+def _named(check: str, report: Report) -> list[str]:
+    """What stands behind a count that is too high."""
+    if check == "nodes_absent":
+        return [f"  time began without {', '.join(report.run.absent)}"]
+    if check != "changes_missed":
+        return []
     return [
-        f"missed: {each.name} is {'not measured' if each.value is None else f'{each.value:.6g}'}, "
-        f"should be {sign[each.kind]} {each.bound:g}"
-        for each in report.checks
-        if not each.ok
+        f"  the change of {each.set} at {each.at_s:g} s was not made ("
+        f"{', '.join(f'{name} = {value}' for name, value in each.values.items())}): {each.reason}"
+        for each in report.changes
+        if each.made is False
     ]
 
 
 def told(report: Report) -> list[str]:
     """What the table has no columns for."""
-    return [*squares(report), *stops(report), *arms(report), *report.notes, *onlookers(report)]
+    return [
+        *squares(report),
+        *stops(report),
+        *arms(report),
+        *own(report),
+        *report.notes,
+        *later(report),
+        *onlookers(report),
+    ]
+
+
+def later(report: Report) -> list[str]:
+    """The scheduled changes whose time the run did not reach."""
+    left = [f"{each.set} at {each.at_s:g} s" for each in report.changes if each.made is None]
+    return [f"not reached before the end: the scheduled changes of {', '.join(left)}"] if left else []
 
 
 def onlookers(report: Report) -> list[str]:
@@ -80,9 +121,9 @@ def arms(report: Report) -> list[str]:
             continue
         for step in each.steps:
             lines.append(
-                f"{name}: step from {step.from_deg:.1f} to {step.to_deg:.1f} deg at {step.at_s:.2f} s: rise "
-                f"{step.rise_s:.3f} s, overshoot {step.overshoot_percent:.2f} %, settled in {step.settling_s:.3f} s at "
-                f"{step.final_deg:.3f} deg, error {step.steady_error_deg:.3f} deg"
+                f"{name}: step from {fixed(step.from_deg, 1)} to {fixed(step.to_deg, 1)} deg at {step.at_s:.2f} s: "
+                f"rise {step.rise_s:.3f} s, overshoot {step.overshoot_percent:.2f} %, settled in "
+                f"{step.settling_s:.3f} s at {fixed(step.final_deg, 3)} deg, error {step.steady_error_deg:.3f} deg"
             )
         if each.tracking_rms_deg is not None:
             most = _number(each.tracking_max_deg, 1, 3)
@@ -100,7 +141,7 @@ def squares(report: Report) -> list[str]:
     for name, each in bases(report).items():
         met = [corner for corner in each.corners if corner is not None]
         if met and len(met) <= 8:
-            off, turned = _each(met, "true_m", 1000, ".1f"), _each(met, "true_deg", 1, "+.2f")
+            off, turned = _each(met, "true_m", 1000, 1), _each(met, "true_deg", 1, 2, sign=True)
             lines.append(f"{name}: off its corners by {off} mm, in heading {turned} deg")
         elif met:
             most, turn = max(corner.true_m for corner in met), max(abs(corner.true_deg) for corner in met)
@@ -146,12 +187,12 @@ def _row(name: str, figures: RobotFigures) -> tuple[str, ...]:
     )
 
 
-def _each(corners: list[CornerFigures], name: str, factor: float, form: str) -> str:
-    return " ".join(f"{factor * getattr(corner, name):{form}}" for corner in corners)
+def _each(corners: list[CornerFigures], name: str, factor: float, digits: int, sign: bool = False) -> str:
+    return " ".join(fixed(factor * getattr(corner, name), digits, sign) for corner in corners)
 
 
 def _number(value: float | None, factor: float, digits: int) -> str:
-    return "-" if value is None else f"{value * factor:.{digits}f}"
+    return "-" if value is None else fixed(value * factor, digits)
 
 
 def _plain(report: Report, rows: list[tuple[str, ...]], out: TextIO) -> None:

@@ -7,7 +7,8 @@ from pathlib import Path
 import msgspec
 
 from deploy.report.bounds import Bounds, checks
-from deploy.report.record import PICTURE_FILE, REPORT_FILE, SCHEMA, Report, RunFacts, run_figures
+from deploy.report.lateness import lateness
+from deploy.report.record import PICTURE_FILE, REPORT_FILE, SCHEMA, Report, RunFacts, member_notes, run_figures
 from services.grader.folder import write_whole
 from services.grader.records import MEASUREMENTS_FILE, TRAJECTORIES_FILE, Measurements
 from services.runtime.errors import BadInput
@@ -27,15 +28,17 @@ def read_measurements(folder: Path) -> Measurements:
 def compose(measured: Measurements, facts: RunFacts, bounds: Bounds) -> Report:
     """The report of a run."""
     run = run_figures(facts, measured)
-    found = checks(run, measured.robots, bounds)
+    found = (*checks(run, measured.robots, bounds), *facts.checks)
+    ok = all(each.ok for each in found)
     return Report(
         schema=SCHEMA,
-        ok=all(each.ok for each in found),
+        ok=ok,
         run=run,
         robots=measured.robots,
         checks=found,
         parameters=facts.parameters,
-        notes=facts.notes,
+        notes=(*facts.notes, *member_notes(measured), *lateness(run, ok)),
+        changes=facts.changes,
     )
 
 

@@ -20,6 +20,15 @@ class Bus(Protocol):
         """The heartbeats that have come since the last call."""
         ...
 
+    @property
+    def flooded(self) -> bool:
+        """Whether so much comes where heartbeats come that true ones are overwritten before they are read."""
+        ...
+
+    def carries(self) -> bool:
+        """Whether the router answers: asked again and again, it tells what the last seconds have shown."""
+        ...
+
     def publish(self, state: FleetState) -> None:
         """Tell the state of the fleet; whoever comes later gets the last one."""
         ...

@@ -7,8 +7,8 @@ import os
 import random
 import signal
 import time
-from collections.abc import Callable, Sequence
-from typing import Literal
+from collections.abc import Callable, Coroutine, Sequence
+from typing import Any, Literal
 
 from deploy.policy import BAD_INPUT, Failed, Finished, Restart, after_exit, describe_exit
 from deploy.process import Process
@@ -17,12 +17,20 @@ from deploy.supervisor.log_file import last_words, note
 from deploy.supervisor.processor import Look
 from deploy.supervisor.pulse import GRACE_S, LIMIT_S, Pulse
 from messages.elea import Health, ProcessState
-from services.runtime.errors import TRY_AGAIN
+from services.runtime.errors import TRY_AGAIN, BadInput
 
 State = Literal["waiting", "starting", "ready", "backing off", "stopping", "stopped", "finished", "failed"]
 
 PATIENCE_S = (5.0, 3.0)
 """Wall time that a process has to end after SIGINT, then after SIGTERM; SIGKILL follows."""
+
+KILLED_S = 2.0
+"""Wall time in which the end after SIGKILL must be seen: a process that hangs in the kernel, as on a dead NFS server,
+is left to it, and the end of the fleet does not wait."""
+
+Work = Callable[[], Coroutine[Any, Any, None]]
+Spawn = Callable[[Work, str], asyncio.Task[None]]
+"""Starts a task by name among those of the supervisor."""
 
 _NOT_STARTED = 127
 _WORTH_TELLING_S = 0.1
@@ -33,7 +41,8 @@ _ERRORS = (1, BAD_INPUT, TRY_AGAIN)
 class Life:
     """One process of a fleet. ``changed`` is called with it at each change of state.
 
-    One that ``complains`` was well when it was asked to end, and then ended with an error of its own.
+    ``note`` and ``doing`` are what its last heartbeat said. One that ``complains`` was well when it was asked to end,
+    and then ended with an error of its own.
     """
 
     def __init__(
@@ -48,7 +57,7 @@ class Life:
         self.state: State = "waiting"
         self.ready = asyncio.Event()
         self.restarts: list[float] = []
-        self.note = ""
+        self.note, self.doing = "", ""
         self.complains = False
         self._reason = ""
         self._nursery, self._changed, self._dice, self._grace = nursery, changed, dice, grace
@@ -59,17 +68,27 @@ class Life:
         self._task: asyncio.Task[None] | None = None
         self._ending = asyncio.Lock()
 
-    def begin(self, tasks: asyncio.TaskGroup, needs: Sequence[Life]) -> None:
-        """Live, from now on; ``needs`` are those that must be ready first."""
+    @property
+    def runs(self) -> bool:
+        """Whether it was started and has not come to its end since."""
+        return self._task is not None and not self._task.done()
+
+    def begin(self, spawn: Spawn, needs: Sequence[Life]) -> None:
+        """Live, from now on; ``needs`` are those that must be ready first. Raises BadInput when it lives already: a
+        second life would be a second process of the name.
+        """
+        if self.runs:
+            raise BadInput(f"{self.process.name} runs already ({self.state})")
         self._needs = needs
-        self._task = tasks.create_task(self._live(), name=self.process.name)
+        self._enter("waiting")
+        self._task = spawn(self._live, self.process.name)
 
     def heard(self, beat: Health, now: float) -> None:
         """A heartbeat of the node has come; one of an earlier life does not count."""
         if self._child is None or beat.pid != self._child.pid or self.state not in ("starting", "ready"):
             return
         self._pulse.heard(now)
-        self.note = beat.note
+        self.note, self.doing = beat.note, beat.state
         if self.state == "starting":
             self.ready.set()
             self._enter("ready")
@@ -121,11 +140,13 @@ class Life:
                 self._enter("stopping")
                 for number, seconds in zip((signal.SIGINT, signal.SIGTERM), patience, strict=True):
                     child.signal(number)
+                    child.signal(signal.SIGCONT)  # one that was stopped takes the other signal only when it goes on
                     if await child.ended_within(seconds):
                         break
                 else:
                     child.signal(signal.SIGKILL)
-                    await child.ended()
+                    if not await child.ended_within(KILLED_S):
+                        note(self._nursery.log(self.process.name), f"process {child.pid} does not end after SIGKILL")
                 self.complains = was_ready and child.status in _ERRORS
             if self.state not in ("finished", "failed"):
                 self._enter("stopped")
@@ -145,7 +166,6 @@ class Life:
 
     async def _live(self) -> None:
         while True:
-            self._enter("waiting")
             for need in self._needs:
                 await need.ready.wait()
             status = await self._run_once()
@@ -161,10 +181,14 @@ class Life:
                     self._enter("backing off", f"{how}; again in {pause:.2f} s")
                     await asyncio.sleep(pause)
                     self.restarts.append(time.monotonic())
+                    self._enter("waiting")
 
     async def _run_once(self) -> int:
         """Start the process and wait for its end; its exit status."""
         log = self._nursery.log(self.process.name)
+        if self._child is not None and self._child.status is None:  # one that was left behind, as after KILLED_S
+            self._child.signal(signal.SIGKILL)
+            await self._child.ended()
         self._hung, self._child = "", None
         try:
             self._child = self._nursery.start(self.process.name, self.process.argv)

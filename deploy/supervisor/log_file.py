@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import queue
 import threading
 from pathlib import Path
 
@@ -11,6 +12,12 @@ LARGEST = 8 << 20
 
 LONGEST = 500
 """Characters of a process's last words."""
+
+MOST_WAITING = 64
+"""Chunks of at most 64 KiB that wait for a disk which does not answer, as a network drive may; what a process writes
+beyond them is dropped, and the lines are counted."""
+PATIENCE_S = 1.0
+"""Wall time that a process waits for the disk before its lines are dropped: a burst loses none on a disk that works."""
 
 _CHUNK = 1 << 16
 _NOTE = "--- "
@@ -22,17 +29,21 @@ def log_name(process: str) -> str:
 
 
 def pump(pipe: int, path: Path, largest: int = LARGEST) -> threading.Thread:
-    """Read the file descriptor ``pipe`` to its end in a thread of its own, and close it."""
-    thread = threading.Thread(target=_pump, args=(pipe, path, largest), name=f"log {path.name}", daemon=True)
-    thread.start()
-    return thread
+    """Read the file descriptor ``pipe`` to its end and close it; the thread that returns ends with the last write.
+
+    One thread reads and one writes: a disk that hangs does not fill the pipe, on which the process would wait.
+    """
+    waiting: queue.Queue[bytes | None] = queue.Queue(MOST_WAITING)
+    writer = threading.Thread(target=_write, args=(waiting, path, largest), name=f"log {path.name}", daemon=True)
+    writer.start()
+    threading.Thread(target=_read, args=(pipe, waiting), name=f"pipe {path.name}", daemon=True).start()
+    return writer
 
 
 def note(path: Path, text: str) -> None:
     """Append a line of the supervisor's own; a disk that refuses it is not worth a fleet."""
     try:
-        with path.open("ab") as file:
-            file.write(f"{_NOTE}{text}\n".encode())
+        _append(path, f"{_NOTE}{text}\n".encode())
     except OSError:
         return
 
@@ -49,18 +60,39 @@ def last_words(path: Path) -> str:
     return next(own, "")[:LONGEST]
 
 
-def _pump(pipe: int, path: Path, largest: int) -> None:
+def _read(pipe: int, waiting: queue.Queue[bytes | None]) -> None:
+    dropped = 0
     with os.fdopen(pipe, "rb", buffering=0) as source:
         while chunk := source.read(_CHUNK):
-            _append(path, chunk, largest)
+            if dropped and not waiting.full():
+                waiting.put(_dropped(dropped))
+                dropped = 0
+            try:
+                waiting.put(chunk, timeout=0.001 if dropped else PATIENCE_S)
+            except queue.Full:
+                dropped += chunk.count(b"\n")
+    if dropped:
+        waiting.put(_dropped(dropped))
+    waiting.put(None)
 
 
-def _append(path: Path, chunk: bytes, largest: int) -> None:
+def _dropped(lines: int) -> bytes:
+    return f"\n{_NOTE}{lines} lines were dropped: the disk did not take them in time\n".encode()
+
+
+def _write(waiting: queue.Queue[bytes | None], path: Path, largest: int) -> None:
     """Write, or drop the chunk when the disk is full or gone: the process must go on."""
-    try:
-        if path.exists() and path.stat().st_size + len(chunk) > largest:
-            path.replace(path.with_name(f"{path.name}.1"))
-        with path.open("ab") as file:
-            file.write(chunk)
-    except OSError:
-        return
+    while (chunk := waiting.get()) is not None:
+        try:
+            if path.exists() and path.stat().st_size + len(chunk) > largest:
+                path.replace(path.with_name(f"{path.name}.1"))
+            _append(path, chunk)
+        except OSError:
+            continue
+
+
+def _append(path: Path, chunk: bytes) -> None:
+    """Append to a log, which is never a link: others may be able to write in the folder of the results."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+    with os.fdopen(descriptor, "ab", buffering=0) as file:
+        file.write(chunk)

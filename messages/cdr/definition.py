@@ -25,12 +25,14 @@ SIZES = {
 
 DEEPEST = 16
 """Levels of types within types; ROS has five at most."""
+LARGEST_LEAST = 1 << 26
+"""Bytes that the smallest message of a type may have: its reader makes a value of each of its fields."""
 
 SEPARATOR = "=" * 80
 
 _ALIASES = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration", "Header": "std_msgs/Header"}
 _TIME = "int32 sec\nuint32 nanosec"
-_FIELD = re.compile(r"([A-Za-z][\w/]*)(<=\d+)?(?:\[(<=)?(\d*)\])?\s+([A-Za-z]\w*)(?:\s+(?!=).*)?")
+_FIELD = re.compile(r"([A-Za-z][\w/]*)(<=\d+)?(?:\[(<=)?(\d{0,12})\])?\s+([A-Za-z]\w*)(?:\s+(?!=).*)?")
 _CONSTANT = re.compile(r"[A-Za-z][\w/<=]*\s+\w+\s*=.*")
 
 
@@ -80,7 +82,7 @@ def parse(name: str, text: str) -> Definitions:
         found[own] = fields_in(own, lines)
     for time in ("builtin_interfaces/Time", "builtin_interfaces/Duration"):
         found.setdefault(time, fields_in(time, _TIME.splitlines()))
-    _check(short(name), found, ())
+    _check(short(name), found, (), {})
     return found
 
 
@@ -95,9 +97,16 @@ def short(name: str) -> str:
 
 
 def long(name: str) -> str:
-    """``geometry_msgs/msg/Pose`` for ``geometry_msgs/Pose``."""
-    package, _, own = name.partition("/")
-    return f"{package}/msg/{own}"
+    """``geometry_msgs/msg/Pose`` for ``geometry_msgs/Pose``; what says its kind, as ``pkg/srv/X_Request``, stays."""
+    package, slash, own = name.partition("/")
+    return f"{package}/msg/{own}" if slash and "/" not in own else name
+
+
+def least(name: str, definitions: Definitions) -> int:
+    """Bytes of the smallest value of a type, without alignment; one at least."""
+    if name in SIZES:
+        return SIZES[name][1]
+    return 4 if name == "string" else _least(name, definitions, {})
 
 
 def text_of(name: str, definitions: Definitions) -> str:
@@ -138,11 +147,35 @@ def _fields(owner: str, lines: Iterable[str]) -> Iterator[Field]:
         yield Field(name, kind, count, int(length) if bounded and length else 0)
 
 
-def _check(name: str, definitions: Definitions, above: tuple[str, ...]) -> None:
-    if name in above or len(above) > DEEPEST:
+def _check(name: str, definitions: Definitions, above: tuple[str, ...], depths: dict[str, int]) -> int:
+    """The levels of a type, which is checked once, however often it is used; raises BadDefinition."""
+    if name in above or len(above) + depths.get(name, 0) > DEEPEST:
         raise BadDefinition(f"{name} holds itself, or types lie more than {DEEPEST} deep")
+    if name in depths:
+        return depths[name]
     if name not in definitions:
         raise BadDefinition(f"{above[-1] if above else name}: {name} is not defined")
+    below = [0]
     for field in definitions[name]:
+        if field.extent == 0:
+            raise BadDefinition(f"{name}: '{field}' is an array of length 0")
         if _complex(field.type):
-            _check(field.type, definitions, (*above, name))
+            below.append(1 + _check(field.type, definitions, (*above, name), depths))
+    depths[name] = max(below)
+    if not above and (size := _least(name, definitions, {})) > LARGEST_LEAST:
+        raise BadDefinition(f"the smallest {name} has {size} bytes, the limit is {LARGEST_LEAST}")
+    return depths[name]
+
+
+def _least(name: str, definitions: Definitions, known: dict[str, int]) -> int:
+    if name in known:
+        return known[name]
+    total = 0
+    for field in definitions[name]:
+        if field.extent == -1:
+            total += 4
+            continue
+        one = _least(field.type, definitions, known) if _complex(field.type) else SIZES.get(field.type, ("", 4))[1]
+        total += one * (1 if field.extent is None else field.extent)
+    known[name] = max(1, total)
+    return known[name]

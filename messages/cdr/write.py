@@ -46,7 +46,7 @@ def writer(record: type[Message]) -> Callable[[Message], bytes]:
                 op(out, message)
         except (struct.error, OverflowError, UnicodeEncodeError) as error:
             raise NotWritable(f"{record.ROS_TYPE}: {error}") from None
-        return HEADER + (out or b"\0")
+        return HEADER + out
 
     return write
 
@@ -95,6 +95,8 @@ def _ops(name: str, types: Definitions, record: type[Message], prefix: str = "")
 
 def _collect(ops: list[Op | _Numbers], name: str, types: Definitions, record: type[Message], prefix: str) -> None:
     own = fields_of(record)
+    if not types[name]:
+        ops.append(_nothing)
     for field in types[name]:
         if (known := own.get(field.name)) is None:
             ops.append(_zero(field, types))
@@ -199,7 +201,7 @@ def _zero(field: Field, types: Definitions) -> Op:
     elif field.type == "string":
         once = [lambda out, _: _string(out, "")]
     else:
-        once = [_zero(each, types) for each in types[field.type]]
+        once = [_zero(each, types) for each in types[field.type]] or [_nothing]
     ops = once * (1 if field.extent is None else field.extent)
 
     def zero(out: bytearray, message: Any) -> None:
@@ -207,6 +209,11 @@ def _zero(field: Field, types: Definitions) -> Op:
             op(out, message)
 
     return zero
+
+
+def _nothing(out: bytearray, _: Any) -> None:
+    """ROS 2 has a byte for a type without fields, "structure_needs_at_least_one_member"."""
+    out.append(0)
 
 
 def _string(out: bytearray, value: str) -> None:

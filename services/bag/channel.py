@@ -67,9 +67,14 @@ class Channel:
     quality: Quality = Quality.SENSOR
 
     @property
+    def name(self) -> str:
+        """The topic's absolute name: in bags of others, ``cmd_vel`` stands for ``/cmd_vel``."""
+        return self.topic if self.topic.startswith("/") else f"/{self.topic}"
+
+    @property
     def ros_type(self) -> str:
         """The type as ROS 2 writes it: ``nav_msgs/msg/Odometry``."""
-        return long(self.type) if "/" in self.type else self.type
+        return long(self.type)
 
     @property
     def stored(self) -> Channel:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import struct
 from pathlib import Path
 
-from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
 from services.bag.metadata import FileFacts
-from services.bag.scan import channel_from
+from services.bag.scan import FAULTS, channel_from
 
 
 def facts_of(file: Path) -> FileFacts | None:
@@ -23,7 +21,7 @@ def facts_of(file: Path) -> FileFacts | None:
             channel_from(record, summary.schemas.get(record.schema_id)): told.channel_message_counts.get(number, 0)
             for number, record in summary.channels.items()
         }
-    except (OSError, McapError, ValueError, struct.error):
+    except (OSError, *FAULTS):
         return None
     span = told.message_start_time, told.message_end_time
     return FileFacts(file.name, file.stat().st_size, told.message_count, *span, topics)

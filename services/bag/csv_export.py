@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
-from itertools import count
+from itertools import count, islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,6 +17,8 @@ from services.runtime.errors import BadInput
 
 MOST = 1024
 """Columns that a list becomes, at most; of longer ones, pictures for instance, only the length is kept."""
+MOST_COLUMNS = 16_384
+"""Columns of a table, as spreadsheets have them at most; what a message has beyond them is left out, and told."""
 
 
 class Exported(NamedTuple):
@@ -33,15 +35,27 @@ class _Sheet:
 
     def __init__(self, channel: Channel) -> None:
         self.rows = self.unread = 0
+        self.cut = False
         self.columns: dict[str, None] = {}
         self._read: Callable[[bytes], Any] = plain_of(channel)
 
     def row(self, data: bytes) -> dict[str, Any] | None:
         """The values by column; None for what is no message of the topic's type."""
         try:
-            return dict(flattened(self._read(data)))
+            found = dict(islice(flattened(self._read(data)), MOST_COLUMNS + 1))
         except WrongPayload:
             return None
+        self.cut = self.cut or len(found) > MOST_COLUMNS
+        return found
+
+    def widen(self, row: Iterable[str]) -> None:
+        """Have a column for each value of a row, as long as there is room."""
+        for name in row:
+            if name not in self.columns:
+                if len(self.columns) >= MOST_COLUMNS:
+                    self.cut = True
+                    return
+                self.columns[name] = None
 
 
 def export_csv(bag: Bag, folder: Path, wanted: Callable[[str], bool]) -> list[Exported]:
@@ -59,8 +73,9 @@ def export_csv(bag: Bag, folder: Path, wanted: Callable[[str], bool]) -> list[Ex
         raise BadInput(f"the tables cannot be written to {folder}: {error}") from None
     told = list(refused.values())
     for channel, sheet in sheets.items():
-        unread = f"{sheet.unread} messages are not of their type" if sheet.unread else ""
-        told.append(Exported(channel.topic, folder / names[channel], sheet.rows, unread))
+        reasons = [f"{sheet.unread} messages are not of their type"] if sheet.unread else []
+        reasons += [f"columns beyond {MOST_COLUMNS} are left out"] if sheet.cut else []
+        told.append(Exported(channel.topic, folder / names[channel], sheet.rows, "; ".join(reasons)))
     return sorted(told, key=lambda each: (each.topic, str(each.file)))
 
 
@@ -70,7 +85,7 @@ def _sheets(bag: Bag, wanted: Callable[[str], bool]) -> tuple[dict[Channel, _She
     refused: dict[Channel, Exported] = {}
     for entry in bag.entries():
         channel = entry.channel
-        if not wanted(channel.topic) or channel in refused:
+        if not wanted(channel.name) or channel in refused:
             continue
         try:
             sheet = sheets.get(channel) or sheets.setdefault(channel, _Sheet(channel))
@@ -80,7 +95,7 @@ def _sheets(bag: Bag, wanted: Callable[[str], bool]) -> tuple[dict[Channel, _She
         if (row := sheet.row(entry.data)) is None:
             sheet.unread += 1
         else:
-            sheet.columns.update(dict.fromkeys(row))
+            sheet.widen(row)
     return sheets, refused
 
 

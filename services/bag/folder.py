@@ -46,7 +46,7 @@ class BagFolder:
         self._dropped = 0
         self._file: McapFile | None = None
         self._numbers: dict[Channel, int] = {}
-        self._since = 0
+        self._since: int | None = None
 
     def __enter__(self) -> Self:
         """Raises BadInput when the folder cannot be made, or is there already."""
@@ -102,12 +102,13 @@ class BagFolder:
         number = self._numbers.get(channel)
         if number is None:
             number = self._numbers[channel] = file.declare(channel)
-        self._since = self._since or log_time
+        if self._since is None:
+            self._since = log_time
         file.add(number, sequence, log_time, publish_time, data)
         if file.due:
             file.flush()
         full = self._max_size and file.size + self._chunk > self._max_size
-        if full or (self._max_ns and log_time - self._since >= self._max_ns):
+        if full or file.full or (self._max_ns and log_time - self._since >= self._max_ns):
             self._end()
 
     def flush_due(self) -> None:
@@ -128,7 +129,7 @@ class BagFolder:
         self._chunk = min(CHUNK, max(self._max_size, SMALLEST) // _SHARE) if self._max_size else CHUNK
         file = McapFile(self.folder / f"{self.folder.name}_{self._next}.mcap", self._chunk)
         file.__enter__()
-        self._file, self._numbers, self._since = file, {}, 0
+        self._file, self._numbers, self._since = file, {}, None
         self._next += 1
         return file
 
@@ -165,4 +166,4 @@ class BagFolder:
 def number_of(file: Path) -> int:
     """The number that ends a file's name; -1 without one."""
     tail = file.stem.rpartition("_")[2]
-    return int(tail) if tail.isdigit() else -1
+    return int(tail) if tail.isascii() and tail.isdigit() else -1

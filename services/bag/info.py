@@ -9,7 +9,8 @@ import msgspec
 
 from services.bag.channel import Channel
 from services.bag.reading import Bag
-from services.bag.typed import beside, why_not
+from services.bag.timeline import Timeline
+from services.bag.typed import beside, why_not_played
 
 
 class TopicInfo(msgspec.Struct, frozen=True, kw_only=True):
@@ -48,44 +49,53 @@ class BagInfo(msgspec.Struct, frozen=True, kw_only=True):
     unwritten: int
 
 
-class _Count:
-    """What is counted of a topic."""
+class _Span:
+    """The time [ns] that messages cover, counted anew in each segment: where time began anew, as after a reset."""
 
     def __init__(self) -> None:
-        self.messages, self.elapsed, self.last = 0, 0, 0
+        self.messages = 0
+        self._segments: dict[int, tuple[int, int]] = {}
 
-    def add(self, time_ns: int) -> None:
-        """One more; where time falls back, after a reset, the counting of it begins anew."""
-        if self.messages and time_ns > self.last:
-            self.elapsed += time_ns - self.last
-        self.messages, self.last = self.messages + 1, time_ns
+    def add(self, segment: int, time: int) -> None:
+        """One more message."""
+        first, last = self._segments.get(segment, (time, time))
+        self._segments[segment] = min(first, time), max(last, time)
+        self.messages += 1
+
+    @property
+    def elapsed(self) -> int:
+        """Times of several senders interleave, so a segment is as long as from its earliest to its latest time."""
+        return sum(last - first for first, last in self._segments.values())
 
     @property
     def rate(self) -> float | None:
         """Messages per second."""
-        return (self.messages - 1) / self.elapsed * 1e9 if self.elapsed else None
+        intervals = self.messages - len(self._segments)
+        return intervals / self.elapsed * 1e9 if self.elapsed else None
 
 
 def info(bag: Bag) -> BagInfo:
     """Read the whole bag and tell of it; 100,000 messages take about half a second."""
-    counts: dict[Channel, _Count] = {}
-    whole = _Count()
-    first = last = 0
+    spans: dict[Channel, _Span] = {}
+    whole, wall, timeline = _Span(), _Span(), Timeline()
+    start: int | None = None
     for entry in bag.entries():
         if beside(entry.channel):
             continue
-        first, last = first or entry.log_time, max(last, entry.log_time)
-        counts.setdefault(entry.channel, _Count()).add(entry.publish_time)
-        whole.add(entry.publish_time)
-    topics = sorted(counts, key=lambda channel: channel.topic)
+        segment = timeline.place(entry.publish_time).segment
+        spans.setdefault(entry.channel, _Span()).add(segment, entry.publish_time)
+        whole.add(segment, entry.publish_time)
+        wall.add(0, entry.log_time)
+        start = entry.log_time if start is None else min(start, entry.log_time)
+    topics = sorted(spans, key=lambda channel: channel.topic)
     return BagInfo(
         path=str(bag.path),
         bytes=bag.size,
-        start=first / 1e9,
-        wall_seconds=(last - first) / 1e9,
+        start=(start or 0) / 1e9,
+        wall_seconds=wall.elapsed / 1e9,
         seconds=whole.elapsed / 1e9,
         messages=whole.messages,
-        topics=tuple(_topic(channel, counts[channel]) for channel in topics),
+        topics=tuple(_topic(channel, spans[channel]) for channel in topics),
         files=tuple(FileInfo(name=each.name, bytes=each.stat().st_size) for each in bag.files),
         troubles=tuple(bag.troubles),
         lost=_table(bag.notes, "lost"),
@@ -93,13 +103,13 @@ def info(bag: Bag) -> BagInfo:
     )
 
 
-def _topic(channel: Channel, count: _Count) -> TopicInfo:
-    reason = why_not(channel)
+def _topic(channel: Channel, span: _Span) -> TopicInfo:
+    reason = why_not_played(channel)
     return TopicInfo(
         topic=channel.topic,
         type=channel.ros_type,
-        messages=count.messages,
-        rate=count.rate,
+        messages=span.messages,
+        rate=span.rate,
         latched=channel.quality.name == "LATCHED",
         encoding=channel.encoding,
         playable=not reason,
@@ -115,5 +125,5 @@ def _number(notes: Mapping[str, str], name: str) -> int:
 def _table(notes: Mapping[str, str], name: str) -> dict[str, int]:
     try:
         return msgspec.convert(json.loads(notes.get(name, "{}")), dict[str, int])
-    except (ValueError, msgspec.ValidationError):
+    except (ValueError, RecursionError):
         return {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import struct
 import time
@@ -24,6 +25,10 @@ FLUSH_S = 0.7
 """Wall time after which what has come is written, so that a killed process loses a second at most."""
 LEVEL = 1
 """Of zstd: three times as fast as its default of 3, and a tenth larger."""
+MOST_CHUNKS = 1 << 15
+"""After so many, some six hours, a file is ``full``: their index is kept in memory, and written at its end."""
+RESERVE = 64 << 20
+"""Bytes of the disk, or a fiftieth of a small one, that are left to logs, to parameters, and to the file's own end."""
 
 _MESSAGE = struct.Struct("<BQHIQQ")
 
@@ -57,7 +62,8 @@ class McapFile:
         self._channels: dict[int, Channel] = {}
         self._written: set[int] = set()
         self._pending = _Pending()
-        self._chunks: list[ChunkIndex] = []
+        self._chunks = bytearray()
+        self._chunk_count = 0
         self._compressor = zstandard.ZstdCompressor(level=LEVEL)
 
     def __enter__(self) -> Self:
@@ -98,6 +104,11 @@ class McapFile:
         pending.first, pending.last = min(pending.first, log_time), max(pending.last, log_time)
 
     @property
+    def full(self) -> bool:
+        """Whether another file should begin."""
+        return self._chunk_count >= MOST_CHUNKS
+
+    @property
     def due(self) -> bool:
         """Whether it is time to ``flush``."""
         pending = self._pending
@@ -136,12 +147,14 @@ class McapFile:
             message_end_time=pending.last,
         )
         try:
+            self._check_room(len(body) + len(indexes))
             self._append(body + indexes)
         except OSError:
             self.unwritten += pending.count
             raise
         self._written |= set(new)
-        self._chunks.append(index)
+        self._chunks += encoded(index)
+        self._chunk_count += 1
         self.start = min(self.start, pending.first) if self.count else pending.first
         self.end = max(self.end, pending.last)
         for number, entries in pending.index.items():
@@ -167,10 +180,17 @@ class McapFile:
                 self.flush()
             finally:
                 held = {number: self.counts[number] for number in sorted(self._written)}
-                self._append(ending(self.size, self._declared, held, self._chunks, (self.start, self.end), notes or {}))
+                chunks = self._chunk_count, bytes(self._chunks)
+                self._append(ending(self.size, self._declared, held, chunks, (self.start, self.end), notes or {}))
                 os.fsync(self._file)
         finally:
             os.close(self._file)
+
+    def _check_room(self, size: int) -> None:
+        """Raise OSError when less than the RESERVE would be left on the disk."""
+        free, reserve = room(self._file)
+        if free - size < reserve:
+            raise OSError(errno.ENOSPC, f"less than {reserve / 1e6:.0f} MB are left on it, which are kept for others")
 
     def _append(self, data: bytes) -> None:
         """All of ``data``, or nothing of it."""
@@ -183,6 +203,12 @@ class McapFile:
             os.lseek(self._file, self.size, os.SEEK_SET)
             raise
         self.size += len(data)
+
+
+def room(place: int | Path) -> tuple[int, int]:
+    """The bytes that are free on the disk of an open file or a folder, and those of them that a bag leaves free."""
+    told = os.statvfs(place)
+    return told.f_bavail * told.f_frsize, min(RESERVE, told.f_blocks * told.f_frsize // 50)
 
 
 def _message(number: int, sequence: int, log_time: int, publish_time: int, size: int) -> bytes:

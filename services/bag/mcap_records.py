@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from operator import methodcaller
 
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Channel as ChannelRecord
 from mcap.records import (
-    ChunkIndex,
     DataEnd,
     Footer,
     McapRecord,
@@ -88,13 +87,14 @@ def ending(
     at: int,
     declared: Declared,
     counts: Mapping[int, int],
-    chunks: Sequence[ChunkIndex],
+    chunks: tuple[int, bytes],
     span: tuple[int, int],
     notes: dict[str, str],
 ) -> bytes:
     """All that follows the last chunk, which ends ``at``: notes, the end of the data, the summary and the footer.
 
-    ``counts`` are the messages of each channel, ``span`` the first and last of their log times [ns].
+    ``counts`` are the messages of each channel, ``chunks`` how many there are and the records that tell where they lie,
+    ``span`` the first and last of their log times [ns].
     """
     note = encoded(Metadata(name=LIBRARY, metadata=notes)) if notes else b""
     head = note + encoded(DataEnd(data_section_crc=0))
@@ -105,7 +105,7 @@ def ending(
         channel_count=len(counts),
         attachment_count=0,
         metadata_count=1 if notes else 0,
-        chunk_count=len(chunks),
+        chunk_count=chunks[0],
         message_start_time=span[0],
         message_end_time=span[1],
         channel_message_counts=dict(counts),
@@ -114,7 +114,7 @@ def ending(
         (Opcode.SCHEMA, declared.schemas(schemas)),
         (Opcode.CHANNEL, b"".join(declared.channel(number) for number in counts)),
         (Opcode.STATISTICS, encoded(statistics)),
-        (Opcode.CHUNK_INDEX, b"".join(encoded(each) for each in chunks)),
+        (Opcode.CHUNK_INDEX, chunks[1]),
         (Opcode.METADATA_INDEX, encoded(MetadataIndex(offset=at, length=len(note), name=LIBRARY)) if notes else b""),
     )
     return head + _summary(at + len(head), groups) + MAGIC

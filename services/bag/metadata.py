@@ -12,6 +12,9 @@ from services.bag.channel import Channel, qos_text
 
 METADATA_FILE = "metadata.yaml"
 VERSION = 9
+LARGEST = 1 << 24
+"""Bytes of a metadata.yaml that is read; one topic takes some 500."""
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class FileFacts(NamedTuple):
@@ -58,16 +61,33 @@ def metadata_text(files: Sequence[FileFacts]) -> str:
     return yaml.safe_dump({"rosbag2_bagfile_information": tree}, sort_keys=False)
 
 
-def listed_files(folder: Path) -> list[str] | None:
-    """The files that a folder's metadata.yaml names, in order; None when there is none that can be read."""
+class Listed(NamedTuple):
+    """The files that a metadata.yaml names, in order; None without one, or when it is damaged: ``trouble`` says how."""
+
+    names: list[str] | None = None
+    trouble: str = ""
+
+
+def listed_files(folder: Path) -> Listed:
+    """What the metadata.yaml of a folder says of its files."""
+    file = folder / METADATA_FILE
+    if not file.exists():
+        return Listed()
     try:
-        tree: Any = yaml.safe_load((folder / METADATA_FILE).read_text())
+        if file.stat().st_size > LARGEST:
+            return Listed(None, f"{file} has {file.stat().st_size} bytes, the limit is {LARGEST}")
+        tree: Any = yaml.load(file.read_text(encoding="utf-8"), _LOADER)
         names = tree["rosbag2_bagfile_information"]["relative_file_paths"]
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError):
-        return None
+    except OSError as error:
+        return Listed(None, f"{file} cannot be read: {error.strerror}")
+    except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
+        return Listed(None, f"{file} is damaged: {' '.join(str(error).split())[:200]}")
+    except (KeyError, TypeError):
+        return Listed(None, f"{file} is cut or damaged: it does not say which files the bag has")
     if not isinstance(names, list) or not all(isinstance(each, str) for each in names):
-        return None
-    return names
+        return Listed(None, f"{file} is damaged: relative_file_paths is not a list of names")
+    # rosbag2 wrote them with the folder's own name before version 4 of the file.
+    return Listed([each.removeprefix(f"{folder.resolve().name}/") for each in names])
 
 
 def _topic(channel: Channel, count: int) -> dict[str, Any]:

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 import msgspec
 
 from messages.base import Message, WrongPayload
-from messages.cdr.definition import BadDefinition, parse
+from messages.cdr.definition import BadDefinition, Definitions, parse
 from messages.cdr.extras import EXTRAS, ROS_RECORDS, join
 from messages.cdr.read import plain_reader, record_reader
+from messages.names import BadName, validate
 from messages.records import RECORDS
 from services.bag.channel import BESIDE, CDR, RAW, SENDER, Channel, Sender
 from services.bag.reading import Entry
@@ -39,8 +41,17 @@ def beside(channel: Channel) -> bool:
     return channel.topic.endswith(ending) and channel.type in _BESIDE
 
 
+def why_not_played(channel: Channel) -> str:
+    """Why a channel cannot be put on the bus; empty when it can."""
+    try:
+        validate(channel.name)
+    except BadName as error:
+        return str(error)
+    return why_not(channel)
+
+
 def why_not(channel: Channel) -> str:
-    """Why the messages of a channel cannot be put on the bus; empty when they can, or belong to another channel."""
+    """Why the messages of a channel cannot be read; empty when they can, or belong to another channel."""
     if channel.encoding == RAW and channel.type:
         return ""
     if channel.encoding != CDR:
@@ -104,8 +115,11 @@ def _reader(channel: Channel) -> Reader:
     return record_reader(ROS_RECORDS.get(target, target), _types(channel))
 
 
-def _types(channel: Channel) -> Any:
+def _types(channel: Channel) -> Definitions:
     """The definition that the file itself holds: of another version of ROS, or of this project, perhaps."""
     if channel.form != "ros2msg":
         raise BadDefinition(f"it is written as {channel.form or 'nothing'}, not as ros2msg")
-    return parse(channel.type, channel.schema)
+    return _parsed(channel.type, channel.schema)
+
+
+_parsed = lru_cache(maxsize=256)(parse)

@@ -7,7 +7,17 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from messages.topics import BASE_STATUS, CONTROL_STATE, GROUND_TRUTH, HEALTH, JOINT_STATES, ODOM, PLAN, STATUS
+from messages.topics import (
+    BASE_STATUS,
+    CONTROL_STATE,
+    GROUND_TRUTH,
+    HEALTH,
+    JOINT_STATES,
+    LOCKSTEP,
+    ODOM,
+    PLAN,
+    STATUS,
+)
 from services.runtime.service import Parameters, Service
 
 
@@ -72,7 +82,7 @@ SERVICE = Service(
     name="grader",
     about="measures a run against ground truth, ends it and writes the figures",
     run="services.grader.loop:run",
-    reads=(GROUND_TRUTH, ODOM, PLAN, STATUS, BASE_STATUS, JOINT_STATES, CONTROL_STATE, HEALTH),
+    reads=(GROUND_TRUTH, ODOM, PLAN, STATUS, BASE_STATUS, JOINT_STATES, CONTROL_STATE, HEALTH, LOCKSTEP),
     rate=5,
     observer=True,
     parameters=GraderParameters,

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 from pathlib import Path
 
+from services.runtime import files
 from services.runtime.errors import BadInput
 
 
@@ -22,12 +22,11 @@ def prepare(folder: Path) -> Path:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Put ``content`` in place of what ``path`` held; a reader sees the old or the new. Raises BadInput."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    """Put ``content`` in place of what ``path`` held; a reader sees the old or the new. Raises BadInput.
+
+    It is on the disk when this returns, so that a power failure does not leave an empty file.
+    """
     try:
-        beside.write_bytes(content)
-        beside.replace(path)
+        files.write_whole(path, content, durable=True)
     except OSError as error:
         raise BadInput(f"{path} cannot be written: {error.strerror}") from None
-    finally:
-        beside.unlink(missing_ok=True)

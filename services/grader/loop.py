@@ -14,6 +14,7 @@ from messages.topics import (
     GROUND_TRUTH,
     HEALTH,
     JOINT_STATES,
+    LOCKSTEP,
     ODOM,
     PLAN,
     STATUS,
@@ -37,7 +38,7 @@ def run(ctx: Context[GraderParameters]) -> None:
     robots = [name.strip("/") for name in p.robots]
     arms = {each.name.strip("/"): each for each in p.arms}
     watched = [WatchedArm(ctx, name, arms[name]) if name in arms else Watched(ctx, name) for name in robots]
-    health = ctx.stream(HEALTH)
+    health, lockstep = ctx.stream(HEALTH), ctx.latest(LOCKSTEP)
     halting = {each.name.strip("/"): each for each in p.halting}
     graded = Run(robots, p.reach_tolerance, halting, arms, p.readers)
     ended: Ended = "stopped"
@@ -59,7 +60,7 @@ def run(ctx: Context[GraderParameters]) -> None:
                 ended = "duration"
                 break
     finally:
-        store(folder, graded.measurements(ended), graded.robots)
+        store(folder, graded.measurements(ended, lockstep.value), graded.robots)
         ctx.log.info(f"run ended ({ended}), figures in {folder}")
 
 

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Mapping
 from enum import IntEnum
 
 from messages.control import JointControllerState
-from messages.elea import BaseStatus, GoalStatus, Health
+from messages.elea import BaseStatus, GoalStatus, Health, LockstepState
 from messages.nav import Odometry, Path
 from messages.sensor import JointState
 from messages.std import SECOND
@@ -21,6 +21,10 @@ from services.grader.trajectory import trajectory_hash
 
 Stamped = Odometry | Path | GoalStatus | BaseStatus | JointState | JointControllerState
 Judged = Stamped | Halting | Arm
+
+
+MOST_WAITING = 20_000
+"""Messages stamped ahead of the time that are kept; of more, those furthest ahead are dropped: they are no run's."""
 
 
 class Kind(IntEnum):
@@ -84,6 +88,8 @@ class Run:
         self._end = max(self._end, end)
         ready = [each for each in self._waiting if each[0] <= end]
         self._waiting = [each for each in self._waiting if each[0] > end]
+        if len(self._waiting) > MOST_WAITING:
+            self._waiting = sorted(self._waiting, key=lambda each: each[:3])[:MOST_WAITING]
         ready.sort(key=lambda each: each[:3])
         for each in ready:
             self._judge(*each)
@@ -93,14 +99,17 @@ class Run:
         """Whether every robot has finished its plan, and every arm rests where it should."""
         return bool(self.robots) and all(meter.finished_at is not None for meter in self.robots.values())
 
-    def measurements(self, ended: Ended) -> Measurements:
-        """All figures up to the last ``advance``."""
+    def measurements(self, ended: Ended, lockstep: LockstepState | None = None) -> Measurements:
+        """All figures up to the last ``advance``; ``lockstep`` is what the simulation told last of its members."""
         return Measurements(
             ended=ended,
             sim_seconds=self._end / SECOND,
             trajectory_hash=trajectory_hash({name: meter.fingerprint for name, meter in self.robots.items()}),
             messages_lost=self.losses.total(),
             onlookers_lost=self.losses.onlookers(),
+            members_lost=lockstep.lost if lockstep is not None else None,
+            members_left=lockstep.left if lockstep is not None else (),
+            ticks_missed=self.losses.missed(),
             robots={name: meter.figures(self._lost(name)) for name, meter in self.robots.items()},
         )
 

@@ -145,7 +145,12 @@ class Measurements(msgspec.Struct, frozen=True, kw_only=True):
     trajectory_hash: str
     messages_lost: int
     onlookers_lost: dict[str, int]
+    members_lost: tuple[str, ...] | None = None
+    """Nodes that lockstep went on without; None without lockstep."""
+    members_left: tuple[str, ...] = ()
+    """Nodes that took leave of lockstep before the end."""
     robots: dict[str, Figures]
+    ticks_missed: dict[str, int] = {}
 
 
 MEASUREMENTS_FILE = "measurements.json"

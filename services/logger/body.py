@@ -10,9 +10,10 @@ from rerun.urdf import UrdfTree
 import models
 from models.figures import read_model
 from models.frames import read_joints
+from models.palette import Colour
 from services.logger import paths
 from services.logger.batch import Batch
-from services.logger.palette import Colour, dimmed, pale
+from services.logger.palette import dimmed, pale
 from services.runtime.errors import BadInput
 
 TRAIL_WIDTH = -1.8

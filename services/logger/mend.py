@@ -16,11 +16,16 @@ PATIENCE_S = 120.0
 
 
 def readable(rrd: Path, folder: Path) -> Path:
-    """The recording itself, or a copy in ``folder`` without its torn end; raises BadInput when neither can be read."""
+    """The recording itself, or a copy in ``folder`` without its torn end.
+
+    Raises BadInput when neither can be read, or when what is left of it bears no time: the viewer would wait for it.
+    """
     if not rrd.is_file():
         raise BadInput(f"no recording {rrd}")
     trouble = _trouble(rrd)
     if not trouble:
+        if not _timed(rrd):
+            raise BadInput(f"{rrd} holds shapes alone, nothing at any time: its writer ended before the run began")
         return rrd
     copy = folder / f"mended-{rrd.name}"
     try:
@@ -29,6 +34,11 @@ def readable(rrd: Path, folder: Path) -> Path:
         raise BadInput(f"{rrd} could not be mended within {PATIENCE_S:.0f} s of wall time") from None
     if not copy.is_file() or _trouble(copy):
         raise BadInput(f"{rrd} is not a recording that can be shown: {trouble}")
+    if not _timed(copy):
+        raise BadInput(
+            f"{rrd} is cut off after {rrd.stat().st_size} bytes, before anything that moves was recorded, so there is "
+            f"nothing to show: was it copied whole? ({trouble})"
+        )
     return copy
 
 
@@ -40,3 +50,12 @@ def _trouble(rrd: Path) -> str:
     except RuntimeError as error:
         return str(error)
     return "" if held else "it holds no recording"
+
+
+def _timed(rrd: Path) -> bool:
+    """Whether a recording holds anything at a time; raises BadInput for a damaged one."""
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            return any(chunk.timeline_names for chunk in RrdReader(rrd).stream())
+    except RuntimeError as error:
+        raise BadInput(f"{rrd} is damaged: {error}") from None

@@ -1,23 +1,8 @@
-"""The colours of the robots: told apart on a dark ground, also by the colour-blind."""
+"""Shades of a robot's colour in the viewer."""
 
 from __future__ import annotations
 
-Colour = tuple[int, int, int]
-
-COLOURS: tuple[Colour, ...] = (
-    (255, 159, 28),
-    (76, 201, 240),
-    (120, 220, 110),
-    (247, 120, 190),
-    (250, 230, 90),
-    (150, 140, 255),
-)
-"""After the palette of Okabe and Ito (Color Universal Design, 2008), lightened for a dark ground."""
-
-
-def colour(index: int) -> Colour:
-    """The colour of the robot at ``index``; they repeat after the last."""
-    return COLOURS[index % len(COLOURS)]
+from models.palette import Colour
 
 
 def pale(full: Colour) -> Colour:

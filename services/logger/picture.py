@@ -16,9 +16,9 @@ from typing import NamedTuple
 from PIL import Image
 from rerun.experimental import ViewerClient
 
+from models.palette import COLOURS
 from services.logger.closeup import closeup, place_of, robots_of
 from services.logger.mend import readable
-from services.logger.palette import COLOURS
 from services.logger.paths import TIMELINE
 from services.logger.viewer import PROGRAM, QUIET
 from services.runtime.errors import BadInput, unknown

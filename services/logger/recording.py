@@ -12,11 +12,12 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from messages.rosgraph import DEBUG, ERROR, FATAL, INFO, WARN, Log
+from models.palette import colours
 from services.logger import paths
 from services.logger.batch import Batch
 from services.logger.blueprint import Extent, blueprint
 from services.logger.body import Body
-from services.logger.palette import colour, dimmed
+from services.logger.palette import dimmed
 from services.logger.sinks import PATIENCE_S, open_sinks
 from services.logger.table import Table
 
@@ -55,7 +56,8 @@ class Recording:
         self._begun = False
 
     def __enter__(self) -> Self:
-        bodies = [Body(name, model, colour(i)) for i, (name, model) in enumerate(self._robots)]
+        colour = colours(name for name, _ in self._robots)
+        bodies = [Body(name, model, colour[name]) for name, model in self._robots]
         self._bodies = {body.name: body for body in bodies}
         self._new_tables()
         self._stream = rr.RecordingStream(APPLICATION)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import secrets
 from pathlib import Path
 
 import msgspec
+
+from services.runtime.files import write_whole
 
 FILE = "panel.json"
 """Its name in the folder of a run."""
@@ -27,12 +28,7 @@ class Address(msgspec.Struct, frozen=True, kw_only=True):
 
 def write(path: Path, address: Address) -> None:
     """Put the file there, whole or not at all; raises OSError."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    beside.unlink(missing_ok=True)
-    descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(descriptor, "wb") as file:
-        file.write(msgspec.json.encode(address))
-    beside.replace(path)
+    write_whole(path, msgspec.json.encode(address), mode=0o600)
 
 
 def read(path: Path) -> Address | None:
@@ -43,7 +39,29 @@ def read(path: Path) -> Address | None:
         return None
 
 
-def token_for(path: Path | None) -> str:
-    """The token of an earlier life of this panel, so that its pages still count after a restart; else a new one."""
+def token_for(path: Path | None, port: int) -> str:
+    """The token of an earlier life of this panel, so that its pages still count after a restart; else a new one.
+
+    On another port it is a new one: who has taken the old port is shown the cookies of the pages that return there.
+    """
     earlier = read(path) if path is not None else None
-    return earlier.token if earlier and len(earlier.token) >= 32 else secrets.token_urlsafe(24)
+    kept = earlier is not None and earlier.port == port and len(earlier.token) >= 32
+    return earlier.token if earlier is not None and kept else secrets.token_urlsafe(24)
+
+
+def once(address: Address, within: float = 5.0) -> str:
+    """An address that lets one browser in, once: it holds no token. Raises OSError when the page does not answer."""
+    from http.client import HTTPConnection, HTTPException
+
+    link = HTTPConnection("127.0.0.1", address.port, timeout=within)
+    try:
+        link.request("POST", "/ticket", headers={"Cookie": f"elea_panel_{address.port}={address.token}"})
+        with link.getresponse() as answer:
+            ticket = answer.read(200).decode("ascii", "replace")
+            if answer.status != 200:
+                raise OSError(f"the page refuses its own token ({answer.status})")
+    except HTTPException as error:
+        raise OSError(f"no answer of a web server ({error!r})") from None
+    finally:
+        link.close()
+    return f"http://127.0.0.1:{address.port}/?once={ticket}"

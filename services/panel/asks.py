@@ -85,7 +85,7 @@ class Asker:
                 waiting.append(each)
                 continue
             try:
-                reply = understand(each.request, each.key, replies, each.deadline)
+                reply = understand(each.request, each.key, replies, each.deadline, self._transport)
                 answer(each.page, each.number, True, msgspec.to_builtins(reply))
             except CallFailed as error:
                 answer(each.page, each.number, False, str(error))

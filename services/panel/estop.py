@@ -1,11 +1,13 @@
-"""The emergency stop: latched, for one robot or for all, until it is reset."""
+"""The emergency stop: for one robot or for all, kept until it is reset, and who else holds one."""
 
 from __future__ import annotations
 
+from messages.elea import EmergencyStops
 from messages.std import Bool
-from messages.topics import E_STOP
+from messages.topics import E_STOP, STOPS
 from services.panel.robots import Robots
 from services.runtime.errors import BadInput, unknown
+from services.runtime.network.wire import MEMBER_BYTES, Origin, node_id
 from services.runtime.node import Node
 from services.runtime.outputs import Output
 
@@ -14,42 +16,106 @@ ALL = ""
 
 
 class Stops:
-    """Publishes stops; what the robots make of them is told by their bases."""
+    """Publishes this panel's stops, and follows on ``/sim/stops`` who holds which.
+
+    The simulation keeps stops through a crash of either side. A panel that returns is the same holder: it takes up the
+    stops that it finds under its name. It drops one only when the simulation that held it holds it no more: the robot
+    was deleted, or the stop released by request. That a robot, or the simulation, is out of sight ends none.
+    """
 
     def __init__(self, node: Node, robots: Robots) -> None:
         self.version = 0
         self._node, self._robots = node, robots
         self._outputs: dict[str, Output[Bool]] = {}
         self._on: set[str] = set()
+        self._reset: set[str] = set()
+        """What this panel has reset: what the simulation tells of it may be older than the reset."""
+        self._told = node.read(STOPS)
+        self._me = node_id(node.identity.node)
+        self._life = b""
+        self._confirmed: set[str] = set()
+        """The stops of this panel that the simulation has told of, in the life of it that told last."""
+        self._holders: dict[str, dict[str, str]] | None = None
+        """By robot, each holder's id and name; None until the simulation has told."""
 
     def asked(self, robot: str) -> bool:
         """Whether this panel has stopped the robot, or all of them, and not reset it."""
         return robot in self._on or ALL in self._on
 
+    def stopped(self, robot: str) -> bool | None:
+        """Whether anybody's stop holds the robot; None while the simulation has not told."""
+        return None if self._holders is None else bool({**self._held(robot), **self._held(ALL)})
+
+    def others(self, robot: str) -> list[str]:
+        """The names of the other nodes whose stops hold the robot."""
+        held = {**self._held(robot), **self._held(ALL)}
+        return sorted(name for holder, name in held.items() if holder != self._me)
+
     def order(self, robot: str, on: bool) -> str:
         """Stop, or reset, a robot or ALL; what was done. Raises BadInput for a robot that is not there."""
-        if robot != ALL and robot not in self._robots.found:
+        if robot != ALL and robot not in self._robots.found and robot not in self._on:
             raise unknown("robot", robot, self._robots.found)
         self.version += 1
-        (self._on.add if on else self._on.discard)(robot)
         self._say(robot, on)
         if robot != ALL:
-            if not on and ALL in self._on:
+            if on:
+                return f"{robot} is stopped until it is reset"
+            if ALL in self._on:
                 raise BadInput(f"all robots are stopped: {robot} moves again when that is reset")
-            return f"{robot} {'is stopped until it is reset' if on else 'may move again'}"
-        if not on:
-            for each in self._robots.found:
-                self._on.discard(each)
+            others = self.others(robot)
+        else:
+            if on:
+                return "all robots are stopped until they are reset"
+            for each in sorted({*self._robots.found, *self._on}):
                 self._say(each, False)
-        return "all robots are stopped until they are reset" if on else "all robots may move again"
+            others = sorted({name for each in self._holders or () for name in self.others(each)})
+        if others:
+            return (
+                f"this panel's stop is reset; {robot or 'robots'} may move when {', '.join(others)} "
+                "reset theirs (./elea sim stops)"
+            )
+        return f"{robot or 'all robots'} may move again"
 
-    def forget_gone(self) -> None:
-        """Robots that have left take their stops with them."""
-        for robot in [each for each in self._outputs if each != ALL and each not in self._robots.found]:
+    def turn(self) -> None:
+        """Take in what the simulation tells."""
+        for message, origin in self._told.batch:
+            self._learn(message, origin)
+
+    def _held(self, robot: str) -> dict[str, str]:
+        return (self._holders or {}).get(robot, {})
+
+    def _learn(self, told: EmergencyStops, origin: Origin | None) -> None:
+        self.version += 1
+        self._holders = {}
+        for stop in told.stops:
+            robot = stop.topic.removesuffix(f"/{E_STOP.name}")
+            self._holders.setdefault(robot, {})[stop.id] = stop.holder
+        mine = {robot for robot, holders in self._holders.items() if self._me in holders}
+        life = origin.publisher[:MEMBER_BYTES] if origin is not None else b""
+        if life == self._life:
+            for robot in self._confirmed - mine:
+                self._let_go(robot)
+        self._life, self._confirmed = life, mine - self._reset
+        for robot in self._confirmed - self._on:
+            self._say(robot, True)
+
+    def _let_go(self, robot: str) -> None:
+        """The simulation holds a stop no more that was not reset here.
+
+        False is not published: it would end a stop that was given this very moment and is still under way.
+        """
+        self._on.discard(robot)
+        if robot in self._outputs:
             self._node.forget(self._outputs.pop(robot))
-            self._on.discard(robot)
 
     def _say(self, robot: str, on: bool) -> None:
+        if on:
+            self._on.add(robot)
+            self._reset.discard(robot)
+        else:
+            self._on.discard(robot)
+            self._confirmed.discard(robot)
+            self._reset.add(robot)
         if robot not in self._outputs:
             self._outputs[robot] = self._node.write(E_STOP, f"{robot}/{E_STOP.name}")
         self._outputs[robot].publish(Bool(data=on))

@@ -8,7 +8,7 @@ from messages.base import FAULTS, Message, bare_decoder
 from messages.names import key as key_of
 from messages.records import RECORDS
 from messages.topics import TOPICS, Quality, Topic
-from services.runtime.inputs import CAPACITY, Input
+from services.runtime.inputs import Input, ring
 from services.runtime.network.wire import Origin, detach
 from services.runtime.node import Node
 
@@ -35,7 +35,7 @@ class ForeignFeed:
     def __init__(self, node: Node, name: str, latched: bool) -> None:
         self.batch: Batch = []
         self.refused = 0
-        self._inlet = node.transport.subscribe(key_of(name), CAPACITY, latched)
+        self._inlet = node.transport.subscribe(key_of(name), ring(LARGEST_FOREIGN), latched)
         self._read = bare_decoder(dict)
 
     def admit(self) -> None:

@@ -45,12 +45,30 @@ def number(message: Any, steps: tuple[Step, ...]) -> float | None:
     """The number at the end of a path, bool as 0 or 1; None when there is none, or it is not finite."""
     value = message
     for step in steps:
-        value = _into(value, step)
+        value = descend(value, step)
         if value is None:
             return None
     if type(value) is float:
         return value if math.isfinite(value) else None
     return float(value) if isinstance(value, int) and abs(value) < 2**1000 else None
+
+
+def descend(value: Any, step: Step) -> Any:
+    """The field or element that a step leads to; None when there is none."""
+    if isinstance(step, int):
+        if isinstance(value, Array):
+            size = int(value.DTYPE[-1])
+            inside = (step + 1) * size <= len(value.raw)
+            return struct.unpack_from(_FORMATS[value.DTYPE], value.raw, step * size)[0] if inside else None
+        return value[step] if isinstance(value, tuple | list) and step < len(value) else None
+    if isinstance(value, dict):
+        return value.get(step)
+    if not isinstance(value, Message) or step not in _names(type(value)):
+        return None
+    try:
+        return getattr(value, step)
+    except WrongPayload:
+        return None
 
 
 def leaves(message: Any) -> list[tuple[str, Leaf]]:
@@ -75,29 +93,12 @@ def stamp(message: Any) -> int | None:
     return None
 
 
-def _into(value: Any, step: Step) -> Any:
-    if isinstance(step, int):
-        if isinstance(value, Array):
-            size = int(value.DTYPE[-1])
-            inside = (step + 1) * size <= len(value.raw)
-            return struct.unpack_from(_FORMATS[value.DTYPE], value.raw, step * size)[0] if inside else None
-        return value[step] if isinstance(value, tuple | list) and step < len(value) else None
-    if isinstance(value, dict):
-        return value.get(step)
-    if not isinstance(value, Message) or step not in _names(type(value)):
-        return None
-    try:
-        return getattr(value, step)
-    except WrongPayload:
-        return None
-
-
 def _walk(value: Any, path: str, depth: int) -> Iterator[tuple[str, Leaf]]:
     if depth > DEEPEST:
         return
     if isinstance(value, Message):
         for name in _names(type(value)):
-            yield from _walk(_into(value, name), f"{path}.{name}" if path else name, depth + 1)
+            yield from _walk(descend(value, name), f"{path}.{name}" if path else name, depth + 1)
     elif isinstance(value, dict):
         for name, each in value.items():
             if isinstance(name, str) and _PATH.fullmatch(name):
@@ -105,7 +106,7 @@ def _walk(value: Any, path: str, depth: int) -> Iterator[tuple[str, Leaf]]:
     elif isinstance(value, Array | tuple | list):
         length = len(value.raw) // int(value.DTYPE[-1]) if isinstance(value, Array) else len(value)
         for index in range(min(MOST_OF_ARRAY, length)):
-            yield from _walk(_into(value, index), f"{path}[{index}]", depth + 1)
+            yield from _walk(descend(value, index), f"{path}[{index}]", depth + 1)
     elif isinstance(value, bool | int | float | str) or value is None:
         yield path, value[:200] if isinstance(value, str) else _shown(value)
 

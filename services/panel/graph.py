@@ -6,7 +6,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
-from messages.elea import Health
+from messages.elea import Health, InputHealth
 from messages.topics import HEALTH, TOPICS
 from services.panel.channel import as_json
 from services.panel.feeds import Feeds, Hold
@@ -15,6 +15,9 @@ from services.panel.sim_time import SimTime
 
 BEATS = 4
 """Heartbeats over which a rate is taken."""
+
+MOST_NODES = 4096
+"""Nodes whose heartbeats are followed."""
 
 _PROMISED = {topic.name.lstrip("/"): topic.rate for topic in TOPICS}
 
@@ -70,14 +73,43 @@ class GraphChannel:
 
 @dataclass
 class _Heard:
-    """What a node's heartbeats have told: the sender's clock and simulation time [s] of each, and what it had sent by
-    then; ``at`` is when the last one came, by the clock of this process.
+    """What a node's heartbeats have told, each of which may list a part of its topics.
+
+    ``sent`` are, of each publication, the beats that listed it: the sender's clock and simulation time [s], and how
+    many it had sent by then. ``inputs`` are the last counts of each subscription. ``at`` is when the last beat came,
+    by the clock of this process.
     """
 
-    beats: deque[tuple[float, float, dict[str, int]]] = field(default_factory=lambda: deque(maxlen=BEATS + 1))
+    sent: dict[str, deque[tuple[float, float, int]]] = field(default_factory=dict)
+    inputs: dict[str, InputHealth] = field(default_factory=dict)
     last: Health = field(default_factory=Health)
     at: float = 0.0
     grew: dict[str, float] = field(default_factory=dict)
+
+    def take(self, health: Health, wall: float, sim: float, now: float) -> None:
+        """Take a beat, sent at ``wall`` and ``sim`` [s]."""
+        first = health.pid != self.last.pid
+        if first:
+            self.sent.clear()
+            self.inputs.clear()
+        for each in health.outputs:
+            beats = self.sent.get(each.topic)
+            if beats is None:
+                beats = self.sent[each.topic] = deque(maxlen=BEATS + 1)
+                grown = each.sent > 0 and not first and len(health.outputs) == health.writes
+            else:
+                grown = each.sent != beats[-1][2]
+            if grown:
+                self.grew[each.topic] = now
+            beats.append((wall, sim, each.sent))
+        self.inputs |= {each.topic: each for each in health.inputs}
+        self.last, self.at = health, now
+
+    def forget(self, ends: set[tuple[str, str]]) -> None:
+        """Keep only what is still there, by kind and topic."""
+        self.sent = {topic: beats for topic, beats in self.sent.items() if ("pub", topic) in ends}
+        self.grew = {topic: when for topic, when in self.grew.items() if ("pub", topic) in ends}
+        self.inputs = {topic: each for topic, each in self.inputs.items() if ("sub", topic) in ends}
 
 
 class RatesChannel:
@@ -100,40 +132,47 @@ class RatesChannel:
         self._now = now
         self.version += 1
         for health, origin in self._hold.batch(*self._place):
+            if health.node not in self._heard and len(self._heard) >= MOST_NODES:
+                continue
             heard = self._heard.setdefault(health.node, _Heard())
-            sent = {each.topic: each.sent for each in health.outputs}
-            if health.pid != heard.last.pid:
-                heard.beats.clear()
-            before = heard.beats[-1][2] if heard.beats else {}
-            for topic, count in sent.items():
-                if count != before.get(topic, 0 if heard.beats else count):
-                    heard.grew[topic] = now
             wall = origin.source_ns / 1e9 if origin is not None else now
-            heard.beats.append((wall, self._time.at(origin) / 1e9, sent))
-            heard.last, heard.at = health, now
+            heard.take(health, wall, self._time.at(origin) / 1e9, now)
 
     def news(self, since: int) -> str | None:
-        there = {each.node for each in self._network.entities}
-        self._heard = {node: heard for node, heard in self._heard.items() if node in there}
+        ends: dict[str, set[tuple[str, str]]] = {}
+        for each in self._network.entities:
+            ends.setdefault(each.node, set()).add((each.kind, each.name))
+        self._heard = {node: heard for node, heard in self._heard.items() if node in ends}
         nodes: dict[str, Any] = {}
         topics: dict[str, Any] = {}
         for node, heard in self._heard.items():
             health = heard.last
+            heard.forget(ends[node])
             nodes[node] = {
                 "state": health.state,
                 "note": health.note,
                 "pid": health.pid,
                 "age": round(self._now - heard.at, 1),
+                "refused_requests": health.refused_requests,
+                "request_reason": health.request_reason,
                 "inputs": {
-                    each.topic: [each.received, each.lost, each.refused, each.foreign, each.reason]
-                    for each in health.inputs
+                    topic: [
+                        each.received,
+                        each.lost,
+                        each.refused,
+                        each.foreign,
+                        each.reason,
+                        each.repeated,
+                        each.resynced,
+                    ]
+                    for topic, each in heard.inputs.items()
                 },
             }
             for topic, (by_sim, by_wall) in self._rates(heard).items():
                 known = topics.setdefault(topic, {"hz": 0.0, "wall": 0.0, "age": None, "sent": 0})
                 known["hz"] += by_sim
                 known["wall"] += by_wall
-                known["sent"] += heard.beats[-1][2][topic]
+                known["sent"] += heard.sent[topic][-1][2]
                 if topic in heard.grew:
                     age = round(self._now - heard.grew[topic], 1)
                     known["age"] = age if known["age"] is None else min(known["age"], age)
@@ -141,13 +180,12 @@ class RatesChannel:
 
     def _rates(self, heard: _Heard) -> dict[str, tuple[float, float]]:
         """Of each publication: samples per second of simulation time and of wall time; none before two heartbeats."""
-        if len(heard.beats) < 2:
-            return {}
-        wall, sim, sent = heard.beats[0]
-        wall_now, sim_now, sent_now = heard.beats[-1]
         rates = {}
-        for topic, count in sent_now.items():
-            grown = max(0, count - sent.get(topic, count))
+        for topic, beats in heard.sent.items():
+            if len(beats) < 2:
+                continue
+            (wall, sim, sent), (wall_now, sim_now, sent_now) = beats[0], beats[-1]
+            grown = max(0, sent_now - sent)
             by_sim = grown / (sim_now - sim) if sim_now - sim > 0.05 else 0.0
             by_wall = grown / (wall_now - wall) if wall_now > wall else 0.0
             rates[topic] = round(by_sim, 2), round(by_wall, 2)

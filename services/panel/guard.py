@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+import time
 from http.cookies import CookieError, SimpleCookie
 from urllib.parse import parse_qs
 
@@ -24,23 +25,42 @@ HEADERS = {
     "cache-control": "no-store",
 }
 
+TICKET_S = 60.0
+"""Wall time in which a browser that was started must have asked for its page."""
+
 
 class Pass:
     """What must be shown to come in. A browser sends cookies of all ports of a host: the port is in the name."""
 
     def __init__(self, token: str, port: int) -> None:
-        self._token = token
+        self.token = token
+        self._tickets: dict[str, float] = {}
         self.cookie = f"elea_panel_{port}"
         self.hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
 
     def knows(self, token: str) -> bool:
         """Whether this is the token; the time it takes tells nothing."""
-        return secrets.compare_digest(token.encode(), self._token.encode())
+        return secrets.compare_digest(token.encode(), self.token.encode())
 
     def by_query(self, scope: Scope) -> bool:
         """Whether the address holds the token."""
         query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
         return self.knows(query.get("token", [""])[-1])
+
+    def ticket(self) -> str:
+        """Words that let one browser in, once and within TICKET_S; its command line may show them to other users."""
+        made = secrets.token_urlsafe(24)
+        self._tickets = {**self._valid(), made: time.monotonic() + TICKET_S}
+        return made
+
+    def redeem(self, ticket: str) -> bool:
+        """Whether this is such a ticket, which now counts no more."""
+        self._tickets = self._valid()
+        return self._tickets.pop(ticket, None) is not None
+
+    def _valid(self) -> dict[str, float]:
+        now = time.monotonic()
+        return {ticket: until for ticket, until in self._tickets.items() if until > now}
 
     def by_cookie(self, headers: Headers) -> bool:
         """Whether the cookie does."""

@@ -72,7 +72,7 @@ class Hub:
         self._feeds.admit()
         self._log.turn(now)
         self._robots.turn()
-        self._stops.forget_gone()
+        self._stops.turn()
         self._goals.forget_gone()
         for name, channel in self._channels.items():  # the clock first: the others count by it
             if name in self._followed and name != "log":

@@ -26,10 +26,10 @@ def run(ctx: Context[PanelParameters]) -> None:
     port = listening.getsockname()[1]
     if p.port not in (0, port):
         ctx.log.warn(f"port {p.port} is taken: the page is on {port}")
-    gate = Pass(token := token_for(path), port)
+    gate = Pass(token := token_for(path, port), port)
     board = Board(node.transport.nudge, p.pages)
     hub = Hub(node, board, p)
-    with Server(application(gate, board), listening, node.transport.nudge, lambda: hub.period):
+    with Server(application(gate, board), gate, listening, node.transport.nudge, lambda: hub.period):
         if path is not None:
             _tell(path, Address(port=port, token=token, pid=os.getpid()))
         ctx.log.info(f"the page is on http://127.0.0.1:{port}; ./elea panel opens it")

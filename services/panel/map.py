@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import lru_cache
 from typing import Any
 
 from models import MODELS
@@ -63,11 +63,12 @@ class RobotsChannel:
         """The hub turns the robots."""
 
     def news(self, since: int) -> str | None:
-        listed = [described(robot, self._stops) for robot in self._robots.found.values()]
+        robots = self._robots
+        listed = [{**described(each, self._stops), "colour": robots.colour(each)} for each in robots.found.values()]
         return as_json("robots", robots=listed, all_stopped=self._stops.asked(""))
 
 
-@cache
+@lru_cache(64)
 def _radius(model: str) -> float:
     """How far a robot reaches, m; 0 for a model that is not of this project."""
     return round(read_model(model).radius, 3) if model in MODELS else 0.0
@@ -77,6 +78,7 @@ def described(robot: Robot, stops: Stops) -> dict[str, Any]:
     """A robot as pages show it; goals lie in the world."""
     base, goal, plan = robot.base, robot.goal, robot.plan
     goals = plan.poses[:MOST_GOALS] if plan is not None else ()
+    stopped = stops.stopped(robot.namespace)
     return {
         "ns": robot.namespace,
         "model": base.model if base else "",
@@ -86,7 +88,8 @@ def described(robot: Robot, stops: Stops) -> dict[str, Any]:
         "goals": robot.takes_goals,
         "source": base.source if base else "",
         "timed_out": base.timed_out if base else False,
-        "stopped": base.e_stopped if base else False,
+        "stopped": (base is not None and base.e_stopped) if stopped is None else stopped,
+        "stopped_by": stops.others(robot.namespace),
         "asked": stops.asked(robot.namespace),
         "colliding": base.colliding if base else False,
         "collisions": base.collisions if base else 0,

@@ -19,7 +19,7 @@ class Network:
         changed = False
         while (event := self._watch.take()) is not None:
             entity = Entity.parse(event.key)
-            if entity is None or entity.kind == "step":
+            if entity is None or entity.kind in ("step", "ready"):
                 continue
             changed = True
             if event.alive:

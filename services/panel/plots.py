@@ -9,6 +9,7 @@ from services.panel.frame import Samples, pack
 from services.panel.network import Network
 from services.panel.page import Page
 from services.panel.sim_time import SimTime
+from services.panel.units import unit
 from services.panel.words import Want
 
 LIST_PERIOD_S = 0.4
@@ -29,6 +30,8 @@ class Plots:
         self._changes = 0
         self._samples: dict[tuple[str, str], Samples] = {}
         self._steps: dict[str, dict[str, tuple[str | int, ...]]] = {}
+        self._units: dict[tuple[str, str], str] = {}
+        self._told_units: dict[Page, dict[int, str]] = {}
 
     @property
     def busy(self) -> bool:
@@ -39,6 +42,7 @@ class Plots:
         """What a page wishes for from now on; None when it is gone."""
         if want is None:
             self._wants.pop(page, None)
+            self._told_units.pop(page, None)
         else:
             self._wants[page] = want
         self._changes += 1
@@ -70,6 +74,9 @@ class Plots:
                 wanted[name, entity.record] = entity.detail
         self._hold.want(wanted)
         self._newest = {name: message for name, message in self._newest.items() if name in names}
+        self._units = {
+            place: known for place, known in self._units.items() if place[1] in self._steps.get(place[0], ())
+        }
 
     def _collect(self) -> None:
         self._samples = {}
@@ -81,6 +88,9 @@ class Plots:
             paths = self._steps.get(name)
             if not paths:
                 continue
+            for path, steps in paths.items():
+                if (name, path) not in self._units:
+                    self._units[name, path] = unit(name, batch[-1][0], steps)
             lists = [(self._samples.setdefault((name, path), Samples()), steps) for path, steps in paths.items()]
             for message, origin in batch:
                 told = stamp(message)
@@ -105,6 +115,14 @@ class Plots:
         """Tell each page what is in the topics that it looks into."""
         listed: dict[str, str] = {}
         for page, want in self._wants.items():
+            units = {
+                wish.id: known
+                for wish in want.series
+                if (known := self._units.get((wish.topic, wish.path))) is not None
+            }
+            if units and self._told_units.get(page) != units:
+                self._told_units[page] = units
+                page.tell("units", as_json("units", units=units))
             for name in want.fields:
                 if name not in listed:
                     entity, message = self._network.published(name), self._newest.get(name)

@@ -10,6 +10,7 @@ from messages.elea import BaseStatus, GoalStatus
 from messages.nav import Odometry, Path
 from messages.tf import TFMessage
 from messages.topics import BASE_STATUS, CMD_VEL, E_STOP, GOAL_POSE, GROUND_TRUTH, ODOM, PLAN, STATUS, TF_STATIC, Topic
+from models.palette import Palette, hexadecimal
 from services.panel.feeds import Feeds, Hold
 from services.panel.network import Network
 
@@ -58,6 +59,10 @@ class Robot:
         return f"{self.namespace.strip('/')}/{ODOM.name}"
 
 
+MOST_ORIGINS = 4096
+"""Frames that stand in the world, of which the place is remembered."""
+
+
 class Robots:
     """Follows the robots of the world; ``version`` grows with what is told of them, ``moves`` with their motion."""
 
@@ -68,6 +73,8 @@ class Robots:
         self._origins: dict[str, Spot] = {}
         self._followed = -1
         self._topics: tuple[Topic[Any], ...] = ()
+        self._palette = Palette()
+        self._seen = False
 
     def follow(self, poses: bool, rest: bool) -> None:
         """Listen to where they are, and to the rest, or know their names alone; what was heard is then forgotten."""
@@ -79,6 +86,10 @@ class Robots:
                 if not rest:
                     robot.base = robot.goal = robot.plan = None
             self._topics, self._followed = topics, -1
+
+    def colour(self, robot: Robot) -> str:
+        """The colour of a robot, as the viewer and the report have it: of those that come later, the next ones."""
+        return hexadecimal(self._palette.colour(robot.namespace.strip("/")))
 
     def turn(self) -> None:
         """Take in what has come."""
@@ -105,6 +116,8 @@ class Robots:
             robot.stops = f"{namespace}/{E_STOP.name}" in stops
             robot.takes_goals = f"{namespace}/{GOAL_POSE.name}" in goals
         self.found = dict(sorted(found.items()))
+        if not self._seen:  # before the first pose, robots of the fleet may still be missing
+            self._palette = Palette(namespace.strip("/") for namespace in found)
         self.version += 1
         wanted = {(TF_STATIC.name, TFMessage.ROS_TYPE): TF_STATIC.quality.name} if self._topics else {}
         for namespace in self.found:
@@ -117,13 +130,14 @@ class Robots:
         for each in message.transforms:
             if each.header.frame_id == WORLD:
                 place, turn = each.transform.translation, each.transform.rotation
-                self._origins[each.child_frame_id] = Spot(place.x, place.y, turn.yaw)
+                if each.child_frame_id in self._origins or len(self._origins) < MOST_ORIGINS:
+                    self._origins[each.child_frame_id] = Spot(place.x, place.y, turn.yaw)
         self.version += 1
 
     def _hear(self, robot: Robot) -> None:
         space = robot.namespace
         for truth, _ in self._hold.batch(f"{space}/{GROUND_TRUTH.name}", Odometry.ROS_TYPE)[-1:]:
-            robot.truth, self.moves = _spot(truth), self.moves + 1
+            robot.truth, self.moves, self._seen = _spot(truth), self.moves + 1, True
             robot.speed = truth.twist.twist.linear.x, truth.twist.twist.angular.z
         for odometry, _ in self._hold.batch(f"{space}/{ODOM.name}", Odometry.ROS_TYPE)[-1:]:
             robot.origin = self._origins.get(odometry.header.frame_id, Spot())

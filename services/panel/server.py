@@ -13,6 +13,8 @@ from typing import Self
 import uvicorn
 from starlette.types import ASGIApp
 
+from services.panel.door import behind
+from services.panel.guard import Pass
 from services.panel.words import LARGEST
 from services.runtime.errors import BadInput
 
@@ -42,10 +44,18 @@ def listen(port: int) -> socket.socket:
 
 
 class Server:
-    """Serves ``app`` on ``listening`` while the context lasts; ``pulse`` is called every ``period()`` seconds there."""
+    """Serves ``app`` on ``listening`` while the context lasts; ``pulse`` is called every ``period()`` seconds there.
+
+    Who has not shown the token of ``gate`` is let in for a few seconds only.
+    """
 
     def __init__(
-        self, app: ASGIApp, listening: socket.socket, pulse: Callable[[], None], period: Callable[[], float]
+        self,
+        app: ASGIApp,
+        gate: Pass,
+        listening: socket.socket,
+        pulse: Callable[[], None],
+        period: Callable[[], float],
     ) -> None:
         self._listening, self._pulse, self._period = listening, pulse, period
         config = uvicorn.Config(
@@ -55,7 +65,7 @@ class Server:
             server_header=False,
             lifespan="off",
             loop="asyncio",
-            http="h11",
+            http=behind(gate),
             ws="websockets-sansio",
             ws_max_size=LARGEST,
             ws_ping_interval=2.0,

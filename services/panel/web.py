@@ -9,7 +9,7 @@ from pathlib import Path
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
 from starlette.requests import Request
-from starlette.responses import FileResponse, PlainTextResponse, Response
+from starlette.responses import FileResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -32,10 +32,10 @@ def application(gate: Pass, board: Board) -> Starlette:
     """The routes behind the guard."""
 
     async def home(request: Request) -> Response:
-        if gate.by_query(request.scope):
-            response: Response = FileResponse(STATIC / "index.html")
-            token = request.query_params["token"]
-            response.set_cookie(gate.cookie, token, httponly=True, samesite="strict", path="/")
+        if gate.by_query(request.scope) or gate.redeem(request.query_params.get("once", "")):
+            # Neither stays in the history of the browser, nor in its bar.
+            response = RedirectResponse("/", 303)
+            response.set_cookie(gate.cookie, gate.token, httponly=True, samesite="strict", path="/")
             return response
         if gate.by_cookie(request.headers):
             return FileResponse(STATIC / "index.html")
@@ -46,6 +46,11 @@ def application(gate: Pass, board: Board) -> Starlette:
         known = gate.by_cookie(request.headers)
         return PlainTextResponse("known" if known else "unknown", 200 if known else 401)
 
+    async def ticket(request: Request) -> Response:
+        """For ``./elea panel``: what it may show on the command line of a browser."""
+        known = gate.by_cookie(request.headers)
+        return PlainTextResponse(gate.ticket() if known else "unknown", 200 if known else 401)
+
     async def socket(ws: WebSocket) -> None:
         await converse(ws, board)
 
@@ -53,6 +58,7 @@ def application(gate: Pass, board: Board) -> Starlette:
         routes=[
             Route("/", home),
             Route("/session", session),
+            Route("/ticket", ticket, methods=["POST"]),
             WebSocketRoute("/socket", socket),
             Mount("/static", StaticFiles(directory=STATIC)),
         ],

@@ -9,7 +9,7 @@ from msgspec import Meta
 
 from messages.parameters import Value
 from messages.requests import PARAMS_REQUESTS
-from messages.topics import DESCRIPTIONS, UPDATES
+from messages.topics import DESCRIPTIONS, SCHEDULE, UPDATES
 from services.runtime.service import Parameters, Service
 
 
@@ -36,7 +36,7 @@ SERVICE = Service(
     name="params",
     about="Keeps every service's parameters: checks, applies, saves and publishes what is set.",
     run="services.params.loop:run",
-    writes=(DESCRIPTIONS, UPDATES),
+    writes=(DESCRIPTIONS, UPDATES, SCHEDULE),
     serves=PARAMS_REQUESTS,
     rate=10,
     parameters=ParamsParameters,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import islice
 
 from messages.parameters import ResetParameters, SetParameters, Value
 from services.params.check import fit, shown
@@ -12,6 +13,9 @@ from services.runtime.errors import BadInput, unknown
 from services.runtime.parameters.allowed import contradictions
 
 Layer = dict[str, Value]
+
+MOST_FAULTS = 10
+"""Violations that one refusal names."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +44,7 @@ class Change:
 
 
 def plan_set(state: State, asked: SetParameters) -> Change:
-    """All values of a request or none: raises BadInput that names every violation.
+    """All values of a request or none: raises BadInput that names every violation, MOST_FAULTS of them at most.
 
     A value that is set takes effect at once. Where the command line has one, which would win, it also counts for
     this run, and the note says so.
@@ -51,7 +55,10 @@ def plan_set(state: State, asked: SetParameters) -> Change:
     faults: list[str] = []
     notes: list[str] = []
     fitted: Layer = {}
-    for each in asked.values:
+    for place, each in enumerate(asked.values):
+        if len(faults) == MOST_FAULTS:
+            faults.append(f"{len(asked.values) - place} more values were not looked at")
+            break
         try:
             described = state.schema.description(each.name, where)
             if each.name in fitted:
@@ -135,7 +142,8 @@ def _agreeing(change: Change) -> Change:
     """The change, unless what it touches contradicts something afterwards: raises BadInput."""
     after = change.after
     values = {name: each.value for name, each in after.values().items()}
-    if faults := list(contradictions(after.schema.parameters.values(), values, change.names)):
+    found = contradictions(after.schema.parameters.values(), values, frozenset(change.names))
+    if faults := list(islice(found, MOST_FAULTS)):
         raise BadInput(f"{'; '.join(faults)}; nothing was changed")
     return change
 

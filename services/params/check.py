@@ -13,6 +13,7 @@ from services.runtime.parameters.allowed import long, within
 
 _TYPE = re.compile(r"(bool|int|float|str)((?:\[\]){0,2})")
 _WHOLE = 2**63
+_MOST_NOTES = 100
 _LONGEST = 65_536
 """Characters of a text, as on the wire."""
 
@@ -74,31 +75,34 @@ def _fit(
         return tuple(items)
     if isinstance(value, tuple | list):
         raise BadInput(f"{where} = {shown(value)}: expected no list, {expected(description)}")
-    wrong = BadInput(f"{where} = {shown(value)}: it is {_kind(value)}, expected {expected(description)}")
     match base:
         case "bool":
             if type(value) is not bool:
-                raise wrong
+                raise _wrong(description, value, where)
             return value
         case "str":
             if type(value) is not str:
-                raise wrong
+                raise _wrong(description, value, where)
             _check_length(description, value, where, level)
             return _text(description, value, where)
         case "int":
             if type(value) is not int:
-                raise wrong
+                raise _wrong(description, value, where)
             if not -_WHOLE <= value < _WHOLE:
                 raise BadInput(f"{where} = {shown(value)}: an int has 64 bits")
             return _number(description, value, where, notes)
         case _:
             if type(value) not in (int, float):
-                raise wrong
+                raise _wrong(description, value, where)
             if isinstance(value, float) and not math.isfinite(value):
                 raise BadInput(f"{where} = {value}: it is not finite, expected {expected(description)}")
             if abs(value) > LARGEST:
                 raise BadInput(f"{where} = {shown(value)}: no number may exceed {LARGEST:g}")
             return float(_number(description, float(value), where, notes))
+
+
+def _wrong(description: ParameterDescription, value: Any, where: str) -> BadInput:
+    return BadInput(f"{where} = {shown(value)}: it is {_kind(value)}, expected {expected(description)}")
 
 
 def _check_length(description: ParameterDescription, value: Any, where: str, level: int) -> None:
@@ -125,9 +129,8 @@ def _number(description: ParameterDescription, value: float, where: str, notes: 
         bound, excluded = high, description.below
     else:
         return value
-    refusal = f"{where} = {value!r} is out of bounds: {within(description)}"
     if notes is None:
-        raise BadInput(refusal)
+        raise BadInput(_outside(description, value, where))
     nearest = float(bound)
     if type(value) is int:
         inward = 1 if bound == low else -1
@@ -135,9 +138,14 @@ def _number(description: ParameterDescription, value: float, where: str, notes: 
         nearest = whole + inward if excluded and whole == bound else whole
     if _too_low(description, nearest) or _too_high(description, nearest):
         why = "the bound itself is excluded" if excluded else "nothing lies within"
-        raise BadInput(f"{refusal}; it cannot be clamped, {why}")
-    notes.append(f"{where} = {value!r} was clamped to {nearest!r} ({within(description)})")
+        raise BadInput(f"{_outside(description, value, where)}; it cannot be clamped, {why}")
+    few = len(notes) < _MOST_NOTES  # the others are not told, and a list has thousands of them
+    notes.append(f"{where} = {value!r} was clamped to {nearest!r} ({within(description)})" if few else where)
     return nearest
+
+
+def _outside(description: ParameterDescription, value: float, where: str) -> str:
+    return f"{where} = {value!r} is out of bounds: {within(description)}"
 
 
 def _too_low(description: ParameterDescription, value: float) -> bool:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
+import math
+import time
+from collections.abc import Callable, Collection
 from dataclasses import replace
 
 from messages.base import Message, decoder, encode
@@ -20,6 +22,7 @@ from messages.parameters import (
     UndoParameters,
 )
 from messages.std import Empty
+from messages.topics import DESCRIPTIONS, UPDATES
 from services.params.arrival import announced
 from services.params.change import Change, plan_new_run, plan_reset, plan_set, plan_undo
 from services.params.ledger import Asked, Ledger
@@ -30,6 +33,17 @@ from services.runtime.errors import BadInput, unknown
 from services.runtime.log import Log
 
 MOST_SETS = 1000
+"""Sets that somebody announces, or of which something is saved."""
+MOST_NODES = 100
+"""Nodes that share a set; and nodes that have left it, for which saved values wait."""
+MOST_BYTES = 64 << 20
+"""Bytes of all announcements that are kept: 6,000 bases of robots."""
+MOST_LISTED = 6 << 20
+"""Bytes of one answer about all sets; a link carries 8 MiB in one message."""
+MOST_DROPPED = 100
+"""Announcements of dead nodes that are dropped at once: each is a write to the disk."""
+LOOK_S = 5.0
+"""Wall time between two looks for nodes that have died, when there is no room."""
 MOST_HISTORY = 2 << 20
 """Bytes of one answer about the past."""
 _read_reply = decoder(ParameterValues)
@@ -39,16 +53,38 @@ Question = SetParameters | ResetParameters | UndoParameters
 
 
 class Desk:
-    """All sets, and the only place that changes them. A change is written, then counts, then is told, then answered."""
+    """All sets, and the only place that changes them. A change is written, then counts, then is told, then answered.
+
+    A set that nobody announces any more, and of which nothing is saved, is forgotten; its past stays.
+
+    Args:
+        store: What outlives this process.
+        tell: Publishes a set's schema or values.
+        log: Of the node.
+        now: Simulation time [ns].
+        living: The names of the nodes that are in sight.
+        end: Ends the publications of a set.
+    """
 
     def __init__(
-        self, store: Store, tell: Tell, log: Log, now: Callable[[], int], alive: Callable[[str], bool]
+        self,
+        store: Store,
+        tell: Tell,
+        log: Log,
+        now: Callable[[], int],
+        living: Callable[[], Collection[str]],
+        end: Callable[[str], None],
     ) -> None:
         self._ledger = Ledger(store, now)
-        self._store, self._tell, self._log, self._alive = store, tell, log, alive
+        self._store, self._tell, self._log, self._living, self._end = store, tell, log, living, end
         kept = store.sets()
-        self._owners = {name: dict(each.owners) for name, each in kept.items()}
-        self._sets = {name: State(name, saved=each.saved, revision=each.revision) for name, each in kept.items()}
+        self._owners = {name: dict(each.owners) for name, each in kept.items() if each.saved}
+        self._sets = {
+            name: State(name, saved=each.saved, revision=each.revision) for name, each in kept.items() if each.saved
+        }
+        self._revisions = {name: each.revision for name, each in kept.items() if not each.saved}
+        self._sizes: dict[str, dict[str, int]] = {}
+        self._looked = -math.inf
 
     @property
     def present(self) -> set[str]:
@@ -58,14 +94,17 @@ class Desk:
     def announce(self, asked: Announcement) -> ParameterValues:
         """Take a node's parameters up and give the values that count; raises BadInput for what cannot be."""
         if asked.leaves:
-            return self._leave(asked)
+            self._state(asked.set)
+            return self._leave(asked.set, asked.node)
         asked = checked(asked)
-        state = self._sets.get(asked.set)
-        if state is None:
-            if sum(bool(each.schema.announced or each.saved) for each in self._sets.values()) >= MOST_SETS:
-                raise BadInput(f"{asked.set}: there are {MOST_SETS} sets of parameters, no more are taken")
-            state = State(asked.set)
+        size = len(encode(asked))
+        self._make_room(asked, size)
+        state = self._sets.get(asked.set) or self._remembered(asked.set) or State(asked.set)
         arrival = announced(state, self._joined(state, asked), asked, self._owners.get(asked.set, {}))
+        _check_size(arrival.state.schema.record(asked.set), DESCRIPTIONS.largest)
+        _check_size(arrival.state.record(notes=arrival.notes), UPDATES.largest)
+        self._revisions.pop(asked.set, None)
+        self._sizes.setdefault(asked.set, {})[asked.node] = size
         self._owners[asked.set] = dict(arrival.owners)
         for text in arrival.migrated:
             self._log.warn(f"{asked.set}: {text}")
@@ -81,8 +120,13 @@ class Desk:
 
     def list(self, asked: Empty) -> ParameterSets:
         """Every set; one that nobody has announced has no nodes and no parameters."""
-        shown = [state for state in self._sets.values() if state.schema.announced or state.saved]
-        return ParameterSets(sets=tuple(each.schema.record(each.name) for each in sorted(shown, key=lambda s: s.name)))
+        if (size := sum(sum(each.values()) for each in self._sizes.values())) > MOST_LISTED:
+            raise BadInput(
+                f"{len(self._sets)} sets of {size} bytes: an answer has at most {MOST_LISTED}; "
+                f"each set is described on a topic of its own, SET/{DESCRIPTIONS.name.removeprefix('~')}"
+            )
+        shown = sorted(self._sets.values(), key=lambda state: state.name)
+        return ParameterSets(sets=tuple(each.schema.record(each.name) for each in shown))
 
     def get(self, asked: ParameterSet) -> ParameterValues:
         """The values of a set that count."""
@@ -130,9 +174,60 @@ class Desk:
             self._log.error(str(error))
 
     def _state(self, name: str) -> State:
-        if name not in self._sets:
+        state = self._sets.get(name) or self._remembered(name)
+        if state is None:
             raise unknown("set of parameters", name, self._sets)
-        return self._sets[name]
+        return state
+
+    def _remembered(self, name: str) -> State | None:
+        """A set that was forgotten, without values: its revisions go on, so that those of its past mean one change."""
+        revision = max(self._revisions.get(name, 0), self._store.past.revision(name))
+        return State(name, revision=revision) if revision else None
+
+    def _make_room(self, asked: Announcement, size: int) -> None:
+        """See that one more announcement can be kept; raises BadInput when it cannot.
+
+        Nodes that died without a word are dropped only for want of room: a set must not lose its values because a link
+        was down for a moment.
+        """
+        if (lack := self._lack(asked, size)) and time.monotonic() - self._looked > LOOK_S:
+            living = {*self._living(), asked.node}
+            gone = [(name, node) for name, state in self._sets.items() for node in state.schema.announced]
+            for name, node in [each for each in gone if each[1] not in living][:MOST_DROPPED]:
+                self._leave(name, node)
+            self._looked = time.monotonic()
+            lack = self._lack(asked, size)
+        if lack:
+            raise BadInput(f"{asked.set}: {lack}")
+
+    def _lack(self, asked: Announcement, size: int) -> str:
+        """Why an announcement finds no room, or nothing."""
+        state = self._sets.get(asked.set)
+        if state is None and len(self._sets) >= MOST_SETS:
+            idle = sum(not each.schema.announced for each in self._sets.values())
+            return (
+                f"there are {MOST_SETS} sets of parameters, no more are taken; {idle} of them hold only "
+                "what is saved for nodes that are not there: ./elea param reset SET forgets it"
+            )
+        nodes = state.schema.announced if state is not None else {}
+        if asked.node not in nodes and len(nodes) >= MOST_NODES:
+            return f"{MOST_NODES} nodes share it, no more are taken"
+        kept = sum(sum(each.values()) for each in self._sizes.values())
+        if kept + size - self._sizes.get(asked.set, {}).get(asked.node, 0) > MOST_BYTES:
+            return f"all sets together are described in {kept} bytes, {MOST_BYTES} is the most"
+        return ""
+
+    def _forget(self, state: State) -> None:
+        """Forget a set of which there is nothing left."""
+        if state.schema.announced or state.saved or self._sets.get(state.name) is not state:
+            return
+        for known in (self._sets, self._owners, self._sizes):
+            known.pop(state.name, None)
+        self._end(state.name)
+        try:
+            self._store.forget(state.name)
+        except NotSaved as error:
+            self._log.error(str(error))
 
     def _joined(self, state: State, asked: Announcement) -> State:
         """The set with the node's announcement; a node that has gone has no say against it."""
@@ -140,22 +235,42 @@ class Desk:
             try:
                 return replace(state, schema=state.schema.with_node(asked))
             except Conflict as conflict:
-                if self._alive(conflict.other):
+                if conflict.other in self._living():
                     raise
                 self._log.info(f"{asked.set}: {conflict.other} has gone, what it announced is forgotten")
                 state = replace(state, schema=state.schema.without(conflict.other))
 
-    def _leave(self, asked: Announcement) -> ParameterValues:
+    def _leave(self, name: str, node: str) -> ParameterValues:
         """A node follows a set no more. What is saved waits for who announces it next; values of the run go."""
-        state = self._state(asked.set)
-        if asked.node not in state.schema.announced:
+        state = self._state(name)
+        if node not in state.schema.announced:
             return state.record()
-        schema = state.schema.without(asked.node)
-        run = {name: value for name, value in state.run.items() if name in schema.parameters}
-        left = self._sets[asked.set] = replace(state, schema=schema, run=run, revision=state.revision + 1)
-        self._tell(schema.record(asked.set))
-        self._tell(left.record(level_of(state, left), [f"{asked.node} follows it no more"]))
+        schema = state.schema.without(node)
+        run = {each: value for each, value in state.run.items() if each in schema.parameters}
+        left = self._sets[name] = replace(state, schema=schema, run=run, revision=state.revision + 1)
+        self._sizes.get(name, {}).pop(node, None)
+        self._tell(schema.record(name))
+        self._tell(left.record(level_of(state, left), [f"{node} follows it no more"]))
+        if left.schema.announced or left.saved:
+            self._disown(left, node)
+        else:
+            self._forget(left)
         return left.record()
+
+    def _disown(self, state: State, node: str) -> None:
+        """Of a node that has left, only what is saved is kept for its return; of MOST_NODES that have left, nothing."""
+        owners = self._owners.get(state.name, {})
+        gone = {each for nodes in owners.values() for each in nodes} - state.schema.announced.keys()
+        forgotten = gone if len(gone) > MOST_NODES else frozenset()
+        kept = {
+            name: nodes - forgotten if name in state.saved else nodes - {node} - forgotten
+            for name, nodes in owners.items()
+        }
+        self._owners[state.name] = {name: nodes for name, nodes in kept.items() if nodes or name in state.saved}
+        try:
+            self._store.disown(state.name, node, forgotten)
+        except NotSaved as error:
+            self._log.error(str(error))
 
     def _once(self, asked: Question, carry_out: Callable[[], ParameterValues]) -> ParameterValues:
         """Carry a request out, unless it was already under its id: then give the same answer."""
@@ -185,6 +300,7 @@ class Desk:
         """Write, then count, then tell, then answer."""
         level = level_of(change.before, change.after)
         reply = change.after.record(level, change.notes)
+        _check_size(reply, UPDATES.largest)
         if change.names:
             request = (asked.id, _digest(asked), encode(reply)) if asked.id else None
             self._ledger.asked(Asked(change, kind, asked.who, request, undoes))
@@ -194,6 +310,13 @@ class Desk:
     def _count(self, change: Change) -> None:
         self._sets[change.after.name] = change.after
         self._tell(change.after.record(level_of(change.before, change.after), change.notes))
+        self._forget(change.after)
+
+
+def _check_size(record: ParameterSchema | ParameterValues, largest: int) -> None:
+    """Raise BadInput for what its readers would refuse."""
+    if (size := len(encode(record))) > largest:
+        raise BadInput(f"{record.set} would be told in {size} bytes, {largest} is the most; nothing was changed")
 
 
 def _digest(asked: Message) -> str:

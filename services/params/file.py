@@ -13,6 +13,7 @@ from pathlib import Path
 
 from services.params.tables import APPLICATION, FORMAT, SCHEMA, first_damage
 from services.runtime.errors import BadInput
+from services.runtime.files import sync
 
 _HEADER = 100
 _MAGIC = b"SQLite format 3\0"
@@ -72,12 +73,12 @@ def _make(path: Path) -> None:
             connection.executescript(f"PRAGMA journal_mode = WAL; BEGIN; {SCHEMA} COMMIT;")
         finally:
             connection.close()
-        _sync(made)
+        sync(made)
         try:
             os.link(made, path)
         except FileExistsError:
             return
-    _sync(path.parent)
+    sync(path.parent)
 
 
 def _lock(handle: int, path: Path) -> None:
@@ -139,11 +140,3 @@ def _advice(path: Path, what: str) -> str:
         f"{path} {what}: it was left as it is, nothing was reset. Put a copy of it back, or start without it: "
         f"move {path} and what begins like it away, then ./elea param load FILE if there is a dump"
     )
-
-
-def _sync(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

@@ -8,8 +8,8 @@ from messages.parameters import (
     Announcement,
     Assignment,
     ParameterDescription,
-    ParameterSchema,
-    ParameterValues,
+    ScheduledChange,
+    ScheduledChanges,
     SetParameters,
 )
 from messages.requests import (
@@ -21,14 +21,16 @@ from messages.requests import (
     PARAMS_SET,
     PARAMS_UNDO,
 )
-from messages.topics import DESCRIPTIONS, UPDATES
+from messages.std import Time
+from messages.topics import SCHEDULE
 from services.params import ParamsParameters, Scheduled
 from services.params.desk import Desk
+from services.params.publications import Publications
 from services.params.schedule import Schedule, this_run
 from services.params.store import MEMORY, NotSaved, Store, opened
 from services.runtime.context import Context
 from services.runtime.errors import BadInput, EleaError
-from services.runtime.graph import pattern
+from services.runtime.graph import Entity, pattern
 
 PATIENCE_NS = 10_000_000_000
 """Simulation time that a scheduled change waits for its set before the log says so."""
@@ -39,16 +41,12 @@ def run(ctx: Context[ParamsParameters]) -> None:
     _check(ctx.params.schedule)
     with opened(ctx.params.file) as store:
 
-        def tell(news: ParameterSchema | ParameterValues) -> None:
-            if isinstance(news, ParameterSchema):
-                ctx.publish(DESCRIPTIONS, news, f"{news.set}/parameter_descriptions")
-            else:
-                ctx.publish(UPDATES, news, f"{news.set}/parameter_updates")
+        def living() -> set[str]:
+            entities = map(Entity.parse, ctx.kernel.transport.tokens(pattern("node")))
+            return {each.node for each in entities if each is not None}
 
-        def alive(node: str) -> bool:
-            return bool(ctx.kernel.transport.tokens(pattern("node", node)))
-
-        desk = Desk(store, tell, ctx.log, lambda: ctx.now, alive)
+        publications = Publications(ctx.kernel, at_once=not ctx.lockstep)
+        desk = Desk(store, publications.tell, ctx.log, lambda: ctx.now, living, publications.end)
         if ctx.params.file in ("", MEMORY):
             ctx.log.info("what is set is kept for this run only: no file was given")
         desk.announce(_own(ctx))
@@ -59,22 +57,27 @@ def run(ctx: Context[ParamsParameters]) -> None:
         ctx.serve(PARAMS_RESET, desk.reset)
         ctx.serve(PARAMS_UNDO, desk.undo)
         ctx.serve(PARAMS_HISTORY, desk.history)
-        _keep(ctx, desk, store)
+        _keep(ctx, desk, store, publications)
 
 
-def _keep(ctx: Context[ParamsParameters], desk: Desk, store: Store) -> None:
+def _keep(ctx: Context[ParamsParameters], desk: Desk, store: Store, publications: Publications) -> None:
     schedule, run, warned, first = Schedule(ctx.params.schedule), this_run(), False, True
+    made: list[ScheduledChange] = []
     for tick in ctx.ticks():
+        publications.tick()
         if first and run:
             schedule.start(store.progress(run, tick.epoch))
         if tick.reset:
             desk.new_run()
             schedule.start()
-            warned = False
+            warned, made = False, []
         first = False
         due = schedule.due(tick.time, desk.present)
-        for each in due:
-            _apply(ctx, desk, each)
+        for number, each in due.items():
+            reason = _apply(ctx, desk, each)
+            made.append(ScheduledChange(number=number, made=not reason, time=Time.of(tick.time), reason=reason))
+        if due:
+            ctx.publish(SCHEDULE, ScheduledChanges(epoch=tick.epoch, changes=tuple(made)))
         if run and (due or tick.reset):
             _proceed(ctx, store, run, tick.epoch, schedule.done)
         if not warned and (late := schedule.late(tick.time, PATIENCE_NS)):
@@ -83,15 +86,17 @@ def _keep(ctx: Context[ParamsParameters], desk: Desk, store: Store) -> None:
             ctx.log.warn(f"changes are scheduled for {sets}, which no service has announced: is the name right?")
 
 
-def _apply(ctx: Context[ParamsParameters], desk: Desk, due: Scheduled) -> None:
+def _apply(ctx: Context[ParamsParameters], desk: Desk, due: Scheduled) -> str:
+    """Make a change; why it was not made, empty when it was."""
     values = tuple(Assignment(name=name, value=value) for name, value in due.values.items())
     try:
         desk.set(SetParameters(set=due.set, values=values, run=True, who=f"schedule at {due.at:g} s"))
     except EleaError as error:
         ctx.log.error(f"the change of {due.set} scheduled at {due.at:g} s was not made: {error}")
-    else:
-        said = ", ".join(f"{name} = {value!r}" for name, value in due.values.items())
-        ctx.log.info(f"{due.set}: {said}, as scheduled")
+        return str(error)
+    said = ", ".join(f"{name} = {value!r}" for name, value in due.values.items())
+    ctx.log.info(f"{due.set}: {said}, as scheduled")
+    return ""
 
 
 def _proceed(ctx: Context[ParamsParameters], store: Store, run: str, epoch: int, done: frozenset[int]) -> None:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from messages.parameters import ParameterDescription, Value
 from services.params.check import fit, shown, taken_apart
 from services.params.schema import Schema
-from services.runtime.errors import BadInput
+from services.runtime.errors import BadInput, nearest
+
+_MOST_HINTS = 10
+"""Values that are left out with a guess at their new name: each is compared with all names."""
 
 
 @dataclass(frozen=True)
@@ -30,15 +32,17 @@ def migrate(saved: Mapping[str, Value], schema: Schema, owners: Mapping[str, Col
     guessed; one that waits for an owner to announce is kept as it is.
     """
     kept: dict[str, Value] = {}
-    names, texts, waiting = [], [], []
+    names: list[str] = []
+    texts: list[str] = []
+    waiting: list[str] = []
     for name, value in saved.items():
         described = schema.parameters.get(name)
         if described is None and not set(owners.get(name, ())) <= set(schema.announced):
             kept[name] = value
-            waiting.append(f"{name} = {shown(value)} is kept for {', '.join(sorted(owners[name]))}")
+            waiting.append(f"{name} = {shown(value)} is kept for {', '.join(sorted(owners[name])[:10])}")
             continue
         try:
-            new = _fitted(described, name, value, schema)
+            new = _fitted(described, name, value, schema, len(texts) < _MOST_HINTS)
         except BadInput as error:
             names.append(name)
             texts.append(f"saved {name} = {shown(value)} was left out: {error}")
@@ -51,10 +55,10 @@ def migrate(saved: Mapping[str, Value], schema: Schema, owners: Mapping[str, Col
     return Migration(kept, tuple(names), tuple(texts), tuple(waiting))
 
 
-def _fitted(described: ParameterDescription | None, name: str, value: Value, schema: Schema) -> Value:
+def _fitted(described: ParameterDescription | None, name: str, value: Value, schema: Schema, hints: bool) -> Value:
     if described is None:
-        near = difflib.get_close_matches(name, schema.parameters, 1)
-        hint = f" (if it is called {near[0]} now, set that)" if near else ""
+        near = nearest(name, schema.parameters) if hints else ""
+        hint = f" (if it is called {near} now, set that)" if near else ""
         raise BadInput(f"no parameter has this name any more{hint}")
     if not described.live:
         raise BadInput("it is for the fleet file or the command line to say now")

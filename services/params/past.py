@@ -59,6 +59,13 @@ class Past:
         for change, undone in rows:
             yield msgspec.structs.replace(msgspec.json.decode(change, type=ParameterChange), undone=bool(undone))
 
+    def revision(self, name: str) -> int:
+        """The revision that the newest change of a set made; 0 for a set without a past."""
+        row = self._db.execute(
+            'SELECT change FROM history WHERE "set" = ? ORDER BY id DESC LIMIT 1', (name,)
+        ).fetchone()
+        return 0 if row is None else msgspec.json.decode(row[0], type=ParameterChange).revision
+
     def undoable(self, name: str) -> Undoable | None:
         """The newest change of a set that was not taken back yet."""
         row = self._db.execute(

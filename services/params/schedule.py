@@ -21,11 +21,12 @@ class Schedule:
         """A new run: everything is to come again, but for what this run has had before the service was restarted."""
         self.done = frozenset(done)
 
-    def due(self, now_ns: int, sets: Container[str]) -> list[Scheduled]:
-        """Take what is due at simulation time ``now_ns`` for ``sets`` that are there; the rest waits for its set."""
+    def due(self, now_ns: int, sets: Container[str]) -> dict[int, Scheduled]:
+        """Take what is due at simulation time ``now_ns`` for ``sets`` that are there, by its number in the order of the
+        times; the rest waits for its set."""
         ready = {i: each for i, each in self._left().items() if each.set in sets and round(each.at * 1e9) <= now_ns}
         self.done |= ready.keys()
-        return list(ready.values())
+        return ready
 
     def late(self, now_ns: int, patience_ns: int) -> list[Scheduled]:
         """What has waited for its set for longer than ``patience_ns``."""

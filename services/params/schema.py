@@ -15,7 +15,6 @@ from messages.parameters import Announcement, Assignment, ParameterDescription, 
 from services.params.check import fit, shown, taken_apart
 from services.runtime.errors import BadInput, unknown
 
-MOST_PARAMETERS = 1000
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z0-9_]+)*")
 
 
@@ -77,8 +76,6 @@ def checked(announcement: Announcement) -> Announcement:
             checked_key(name)
         except BadName as error:
             raise BadInput(f"{where}: its {what} needs an absolute name: {error}") from None
-    if len(announcement.parameters) > MOST_PARAMETERS:
-        raise BadInput(f"{where}: {len(announcement.parameters)} parameters, at most {MOST_PARAMETERS} are taken")
     described: dict[str, ParameterDescription] = {}
     for each in announcement.parameters:
         if each.name in described:

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from messages.parameters import Origin, Parameter, ParameterValues, Value
 from services.params.schema import Schema
 
+MOST_NOTES = 20
+"""Of what was clamped, migrated or left out, as many are told."""
 EVERYTHING = 2**32 - 1
 """The level of what is told for the first time."""
 
@@ -51,8 +53,13 @@ class State:
             revision=self.revision,
             level=level,
             values=tuple(self.values().values()),
-            note="; ".join(notes),
+            note=_joined(tuple(notes)),
         )
+
+
+def _joined(notes: tuple[str, ...]) -> str:
+    more = (f"{len(notes) - MOST_NOTES} more notes",) if len(notes) > MOST_NOTES else ()
+    return "; ".join((*notes[:MOST_NOTES], *more))
 
 
 def level_of(before: State, after: State) -> int:

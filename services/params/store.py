@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +19,8 @@ from services.params.tables import SCHEMA, read_value, seal, write_value
 from services.runtime.errors import BadInput, EleaError
 
 MEMORY = ":memory:"
+KEPT_SETS = 1000
+"""Sets of earlier runs whose revisions go on when they come again."""
 
 
 class NotSaved(EleaError):
@@ -72,6 +74,7 @@ def opened(file: str) -> Iterator[Store]:
         try:
             store = Store(connection)
             store.forget_run()
+            store.forget_oldest()
             yield store
         finally:
             connection.close()
@@ -104,6 +107,33 @@ class Store:
         """Write a change; raises NotSaved, and then nothing of it counts."""
         with self._whole(entry.set):
             self._write(entry)
+
+    def forget(self, name: str) -> None:
+        """Forget a set of which nothing is saved, but not its past; raises NotSaved."""
+        with self._whole(name):
+            self._db.execute("DELETE FROM sets WHERE name = ?", (name,))
+            self._db.execute('DELETE FROM owners WHERE "set" = ?', (name,))
+
+    def disown(self, name: str, node: str, nodes: Collection[str]) -> None:
+        """Forget which parameters of a set ``node`` had, but for those that are saved, and all that ``nodes`` had."""
+        with self._whole(name):
+            self._db.execute(
+                'DELETE FROM owners WHERE "set" = ?1 AND node = ?2 '
+                'AND name NOT IN (SELECT name FROM saved WHERE "set" = ?1)',
+                (name, node),
+            )
+            self._db.executemany('DELETE FROM owners WHERE "set" = ? AND node = ?', ((name, each) for each in nodes))
+
+    def forget_oldest(self) -> None:
+        """Of the sets of which nothing is saved, keep the last that were announced: what a run ended with is not left,
+        and each run may have names of its own."""
+        with self._whole("sets of earlier runs"):
+            self._db.execute(
+                'DELETE FROM sets WHERE name NOT IN (SELECT "set" FROM saved) AND rowid <= coalesce('
+                "(SELECT rowid FROM sets ORDER BY rowid DESC LIMIT 1 OFFSET ?), 0)",
+                (KEPT_SETS,),
+            )
+            self._db.execute('DELETE FROM owners WHERE "set" NOT IN (SELECT name FROM sets)')
 
     def forget_run(self) -> None:
         """What was for one run alone is over: it is neither taken back nor counted as carried out."""

@@ -7,11 +7,10 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from messages.elea import FleetState, Health
-from messages.names import BadName, validate
 from messages.parameters import ParameterSchema, ParameterValues
 from messages.topics import CLOCK
 from services.bag.channel import Channel
-from services.bag.typed import beside, why_not
+from services.bag.typed import beside, why_not_played
 from services.player import PlayerParameters
 from services.runtime.errors import BadInput, unknown
 
@@ -32,21 +31,24 @@ def choose(channels: Iterable[Channel], params: PlayerParameters) -> Choice:
     channels = list(channels)
     if not channels:
         raise BadInput(f"{params.bag} holds no messages")
-    known = {channel.topic for channel in channels if not beside(channel)}
+    known = {channel.name for channel in channels if not beside(channel)}
     names = {name if name.startswith("/") else f"/{name}" for name in params.topics}
     for name in sorted(names - known):
         raise unknown("topic", name, known, params.bag)
     excluded = _pattern(params.exclude)
     played: list[Channel] = []
+    types: dict[str, str] = {}
     refused: dict[str, str] = {}
     for channel in channels:
-        topic = channel.topic
+        topic = channel.name
         if beside(channel) or (names and topic not in names) or (excluded and excluded.search(topic)):
             continue
         if not names and channel.type in OF_PROCESSES:
             continue
-        if reason := why_not(channel) or _misnamed(topic):
+        if reason := why_not_played(channel):
             refused[topic] = reason
+        elif types.setdefault(topic, channel.type) != channel.type:
+            refused[topic] = f"it is played as {types[topic]}, and not as {channel.type} besides: a topic has one type"
         else:
             played.append(channel)
     if not played:
@@ -57,15 +59,7 @@ def choose(channels: Iterable[Channel], params: PlayerParameters) -> Choice:
 
 def is_clock(channel: Channel) -> bool:
     """Whether a channel is simulation time."""
-    return channel.topic == CLOCK.name and channel.type == CLOCK.record.ROS_TYPE
-
-
-def _misnamed(topic: str) -> str:
-    try:
-        validate(topic)
-    except BadName as error:
-        return str(error)
-    return "" if topic.startswith("/") else f"{topic!r} is not an absolute name"
+    return channel.name == CLOCK.name and channel.type == CLOCK.record.ROS_TYPE
 
 
 def _pattern(text: str) -> re.Pattern[str] | None:

@@ -8,7 +8,7 @@ from messages.rosgraph import Clock
 from messages.simulation import SimTime
 from messages.std import Time
 from messages.topics import CLOCK
-from services.player.timeline import Moment
+from services.bag.timeline import Moment
 from services.runtime.node import Node
 from services.runtime.outputs import Output
 from services.runtime.service import STEP_NS

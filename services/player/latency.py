@@ -13,11 +13,11 @@ SETTINGS = "/sim/parameter_updates"
 
 def recorded_latency(bag: Bag) -> int | None:
     """The latency, 0 or 1; None when the bag does not tell. A run that was not in lockstep had none."""
-    if not any(each.topic == SETTINGS and not why_not(each) for each in bag.channels()):
+    if not any(each.name == SETTINGS and not why_not(each) for each in bag.channels()):
         return None
     typed = Typed()
     for entry in bag.entries():
-        if entry.channel.topic != SETTINGS:
+        if entry.channel.name != SETTINGS:
             continue
         try:
             message = typed.message(entry)

@@ -40,6 +40,8 @@ def run(ctx: Context[PlayerParameters]) -> None:
     p, node = ctx.params, ctx.kernel
     bag = open_bag(Path(p.bag))
     choice = choose(bag.channels(), p)
+    for trouble in bag.troubles:
+        ctx.log.warn(f"{trouble}; what can be read is played")
     for topic, reason in sorted(choice.refused.items()):
         ctx.log.warn(f"{topic} is not played: {reason}")
     theirs = _clock_of_others(node)
@@ -54,7 +56,7 @@ def run(ctx: Context[PlayerParameters]) -> None:
     _await_subscribers(ctx, stage)
     playback = Playback(bag, choice, p.start, p.duration)
     _play(ctx, playback, pace, clockwork, stage)
-    _account(ctx, bag, choice, playback)
+    _account(ctx, bag, choice, playback, pace.lost if isinstance(pace, Steps) else ())
 
 
 def _play(ctx: Context[PlayerParameters], playback: Playback, pace: Pace, clockwork: Clockwork, stage: Stage) -> None:
@@ -125,9 +127,14 @@ def _wanted(output: Output[Any]) -> bool:
     return output.wanted and output.topic.quality.name != "LATCHED"
 
 
-def _account(ctx: Context[PlayerParameters], bag: Bag, choice: Choice, playback: Playback) -> None:
+def _account(
+    ctx: Context[PlayerParameters], bag: Bag, choice: Choice, playback: Playback, lost: tuple[str, ...]
+) -> None:
     troubles = list(bag.troubles)
+    if lost:
+        troubles.append(f"lockstep went on without {', '.join(lost)}")
     troubles += [f"{count} messages of {topic} were not of their type" for topic, count in playback.unread.items()]
+    troubles += [f"{count} messages of {topic} bear no time before 2038" for topic, count in playback.untimed.items()]
     if choice.refused:
         troubles.append(f"not played: {', '.join(sorted(choice.refused))}")
     if troubles:

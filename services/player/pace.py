@@ -10,8 +10,8 @@ from messages.rosgraph import Clock
 from messages.simulation import SimTime
 from messages.std import Empty
 from messages.topics import CLOCK
+from services.bag.timeline import Moment
 from services.player.clockwork import Clockwork
-from services.player.timeline import Moment
 from services.runtime.context import Context
 from services.runtime.node import Node
 

@@ -12,10 +12,13 @@ from messages.tf import TFMessage
 from messages.topics import TF_STATIC
 from services.bag.channel import RAW, Channel
 from services.bag.reading import Bag
+from services.bag.timeline import Moment, Timeline
 from services.bag.typed import Typed
 from services.player.choice import Choice
 from services.player.fixed import FixedFrames
-from services.player.timeline import Moment, Timeline
+
+LATEST_NS = (2**31 - 1) * 10**9
+"""The last time that a ``builtin_interfaces/Time`` has, in the year 2038."""
 
 
 class Cue(NamedTuple):
@@ -31,13 +34,17 @@ class Cue(NamedTuple):
 
 
 class Playback:
-    """Reads ``bag`` again and again; ``unread`` counts what was no message of its type."""
+    """Reads ``bag`` again and again.
+
+    ``unread`` counts what was no message of its type, ``untimed`` what bears a time that ``/clock`` cannot tell.
+    """
 
     def __init__(self, bag: Bag, choice: Choice, start: float, duration: float) -> None:
         self._bag, self._choice = bag, choice
         self._start, self._end = round(start * 1e9), round((start + duration) * 1e9) if duration else None
         self._passed = False
         self.unread: Counter[str] = Counter()
+        self.untimed: Counter[str] = Counter()
 
     def cues(self) -> Iterator[Cue]:
         """The chosen messages from ``start`` on, with what was latched until then before them."""
@@ -61,6 +68,9 @@ class Playback:
         timeline, typed, fixed = Timeline(), Typed(), FixedFrames()
         chosen, needed = set(self._choice.played), {*self._choice.played, *self._choice.beside}
         for entry in self._bag.entries():
+            if entry.publish_time > LATEST_NS:
+                self.untimed[entry.channel.name] += 1
+                continue
             if entry.channel not in needed:
                 self._passed = timeline.place(entry.publish_time).position >= self._start
                 continue
@@ -69,12 +79,12 @@ class Playback:
                 try:
                     message = typed.message(entry)
                 except WrongPayload:
-                    self.unread[entry.channel.topic] += 1
+                    self.unread[entry.channel.name] += 1
                     continue
             epoch = message.epoch if isinstance(message, Clock) else None
             moment = timeline.place(entry.publish_time, epoch)
             if message is None or entry.channel not in chosen:
                 continue
-            if isinstance(message, TFMessage) and entry.channel.topic == TF_STATIC.name and not self._bag.ours:
+            if isinstance(message, TFMessage) and entry.channel.name == TF_STATIC.name and not self._bag.ours:
                 message = fixed.joined(message)
             yield Cue(moment, entry.channel, message, typed.sender(entry))

@@ -52,4 +52,4 @@ def _topic(channel: Channel) -> Topic[Any]:
     known = record_of(channel) if channel.encoding != RAW else None
     record = known if known is not None else unknown_record(channel.type)
     largest = max((each.largest for each in TOPICS if each.record is record), default=1 << 16)
-    return Topic(channel.topic, record, 0, channel.quality, "", largest)
+    return Topic(channel.name, record, 0, channel.quality, "", largest)

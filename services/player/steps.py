@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 
+from services.bag.timeline import Moment
 from services.player.clockwork import Clockwork
-from services.player.timeline import Moment
 from services.runtime.lockstep.barrier import Barrier
 from services.runtime.lockstep.protocol import Go
 from services.runtime.node import Node
@@ -23,10 +23,16 @@ class Steps:
     ) -> None:
         self._node, self._clockwork, self._rate, self._latency = node, clockwork, rate, latency
         self._barrier = Barrier(node.transport, node.outbox, members, node.log, node.wait, lambda: self._go(0))
+        node.counts.append(self._barrier.counts)
         self._next: int | None = None
         self._epoch = 0
         self._released = False
         self._begun, self._origin = 0.0, -1
+
+    @property
+    def lost(self) -> tuple[str, ...]:
+        """The members that the bag was played on without."""
+        return self._barrier.state.lost
 
     def begin(self) -> None:
         self._node.heart.state, self._node.heart.note = "waiting", "for the members of lockstep"
@@ -38,6 +44,7 @@ class Steps:
         epoch = self._clockwork.epoch_of(moment.segment)
         if self._next is not None and epoch != self._epoch:
             self._step()
+            self._barrier.collect(0)  # as at a reset: all of the time before is told before time begins anew
             self._next = None
         if self._next is None:
             self._next, self._epoch = -(-moment.time // STEP_NS) * STEP_NS, epoch

@@ -16,7 +16,7 @@ from messages.cdr.extras import StringExtra
 from messages.std import String
 from messages.tf import TFMessage
 from messages.topics import ROBOT_DESCRIPTION
-from models.description import BadDescription, describe
+from models.description import BadDescription, describe, parsed
 
 
 class Fitting:
@@ -64,7 +64,7 @@ def prefixed(urdf: str, prefix: str) -> str:
 
     ``urdf`` is one that ``models.description.describe`` takes.
     """
-    robot = ElementTree.fromstring(urdf.strip())
+    robot = parsed(urdf)
     robot.set("name", prefix.strip("/"))
     links = {link.get("name") for link in robot.findall("link")}
     for link in robot.findall("link"):

@@ -30,7 +30,7 @@ def run(ctx: Context[RecorderParameters]) -> None:
         ctx.log.info(f"recording to {bag.folder}")
         tape = Tape(bag, listening, ctx.log)
         try:
-            gather(node.transport, [each for each in p.members if each != ctx.node], ctx.idle, ctx.log)
+            gather(node.transport, [each for each in p.members if each != ctx.node], ctx.idle)
             listening.look()
             if missing := listening.missing:
                 ctx.log.warn(f"nobody publishes or reads {', '.join(missing)} yet: recorded as soon as somebody does")

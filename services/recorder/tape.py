@@ -15,6 +15,7 @@ from messages.tf import TFMessage
 from messages.topics import CLOCK, TF, TF_STATIC, Quality
 from services.bag.channel import BESIDE, SENDER, Channel, Sender, channel_of, raw_channel
 from services.bag.folder import BagFolder
+from services.bag.mcap_file import room
 from services.recorder.fitting import Fitting
 from services.recorder.listening import Listening
 from services.recorder.order import Order
@@ -23,6 +24,10 @@ from services.runtime.inputs import Input
 from services.runtime.log import Log
 from services.runtime.network.wire import NODE_BYTES, Origin
 
+LOW = 10
+"""The disk is low when less than so many times the room is free that a bag leaves to others."""
+LOOK_S = 10.0
+"""Wall time between two looks at the disk."""
 _FOREIGN = b"foreign"
 """Stands for all senders that do not tell who they are."""
 
@@ -39,6 +44,7 @@ class Tape:
         self._first: dict[str, bytes] = {}
         self._order = Order()
         self._told = 0
+        self._looked = 0.0
         self.unfit: Counter[str] = Counter()
         self.troubled = ""
 
@@ -95,6 +101,7 @@ class Tape:
             self._bag.flush_due()
         except OSError as error:
             self._complain(error)
+        self._look_at_disk()
         lost = sum(self.lost.values())
         if lost > self._told:
             self._log.warn(f"{lost} messages were lost on their way to the bag: is the machine too slow?", every=5.0)
@@ -171,6 +178,23 @@ class Tape:
 
     def _channel(self, topic: str, made: Channel) -> Channel:
         return self._channels.setdefault((topic, made.type), made)
+
+    def _look_at_disk(self) -> None:
+        """Warn while there is time to make room."""
+        now = time.monotonic()
+        if now - self._looked < LOOK_S:
+            return
+        self._looked = now
+        try:
+            free, reserve = room(self._bag.folder)
+        except OSError:
+            return  # writing tells it
+        if free < LOW * reserve:
+            self._log.warn(
+                f"{free / 1e6:.0f} MB are left on the disk of {self._bag.folder}: nothing more is recorded when "
+                f"{reserve / 1e6:.0f} MB are left",
+                every=60.0,
+            )
 
     def _complain(self, error: OSError) -> None:
         self.troubled = error.strerror or str(error)

@@ -7,9 +7,11 @@ from collections.abc import Callable, Iterator
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from messages.base import Message
+from messages.elea import Checks
 from messages.requests import Request
-from messages.topics import Topic
+from messages.topics import CHECKS, Topic
 from services.runtime.calls import DEADLINE_S
+from services.runtime.checks import OwnChecks
 from services.runtime.errors import BadInput
 from services.runtime.frames.buffer import CACHE_S
 from services.runtime.frames.transforms import Transforms
@@ -28,6 +30,8 @@ Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)
 P = TypeVar("P", bound=Parameters)
 
+ANSWER_S = 30.0
+"""Wall time that a node which is about to begin waits for the parameter service's answer to what it announced."""
 LOOK_S = 0.1
 """Wall time between two looks at the parameters where no tick asks for one."""
 
@@ -65,6 +69,7 @@ class Context(Generic[P]):
         self._views: list[Latest[Any] | Stream[Any] | Transforms] = []
         self._writing: dict[str, Output[Any]] = {}
         self._resting: Inlet | None = None
+        self._checks = OwnChecks()
         node.log.now = lambda: self.now
 
     @property
@@ -129,6 +134,36 @@ class Context(Generic[P]):
             output = self._writing[wanted] = self._node.write(topic, name)
         output.publish(message)
 
+    def check(
+        self,
+        name: str,
+        value: float | bool | None,
+        *,
+        min: float | None = None,  # noqa: A002 as in a fleet's bounds
+        max: float | None = None,  # noqa: A002
+        reason: str = "",
+    ) -> bool:
+        """State a check of the service's own: it appears in the report of the run, as ``NODE.name``, and one that does
+        not hold makes the run's exit status 1. Returns whether it holds.
+
+        The last statement of a name counts, also one made after the process was asked to end. ``value`` is a number, or
+        None for what is not measured yet, which does not hold: who states a check at the start is sure that it is
+        missed when the service never comes to it. A bool needs no bounds.
+
+        Args:
+            name: letters, digits and underscores, 64 at most; a node has 64 checks at most.
+            value: what was measured; NaN and the infinities count as not measured.
+            min: the least good value.
+            max: the largest good value.
+            reason: what it means, for a person; 200 characters at most.
+
+        Raises:
+            BadInput: a bad name, no bound, a bound that is not finite, a check too many.
+        """
+        if (stated := self._checks.state(name, value, min, max, reason)) is not None:
+            self.publish(CHECKS, Checks(node=self.node, checks=stated))
+        return self._checks.holds(name)
+
     def call(self, request: Request[Q, R], message: Q, timeout: float = DEADLINE_S, name: str | None = None) -> R:
         """Ask another node; raises CallFailed with the reason."""
         return self._node.call(request, message, timeout, name)
@@ -155,6 +190,7 @@ class Context(Generic[P]):
         pacer: Pacer = (LockstepPacer if self._lockstep else ClockPacer)(self._node, period)
         if self._node.following is not None:
             self._node.following.marks = pacer.marks
+        self._await_parameters()
         pacer.start()
         try:
             yield from self._follow(pacer, meanwhile)
@@ -167,6 +203,7 @@ class Context(Generic[P]):
         ``params`` is followed between two messages, ten times a second.
         """
         source = self._node.read(topic, name)
+        self._node.show_ready()
         self._node.heart.state = "running"
         while True:
             if (message := source.next()) is not None:
@@ -177,6 +214,8 @@ class Context(Generic[P]):
 
     def idle(self) -> None:
         """Turn once and rest for a tenth of a second, for services that follow neither time nor messages."""
+        if self._rate is None:
+            self._node.show_ready()
         if self._resting is None:
             self._resting = resting(self._node.transport)
         self._look()
@@ -196,6 +235,17 @@ class Context(Generic[P]):
         self.params_changed = followed.refresh()
         self._params = followed.params
         return self.params_changed
+
+    def _await_parameters(self) -> None:
+        """Wait up to ANSWER_S for a parameter service that is expected, is there and has not answered yet: a node is
+        ready when its set is known."""
+        following, deadline = self._node.following, time.monotonic() + ANSWER_S
+        if following is None or not self._node.expects_params:
+            return
+        while following.unanswered and time.monotonic() < deadline:
+            self._node.heart.note = "waiting for the answer of the parameter service"
+            self.idle()
+        self._node.heart.note = ""
 
     def _look(self) -> None:
         """Follow the parameters now and then; in lockstep that is for the ticks alone."""

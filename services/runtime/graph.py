@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from messages.names import BadName, mangle, unmangle
 from messages.names import key as absolute
@@ -15,8 +15,9 @@ EVERYTHING = f"{KERNEL}/*/*/*/*/*/*"
 _SESSION = re.compile(r"[0-9a-f]{1,32}")
 _PERIOD = re.compile(r"[1-9][0-9]{0,17}")
 
-Kind = Literal["node", "pub", "sub", "srv", "step"]
-"""A node itself, a publication, a subscription, a request served, or readiness to step with the simulation."""
+Kind = Literal["node", "pub", "sub", "srv", "step", "ready"]
+"""A node itself, a publication, a subscription, a request served, readiness to step with the simulation, or the
+readiness of a node that takes no steps."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +42,12 @@ class Entity:
 
     @classmethod
     def parse(cls, key: str) -> Entity | None:
-        """The entity behind a token's key, or None when it is not one of ours."""
+        """The entity behind a token's key, or None when it is not one of ours.
+
+        Nor is one with a control character in any part: it would reach terminals and logs.
+        """
         chunks = key.split("/")
-        if len(chunks) != 7 or chunks[0] != KERNEL or chunks[2] not in ("node", "pub", "sub", "srv", "step"):
+        if len(chunks) != 7 or chunks[0] != KERNEL or chunks[2] not in get_args(Kind):
             return None
         _, session, kind, node, name, record, detail = chunks
         if not _SESSION.fullmatch(session) or (kind == "step" and not _PERIOD.fullmatch(detail)):
@@ -54,13 +58,19 @@ class Entity:
                 absolute(unmangle(name))
         except BadName:
             return None
-        return cls(session, kind, unmangle(node), unmangle(name), unmangle(record), detail)  # type: ignore[arg-type]
+        parts = unmangle(node), unmangle(name), unmangle(record), detail
+        return cls(session, kind, *parts) if all(map(str.isprintable, parts)) else None  # type: ignore[arg-type]
 
 
 def pattern(kind: Kind | Literal["*"] = "*", node: str = "*", name: str = "*") -> str:
     """The key expression of all tokens of a kind, a node, or a topic."""
     chunks = [each if each == "*" else mangle(each) for each in (node, name)]
     return "/".join((KERNEL, "*", kind, *chunks, "*", "*"))
+
+
+def ping_key(session: str, node: str) -> str:
+    """Where a node answers a ping, in its own loop."""
+    return "/".join((KERNEL, "ping", session, mangle(node)))
 
 
 def snapshot(transport: Transport) -> list[Entity]:

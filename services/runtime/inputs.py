@@ -8,70 +8,127 @@ from collections.abc import Callable
 from itertools import islice
 from typing import Any, Generic, TypeVar
 
-from messages.base import FAULTS, Message, bare_decoder
+from messages.base import FAULTS, Message, bare_decoder, counted
 from messages.elea import InputHealth
 from messages.topics import Quality, Topic
 from services.runtime.lockstep.marks import Marks
+from services.runtime.network.sequences import LARGEST_GAP, Sequences, Verdict
 from services.runtime.network.transport import Inlet, Sample, Transport
-from services.runtime.network.wire import MEMBER_BYTES, NODE_BYTES, Origin, detach, encoding, member_id
+from services.runtime.network.wire import (
+    ATTACHMENT_SIZE,
+    MEMBER_BYTES,
+    NODE_BYTES,
+    Origin,
+    detach,
+    encoding,
+    member_id,
+    publisher_id,
+)
 
 M = TypeVar("M", bound=Message)
 
 CAPACITY = 1024
 """Samples kept between two looks; more than any topic brings in a tick of the slowest reader."""
 EVENTS = 8192
-"""The same for events, of which every one is to arrive: a reader of bursts may lag behind by as many."""
+"""The same for events, of which a reader of bursts may lag behind by as many."""
+RING_BYTES = 1 << 26
+"""What waits on one subscription at most [bytes]: large messages get shorter rings."""
+SHORTEST_RING, SHORTEST_RAW_RING = 4, 64
+LARGEST_ATTACHMENT = 256
+"""Bytes of an attachment that is not ours; with a longer one, a sample is refused."""
 
 PATIENCE_S = 2.0
-"""Wall time that lockstep waits for a sample that was sent before it gives it up as lost."""
+"""Wall time that a tick of lockstep waits for samples that were sent before, all together; then they count as lost."""
+
+
+class Patience:
+    """What a tick has of PATIENCE_S, for all inputs together; ``turn`` is called again and again while one waits.
+
+    ``missed`` are the topics of which something did not come.
+    """
+
+    def __init__(self, turn: Callable[[], None] = lambda: None) -> None:
+        self.missed: list[str] = []
+        self._turn = turn
+        self._deadline = 0.0
+
+    def rest(self) -> bool:
+        """Wait for a moment; False when nothing is left."""
+        now = time.monotonic()
+        if self._deadline == 0.0:
+            self._deadline = now + PATIENCE_S
+        elif now > self._deadline:
+            return False
+        self._turn()
+        time.sleep(0.00005)
+        return True
+
+
+def ring(largest: int, event: bool = False, raw: bool = False) -> int:
+    """How many samples of at most ``largest`` bytes wait for a reader; of more, the oldest are overwritten.
+
+    A ``raw`` reader does not know its messages: they are hardly ever as large as they may be.
+    """
+    return max(SHORTEST_RAW_RING if raw else SHORTEST_RING, min(EVENTS if event else CAPACITY, RING_BYTES // largest))
 
 
 class Input(Generic[M]):
     """One subscription. Its owner calls ``admit`` once a tick; ``batch`` then holds what is new, oldest first.
 
-    Refused (wrong type, undecodable, too large) and lost samples (gaps in the numbers) are counted, never passed on.
-    A sample without our attachment is foreign: it is taken if it decodes. A ``raw`` input gives bare payloads.
+    Refused (wrong type, undecodable, too large, numbered absurdly), repeated and lost samples (gaps in the numbers) are
+    counted, never passed on; ``Sequences`` says by which rule. A sample without our attachment is foreign: it is taken
+    if it decodes. A ``raw`` input gives bare payloads.
     """
 
     def __init__(self, topic: Topic[M], name: str, key: str, transport: Transport, raw: bool = False) -> None:
         self.topic, self.name, self.key = topic, name, key
         self.encoding = encoding(topic.record.ROS_TYPE)
-        self._capacity = EVENTS if topic.quality is Quality.EVENT else CAPACITY
+        self._capacity = ring(topic.largest, topic.quality is Quality.EVENT, raw)
         self.inlet: Inlet = transport.subscribe(key, self._capacity, topic.quality is Quality.LATCHED)
         self.batch: list[tuple[M, Origin | None]] = []
-        self.received = self.lost = self.refused = self.foreign = 0
+        self.received = self.lost = self.refused = self.foreign = self.repeated = self.resynced = 0
         self.reason = ""
         self._largest = topic.largest
         self._only = member_id(topic.only, "")[:NODE_BYTES] if topic.only else b""
         self._strict = topic.quality in (Quality.COMMAND, Quality.LATCHED)
         self._decode: Callable[[bytes], Any] = bytes if raw else bare_decoder(topic.record)
-        self._last: dict[bytes, int] = {}
-        self._held: deque[tuple[M, Origin]] = deque()
+        self._sequences = Sequences()
+        self._last, self._stamps = self._sequences.last, self._sequences.stamps
+        self._held: dict[bytes, deque[tuple[M, Origin]]] = {}
+        """By publisher, what its member has not told of yet; the numbers grow."""
+        self._topic_bytes = publisher_id("", "", key)[MEMBER_BYTES:]
 
-    def admit(self, marks: Marks | None = None) -> None:
+    def admit(self, marks: Marks | None = None, patience: Patience | None = None) -> None:
         """Take what has come. With ``marks`` (lockstep), members' samples wait until their tick is over."""
         fresh = self._drain()
         if marks is None:
-            self.batch = [*self._held, *fresh] if self._held else fresh
-            self._held.clear()
+            if self._held:
+                fresh = [*(entry for held in self._held.values() for entry in held), *fresh]
+                self._held.clear()
+            self.batch = fresh
             return
         if awaited := marks.awaited.get(self.key):
-            self._await(awaited, fresh)
+            self._await(awaited, fresh, patience or Patience())
         if not fresh and not self._held:
             self.batch = fresh
             return
         reached = marks.reached.get(self.key, {})
         ready: list[tuple[M, Origin | None]] = []
-        waiting: deque[tuple[M, Origin]] = deque()
-        for message, origin in (*self._held, *fresh):
-            governed = origin is not None and origin.publisher[:MEMBER_BYTES] in marks.members
-            if governed and origin is not None and origin.sequence > reached.get(origin.publisher, 0):
-                waiting.append((message, origin))
+        if self._held:
+            self._let_through(marks, reached, ready)
+        for entry in fresh:
+            origin = entry[1]
+            if (
+                origin is not None
+                and (publisher := origin.publisher)[:MEMBER_BYTES] in marks.members
+                and origin.sequence > (last := reached.get(publisher, 0))
+            ):
+                self._hold(entry[0], origin, last)
             else:
-                ready.append((message, origin))
+                ready.append(entry)
         if len(ready) > 1:
             ready.sort(key=_order)
-        self.batch, self._held = ready, waiting
+        self.batch = ready
 
     def next(self) -> M | None:
         """The next message, for who answers to each as it comes, without time; None when nothing is there."""
@@ -98,6 +155,8 @@ class Input(Generic[M]):
             refused=self.refused,
             foreign=self.foreign,
             reason=self.reason,
+            repeated=self.repeated,
+            resynced=self.resynced,
         )
 
     def _drain(self) -> list[tuple[M, Origin | None]]:
@@ -112,38 +171,60 @@ class Input(Generic[M]):
     def _open(self, sample: Sample) -> tuple[M, Origin | None] | None:
         """The message in a sample that is new, meant for this topic and of its type; gaps before it count as lost.
 
-        Asking for key and type takes 2 us: it is done for each command, for what has no publisher, and else for the
-        first sample of a publisher. The rest takes about 2 us for an Odometry.
+        Asking for key and type takes 2 us: it is done for each command, for what has no publisher, and else for what
+        does not continue its publisher's numbers. The rest takes about 2 us for an Odometry.
         """
         payload, attachment, source = sample
         origin = detach(attachment)
+        follows = False
+        if origin is not None:
+            sequence, source_ns, _, publisher = origin
+            last = self._last.get(publisher)
+            follows = last is not None and sequence == last + 1
+        if (not follows or self._strict) and not self._meant(source, origin):
+            return None
         if origin is None:
-            if not self._meant(source, None):
+            if len(attachment) > LARGEST_ATTACHMENT:
+                self.refuse(f"an attachment of {len(attachment)} bytes; ours has {ATTACHMENT_SIZE}")
                 return None
             self.foreign += 1
-        else:
-            sequence, _, _, publisher = origin
-            last = self._last.get(publisher)
-            if (last is None or self._strict) and not self._meant(source, origin):
-                return None
-            if last is None:
-                if len(self._last) >= CAPACITY:
-                    self._last.pop(next(iter(self._last)))
-            elif sequence != last + 1:
-                if sequence <= last:
-                    return None
-                self.lost += sequence - last - 1
-            self._last[publisher] = sequence
         if len(payload) > self._largest:
-            self.refuse(f"{len(payload)} bytes, the limit is {self._largest}")
+            self._pass_over(origin, follows, f"{len(payload)} bytes, the limit is {self._largest}")
             return None
         try:
             message = self._decode(payload)
         except FAULTS as error:
-            self.refuse(str(error))
+            self._pass_over(origin, follows, str(error))
+            return None
+        if follows:
+            self._last[publisher], self._stamps[publisher] = sequence, source_ns
+        elif origin is not None and not self._is_new(origin):
             return None
         self.received += 1
         return message, origin
+
+    def _is_new(self, origin: Origin) -> bool:
+        """Whether a good sample that does not continue its publisher's numbers is to be taken; it is counted so."""
+        last = self._last.get(origin.publisher, 0)
+        verdict = self._sequences.judge(origin)
+        if verdict is Verdict.REPEATED:
+            self.repeated += 1
+            return False
+        if verdict is Verdict.TOO_FAR:
+            self.refuse(f"number {origin.sequence} after {last}: at most {LARGEST_GAP} may be missing; is it forged?")
+            return False
+        if verdict is Verdict.GAP:
+            self.lost = counted(self.lost, origin.sequence - last - 1)
+        elif verdict is Verdict.RESYNCED:
+            self.resynced += 1
+        self._sequences.accept(origin)
+        return True
+
+    def _pass_over(self, origin: Origin | None, follows: bool, reason: str) -> None:
+        """Refuse a payload. The number of one that was due has been used: it is not lost as well, nor waited for."""
+        self.refuse(reason)
+        if origin is not None and follows:
+            self._sequences.pass_over(origin.publisher, origin.sequence)
 
     def _meant(self, source: Any, origin: Origin | None) -> bool:
         """A put to a wildcard reaches every topic that it covers, and is meant for none of them.
@@ -161,20 +242,52 @@ class Input(Generic[M]):
             return True
         return False
 
-    def _await(self, awaited: dict[bytes, int], fresh: list[tuple[M, Origin | None]]) -> None:
-        """Block until every awaited sample is there; what does not come within PATIENCE_S is counted as lost."""
-        deadline = 0.0
+    def _await(self, awaited: dict[bytes, int], fresh: list[tuple[M, Origin | None]], patience: Patience) -> None:
+        """Block until every awaited sample is there; what does not come while patience lasts is counted as lost."""
         while missing := [each for each, number in awaited.items() if self._last.get(each, 0) < number]:
-            if deadline == 0.0:
-                deadline = time.monotonic() + PATIENCE_S
-            elif time.monotonic() > deadline:
+            if not patience.rest():
+                patience.missed.append(self.name)
                 for publisher in missing:
-                    self.lost += awaited[publisher] - self._last.get(publisher, awaited[publisher] - 1)
-                    self._last[publisher] = awaited[publisher]
+                    # Of one that was never heard, nothing says how many there were, nor with which number it begins.
+                    if (last := self._last.get(publisher)) is None:
+                        self.lost = counted(self.lost, 1)
+                    else:
+                        self.lost = counted(self.lost, awaited[publisher] - last)
+                        self._sequences.give_up(publisher, awaited[publisher])
                 return
-            else:
-                time.sleep(0.00005)
             fresh += self._drain()
+
+    def _let_through(self, marks: Marks, reached: dict[bytes, int], ready: list[tuple[M, Origin | None]]) -> None:
+        """Take from what is held what its member has told of by now, and all of those who are no members any more."""
+        for publisher, held in list(self._held.items()):
+            last = reached.get(publisher, 0) if publisher[:MEMBER_BYTES] in marks.members else held[-1][1].sequence
+            while held and held[0][1].sequence <= last:
+                ready.append(held.popleft())
+            if held and marks.renewed:
+                self._deny(len(held), "a member's number that was not told before time began anew: is it forged?")
+                held.clear()
+            if not held:
+                del self._held[publisher]
+
+    def _hold(self, message: M, origin: Origin, last: int) -> None:
+        """Keep a member's sample until its number is told; ``last`` is the last one that was."""
+        publisher, number = origin.publisher, origin.sequence
+        if publisher[MEMBER_BYTES:] != self._topic_bytes:
+            self._deny(1, "under the id of a lockstep member, which does not publish this topic")
+        elif number > last + self._capacity:
+            self._deny(1, f"number {number} of a lockstep member that has told of {last}: is it forged?")
+        else:
+            held = self._held.setdefault(publisher, deque())
+            while held and held[-1][1].sequence >= number:  # its true numbers go on below forged ones
+                held.pop()
+                self._deny(1, f"number {number} came again from a lockstep member: was one forged?")
+            held.append((message, origin))
+
+    def _deny(self, count: int, reason: str) -> None:
+        """Count samples as refused that were taken before."""
+        self.received -= count
+        self.refuse(reason)
+        self.refused += count - 1
 
 
 def _order(entry: tuple[Message, Origin | None]) -> tuple[bytes, bytes, int]:

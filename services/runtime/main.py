@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -47,9 +48,11 @@ def main(service: Service) -> None:
         raise Declared(service)
     from services.runtime import process
 
+    process.lossy_stderr()
     try:
         process.refuse_shadows()
-        options = _command(service).main(standalone_mode=False)
+        called = os.environ.pop(process.PROGRAM, None)
+        options = _command(service).main(prog_name=called, standalone_mode=False)
     except click.ClickException as error:
         error.show()
         sys.exit(2)
@@ -65,13 +68,20 @@ def main(service: Service) -> None:
     process.end(_run(service, options))
 
 
+def _leave() -> None:
+    """End what a process waits for while it starts: nothing of it is worth an orderly end yet."""
+    raise Stopped("the process was asked to end")
+
+
 def _run(service: Service, options: dict[str, Any]) -> int:
     """The exit status of the service's loop."""
     from services.runtime import process
-    from services.runtime.start import serve
 
     status = 1
     try:
+        process.on_stop(_leave)
+        from services.runtime.start import serve
+
         serve(service, options)
         status = 0
     except Stopped:
@@ -89,16 +99,18 @@ def _command(service: Service) -> click.Command:
     """The click command; its callback returns the options, checked as far as they can be without the network."""
 
     def check(param: tuple[str, ...], fleet_param: tuple[str, ...], **options: Any) -> dict[str, Any] | None:
-        from messages.names import BadName, parse_remap
+        from messages.names import BadName, parse_assignment, parse_remap
         from services.runtime.identity import Identity
 
+        remap = options.pop("remap")
+        private = [assigned for each in remap if (assigned := parse_assignment(each)) is not None]
         try:
-            rules = tuple(parse_remap(each) for each in options.pop("remap"))
+            rules = tuple(parse_remap(each) for each in remap if parse_assignment(each) is None)
             options["identity"] = Identity.of(options.pop("name") or service.name, options.pop("namespace"), rules)
         except BadName as error:
             raise BadInput(str(error)) from None
         options["fleet"] = read_assignments(fleet_param, "--fleet-param")
-        options["command_line"] = read_assignments(param)
+        options["command_line"] = read_assignments((*(f"{name}={value}" for name, value in private), *param))
         build(service.parameters, options["fleet"], "--fleet-param")
         options["params"] = build(service.parameters, {**options["fleet"], **options["command_line"]}, "--param")
         if options.pop("print_config"):
@@ -115,10 +127,10 @@ def _command(service: Service) -> click.Command:
         params=[
             option(["--namespace"], default="/", help="Namespace of the node's relative names, as /tb3_0."),
             option(["--name"], default="", help=f"Name of the node; {service.name} by default."),
-            option(["--remap"], multiple=True, metavar="FROM:=TO", help="Use another name; may be repeated."),
+            option(["--remap"], multiple=True, metavar="FROM:=TO", help="Use another name; _K:=V sets a parameter."),
             option(["--param"], multiple=True, metavar="K=V", help="Set a parameter; may be repeated."),
             option(["--fleet-param"], multiple=True, metavar="K=V", help="The same, as a fleet file states it."),
-            option(["--connect"], multiple=True, metavar="ENDPOINT", help="Router to join; tcp/127.0.0.1:7447."),
+            option(["--connect"], multiple=True, metavar="ENDPOINT", help="Router to join; this user's, of port 7447."),
             option(["--domain"], default="", help="Isolates fleets of one network from each other."),
             option(["--topology"], type=click.Choice(["direct", "star"]), default="direct", help="Peers, or clients."),
             option(["--lockstep"], is_flag=True, help="Step with the simulation, which waits for this node."),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from itertools import islice
 from typing import Any, Self, TypeVar
 
 from messages.base import Message
@@ -11,19 +12,22 @@ from messages.elea import Health
 from messages.requests import Request
 from messages.rosgraph import Log as LogLine
 from messages.topics import HEALTH, ROSOUT, Topic
-from services.runtime.calls import DEADLINE_S, Served, call
+from services.runtime.calls import DEADLINE_S, call
+from services.runtime.counts import Counts
 from services.runtime.errors import Stopped, TryAgain
-from services.runtime.graph import Entity, Kind, pattern
+from services.runtime.graph import Entity, Kind, pattern, ping_key
 from services.runtime.health import Heart
 from services.runtime.identity import Identity
-from services.runtime.inputs import Input
+from services.runtime.inputs import PATIENCE_S, Input, Patience
 from services.runtime.lockstep.marks import Marks
 from services.runtime.log import Log
 from services.runtime.network.transport import Inlet, Token, Transport
 from services.runtime.outbox import Outbox
 from services.runtime.outputs import Output
 from services.runtime.parameters.following import Following
+from services.runtime.reach import Reach
 from services.runtime.register import present
+from services.runtime.serving import Serving
 
 M = TypeVar("M", bound=Message)
 Q = TypeVar("Q", bound=Message)
@@ -31,8 +35,13 @@ R = TypeVar("R", bound=Message)
 
 TAKEOVER_S = 1.5
 """Wall time in which the token of a predecessor that was killed must have gone."""
+MOST_NUMBERS = 4096
+"""Publications that ended, whose numbers are kept in case they begin again; the oldest are forgotten."""
 CLOCK_PATIENCE_S = 2.0
 """Wall time without a first clock after which a node says so."""
+
+_PINGS = 16
+"""Pings answered in one turn."""
 
 
 class Node:
@@ -40,17 +49,21 @@ class Node:
 
     def __init__(self, transport: Transport, identity: Identity, kind: str, log: Log) -> None:
         self.transport, self.identity, self.kind, self.log = transport, identity, kind, log
-        self.heart = Heart(identity.node)
+        self.heart = Heart(identity.node, log)
         self.outbox = Outbox()
         self.inputs: list[Input[Any]] = []
         self.outputs: list[Output[Any]] = []
-        self.served: list[Served[Any, Any]] = []
+        self.counts: list[Counts] = []
+        """Of keys that no input reads; the health lists those that refused something."""
+        self.serving = Serving(transport, log)
+        self.served = self.serving.served
         self.following: Following | None = None
         self.expects_params = False
         self.clock_patience_s = CLOCK_PATIENCE_S
-        self.stopping = False
+        self.stopping = self.calling = False
         self._tokens: dict[tuple[Kind, str], Token] = {}
         self._numbers: dict[str, int] = {}
+        self._reach = Reach(transport, log)
 
     def __enter__(self) -> Self:
         self._claim()
@@ -60,6 +73,7 @@ class Node:
         self._declare("pub", HEALTH.name, Health.ROS_TYPE, HEALTH.quality.name)
         self._rosout: Output[LogLine] = self.write(ROSOUT)
         self.log.publish = self._rosout.publish
+        self._pings = self.transport.serve(ping_key(self.transport.session, self.identity.node))
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -107,33 +121,49 @@ class Node:
                 self.outputs.remove(end)
                 self._tokens.pop(("pub", end.name)).close()
                 self._numbers[end.name] = end.sent
+                if len(self._numbers) > MOST_NUMBERS:
+                    del self._numbers[next(iter(self._numbers))]
             end.close()
 
     def serve(self, request: Request[Q, R], handler: Callable[[Q], R], name: str | None = None) -> None:
         """Answer a request in this node's loop; the handler raises BadInput to refuse with a reason."""
         absolute = self.identity.resolve(name or request.name)
-        self.served.append(Served(request, self.identity.key(name or request.name), handler, self.transport))
+        self.serving.add(request, self.identity.key(name or request.name), handler)
         self._declare("srv", absolute, request.asks.ROS_TYPE, "-")
 
     def call(self, request: Request[Q, R], message: Q, timeout: float = DEADLINE_S, name: str | None = None) -> R:
-        """Ask another node; raises CallFailed. The caller's loop stands still until the reply or the deadline."""
+        """Ask another node; raises CallFailed. The caller's loop stands still until the reply or the deadline, or until
+        the process is asked to end (Stopped).
+        """
         self.outbox.release()
-        return call(self.transport, request, self.identity.key(name or request.name), message, timeout)
+        self.calling = True
+        try:
+            return call(self.transport, request, self.identity.key(name or request.name), message, timeout)
+        finally:
+            self.calling = False
 
     def show_step(self, period_ns: int) -> None:
         """Show that the node's ticks may begin: its inputs are declared."""
         entity = Entity(self.transport.session, "step", self.identity.node, detail=str(period_ns))
         self._tokens["step", self.identity.node] = self.transport.token(entity.key)
 
+    def show_ready(self) -> None:
+        """Show, once, that the node is at work: for those that take no ticks."""
+        if ("ready", self.identity.node) not in self._tokens and ("step", self.identity.node) not in self._tokens:
+            entity = Entity(self.transport.session, "ready", self.identity.node)
+            self._tokens["ready", self.identity.node] = self.transport.token(entity.key)
+
     def turn(self) -> None:
         """What every loop does again and again: end when asked, answer requests, beat."""
         if self.stopping:
             raise Stopped("the process was asked to end")
-        for served in self.served:
-            served.answer()
+        self.serving.turn()
+        for query in islice(iter(self._pings.take, None), _PINGS):
+            query.reply(b"")
         if self.following is not None:
             self.following.turn()
-        self.heart.beat(self._health, self.inputs, self.outputs)
+        self._reach.turn()
+        self._beat()
 
     def wait(self, inlet: Inlet) -> None:
         """Turn, then block until the inlet, a nudge or a tenth of a second; what was held back leaves first."""
@@ -142,11 +172,31 @@ class Node:
         self.transport.wait(inlet)
 
     def admit(self, marks: Marks | None = None) -> None:
-        """Take the snapshot of all inputs."""
+        """Take the snapshot of all inputs. With ``marks``, PATIENCE_S is all that the tick waits for what they name."""
+        if marks is None:
+            for each in self.inputs:
+                each.admit()
+            return
+        patience = Patience(self._beat_in_burst)
         for each in self.inputs:
-            each.admit(marks)
-        if marks is not None:
-            marks.settle()
+            each.admit(marks, patience)
+        marks.settle()
+        if patience.missed:
+            missed = ", ".join(patience.missed)
+            self.log.warn(f"announced, and not here within {PATIENCE_S:g} s, so it counts as lost: {missed}", every=5.0)
+
+    def _beat(self) -> None:
+        refusing = [each for each in self.counts if each.refused]
+        inputs: list[Input[Any] | Counts] = [*self.inputs, *refusing]
+        self.heart.beat(self._health, inputs, self.outputs, self.serving.refusals)
+
+    def _beat_in_burst(self) -> None:
+        """Beat while a tick waits for samples: its burst has begun, and what is put into it would leave too late."""
+        held = self.outbox.held is not None
+        self.outbox.release()
+        self._beat()
+        if held:
+            self.outbox.hold()
 
     def _claim(self) -> None:
         """Take the node's name; raises TryAgain when another process holds it and does not go."""

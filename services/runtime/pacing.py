@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from itertools import islice
 from typing import NamedTuple, Protocol
@@ -9,16 +10,26 @@ from typing import NamedTuple, Protocol
 from messages.base import WrongPayload, decoder
 from messages.rosgraph import Clock
 from messages.topics import CLOCK
+from services.runtime.counts import Counts
+from services.runtime.fleets import listed, running
+from services.runtime.graph import Entity, pattern
 from services.runtime.lockstep.follower import LINK_S, Follower
 from services.runtime.lockstep.marks import Marks
-from services.runtime.lockstep.protocol import Go, greeting_numbers, numbers
+from services.runtime.lockstep.protocol import SIMULATION, Go, numbers, told_numbers
 from services.runtime.log import Log
 from services.runtime.network.transport import Inlet
-from services.runtime.network.wire import detach, encoding
+from services.runtime.network.wire import detach, encoding, publisher_id
 from services.runtime.node import Node
 
 SILENCE_S = 0.5
 """Wall time without a clock after which the loop calls itself waiting."""
+
+CLOCK_SILENCE_S = 3.0
+"""Wall time after which a clock that is silent is followed no more, if there is another; a paused one tells of itself
+ten times a second."""
+
+LOOK_S = 0.05
+"""Wall time between two looks for fellows that are not in sight: each is a question to the network."""
 
 _CLOCKS = 16
 """Clocks kept, and taken in one go; only the newest counts."""
@@ -78,7 +89,69 @@ class Silence:
             self._heart.state, self._heart.note = "waiting", "no clock"
         if silence > self._patience and not self._ever and not self._said:
             self._said = True
-            self._log.warn(f"no clock for {silence:.1f} s: is the simulation running?")
+            self._log.warn(f"no clock for {silence:.1f} s: {_where()}")
+
+
+def _where() -> str:
+    """Why there may be no clock: a fleet runs elsewhere on this machine, or none does."""
+    there = running()
+    if not there:
+        return "is the simulation running? No fleet of yours runs on this machine"
+    return (
+        f"is the simulation running, on this node's port and in its domain? Fleets that run here: {listed(there)}; "
+        "./elea run --port joins one of them"
+    )
+
+
+class ClockSource:
+    """Chooses the one publisher whose ``/clock`` a loop follows; what others send there is counted and named.
+
+    It is the first that is heard, until its token goes or it is silent for CLOCK_SILENCE_S. One of a node is preferred
+    to one without a token, and that of the simulation to all others, so that all loops agree.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._log = node.log
+        self._name, self._key = node.identity.resolve(CLOCK.name), node.identity.key(CLOCK.name)
+        self._watch = node.transport.watch(pattern("pub", name=self._name))
+        self._nodes: dict[bytes, str] = {}
+        """By publisher id, the nodes that hold a token for it."""
+        self._source: bytes | None = None
+        self._heard = -math.inf
+        self.counts = Counts("pacing: " + self._name)
+
+    def follows(self, publisher: bytes) -> bool:
+        """Whether a sample that this publisher sent just now tells the time; empty is one that is not ours."""
+        now = time.monotonic()
+        if publisher != self._source:
+            self._look()
+            silent = now - self._heard > CLOCK_SILENCE_S
+            if self._source is not None and not silent and self._rank(publisher) <= self._rank(self._source):
+                self.counts.refuse(f"{self._called(publisher)} tells another time than {self._called(self._source)}")
+                self._log.warn(f"a second {self._name} is not followed: {self.counts.reason}", every=30.0)
+                return False
+            self._source = publisher
+        self._heard = now
+        self.counts.received += 1
+        return True
+
+    def _look(self) -> None:
+        for token in iter(self._watch.take, None):
+            entity = Entity.parse(token.key)
+            if entity is None or entity.name != self._name:
+                continue
+            publisher = publisher_id(entity.node, entity.session, self._key)
+            if token.alive:
+                self._nodes[publisher] = entity.node
+            elif self._nodes.pop(publisher, None) is not None and publisher == self._source:
+                self._heard = -math.inf
+
+    def _rank(self, publisher: bytes) -> int:
+        node = self._nodes.get(publisher)
+        return 0 if node is None else 2 if node == SIMULATION else 1
+
+    def _called(self, publisher: bytes) -> str:
+        return self._nodes.get(publisher) or "a publisher without a token"
 
 
 class ClockPacer:
@@ -93,6 +166,8 @@ class ClockPacer:
         self._read = decoder(Clock)
         self._period_ns = period_ns
         self._node = node
+        self._source = ClockSource(node)
+        node.counts.append(self._source.counts)
         self._silence = Silence(node, node.log)
         self._next = self._jumps = 0
         self._epoch, self._simulation = -1, b""
@@ -102,21 +177,27 @@ class ClockPacer:
 
     def next(self) -> Instant | None:
         clock, simulation = None, b""
+        passed: list[int] = []
         for payload, attachment, source in islice(iter(self.inlet.take, None), _CLOCKS):
             if self.inlet.key(source) != self._key or self.inlet.encoding(source) not in ("", self._encoding):
                 continue
             try:
-                clock = self._read(payload)
+                newer = self._read(payload)
             except WrongPayload:
                 continue
             origin = detach(attachment)
-            simulation = origin.publisher if origin is not None else b""
+            publisher = origin.publisher if origin is not None else b""
+            if self._source.follows(publisher):
+                passed += [] if clock is None else [clock.clock.ns]
+                clock, simulation = newer, publisher
         if clock is None:
             self._silence.check()
             return None
         self._silence.heard(clock.paused)
         now = clock.clock.ns
         restarted = clock.epoch != self._epoch or simulation != self._simulation
+        if not restarted:
+            self._node.heart.missed += self._missed(passed, now)
         if restarted or now < self._next - self._period_ns:
             self._epoch, self._simulation = clock.epoch, simulation
             self._next, self._jumps = now, self._jumps + 1
@@ -124,6 +205,14 @@ class ClockPacer:
             return None
         self._next = now - now % self._period_ns + self._period_ns
         return Instant(now, clock.epoch, str(self._jumps))
+
+    def _missed(self, passed: list[int], now: int) -> int:
+        """How many ticks fell on the times ``passed`` [ns] over which the newest, ``now``, was taken."""
+        missed, due = 0, self._next
+        for time_ns in passed:
+            if time_ns >= due:
+                missed, due = missed + 1, time_ns - time_ns % self._period_ns + self._period_ns
+        return missed - 1 if missed and now < due else missed
 
     def finish(self) -> None:
         pass
@@ -138,29 +227,31 @@ class LockstepPacer:
     def __init__(self, node: Node, period_ns: int) -> None:
         self._node = node
         self._follower = Follower(node.transport, node.identity.node, period_ns)
+        node.counts.append(self._follower.counts)
         self.inlet = self._follower.inlet
         self.marks: Marks | None = self._follower.marks
         self._silence = Silence(node, node.log)
         self._greeting: Go | None = None
-        self._deadline = 0.0
+        self._introduced = False
+        self._deadline = self._looked = 0.0
         self._step: Go | None = None
 
     def start(self) -> None:
         self._follower.join()
 
     def next(self) -> Instant | None:
+        refused = self._follower.counts.refused
         go = self._follower.take()
+        if self._follower.counts.refused != refused:
+            self._node.log.warn(f"a Go is refused: {self._follower.counts.reason}", every=10.0)
         if go is None:
             self._link()
             self._silence.check()
             return None
-        self._silence.heard(go.paused)
         if go.roster:
-            if self._greeting is None:
-                self._deadline = time.monotonic() + LINK_S
-            self._greeting = go
-            self._link()
+            self._greeted(go)
             return None
+        self._silence.heard(go.paused)
         if go.paused:
             return None
         self._step = go
@@ -177,13 +268,29 @@ class LockstepPacer:
         self._node.outbox.release()
         self._follower.leave()
 
+    def _greeted(self, greeting: Go) -> None:
+        """Answer at once if all fellows are in sight, else when they are; one greeting at a time waits for that."""
+        if self._greeting is not None and self._greeting.simulation != greeting.simulation:
+            self._link()
+        self._silence.heard(greeting.paused)
+        if self._greeting is None:
+            self._deadline = time.monotonic() + LINK_S
+        self._greeting, self._looked = greeting, 0.0
+        self._link()
+
     def _link(self) -> None:
         """Answer the greeting once all fellows are in sight, or after LINK_S without some."""
-        if self._greeting is None:
+        now = time.monotonic()
+        if self._greeting is None or now - self._looked < LOOK_S:
             return
-        if not self._follower.linked(self._greeting.roster):
-            if time.monotonic() < self._deadline:
+        self._looked = now
+        if absent := self._follower.absent(self._greeting.roster):
+            if now < self._deadline:
                 return
-            self._node.log.warn(f"not all of {', '.join(self._greeting.roster)} in sight after {LINK_S} s")
-        tick, self._greeting = self._greeting.tick, None
-        self._follower.greet(tick, *greeting_numbers(self._node.outputs))
+            told = ", ".join(absent)[:500]
+            self._node.log.warn(f"{told} not in sight after {LINK_S:g} s: it goes on without", every=10.0)
+        greeting, self._greeting = self._greeting, None
+        if not self._introduced:
+            self._introduced = True
+            numbers(self._node.outputs)
+        self._follower.greet(greeting, *told_numbers(self._node.outputs))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import io
 import os
 import signal
 import sys
@@ -12,14 +13,21 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from types import FrameType, TracebackType
+from typing import TYPE_CHECKING
 
 from services.runtime.errors import BadInput
+
+if TYPE_CHECKING:
+    from typing_extensions import Buffer
 
 ROOT = Path(__file__).resolve().parents[2]
 """The project's folder."""
 
 PARENT = "ELEA_PARENT_PID"
 """Environment variable by which a supervisor asks its children not to outlive it."""
+
+PROGRAM = "ELEA_PROGRAM"
+"""Environment variable by which ``./elea run`` says how the service was called, for its usage line."""
 
 CLOSE_S = 5.0
 """Wall time in which a process must have left the network once its loop has ended."""
@@ -67,6 +75,27 @@ def die_with_threads() -> None:
 
     threading.excepthook = report
     sys.excepthook = report_main
+
+
+def lossy_stderr() -> None:
+    """Let standard error, from now on, take what nobody reads or no disk has room for: a message that is lost ends
+    nothing.
+    """
+    if sys.stderr is None or sys.stderr is not sys.__stderr__:
+        return
+    sys.stderr = io.TextIOWrapper(
+        io.BufferedWriter(_Lossy(2, "wb", closefd=False)), "utf-8", "backslashreplace", line_buffering=True
+    )
+
+
+class _Lossy(io.FileIO):
+    """A file whose writes always succeed."""
+
+    def write(self, data: Buffer, /) -> int:
+        try:
+            return super().write(data)
+        except OSError:
+            return memoryview(data).nbytes
 
 
 def on_stop(stop: Callable[[], None]) -> None:

@@ -6,9 +6,10 @@ from typing import Any
 
 from messages.requests import PARAMS_ANNOUNCE
 from services.runtime.context import Context
+from services.runtime.errors import Stopped
 from services.runtime.identity import Identity
 from services.runtime.log import Log
-from services.runtime.network.zenoh_config import DEFAULT_ROUTER, Role, configuration
+from services.runtime.network.zenoh_config import Role, check_listen, configuration, default_router
 from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
 from services.runtime.parameters.followed import Followed
@@ -35,13 +36,15 @@ def serve(service: Service, options: dict[str, Any]) -> None:
         def stop() -> None:
             node.stopping = True
             transport.nudge()
+            if node.calling:
+                raise Stopped("the process was asked to end while it waited for an answer")
 
-        on_stop(stop)
         followed = _followed(service, node, options)
         params = followed.params if followed is not None else options["params"]
         context = Context(node, params, service.rate, options["lockstep"], service.observer, followed)
         for topic in service.writes:
             context.writer(topic)
+        on_stop(stop)  # so far a signal ended whatever was waited for
         try:
             run(context)
         finally:
@@ -73,6 +76,9 @@ def _configuration(service: Service, options: dict[str, Any]) -> dict[str, Any]:
     domain = options["domain"]
     if service.routes:
         params = options["params"]
-        return configuration("router", params.link, (params.listen,), domain)
+        listen = (params.listen or default_router(), *params.also)
+        return configuration(
+            "router", params.link, check_listen(listen, params.insecure, "--param insecure=true"), domain
+        )
     role: Role = "star" if options["topology"] == "star" else "direct"
-    return configuration(role, options["connect"] or (DEFAULT_ROUTER,), domain=domain, reliable=options["lockstep"])
+    return configuration(role, options["connect"] or (default_router(),), domain=domain, reliable=options["lockstep"])

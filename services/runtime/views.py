@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
-from messages.base import Message
+from messages.base import Message, counted
 from messages.std import Header
 from messages.topics import Quality
 from services.runtime.inputs import CAPACITY, Input
@@ -58,7 +58,7 @@ class Stream(Generic[M]):
         self._taken += [message for message, _ in self._source.batch]
         excess = len(self._taken) - CAPACITY
         if excess > 0:
-            self._source.lost += excess
+            self._source.lost = counted(self._source.lost, excess)
             del self._taken[:excess]
 
     def clear(self) -> None:

@@ -6,7 +6,8 @@ import msgspec
 from msgspec import Meta
 
 from messages.requests import SIM_REQUESTS
-from messages.topics import CLOCK, LINK_STATES, MODEL_STATES, TF, TF_STATIC
+from messages.topics import CLOCK, FLEET_STATE, LINK_STATES, MODEL_STATES, SIM_STATUS, STOPS, TF, TF_STATIC
+from services.runtime.roster import PATIENCE_S
 from services.runtime.service import Parameters, Service
 from services.sim.base.parameters import BaseParameters as BaseParameters
 from services.sim.joints.parameters import JointParameters as JointParameters
@@ -40,7 +41,7 @@ class SimParameters(Parameters, frozen=True, kw_only=True):
 
     world: Annotated[str, Meta(description="world of models/worlds", extra=_FIXED)] = "empty"
     robots: Annotated[tuple[RobotEntry, ...], Meta(description="robots that are there from the start")] = ()
-    mode: Annotated[Literal["lockstep", "real", "free"], Meta(description="how time runs", extra=_FIXED)] = "real"
+    mode: Annotated[Literal["lockstep", "real"], Meta(description="how time runs", extra=_FIXED)] = "real"
     factor: Annotated[float, Meta(gt=0, le=1000, description="simulated per wall-clock second, in real time")] = 1.0
     latency: Annotated[
         int,
@@ -54,15 +55,36 @@ class SimParameters(Parameters, frozen=True, kw_only=True):
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="seed of the sensors' noise", extra=_FIXED)] = 0
     members: Annotated[
         tuple[str, ...],
-        Meta(description="nodes that lockstep waits for at each tick, the other modes at the start", extra=_FIXED),
+        Meta(description="nodes that lockstep waits for at each tick, and real time at the start", extra=_FIXED),
     ] = ()
+    stops_file: Annotated[
+        str,
+        Meta(description="file that keeps emergency stops through a restart; none: in memory alone", extra=_FIXED),
+    ] = ""
+    awaits: Annotated[
+        tuple[str, ...], Meta(description="further nodes that must be ready before time begins", extra=_FIXED)
+    ] = ()
+    requires: Annotated[
+        tuple[str, ...],
+        Meta(description="those of all these nodes without which time does not begin at all", extra=_FIXED),
+    ] = ()
+    start_timeout: Annotated[
+        float,
+        Meta(
+            gt=0,
+            le=3600,
+            description="wall time without a further node becoming ready after which time begins without, or fails",
+            extra={"unit": "s", "live": False},
+        ),
+    ] = PATIENCE_S
 
 
 SERVICE = Service(
     name="sim",
     about="Physics, sensors, base drivers and simulation time.",
     run="services.sim.loop:run",
-    writes=(CLOCK, TF, TF_STATIC, MODEL_STATES, LINK_STATES),
+    reads=(FLEET_STATE,),
+    writes=(CLOCK, STOPS, TF, TF_STATIC, MODEL_STATES, LINK_STATES, SIM_STATUS),
     serves=SIM_REQUESTS,
     parameters=SimParameters,
     holds_lockstep=False,

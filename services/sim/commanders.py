@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from typing import NamedTuple
 
 from messages.names import key as key_of
 from services.runtime.graph import Entity, pattern
 from services.runtime.network.transport import Transport
-from services.runtime.network.wire import MEMBER_BYTES, Origin, publisher_id
+from services.runtime.network.wire import MEMBER_BYTES, NODE_BYTES, publisher_id
 
 PRIORITIES = {"teleop": 10, "panel": 10}
 """By kind of service; everything else commands at 1. A person at the keys, or at a page, wins over a controller."""
+
+MOST_NAMES = 1024
+"""Names of nodes that are remembered."""
 
 FOREIGN = b"foreign"
 """The source of commands without our attachment."""
@@ -29,11 +31,16 @@ UNKNOWN = Commander("", 1)
 
 
 class Commanders:
-    """Follows the publications of the network; ``gone`` gives those whose process left."""
+    """Follows the publications of the network; ``gone`` gives those whose process left.
+
+    The kind of service of a node is what the token of this life of it says, for as long as that is there; its tokens
+    come in any order.
+    """
 
     def __init__(self, transport: Transport) -> None:
-        self._kinds: dict[str, str] = {}
-        self._known: dict[bytes, Commander] = {}
+        self._kinds: dict[tuple[str, str], str] = {}
+        self._known: dict[bytes, tuple[str, str]] = {}
+        self._names: dict[bytes, str] = {}
         self._nodes = transport.watch(pattern("node"))
         self._publications = transport.watch(pattern("pub"))
 
@@ -41,16 +48,21 @@ class Commanders:
         """The publisher ids that disappeared since the last call."""
         while (event := self._nodes.take()) is not None:
             node = Entity.parse(event.key)
-            if node is not None and event.alive:
-                self._kinds[node.node] = node.name
+            if node is None:
+                continue
+            life = node.node, node.session
+            if event.alive:
+                self._kinds[life] = node.name
+            else:
+                self._kinds.pop(life, None)
         while (event := self._publications.take()) is not None:
             entity = Entity.parse(event.key)
             if entity is None:
                 continue
             source = publisher_id(entity.node, entity.session, key_of(entity.name))
             if event.alive:
-                priority = PRIORITIES.get(self._kinds.get(entity.node, ""), 1)
-                self._known[source] = Commander(entity.node, priority)
+                self._known[source] = entity.node, entity.session
+                self._remember(source[:NODE_BYTES], entity.node)
             elif self._known.pop(source, None) is not None:
                 yield source
 
@@ -60,23 +72,19 @@ class Commanders:
 
     def find(self, source: bytes) -> Commander:
         """The node behind a publisher id."""
-        return self._known.get(source, UNKNOWN)
+        if (life := self._known.get(source)) is None:
+            return UNKNOWN
+        return Commander(life[0], PRIORITIES.get(self._kinds.get(life, ""), 1))
 
+    def name_of(self, node: bytes) -> str:
+        """The name of the node whose publisher ids begin with these NODE_BYTES; empty when no publication was seen.
 
-class Ages:
-    """How long a sample was under way, whatever the sender's clock says.
+        It is remembered of those that are gone: what a tool says in passing is heard after its token went.
+        """
+        return self._names.get(node, "")
 
-    The least difference between arrival and sending stamp seen from a publisher counts as no delay: a clock that is
-    off cancels out, while a burst that waited in a frozen process shows its age.
-    """
-
-    def __init__(self) -> None:
-        self._least: dict[bytes, int] = {}
-
-    def of(self, origin: Origin) -> float:
-        """Age of a sample that arrives now, s of wall time."""
-        delay = time.time_ns() - origin.source_ns
-        least = self._least.get(origin.publisher)
-        if least is None or delay < least:
-            self._least[origin.publisher] = least = delay
-        return (delay - least) / 1e9
+    def _remember(self, node: bytes, name: str) -> None:
+        self._names.pop(node, None)
+        self._names[node] = name
+        if len(self._names) > MOST_NAMES:
+            del self._names[next(iter(self._names))]

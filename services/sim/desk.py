@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from messages.elea import ModelState
+from messages.elea import EmergencyStops, ModelState
 from messages.geometry import Pose, Twist
 from messages.requests import (
     DELETE,
     GET_STATE,
     LIST,
+    LIST_STOPS,
     PAUSE,
+    RELEASE_STOP,
     RESET,
     RESET_WORLD,
     RESUME,
@@ -54,6 +56,8 @@ class Desk:
         node.serve(PAUSE, lambda _: self._pause(True))
         node.serve(RESUME, lambda _: self._pause(False))
         node.serve(STEP, self._step)
+        node.serve(LIST_STOPS, lambda _: EmergencyStops(stops=stage.stops.all))
+        node.serve(RELEASE_STOP, lambda asked: Done(text=stage.release(asked.name, asked.holder)))
 
     def _spawn(self, asked: SpawnModel) -> ModelState:
         joints = by_name(asked.joint_names, asked.joint_positions)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from messages.geometry import Quaternion, Transform, TransformStamped, Vector3
 from messages.std import Header, Time
-from messages.tf import TFMessage
+from messages.tf import TFMessage, split
 from models.frames import Joint, read_joints
 from services.sim.diffdrive.odometry import Pose2
 from services.sim.physics.rotation import into_world
@@ -34,8 +34,8 @@ def fixed(robots: Iterable[tuple[Robot, Placement]], now: int) -> TFMessage:
     return TFMessage(transforms=tuple(transforms))
 
 
-def moving(robots: Iterable[Robot], world: World, now: int) -> TFMessage:
-    """Where the bases are in their odometry, and how the wheels stand."""
+def moving(robots: Iterable[Robot], world: World, now: int) -> Iterator[TFMessage]:
+    """Where the bases are in their odometry, and how the wheels stand, in as many messages as it takes."""
     transforms = []
     for robot in robots:
         odometry = robot.telemetry.odometry
@@ -58,7 +58,7 @@ def moving(robots: Iterable[Robot], world: World, now: int) -> TFMessage:
         for joint in joints:
             if joint.name in angles:
                 transforms.append(_of_joint(robot.name, joint, angles[joint.name], now))
-    return TFMessage(transforms=tuple(transforms))
+    return split(transforms)
 
 
 def _links(robot: Robot) -> tuple[Joint, ...]:

@@ -8,7 +8,6 @@ from typing import Any
 from messages.elea import ModelState
 from messages.geometry import TwistStamped
 from messages.simulation import DriveSettings
-from messages.std import Bool
 from messages.topics import CMD_VEL, E_STOP, JOINT_EFFORT, Topic
 from models import model_path
 from models.figures import Model, read_model
@@ -17,10 +16,11 @@ from services.runtime.errors import BadInput
 from services.runtime.inputs import Input
 from services.runtime.node import Node
 from services.sim import RobotEntry
+from services.sim.ages import Ages
 from services.sim.base.base import Base
 from services.sim.base.parameter_set import BaseSet
 from services.sim.base.settings import effective, odometry_settings
-from services.sim.commanders import Ages, Commanders
+from services.sim.commanders import Commanders
 from services.sim.joints.actuators import Actuators
 from services.sim.joints.parameter_set import JointSet
 from services.sim.joints.terms import positions
@@ -69,8 +69,8 @@ class Robot:
             self.actuators = Actuators(world, entry.name, limits, self._set.terms.rule, ages, node.log)
         self._node, self._world = node, world
         self._commands: Input[Any] = node.read(commands, f"{self.namespace}/{commands.name}")
-        self._e_stop: Input[Any] = node.read(E_STOP, f"{self.namespace}/e_stop")
-        self._all_stop: Input[Any] = node.read(E_STOP, "/e_stop")
+        self.e_stop: Input[Any] = node.read(E_STOP, f"{self.namespace}/e_stop")
+        self._stopped_by: tuple[str, ...] = ()
         self._touching: frozenset[str] = frozenset()
         self._collisions = 0
         odometer = Odometer(odometry_settings(self.model, parameters), world, entry.name, self.base)
@@ -82,7 +82,7 @@ class Robot:
     def close(self) -> None:
         """Leave the world and the network."""
         self._set.close()
-        self._node.forget(self._commands, self._e_stop)
+        self._node.forget(self._commands, self.e_stop)
         self.telemetry.close()
         self._world.delete(self.name)
 
@@ -106,22 +106,24 @@ class Robot:
             self._stiffen(self._set)
 
     def obey(self, now: int, governed: set[bytes], factor: float) -> None:
-        """Take the commands and emergency stops that were admitted at this tick."""
-        if self.base is not None:
-            self.base.stop("robot", self._e_stop.batch)
-            self.base.stop("all", self._all_stop.batch)
-            if self._commands.batch:
-                self.base.obey(self._commands.batch, now, governed, factor)
+        """Take the commands that were admitted at this tick."""
+        if self.base is not None and self._commands.batch:
+            self.base.obey(self._commands.batch, now, governed, factor)
         if self.actuators is not None:
-            self.actuators.stop("robot", self._e_stop.batch)
-            self.actuators.stop("all", self._all_stop.batch)
             self.actuators.obey(self._commands, now, governed, factor)
 
-    def stop(self) -> None:
-        """Stand still until the emergency stop of all is reset, which came before the robot did."""
+    def stop(self, holders: tuple[str, ...], asked: bool = False) -> None:
+        """Stand still while there are ``holders`` of an emergency stop.
+
+        ``asked`` tells that a stop has come since the last call, were it reset already: what was commanded before it
+        moves nothing after it.
+        """
+        self._stopped_by = holders
         for driven in (self.base, self.actuators):
             if driven is not None:
-                driven.stop("all", [(Bool(data=True), None)])
+                if asked:
+                    driven.stop(True)
+                driven.stop(bool(holders))
 
     def lost(self, source: bytes, now: int) -> None:
         """The publisher ``source`` is gone."""
@@ -154,7 +156,8 @@ class Robot:
         """Publish what the base obeys and refuses."""
         if self.base is not None:
             touching, hits = bool(self._touching), self._collisions
-            self.telemetry.status(self.base.status(now, self.entry.model, self._commands.refused, touching, hits))
+            refused = self._commands.refused
+            self.telemetry.status(self.base.status(now, self.entry.model, refused, touching, hits, self._stopped_by))
 
     def change(self, asked: DriveSettings, now: int) -> DriveSettings:
         """Replace the base's live parameters; returns all of them. Raises BadInput for a robot without a base."""

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+from messages.elea import EmergencyStops as EmergencyStopList
 from messages.names import BadName, validate
 from messages.rosgraph import Clock
 from messages.std import Time
-from messages.topics import CLOCK, E_STOP, TF, TF_STATIC
+from messages.topics import CLOCK, E_STOP, STOPS, TF, TF_STATIC
 from services.runtime.errors import BadInput, unknown
+from services.runtime.inputs import Input
 from services.runtime.lockstep.marks import Marks
 from services.runtime.node import Node
 from services.runtime.outputs import Output
 from services.runtime.service import STEP_NS
 from services.sim import RobotEntry
-from services.sim.commanders import Ages, Commanders
+from services.sim.ages import Ages
+from services.sim.commanders import Commanders
 from services.sim.everything import Everything
 from services.sim.frames import fixed, moving
 from services.sim.joints.wrenches import Wrenches
 from services.sim.physics.world import Placement, World
 from services.sim.robot import Robot
+from services.sim.stops import ALL, EmergencyStops
 
 CONTROL = 4
 """Physics steps between two looks at the commands, and two messages of the clock: 50 Hz. Where joints are told faster,
@@ -34,21 +39,29 @@ class Stage:
     """Everything that moves, and simulation time: ``tick`` counts physics steps since the last reset.
 
     ``held`` tells that this tick's wait is over: what is left of it is the step. ``pace`` is CONTROL, or less where
-    ``brisk`` allows it.
+    time follows the wall clock. Emergency stops outlive the process in ``stops_file``, where one is given.
     """
 
-    def __init__(self, node: Node, world: World, seed: int, brisk: bool = True) -> None:
+    def __init__(
+        self, node: Node, world: World, seed: int, real_time: bool = True, stops_file: Path | None = None
+    ) -> None:
         self.world, self.tick, self.epoch, self.paused, self.held = world, 0, 0, False, False
         self.outbox = node.outbox
-        self._node, self._seed, self._brisk = node, seed, brisk
+        self._node, self._seed, self._real_time = node, seed, real_time
         self._robots: dict[str, tuple[Robot, Placement]] = {}
         self.wrenches = Wrenches(world, node.log)
         self._commanders, self._ages = Commanders(node.transport), Ages()
+        self._gone: list[bytes] = []
         self._clock: Output[Any] = node.write(CLOCK)
         self._tf: Output[Any] = node.write(TF)
         self._tf_static: Output[Any] = node.write(TF_STATIC)
         self._everything = Everything(node, world)
-        self._e_stop, self._stopped = node.read(E_STOP, f"/{E_STOP.name}"), False
+        self._e_stop: Input[Any] = node.read(E_STOP, f"/{E_STOP.name}")
+        self.stops = EmergencyStops(stops_file, self._commanders.name_of, node.log)
+        self._stops: Output[Any] = node.write(STOPS)
+        self.stops.load()
+        self.stops.keep()
+        self._tell_stops()
         self._told = -1
         self.pace = CONTROL
 
@@ -71,8 +84,8 @@ class Stage:
     def spawn(self, entry: RobotEntry, place: Placement, wait: bool = False) -> Robot:
         """Add a robot; raises BadInput when its name is taken or wrong, or it would overlap with something.
 
-        While all are stopped it is, too. With ``wait`` it starts on the parameters that the parameter service has for
-        it, else they come a moment later.
+        What is stopped by its name, or while all are, is so from the start. With ``wait`` it starts on the parameters
+        that the parameter service has for it, else they come a moment later.
         """
         try:
             validate(entry.name)
@@ -83,8 +96,7 @@ class Stage:
             raise BadInput(f"a robot {entry.name!r} is already there")
         robot = Robot(self._node, self.world, entry, place, self._seed, self._commanders, self._ages, wait)
         self._robots[entry.name] = robot, place
-        if self._stopped:
-            robot.stop()
+        robot.stop(self.stops.holders(entry.name))
         self._set_pace()
         self.tell_frames()
         return robot
@@ -94,6 +106,8 @@ class Stage:
         self.find(name).close()
         self.wrenches.forget(name)
         del self._robots[name]
+        self.stops.forget(name)
+        self._keep_stops()
         self._set_pace()
         self.tell_frames()
 
@@ -134,7 +148,8 @@ class Stage:
         if tick % FRAMES == 0:
             self._everything.tell()
             if self._tf.wanted:
-                self._tf.publish(moving(self.robots, self.world, now))
+                for message in moving(self.robots, self.world, now):
+                    self._tf.publish(message)
 
     def tell_frames(self) -> None:
         """Publish the fixed transforms."""
@@ -150,9 +165,10 @@ class Stage:
         Who is gone counts last: a command that came just before its sender went must not outlive it.
         """
         self._node.admit(marks)
-        self._stopped = self._e_stop.batch[-1][0].data if self._e_stop.batch else self._stopped
+        self._gone += self._commanders.gone()
+        self._obey_stops()
         governed = marks.members if marks is not None else set()
-        gone = list(self._commanders.gone())
+        gone, self._gone = self._gone, []
         if marks is not None and marks.died:
             # Lockstep goes on without them from this tick; the tokens of their publications may go a moment later.
             gone += self._commanders.of(marks.died)
@@ -164,6 +180,19 @@ class Stage:
             for robot in self.robots:
                 robot.lost(source, self.now)
 
+    def listen_for_stops(self, marks: Marks | None) -> None:
+        """Take the emergency stops that have come, and nothing else: while time is paused they count, too."""
+        for each in dict.fromkeys((self._e_stop, *(robot.e_stop for robot in self.robots))):  # robots may share one
+            each.admit(marks)
+        self._gone += self._commanders.gone()  # for their names; that they are gone counts with their last commands
+        self._obey_stops()
+
+    def release(self, robot: str, holder: str) -> str:
+        """Release emergency stops that others hold, as ``EmergencyStops.release`` does; raises BadInput."""
+        done = self.stops.release(robot, holder)
+        self._keep_stops()
+        return done
+
     def advance(self) -> None:
         """One physics step."""
         now = self.now
@@ -174,9 +203,28 @@ class Stage:
         self.tick += 1
         self.held = False
 
+    def _obey_stops(self) -> None:
+        """Stop first, then write, then tell: nothing moves meanwhile, and what is told outlives this process."""
+        all_asked = self.stops.hear(ALL, self._e_stop.name, self._e_stop.batch)
+        for robot in self.robots:
+            asked = self.stops.hear(robot.name, robot.e_stop.name, robot.e_stop.batch)
+            if asked or all_asked:
+                robot.stop(self.stops.holders(robot.name), asked=True)
+        self._keep_stops()
+
+    def _keep_stops(self) -> None:
+        if not self.stops.keep():
+            return
+        for robot in self.robots:
+            robot.stop(self.stops.holders(robot.name))
+        self._tell_stops()
+
+    def _tell_stops(self) -> None:
+        self._stops.publish(EmergencyStopList(stops=self.stops.all))
+
     def _set_pace(self) -> None:
         rates = [robot.telemetry.joint_steps for robot in self.robots if robot.actuators is not None]
-        self.pace = min([CONTROL, *rates]) if self._brisk else CONTROL
+        self.pace = min([CONTROL, *rates]) if self._real_time else CONTROL
 
     def _touch(self) -> None:
         contacts = self.world.contacts()

@@ -1,10 +1,12 @@
-"""The three ways in which time runs: with the wall clock, as fast as it can, or in lockstep with the members."""
+"""The two ways in which time runs: with the wall clock, or in lockstep with the members."""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Collection
 from typing import Protocol
 
+from messages.topics import LOCKSTEP
 from services.runtime.lockstep.barrier import Barrier
 from services.runtime.lockstep.marks import Marks
 from services.runtime.lockstep.protocol import Go
@@ -21,8 +23,8 @@ class Timing(Protocol):
     marks: Marks | None
     factor: float
 
-    def begin(self) -> None:
-        """Block until time may start."""
+    def begin(self, absent: Collection[str] = ()) -> None:
+        """Block until time may start; nobody waits for the nodes that are ``absent``."""
         ...
 
     def hold(self) -> bool:
@@ -38,42 +40,19 @@ class Timing(Protocol):
         ...
 
 
-class Free:
-    """As fast as it can, without waiting for anyone."""
-
-    marks: Marks | None = None
-    factor = 1.0
-
-    def __init__(self, stage: Stage, node: Node) -> None:
-        self._stage, self._node = stage, node
-
-    def begin(self) -> None:
-        pass
-
-    def hold(self) -> bool:
-        self._node.outbox.release()
-        if self._stage.tick % self._stage.pace:
-            return False
-        self._node.turn()
-        return True
-
-    def halt(self) -> None:
-        pass
-
-    def pace(self, factor: float) -> None:
-        pass
-
-
 class Real:
-    """With the wall clock times a factor; what the machine cannot keep up with is lost, not made up for."""
+    """With the wall clock times a factor; what the machine cannot keep up with is lost, not made up for.
+
+    ``lagged`` is called with the wall time [s] lost, each time that happens.
+    """
 
     marks: Marks | None = None
 
-    def __init__(self, stage: Stage, node: Node, factor: float) -> None:
-        self._stage, self._node, self.factor = stage, node, factor
+    def __init__(self, stage: Stage, node: Node, factor: float, lagged: Callable[[float], None] | None = None) -> None:
+        self._stage, self._node, self.factor, self._lagged = stage, node, factor, lagged
         self.halt()
 
-    def begin(self) -> None:
+    def begin(self, absent: Collection[str] = ()) -> None:
         self.halt()
 
     def hold(self) -> bool:
@@ -86,6 +65,8 @@ class Real:
             time.sleep(ahead)
         elif ahead < -SLACK_S:
             self._node.log.warn(f"simulation lags by {-ahead:.1f} s: the machine is too slow or busy", every=10.0)
+            if self._lagged is not None:
+                self._lagged(-ahead)
             self.halt()
         return True
 
@@ -107,14 +88,16 @@ class Lockstep:
     def __init__(self, stage: Stage, node: Node, members: tuple[str, ...], latency: int) -> None:
         self._stage, self._node, self._latency = stage, node, latency
         self._barrier = Barrier(node.transport, node.outbox, members, node.log, node.wait, self._greeting)
+        node.counts.append(self._barrier.counts)
         self.marks: Marks | None = self._barrier.marks
+        self._state, self._told = node.write(LOCKSTEP), -1
         self._released = False
         self._last = -1, -1
 
-    def begin(self) -> None:
+    def begin(self, absent: Collection[str] = ()) -> None:
         self._node.heart.state = "waiting"
-        self._node.heart.note = "for the members of lockstep"
-        self._barrier.gather()
+        self._node.heart.note = "time has not begun: waiting for the members of lockstep"
+        self._barrier.gather(absent)
         self._node.heart.note = ""
 
     def hold(self) -> bool:
@@ -139,6 +122,9 @@ class Lockstep:
             return control
         if self._last != here:
             self._last = here
+            if self._barrier.version != self._told:
+                self._told = self._barrier.version
+                self._state.publish(self._barrier.state)
             # Also while single steps are taken in a pause.
             self._barrier.release(self._go(paused=False), self._node.outputs)
             self._released = bool(self._latency)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import models
 from messages.names import BadName, absolute_namespace
-from messages.tf import TFMessage
+from messages.tf import TFMessage, split
 from messages.topics import TF, TF_STATIC
 from models.description import LARGEST, BadDescription
 from services.runtime.context import Context
@@ -15,9 +15,6 @@ from services.runtime.errors import BadInput
 from services.state import StateParameters
 from services.state.neighbours import Neighbours
 from services.state.robot import Robot
-
-AT_ONCE = 200
-"""Transforms of one message, well below the size that readers of /tf take."""
 
 
 def run(ctx: Context[StateParameters]) -> None:
@@ -39,8 +36,8 @@ def run(ctx: Context[StateParameters]) -> None:
             )
             stale = False
         transforms = [each for robot in robots for each in robot.moved(tick.time)]
-        for first in range(0, len(transforms), AT_ONCE):
-            moving.publish(TFMessage(transforms=tuple(transforms[first : first + AT_ONCE])))
+        for message in split(transforms):
+            moving.publish(message)
         neighbours.hear(others.batch)
         for robot in robots:
             if twice := neighbours.twice(robot.links.frames if robot.links else frozenset()):

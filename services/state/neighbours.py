@@ -7,6 +7,9 @@ from collections.abc import Iterable
 from messages.tf import TFMessage
 from services.runtime.network.wire import Origin
 
+MOST_NEIGHBOURS = 256
+"""Publishers that are remembered; beyond that, the first of them is forgotten."""
+
 
 class Neighbours:
     """The fixed frames of the other publishers.
@@ -25,6 +28,8 @@ class Neighbours:
             who = origin.publisher if origin is not None else b""
             if who != self._own:
                 self._told[who] = frozenset(each.child_frame_id for each in message.transforms)
+                if len(self._told) > MOST_NEIGHBOURS:
+                    del self._told[next(iter(self._told))]
 
     def twice(self, frames: frozenset[str]) -> list[str]:
         """Those of our frames that another publisher tells of, each once."""

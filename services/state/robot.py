@@ -57,6 +57,8 @@ class Robot:
             f"{self.who}: {description.name or 'a robot'} with {kinds.count('fixed')} fixed joints and "
             f"{sum(each.told for each in description.joints)} that move, from {self.prefix}{description.root} on"
         )
+        for remark in description.remarks:
+            self._ctx.log.warn(f"{self.who}: {remark}")
         if odd := [each.name for each in description.joints if each.kind in ("floating", "planar")]:
             self._ctx.log.warn(f"{self.who}: joints {', '.join(odd)} float: no joint state tells where their links are")
 

@@ -71,7 +71,8 @@ def _base(base: BaseStatus | None, node: str) -> str:
     if base is None:
         return "tells nothing: is the robot still in the simulation?"
     if base.e_stopped:
-        return "EMERGENCY STOP, until false is sent on e_stop"
+        by = f" by {', '.join(base.stopped_by)}" if base.stopped_by else ""
+        return f"EMERGENCY STOP{by}, until false is sent on e_stop"
     what = {"": "nobody commands it", node: "obeys these keys"}.get(base.source, f"obeys {base.source}")
     return f"{what}, touches something" if base.colliding else what
 

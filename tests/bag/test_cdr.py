@@ -6,7 +6,7 @@ import contextlib
 import json
 import math
 import struct
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -16,10 +16,10 @@ from mcap_ros2._dynamic import generate_dynamic
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from messages.base import Message, WrongPayload
-from messages.cdr.definition import BadDefinition, long, parse, text_of
+from messages.cdr.definition import BadDefinition, fields_in, long, parse, text_of
 from messages.cdr.derive import definitions, standard
 from messages.cdr.extras import EXTRAS, ROS_RECORDS, join, split
-from messages.cdr.read import plain_reader, record_reader
+from messages.cdr.read import LARGEST_READ, plain_reader, record_reader
 from messages.cdr.standard import STANDARD
 from messages.cdr.write import NotWritable, writer
 from messages.elea import ProcessState
@@ -27,6 +27,7 @@ from messages.geometry import Twist, Vector3
 from messages.parameters import Parameter, Value
 from messages.records import RECORDS
 from messages.sensor import Range
+from messages.std import Empty
 from tests.bag.values import assert_same, rounded, seen
 from tests.messages.strategies import STEADY, values
 
@@ -116,6 +117,134 @@ def test_fields_are_matched_by_name_with_the_types_of_another_version() -> None:
     data = b"\0\1\0\0" + struct.pack("<f4xddI2s", 9.0, 2.0, 1.0, 2, b"a\0")
     assert record_reader(Twist, types)(data) == Twist(linear=Vector3(x=1.0, y=2.0))
     assert plain_reader("geometry_msgs/Twist", types)(data)["note"] == "a"
+
+
+PROBE = text_of(
+    "probe_msgs/Probe",
+    {
+        "probe_msgs/Probe": fields_in(
+            "probe_msgs/Probe",
+            (
+                "int8 small",
+                "float64 wide",
+                "Inner inner",
+                "Inner[] many",
+                "Nil nothing",
+                "Nil[2] nothings",
+                "string[] words",
+                "int64[] longs",
+            ),
+        ),
+        "probe_msgs/Inner": fields_in("probe_msgs/Inner", ("int16 a", "int64 b")),
+        "probe_msgs/Nil": (),
+    },
+)
+WANTED = {
+    "small": -1,
+    "wide": 0.25,
+    "inner": {"a": 2, "b": -3},
+    "many": [{"a": 4, "b": 5}, {"a": 6, "b": 7}],
+    "nothing": {},
+    "nothings": [{}, {}],
+    "words": ["a", ""],
+    "longs": [8, 9],
+}
+
+
+def test_every_encapsulation_is_read_or_refused() -> None:
+    """CDR of both orders as rosbags writes it; XCDR2 put together by the rules of DDS-XTypes 1.3, 7.4.3."""
+    read = plain_reader("probe_msgs/Probe", parse("probe_msgs/Probe", PROBE))
+    store = get_typestore(Stores.ROS2_JAZZY)
+    store.register(get_types_from_msg(PROBE, "probe_msgs/msg/Probe"))
+    types = store.types
+    inner, empty = types["probe_msgs/msg/Inner"], types["probe_msgs/msg/Nil"]
+    probe = types["probe_msgs/msg/Probe"](
+        small=-1,
+        wide=0.25,
+        inner=inner(a=2, b=-3),
+        many=[inner(a=4, b=5), inner(a=6, b=7)],
+        nothing=empty(),
+        nothings=[empty(), empty()],
+        words=["a", ""],
+        longs=np.array([8, 9]),
+    )
+    for little in (True, False):
+        data = bytes(store.serialize_cdr(probe, "probe_msgs/msg/Probe", little_endian=little))
+        assert read(data) == WANTED, data[:2]
+    inner_, words = "h2xq", "III2s2xI1s3xI2q"  # eight bytes are aligned to four
+    texts = (17, 2, 2, b"a\0", 1, b"\0", 2, 8, 9)
+    plain = f"b3xd{inner_}II{inner_}{inner_}B3xI2B2x{words}"
+    sized = f"b3xdI{inner_}III{inner_}I{inner_}IB3xIIB3xIB3x{words}"
+    bare_parts = (-1, 0.25, 2, -3, 28, 2, 4, 5, 6, 7, 0, 2, 0, 0, *texts)
+    sized_parts = (-1, 0.25, 12, 2, -3, 36, 2, 12, 4, 5, 12, 6, 7, 1, 0, 13, 1, 0, 1, 0, *texts)
+    for first in ("0006", "0007", "0008", "0009"):
+        order = "<" if int(first, 16) % 2 else ">"
+        body = struct.pack(order + plain, *bare_parts)
+        if first > "0007":
+            body = struct.pack(order + sized, *sized_parts)
+            body = struct.pack(f"{order}I", len(body)) + body
+        data = bytes.fromhex(first) + bytes(2) + body
+        assert read(data) == WANTED, first
+        with pytest.raises(WrongPayload, match="not a message of its type"):
+            read(b"\0\1\0\0" + data[4:])
+    for first, reason in (
+        ("0002", "a list of numbered parameters"),
+        ("000b", "a list of numbered parameters"),
+        ("0011", "CDR and XCDR2 are, plain and delimited: 0000, 0001, 0006"),
+        ("28b52ffd", "compressed by itself"),
+        ("", "nothing is not read"),
+    ):
+        with pytest.raises(WrongPayload, match=reason):
+            read(bytes.fromhex(first))
+
+
+class Holder(Message, frozen=True, kw_only=True):
+    """A record that holds one without fields."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/Holder"
+    before: float = 0.0
+    nothing: Empty = Empty()
+    nothings: tuple[Empty, ...] = ()
+    after: float = 0.0
+
+
+def test_a_record_without_fields_takes_a_byte_wherever_it_stands() -> None:
+    message = Holder(before=1.0, nothings=(Empty(),) * 3, after=2.0)
+    data = writer(Holder)(message)
+    assert data[4:] == struct.pack("<dB3xI3B5xd", 1.0, 0, 3, 0, 0, 0, 2.0)
+    assert record_reader(Holder, definitions(Holder))(data) == message
+    store, name, dynamic = independent(Holder)
+    assert store.deserialize_cdr(data, name).after == dynamic(data).after == 2.0
+    assert writer(Empty)(Empty()) == b"\0\1\0\0\0"
+    for whole in (b"\0\1\0\0", b"\0\1\0\0\0"):
+        assert record_reader(Empty, definitions(Empty))(whole) == Empty()
+
+
+def test_few_bytes_never_become_many_values() -> None:
+    """Extents are bounded by the smallest message, and what is counted by the bytes that are left."""
+    deep = "===\n".join(["", *(f"MSG: x/T{n}\nT{n + 1}[9] a\nT{n + 1}[9] b\n" for n in range(1, 12)), "MSG: x/T12\n"])
+    for text, reason in (
+        ("Nil[9999999999] x\n===\nMSG: x/Nil\n", "the smallest x/T has 9999999999 bytes, the limit is 67108864"),
+        (f"T1[2] x\n{deep}", "the limit is 67108864"),
+        ("uint8[0] x", "an array of length 0"),
+        (f"uint8[{'9' * 5000}] x", "is not a field"),
+    ):
+        with pytest.raises(BadDefinition, match=reason):
+            parse("x/T", text)
+    read = plain_reader("x/T", parse("x/T", "Nil[] x\n===\nMSG: x/Nil\n"))
+    with pytest.raises(WrongPayload, match=r"a length of 4294967295 with 3 bytes left"):
+        read(b"\0\1\0\0\xff\xff\xff\xff\0\0\0")
+    wide = plain_reader("x/T", parse("x/T", "Nil[1000000] x\n===\nMSG: x/Nil\n"))
+    with pytest.raises(WrongPayload, match="1000000 of at least 1 bytes each, with 4 bytes left"):
+        wide(b"\0\1\0\0\0\0\0\0")
+    nested = json.dumps("x").join(("[" * 100_000, "]" * 100_000))
+    data = nested.encode()
+    name = b"\2\0\0\0p\0\0\0"
+    value = struct.pack("<I", len(data) + 1) + data + b"\0"
+    with pytest.raises(WrongPayload, match="recursion"):
+        record_reader(Parameter, definitions(Parameter))(b"\0\1\0\0" + name + value)
+    with pytest.raises(WrongPayload, match="the limit of what is read into values is"):
+        read(b"\0\1" + bytes(LARGEST_READ))
 
 
 @pytest.mark.parametrize(

@@ -16,6 +16,7 @@ from rosbags.rosbag2 import Reader
 
 from messages.rosgraph import Clock
 from messages.topics import Quality
+from services.bag import mcap_file
 from services.bag.channel import Channel, quality_of, raw_channel
 from services.bag.folder import BagFolder
 from services.bag.reading import Bag, Entry, open_bag
@@ -139,6 +140,39 @@ def test_files_are_split_by_time(tmp_path: Path) -> None:
     spans = [[each.log_time for each in entries(file)[0]] for file in sorted((tmp_path / "bag").glob("*.mcap"))]
     assert [round((span[-1] - span[0]) / 1e9, 2) for span in spans[:-1]] == [0.5] * (len(spans) - 1)
     assert len(entries(tmp_path / "bag")[0]) == 405
+
+
+def test_a_bag_leaves_room_on_the_disk_and_goes_on_when_there_is_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    free = 10_000_000
+    monkeypatch.setattr(mcap_file, "room", lambda _: (free, 9_999_000))
+    with BagFolder(tmp_path / "bag") as bag:
+        put(bag, [("/clock", Clock(), 0)])
+        bag.flush()
+        free = 9_999_100
+        put(bag, [("/clock", Clock(), tick) for tick in range(1, 8)])
+        with pytest.raises(OSError, match="less than 10 MB are left on it, which are kept for others"):
+            bag.flush()
+        assert bag.unwritten == 14, "of each clock, what ROS knows and what it does not"
+        free = 20_000_000
+        put(bag, [("/clock", Clock(), 9)])
+    read, told = entries(tmp_path / "bag")
+    assert ([each.publish_time for each in read], told.troubles) == ([0, 0, 9, 9], [])
+
+
+def test_an_index_that_has_grown_long_ends_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The index of a file is kept in memory until its end: that of a week would be too much for both."""
+    monkeypatch.setattr(mcap_file, "MOST_CHUNKS", 4)
+    with BagFolder(tmp_path / "bag") as bag:
+        for tick in range(10):
+            put(bag, [("/clock", Clock(), tick)])
+            bag.flush()
+    read, told = entries(tmp_path / "bag")
+    assert ([each.publish_time for each in read[::2]], told.troubles) == (list(range(10)), [])
+    assert len(told.files) == 3
+    with AnyReader([tmp_path / "bag"]) as reader:
+        assert reader.message_count == 20
 
 
 def test_it_goes_on_in_a_folder_that_is_there(tmp_path: Path) -> None:

@@ -80,3 +80,9 @@ def test_every_model_is_the_same_robot_with_a_prefix(model: str) -> None:
     assert [each.name for each in after.joints] == [each.name for each in before.joints]
     assert [each.frame.child for each in after.joints] == [f"r/{each.frame.child}" for each in before.joints]
     assert [each.frame.xyz for each in after.joints] == [each.frame.xyz for each in before.joints]
+
+
+def test_a_description_that_is_nested_without_end_is_recorded_as_it_is() -> None:
+    """What writes XML recurses: 1,500 elements within each other ended the recorder, and each that followed it."""
+    deep = URDF.replace("</robot>", "<a>" * 1500 + "</a>" * 1500 + "</robot>")
+    assert split("/r/robot_description", deep, "r/base") == (String(data=deep), None)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from messages.rosgraph import Clock
 from messages.std import Time
 from messages.topics import CLOCK
+from services.bag.timeline import Moment
 from services.player.pace import Following
-from services.player.timeline import Moment
 from services.runtime.context import Context
 from services.runtime.network.memory_transport import MemoryBus
 from services.runtime.outputs import Output

@@ -176,7 +176,7 @@ def test_a_run_whose_bag_is_not_whole_says_so(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "run" / "report.json").read_text())["ok"] is True
 
 
-@pytest.mark.parametrize("mode", ["real", "free"])
+@pytest.mark.parametrize("mode", ["real", "lockstep"])
 def test_a_recording_begins_with_the_run(tmp_path: Path, mode: str) -> None:
     terminal = Terminal(tmp_path)
     fleet = tmp_path / "fleet.toml"

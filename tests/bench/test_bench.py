@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import deploy.bench
-from deploy.bench import idle, lockstep, wire
+from deploy.bench import codec, idle, lockstep, wire
 from deploy.bench.figures import Figure, ratios
 from deploy.bench.loop import raw_factor, robots, schedule
 from deploy.bench.span import Span
@@ -52,6 +52,7 @@ def brief(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few messages, little simulation time."""
     monkeypatch.setattr(wire, "TRIPS", 50)
     monkeypatch.setattr(wire, "MESSAGES", 500)
+    monkeypatch.setattr(codec, "TRIES", 2)
     monkeypatch.setattr(lockstep, "SPAN", SPAN)
     monkeypatch.setattr(idle, "FROM_S", 1.0)
     monkeypatch.setattr(idle, "TO_S", 2.0)
@@ -62,6 +63,8 @@ def test_every_promised_figure_is_there(capsys: pytest.CaptureFixture[str]) -> N
     status = deploy.bench.bench(1, as_json=True)
     figures = json.loads(capsys.readouterr().out)
     assert {"echo_p50_ratio", "throughput_ratio", "lockstep_ratio", "barrier_ratio", "start_s"} <= figures.keys()
+    assert {"scans_ratio", "scans_per_s", "scans_loss_percent", "throughput_loss_percent"} <= figures.keys()
+    assert {"scan_encode_us", "scan_decode_us", "scan_list_us", "odometry_decode_us"} <= figures.keys()
     assert {"lockstep_cpu_sim_ms", "lockstep_cpu_waypoint_ms", "lockstep_cpu_logger_ms"} <= figures.keys()
     assert {"idle_cpu_sim_percent", "memory_sim_mib", "memory_router_mib"} <= figures.keys()
     assert all(value >= 0 for value in figures.values())
@@ -71,6 +74,8 @@ def test_every_promised_figure_is_there(capsys: pytest.CaptureFixture[str]) -> N
 def test_the_readme_tells_of_every_figure() -> None:
     told = (Path(deploy.bench.__file__).parent / "README.md").read_text()
     for name in ("echo_p50_ratio", "throughput_ratio", "lockstep_ratio", "barrier_ratio", "loop_cpu_ms", "start_s"):
+        assert f"| `{name}` |" in told
+    for name in ("scans_ratio", "scan_encode_us", "scan_decode_us"):
         assert f"| `{name}` |" in told
     for family in ("lockstep_cpu_NAME_ms", "idle_cpu_NAME_percent", "memory_NAME_mib"):
         assert f"| `{family}` |" in told

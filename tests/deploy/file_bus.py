@@ -13,7 +13,10 @@ from services.runtime.errors import BadInput
 
 
 class FileBus:
-    """Heartbeats from ``folder``/beats, one JSON object a line; ``mute`` names nodes whose beats are lost."""
+    """Heartbeats from ``folder``/beats, one JSON object a line; ``mute`` names nodes whose beats are lost.
+
+    ``answers_router`` tells whether the network works otherwise.
+    """
 
     def __init__(self, folder: Path) -> None:
         self._path, self._offset = folder / "beats", 0
@@ -21,6 +24,7 @@ class FileBus:
         self.orders: list[tuple[Verb, str]] = []
         self.answers: list[str] = []
         self.mute: set[str] = set()
+        self.flooded = self.answers_router = False
 
     def beats(self) -> Sequence[Health]:
         if not self._path.exists():
@@ -31,6 +35,9 @@ class FileBus:
             self._offset = file.tell() - len(rest)
         beats = [msgspec.json.decode(line, type=Health) for line in lines]
         return [each for each in beats if each.node not in self.mute]
+
+    def carries(self) -> bool:
+        return self.answers_router
 
     def publish(self, state: FleetState) -> None:
         self.published.append(state)

@@ -49,6 +49,9 @@ class Stage:
     def saw(self, life: Life, fleet: FleetState) -> None:
         self.seen.append((time.monotonic(), life.process.name, life.state))
 
+    def noted(self, text: str) -> None:
+        self.said.append(text)
+
     def turned(self, lives: Sequence[Life]) -> None:
         pass
 

@@ -9,9 +9,13 @@ import sys
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from deploy.claim import Running, claim, folder, running
 from services.runtime.errors import BadInput
+from services.runtime.network.sockets import router_endpoint
+from services.runtime.network.zenoh_config import configuration
+from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.process import ROOT
 
 HOLDER = """
@@ -74,10 +78,31 @@ def test_a_killed_supervisor_holds_nothing_although_its_file_is_there(port: int)
 
 
 def test_another_program_on_the_port(port: int) -> None:
-    refused = pytest.raises(BadInput, match=f"port {port} of 127.0.0.1 is held by another program")
-    with socket.create_server(("127.0.0.1", port)), refused, claim(entry(port)):
-        pass
+    open_to_all = replace(entry(port), listen=(f"tcp/127.0.0.1:{port}",))
+    with socket.create_server(("127.0.0.1", port)):
+        with (
+            pytest.raises(BadInput, match=f"port {port} of 127.0.0.1 is held by another program"),
+            claim(open_to_all),
+        ):
+            pass
+        with claim(entry(port)):
+            assert running() == (entry(port),), "without TCP, the port is but a name"
     assert running() == ()
+
+
+def test_a_router_that_no_fleet_has_started(port: int) -> None:
+    with (
+        ZenohTransport(configuration("router", listen=(router_endpoint(port),))),
+        pytest.raises(BadInput, match=r"a router that is no fleet's already listens in .* --port"),
+        claim(entry(port)),
+    ):
+        pass
+
+
+def test_an_address_that_is_not_of_this_machine(port: int) -> None:
+    away = replace(entry(port), listen=(f"tcp/192.0.2.1:{port}",))
+    with pytest.raises(BadInput, match=f"the router cannot listen on tcp/192.0.2.1:{port}"), claim(away):
+        pass
 
 
 def test_state_folder_that_cannot_be_made(port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -64,12 +64,15 @@ def test_help_loads_nothing_heavy(verb: str, state: dict[str, str]) -> None:
         (["up", "--duration", "nan"], "--duration"),
         (["up", "--port", "0"], "--port: Expected `int` >= 1"),
         (["up", "--connect", "nowhere"], "'nowhere' is not an endpoint"),
+        (["up", "--listen", "tls/127.0.0.1:7447"], "it needs certificates, which Elea does not have yet"),
+        (["up", "--listen", "0.0.0.0:7447"], "drive the robots, without a password. Listen on 127.0.0.1"),
+        (["up", "--listen", "0.0.0.0:7447"], "--insecure"),
         (["up", "--report", "/dev/null/x"], "/dev/null/x cannot be written"),
         (["run", "wayponit"], "unknown service 'wayponit'; did you mean 'waypoint'"),
         (["run", "nowhere.py"], "there is no file nowhere.py"),
         (["down"], "no fleet runs"),
         (["restart", "sim"], "no fleet runs"),
-        (["graph", "--port", "1"], "no router at tcp/127.0.0.1:1"),
+        (["graph", "--port", "1"], "no router at unixsock-stream/"),
     ],
 )
 def test_bad_input(arguments: list[str], hint: str, state: dict[str, str]) -> None:
@@ -110,6 +113,15 @@ def test_run_gives_a_service_its_options(state: dict[str, str]) -> None:
     done = elea(state, "run", "waypoint", "--namespace", "/tb3_0", "--param", "laps=2", "--print-config")
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["params"]["laps"] == 2
+    done = elea(state, "run", "waypoint", "--remap", "_laps:=3", "--remap", "cmd_vel:=/v", "--print-config")
+    told = json.loads(done.stdout)
+    assert (told["params"]["laps"], told["origins"], told["identity"]["rules"]) == (
+        3,
+        {"laps": "command line"},
+        [["cmd_vel", "/v"]],
+    ), "a private parameter, as ROS 1 writes it"
+    done = elea(state, "run", "waypoint", "--remap", "_lap:=3", "--print-config")
+    assert (done.returncode, "unknown parameter 'lap'; did you mean 'laps'?" in done.stderr) == (2, True)
 
 
 def test_test_has_the_exit_status_of_pytest(state: dict[str, str], tmp_path: Path) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from deploy.fleet_file import find_fleet, fleet_names, parse_fleet, read_fleet
-from deploy.wiring import Terms, wired
+from deploy.wiring import Nodes, Terms, wired
 from services.runtime.errors import BadInput
 
 FILE = """\
@@ -74,6 +75,9 @@ def test_values_arrive() -> None:
         ("cmd_vel_timeout", "cmd_timeout", 12, "did you mean 'cmd_vel_timeout'"),
         ("limit = 2", "limits = 2", 27, "did you mean 'limit'"),
         ("cross_track_max_m", "cross_track_mx_m", 29, "did you mean 'cross_track_max_m'"),
+        ("[bounds]", "[bounds.reel]", 28, "did you mean 'real'"),
+        ("[bounds]", "[mode_bounds.real]", 28, "unknown key 'mode_bounds'"),
+        ("[bounds]", "[bounds.real]\ncollision = 0", 29, "did you mean 'collisions'"),
     ],
 )
 def test_wrong_name(old: str, new: str, place: int, hint: str) -> None:
@@ -86,6 +90,7 @@ def test_wrong_name(old: str, new: str, place: int, hint: str) -> None:
     ("old", "new", "place", "what"),
     [
         ('mode = "real"', 'mode = "reel"', 3, "run.mode"),
+        ('mode = "real"', 'mode = "free"', 3, "Use lockstep: it runs as fast as the machine can"),
         ("factor = 2", "factor = 0", 4, "run.factor"),
         ("factor = 2", "factor = nan", 4, "run.factor"),
         ("x = 1,", 'x = "1",', 8, "robot[0].pose.x"),
@@ -125,6 +130,14 @@ def test_contradiction(old: str, new: str, place: int, what: str) -> None:
     assert what in text
 
 
+def test_bounds_of_a_mode_take_the_place_of_those_of_all() -> None:
+    text = FILE.replace("[bounds]", "[bounds]\nrestarts = 0\n[bounds.real]\nrestarts = 2\n[bounds.lockstep]")
+    fleet = parse_fleet(Path("pair.toml"), text)
+    assert (fleet.run.mode, fleet.judged_by()) == ("real", {"restarts": 2})
+    stepped = msgspec.structs.replace(fleet, run=msgspec.structs.replace(fleet.run, mode="lockstep"))
+    assert stepped.judged_by() == {"restarts": 0, "cross_track_max_m": 0.1}
+
+
 CHANGE = """[[change]]
 at = 2.5
 set = "/b/driver"
@@ -139,7 +152,7 @@ values = { "linear.max_velocity" = 0.2, brake = 1 }
 def test_changes_arrive_and_become_the_schedule_of_the_parameter_service() -> None:
     fleet = parse_fleet(Path("pair.toml"), FILE.replace("[bounds]", CHANGE))
     assert [(each.at, each.set) for each in fleet.change] == [(2.5, "/b/driver"), (3.0, "/a/base")]
-    assert wired("params", fleet, Terms(folder=Path("/tmp/run")), ()) == {
+    assert wired("params", fleet, Terms(folder=Path("/tmp/run")), Nodes()) == {
         "file": "",
         "schedule": [
             {"at": 2.5, "set": "/b/driver", "values": {"max_linear": 0.2, "goals": [[1, 1]]}},

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import msgspec
@@ -14,6 +13,7 @@ from deploy.fleet_file import find_fleet, fleet_names, read_fleet
 from deploy.policy import Policy
 from deploy.process import SUPERVISOR, Process, processes
 from deploy.wiring import Terms
+from services.runtime.network.sockets import router_endpoint
 from services.runtime.parameters.record import build, read_assignments
 
 TERMS = Terms(folder=Path("/tmp/run"))
@@ -67,18 +67,14 @@ def test_losses_of_every_process_count_but_for_the_panel() -> None:
 
 def test_nobody_steps_together_on_the_wall_clock() -> None:
     fleet = read_fleet(find_fleet("lab"))
-    free = expand(msgspec.structs.replace(fleet, run=Run(mode="free")))
-    assert not any("--lockstep" in each.argv for each in free.values())
-    assert "/grader" in read_assignments(options(free["sim"], "--fleet-param"))["members"]
     plan = expand(msgspec.structs.replace(fleet, run=Run(mode="real")))
     assert not any("--lockstep" in each.argv for each in plan.values())
     assert read_assignments(options(plan["sim"], "--fleet-param"))["members"] == []
-    assert [each.name for each in plan.values() if each.begins] == ["sim"]
 
 
 def test_lasers_are_recorded_where_nobody_waits_for_the_simulation() -> None:
     fleet = read_fleet(find_fleet("lab"))
-    for mode, recorded in (("lockstep", False), ("real", True), ("free", True)):
+    for mode, recorded in (("lockstep", False), ("real", True)):
         plan = expand(msgspec.structs.replace(fleet, run=Run(mode=mode)))
         assert read_assignments(options(plan["logger"], "--fleet-param"))["scans"] is recorded
     asked = Member(kind="logger", parameters={"scans": True})
@@ -86,12 +82,17 @@ def test_lasers_are_recorded_where_nobody_waits_for_the_simulation() -> None:
     assert read_assignments(options(plan["logger"], "--fleet-param"))["scans"] is True
 
 
-def test_on_the_wall_clock_time_begins_with_the_recorder() -> None:
+def test_in_every_mode_time_begins_with_all_but_onlookers() -> None:
     fleet = read_fleet(find_fleet("lab"))
-    recorded = msgspec.structs.replace(fleet, service=(*fleet.service, Member(kind="recorder")), run=Run(mode="real"))
-    plan = expand(recorded)
-    assert read_assignments(options(plan["sim"], "--fleet-param"))["members"] == ["/recorder"]
-    assert {each.name for each in plan.values() if each.begins} == {"sim", "recorder"}
+    needed = Member(kind="logger", name="needed", required=True)
+    service = (*fleet.service, Member(kind="recorder"), needed)
+    for mode in ("real", "lockstep"):
+        plan = expand(msgspec.structs.replace(fleet, service=service, run=Run(mode=mode)))
+        told = read_assignments(options(plan["sim"], "--fleet-param"))
+        everybody = {each.node for each in plan.values()} - {"/router", "/sim", "/panel"}
+        assert {*told["members"], *told["awaits"]} == everybody
+        assert set(told["requires"]) == {"/params", "/grader", "/needed"}
+        assert {each.node for each in plan.values() if each.begins} == {*everybody, "/sim"}
 
 
 def test_what_the_end_of_each_means() -> None:
@@ -159,7 +160,7 @@ def test_who_starts_after_the_parameters_waits_for_them_and_they_are_kept_in_the
 def test_stated_beats_implied() -> None:
     fleet = Fleet(
         name="own",
-        run=Run(mode="free", port=9000, topology="star"),
+        run=Run(mode="real", port=9000, topology="star"),
         service=(
             Member(kind="sim", parameters={"world": "arena"}, required=False, restart="never"),
             Member(kind="logger", name="log", namespace="/tools", remap={"odom": "/x/odom"}, restart=Policy(limit=1)),
@@ -172,9 +173,25 @@ def test_stated_beats_implied() -> None:
     assert plan["tools/log"].policy == Policy(limit=1)
     assert options(plan["tools/log"], "--namespace") == ["/tools"]
     assert options(plan["tools/log"], "--remap") == ["odom:=/x/odom"]
-    assert options(plan["tools/log"], "--connect") == ["tcp/127.0.0.1:9000"]
+    assert options(plan["tools/log"], "--connect") == [router_endpoint(9000)]
     assert options(plan["sim"], "--topology") == ["star"]
-    assert json.loads(options(plan["router"], "--fleet-param")[0].partition("=")[2]) == "tcp/127.0.0.1:9000"
+    told = read_assignments(options(plan["router"], "--fleet-param"))
+    assert (told["listen"], told["also"], told["insecure"]) == (router_endpoint(9000), [], False)
+
+
+def test_tcp_comes_where_the_fleet_or_the_command_line_asks_for_it() -> None:
+    there = "tcp/127.0.0.1:9100"
+    for tcp, listen, also in (
+        (False, (), []),
+        (True, (), ["tcp/127.0.0.1:9000"]),
+        (False, (there,), [there]),
+        (True, ("tcp/127.0.0.1:9000", there), ["tcp/127.0.0.1:9000", there]),
+    ):
+        fleet = Fleet(name="own", run=Run(port=9000, tcp=tcp))
+        [router] = [each for each in processes(fleet, Terms(folder=Path("/r"), listen=listen)) if each.kind == "router"]
+        assert read_assignments(options(router, "--fleet-param"))["also"] == also
+    shipped = {name for name in fleet_names() if read_fleet(find_fleet(name)).run.tcp}
+    assert shipped == {"bare"}
 
 
 @pytest.mark.parametrize(("router", "view"), [(7447, None), (7448, 9877), (1024, 3453), (65535, None)])

@@ -5,12 +5,14 @@ from __future__ import annotations
 import asyncio
 import signal
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import psutil
 
 from deploy.process import Process
 from deploy.supervisor.supervisor import Supervisor
+from messages.elea import Health
 from tests.deploy.harness import FAST, Stage, all_ready, child, gone, until
 
 
@@ -91,6 +93,21 @@ def test_second_interrupt_kills_at_once(tmp_path: Path) -> None:
     started = time.monotonic()
     stage.run(twice, child("deaf", "/a"))
     assert time.monotonic() - started < 15
+
+
+def test_error_of_the_supervisor_itself_ends_the_fleet_in_order(tmp_path: Path) -> None:
+    stage = Stage(tmp_path)
+    beats = stage.bus.beats
+
+    def fail_once_ready() -> Sequence[Health]:
+        if stage.states("a")[-1:] == ["ready"]:
+            raise RuntimeError("the bus broke")
+        return beats()
+
+    stage.bus.beats = fail_once_ready  # type: ignore[method-assign]
+    ended, reason = run_to_end(stage, child("good", "/a"))
+    assert (ended, reason) == ("failed", "internal error of the supervisor (watch): RuntimeError: the bus broke")
+    assert stage.states("a")[-1] == "stopped"
 
 
 def test_grandchild_goes_with_its_group(tmp_path: Path) -> None:

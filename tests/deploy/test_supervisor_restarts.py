@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from pathlib import Path
 
 import msgspec
@@ -52,6 +53,28 @@ def test_stopped_process_counts_as_hanging(tmp_path: Path) -> None:
         await until(lambda: stage.states("a").count("ready") == 2)
 
     assert stage.run(freeze, child("good", "/a")).restarts == 1
+
+
+def test_when_no_heartbeat_at_all_comes_through_nobody_is_killed_and_it_is_told(tmp_path: Path) -> None:
+    """While the router answers, the fault is the topic; without an answer, each is judged as ever."""
+    stage = Stage(tmp_path)
+
+    async def lose_the_topic(supervisor: Supervisor) -> None:
+        await all_ready(supervisor)
+        lives, bus = supervisor.lives.values(), stage.bus
+        for flood in (False, True):
+            bus.mute, bus.answers_router, bus.flooded = {"/a", "/b"}, not flood, flood
+            await until(lambda: all(each._pulse.silence(time.monotonic()) > LIMIT_S + 1.0 for each in lives))
+            assert ("flood" if flood else "no heartbeat of any process") in bus.published[-1].note
+            assert stage.said[-1].startswith(bus.published[-1].note)
+            bus.mute, bus.answers_router, bus.flooded = set(), False, False
+            await until(lambda: bus.published[-1].note == "" and all(each.well(time.monotonic()) for each in lives))
+        assert all("backing off" not in stage.states(name) for name in "ab")
+        assert len(stage.said) == 4, "each is told once, and that it is over"
+        bus.mute = {"/a", "/b"}
+        await until(lambda: all("backing off" in stage.states(name) for name in "ab"))
+
+    assert stage.run(lose_the_topic, child("good", "/a"), child("good", "/b")).ended == "interrupted"
 
 
 def test_process_that_never_beats_is_given_up_after_its_grace(tmp_path: Path) -> None:

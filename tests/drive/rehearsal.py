@@ -32,7 +32,7 @@ from services.sim.physics.bullet import BulletWorld
 from services.sim.physics.world import Placement
 from services.sim.robot import Robot
 from services.sim.stage import CONTROL, Stage
-from services.sim.timing import Free
+from services.sim.timing import Real
 
 M = TypeVar("M", bound=Message)
 R = TypeVar("R", bound=Message)
@@ -144,7 +144,7 @@ def rehearsal(model: str = "p3dx", at: Placement | None = None, **parameters: ob
         Node(MemoryTransport(bus), identity, "sim", Log(identity.node, out=log)) as node,
     ):
         stage = Stage(node, world, 0)
-        Desk(stage, Free(stage, node), node)
+        Desk(stage, Real(stage, node, 1000), node)
         stage.spawn(RobotEntry(name=NAME, model=model, parameters=given(**parameters)), at or Placement())
         yield Rehearsal(stage, bus, node, log)
 

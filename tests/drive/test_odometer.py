@@ -146,8 +146,8 @@ def test_a_steady_base_takes_new_multipliers_at_once() -> None:
 @pytest.mark.parametrize(
     ("asked", "says"),
     [
-        ({"wheel_separation_multiplier": 1.6}, r"<= 1\.5 - at `\$\.wheel_separation_multiplier`"),
-        ({"left_wheel_radius_multiplier": 0.4}, r">= 0\.5 - at `\$\.left_wheel_radius_multiplier`"),
+        ({"wheel_separation_multiplier": 10.1}, r"<= 10\.0 - at `\$\.wheel_separation_multiplier`"),
+        ({"left_wheel_radius_multiplier": 0.09}, r">= 0\.1 - at `\$\.left_wheel_radius_multiplier`"),
         ({"publish_rate": 51.0}, r"<= 50\.0 - at `\$\.publish_rate`"),
         ({"publish_rate": math.nan}, r"publish_rate"),
         ({"name": "p3dy"}, "unknown model 'p3dy'; did you mean 'p3dx'"),

@@ -97,7 +97,7 @@ def test_what_contradicts_itself_is_refused(parameters: dict[str, Any], says: st
     "parameters",
     [
         {"wheel_radius": 0.0},
-        {"wheel_separation_multiplier": 1.6},
+        {"wheel_separation_multiplier": 10.1},
         {"publish_rate": 51},
         {"pose_covariance_diagonal": [1, 2, 3]},
         {"twist_covariance_diagonal": [1, 2, 3, 4, 5, -6]},

@@ -6,17 +6,21 @@ import math
 
 import pytest
 
-from messages.geometry import Twist
-from messages.std import Bool
+from messages.geometry import Pose, Twist
+from messages.requests import DELETE, LIST_STOPS, RELEASE_STOP, RESET, SPAWN, Name
+from messages.simulation import ReleaseStop, SpawnModel
+from messages.std import Bool, Empty
 from messages.topics import CMD_VEL, E_STOP, GROUND_TRUTH
 from models.figures import read_model
 from models.stopping import Stop, stopping
+from services.runtime.errors import CallFailed
 from services.runtime.identity import Identity
 from services.runtime.lockstep.marks import Marks
 from services.runtime.log import Log
 from services.runtime.network.memory_transport import MemoryTransport
 from services.runtime.network.wire import member_id
 from services.runtime.node import Node
+from services.runtime.outputs import Output
 from tests.drive.rehearsal import NAME, Rehearsal, rehearsal
 
 SPEEDS = (0.2, 0.5, 0.75)
@@ -135,3 +139,47 @@ def test_spinning_brakes_at_a_limit_of_its_own() -> None:
         world.run(1.0)
         spinning = [each for each in world.heard(GROUND_TRUTH) if abs(each.twist.twist.angular.z) > 0.005]
         assert spinning[-1].header.stamp.ns / 1e9 - begin == pytest.approx(1.5 / 3.0, abs=0.03)
+
+
+def test_stops_of_several_add_up_and_what_was_commanded_before_a_reset_moves_nothing() -> None:
+    with rehearsal() as world:
+        at_speed(world, 0.5)
+        world.send(E_STOP, Bool(data=True), sender="/panel")
+        world.send(E_STOP, Bool(data=True), sender="/tool")
+        world.send(E_STOP, Bool(data=False), sender="/tool")
+        world.drive(0.5, 0.0, 1.0)
+        status = world.status()
+        assert (status.e_stopped, len(status.stopped_by)) == (True, 1)
+        world.ask(RESET, Empty())
+        world.drive(0.5, 0.0, 0.2)
+        assert abs(world.truth().twist.twist.linear.x) < STANDING, "time that is reset ends no stop"
+        world.send(E_STOP, Bool(data=False), sender="/panel")
+        world.run(0.2)
+        assert (world.status().e_stopped, world.status().stopped_by) == (False, ())
+        assert abs(world.truth().twist.twist.linear.x) < STANDING
+        at_speed(world, 0.5)
+        world.send(E_STOP, Bool(data=True))
+        world.send(E_STOP, Bool(data=False))
+        near(measured(world), stopping(0.5, 0.0, WHEELS.brake))
+
+
+def test_a_robot_is_spawned_stopped_and_deleted_with_its_stop() -> None:
+    spawn = SpawnModel(name="late", model="burger", pose=Pose.planar(2.0, 0.0))
+    with rehearsal() as world:
+        world.ask(SPAWN, spawn)
+        stop = Output(E_STOP, "/late/e_stop", "late/e_stop", "/panel", MemoryTransport(world.bus))
+        stop.publish(Bool(data=True))
+        world.run(0.02)
+        held = world.ask(LIST_STOPS, Empty()).stops
+        assert [(each.robot, each.topic) for each in held] == [("late", "/late/e_stop")]
+        with pytest.raises(CallFailed, match=r"no emergency stop of p3dx to release \(stops that hold: late\)"):
+            world.ask(RELEASE_STOP, ReleaseStop(name=NAME))
+        world.ask(DELETE, Name(name="late"))
+        assert world.ask(LIST_STOPS, Empty()).stops == ()
+        stop.close()
+        world.ask(SPAWN, spawn)
+        world.run(0.02)
+        assert world.ask(LIST_STOPS, Empty()).stops == ()
+        late = world.stage.find("late")
+        assert late.base is not None
+        assert not late.base.arbiter.e_stopped

@@ -137,8 +137,8 @@ def test_bad_commands_never_reach_the_wheels(v: float, w: float) -> None:
 @pytest.mark.parametrize(
     ("multipliers", "speed", "turn"),
     [
-        ({"wheel_radius_multiplier": 0.8}, 1 / 0.8, 1 / 0.8),
-        ({"wheel_separation_multiplier": 1.2}, 1.0, 1.2),
+        ({"wheel_radius_multiplier": 1.6}, 1 / 1.6, 1 / 1.6),
+        ({"wheel_separation_multiplier": 1.875}, 1.0, 1.875),
         ({"left_wheel_radius_multiplier": 0.9, "right_wheel_radius_multiplier": 0.9}, 1 / 0.9, 1 / 0.9),
     ],
 )

@@ -16,6 +16,7 @@ from messages.geometry import Twist
 from messages.std import String
 from services.runtime.identity import Identity
 from services.runtime.log import Log
+from services.runtime.network.sockets import router_endpoint
 from services.runtime.network.zenoh_config import Role, configuration
 from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
@@ -39,7 +40,7 @@ class Fleet:
 
     def __init__(self, description: str, robots: int, folder: Path, port: int = 0) -> None:
         self.port = port or free_port()
-        self.endpoint = f"tcp/127.0.0.1:{self.port}"
+        self.endpoint = router_endpoint(self.port)
         self.folder = folder
         self._description = description
         self._robots = [f"tb3_{number}" for number in range(robots)]

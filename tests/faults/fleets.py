@@ -1,6 +1,6 @@
 """The fleet files of these tests; services named after a file in ``services`` are the faulty ones there."""
 
-_HEAD = """
+HEAD = """
 name = "faults"
 [run]
 mode = "real"
@@ -9,13 +9,13 @@ topology = "{topology}"
 """
 
 
-def _robot(number: int, services: str) -> str:
+def robot(number: int, services: str) -> str:
     """A robot that faces along x, one metre beside its neighbours."""
     place = f"pose = {{ y = {number}.0 }}"
     return f'\n[[robot]]\nname = "tb3_{number}"\nmodel = "burger"\n{place}\nservices = [{services}]\n'
 
 
-def _waypoint(number: int) -> str:
+def waypoint(number: int) -> str:
     """The project's controller, with a goal so far away that it drives for as long as a test runs."""
     return f'{{ kind = "waypoint", parameters = {{ goals = [[1000.0, {number}.0]] }} }}'
 
@@ -29,37 +29,37 @@ def _service(name: str, rest: str = "") -> str:
 
 
 DRIVING = (
-    _HEAD.format(topology="direct")
-    + _robot(0, _waypoint(0))
-    + "".join(_robot(number, _faulty(name)) for number, name in enumerate(("deadlock", "spin", "gil"), 1))
+    HEAD.format(topology="direct")
+    + robot(0, waypoint(0))
+    + "".join(robot(number, _faulty(name)) for number, name in enumerate(("deadlock", "spin", "gil"), 1))
     + _service("timekeeper")
     + '\n[[service]]\nkind = "sim"\nrestart = { first = 2.0 }\n'
 )
 """A robot with the project's controller, and three with controllers that hang when told; a sim that comes back late."""
 
 STAR = (
-    _HEAD.format(topology="star")
-    + _robot(0, _waypoint(0))
-    + _robot(1, "")
+    HEAD.format(topology="star")
+    + robot(0, waypoint(0))
+    + robot(1, "")
     + '\n[[service]]\nkind = "router"\nrestart = { when = "always", first = 1.0 }\n'
 )
 """Everything through the router, which comes back late; the second robot waits for the test to drive it."""
 
 BROKEN = (
-    _HEAD.format(topology="direct")
-    + _robot(0, _waypoint(0))
+    HEAD.format(topology="direct")
+    + robot(0, waypoint(0))
     + "".join(_service(f"raise_in_{place}") for place in ("loop", "thread", "timer", "answer"))
     + _service("crash_at_once")
 )
 """A robot that must not mind, beside services that raise when told and one that cannot start."""
 
-FAMILY = _HEAD.format(topology="direct") + _robot(0, _waypoint(0)) + _service("parent")
+FAMILY = HEAD.format(topology="direct") + robot(0, waypoint(0)) + _service("parent")
 """A robot, and a service with a child of its own."""
 
-HOPELESS = _HEAD.format(topology="direct") + _service(
+HOPELESS = HEAD.format(topology="direct") + _service(
     "crash_at_once", "required = true\nrestart = { first = 0.05, longest = 0.1, limit = 2 }"
 )
 """It cannot do without what cannot start."""
 
-UNFIT = _HEAD.format(topology="direct") + _service("bad_input", "required = true")
+UNFIT = HEAD.format(topology="direct") + _service("bad_input", "required = true")
 """It cannot do without what was told something wrong."""

@@ -1,4 +1,4 @@
-"""Fault 9: an exception that nobody handles, in the loop, a thread, a timer, or while a request is answered."""
+"""Fault 9: an exception that nobody handles, in the loop, a thread or a timer; and one while a request is answered."""
 
 from __future__ import annotations
 
@@ -11,16 +11,12 @@ from tests.faults.fleet import Fleet
 from tests.faults.services.raise_in_answer import ASK
 
 
-@pytest.mark.parametrize(("place", "status"), [("loop", 1), ("thread", 70), ("timer", 70), ("answer", 1)])
+@pytest.mark.parametrize(("place", "status"), [("loop", 1), ("thread", 70), ("timer", 70)])
 def test_the_process_ends_with_a_traceback_and_comes_back(broken: Fleet, place: str, status: int) -> None:
     name = f"raise_in_{place}"
     broken.wait_ready(name)
     before = broken.process(name)
-    if place == "answer":
-        with pytest.raises(CallFailed, match="planted in the answer"):
-            broken.observer.node.call(ASK, Name(), name=f"/{name}/ask")
-    else:
-        broken.fail(name)
+    broken.fail(name)
     broken.wait_new_life(before)
     assert not psutil.pid_exists(before.pid), "neither a process nor a zombie"
     log = broken.log(name)
@@ -28,3 +24,15 @@ def test_the_process_ends_with_a_traceback_and_comes_back(broken: Fleet, place: 
     assert f"ZeroDivisionError: planted in the {place}" in log
     assert f"{name} backing off: exit status {status}; again in" in log
     broken.wait(lambda: len(broken.observer.sessions[f"/{name}"]) == 1, "one node of the name")
+
+
+def test_a_request_whose_handler_fails_is_answered_so_and_ends_nothing(broken: Fleet) -> None:
+    """A request comes from outside: it must not end the process that serves it."""
+    name = "raise_in_answer"
+    broken.wait_ready(name)
+    before = broken.process(name)
+    for _ in range(2):
+        with pytest.raises(CallFailed, match="internal error: ZeroDivisionError: planted in the answer"):
+            broken.observer.node.call(ASK, Name(), name=f"/{name}/ask")
+    broken.wait(lambda: "ZeroDivisionError: planted in the answer" in broken.log(name), "the traceback in the log")
+    assert (broken.process(name).pid, broken.process(name).restarts) == (before.pid, 0)

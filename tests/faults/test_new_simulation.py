@@ -6,31 +6,37 @@ from messages.base import encode
 from messages.rosgraph import Clock
 from messages.std import Time
 from messages.topics import CLOCK, Quality
+from services.runtime.graph import Entity
 from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
-from services.runtime.network.wire import attach, encoding
+from services.runtime.network.wire import attach, encoding, publisher_id
 from services.runtime.pacing import ClockPacer, Instant
 from tests.runtime.bench import node
 
 PERIOD_NS = 40_000_000
 
 
-def test_another_clock_is_another_simulation() -> None:
+def test_another_clock_is_another_simulation_once_the_one_before_is_gone() -> None:
     bus = MemoryBus()
     outlet = MemoryTransport(bus).publish(CLOCK.name[1:], encoding(Clock.ROS_TYPE), Quality.SENSOR)
     with node(bus, "listener") as listener:
         pacer = ClockPacer(listener, PERIOD_NS)
 
-        def told(ns: int, simulation: bytes) -> Instant | None:
-            outlet.put(encode(Clock(clock=Time.of(ns))), attachment=attach(1, simulation * 16))
+        def told(ns: int, simulation: MemoryTransport) -> Instant | None:
+            publisher = publisher_id("/sim", simulation.session, CLOCK.name[1:])
+            outlet.put(encode(Clock(clock=Time.of(ns))), attachment=attach(1, publisher))
             return pacer.next()
 
-        first, second = told(0, b"a"), told(PERIOD_NS, b"a")
+        old, new = MemoryTransport(bus), MemoryTransport(bus)
+        token = old.token(Entity(old.session, "pub", "/sim", CLOCK.name, Clock.ROS_TYPE, "SENSOR").key)
+        first, second = told(0, old), told(PERIOD_NS, old)
         assert first is not None
         assert second is not None
         assert second.simulation == first.simulation
-        third = told(2 * PERIOD_NS, b"b")
+        assert told(2 * PERIOD_NS, new) is None, "two at a time: the first one tells it"
+        token.close()
+        third = told(2 * PERIOD_NS, new)
         assert third is not None
         assert third.simulation != second.simulation
-        fourth = told(3 * PERIOD_NS, b"b")
+        fourth = told(3 * PERIOD_NS, new)
         assert fourth is not None
         assert fourth.simulation == third.simulation

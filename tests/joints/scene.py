@@ -30,7 +30,7 @@ from services.sim.physics.bullet import BulletWorld
 from services.sim.physics.world import Placement
 from services.sim.properties import Properties
 from services.sim.stage import Stage
-from services.sim.timing import Free
+from services.sim.timing import Real
 
 M = TypeVar("M", bound=Message)
 R = TypeVar("R", bound=Message)
@@ -100,7 +100,7 @@ def scene(*robots: dict[str, Any]) -> Iterator[Scenery]:
         Node(MemoryTransport(bus), identity, "sim", Log(identity.node, out=log)) as node,
     ):
         stage = Stage(node, world, 0)
-        timing = Free(stage, node)
+        timing = Real(stage, node, 1000)
         Desk(stage, timing, node)
         JointDesk(stage, node)
         Properties(stage, timing, node, params, SCENE)

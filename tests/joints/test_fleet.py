@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from deploy.fleet_file import parse_fleet
-from deploy.wiring import Terms, wired
+from deploy.wiring import Nodes, Terms, wired
 from services.runtime.errors import BadInput
 from services.runtime.parameters.record import build
 from services.sim import SimParameters
@@ -27,7 +27,7 @@ parameters = {{ cmd_vel_timeout = 0.5 }}
 def test_they_reach_the_simulation() -> None:
     line = 'parameters = { effort_mode = "sum", effort_clamp = "each", velocity_rule = "gazebo", damping = 1 }'
     fleet = parse_fleet(Path("x.toml"), FLEET.format(line=line))
-    made = build(SimParameters, wired("sim", fleet, Terms(folder=Path("out")), ()))
+    made = build(SimParameters, wired("sim", fleet, Terms(folder=Path("out")), Nodes()))
     arm, tb3 = made.robots
     asked = arm.joint_parameters
     assert (asked.effort_mode, asked.effort_clamp, asked.velocity_rule, asked.damping) == ("sum", "each", "gazebo", 1.0)

@@ -111,7 +111,7 @@ def test_an_emergency_stop_drops_all_efforts_until_it_is_reset() -> None:
         on.push(50.0)
         on.run(0.05)
         assert on.joint().jobs == 0
-        with pytest.raises(CallFailed, match="arm is stopped: e_stop = false resets it"):
+        with pytest.raises(CallFailed, match="arm is stopped: e_stop = false of each who stopped it resets it"):
             on.ask(APPLY_EFFORT, ApplyEffort(job=JointEffort(joint_name="bear_link", effort=1.0)))
         on.send(E_STOP, Bool(data=False), robot="")
         on.run(0.01)

@@ -15,6 +15,7 @@ import msgpack
 import numpy as np
 import zenoh
 
+from services.runtime.network.sockets import router_endpoint
 from services.runtime.network.wire import attach
 from tests.system.stranger import stranger
 from tests.system.terminal import Ended, Terminal
@@ -51,7 +52,7 @@ class Fleet:
 
     def __init__(self, terminal: Terminal) -> None:
         self.terminal = terminal
-        self.endpoint = f"tcp/127.0.0.1:{terminal.port}"
+        self.endpoint = router_endpoint(terminal.port)
 
     def do(self, *arguments: str, status: int = 0) -> Ended:
         """Run a verb to its end, with an exit status."""

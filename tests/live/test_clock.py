@@ -25,10 +25,10 @@ class Told:
         self.clock = SimClock(MemoryTransport(bus))
         self._out = MemoryTransport(bus).publish("clock", encoding(Clock.ROS_TYPE), CLOCK.quality)
 
-    def tell(self, number: int, epoch: int = 0) -> None:
-        """The clock of this number, sent at as many ticks of the wall clock."""
+    def tell(self, number: int, epoch: int = 0, off: int = 0) -> None:
+        """The clock of this number, sent at as many ticks of the wall clock and ``off`` [ns] more."""
         message = Clock(clock=Time.of(number * TICK), epoch=epoch)
-        beside = struct.pack("<qqB16s", number, number * TICK, 16, b"simulation")
+        beside = struct.pack("<qqB16s", number, number * TICK + off, 16, b"simulation")
         self._out.put(encode(message), attachment=beside)
         self.clock.follow()
 
@@ -60,3 +60,30 @@ def test_time_that_begins_anew_forgets_what_was_before(told: Told) -> None:
     told.tell(10, epoch=1)
     assert told.clock.at(9 * TICK) is None
     assert told.clock.at(11 * TICK) == 10 * TICK
+
+
+HOUR = 3600 * 10**9
+
+
+@pytest.mark.parametrize("off", [-TICK // 2, -5 * TICK, -HOUR, HOUR])
+def test_it_is_right_again_with_the_first_clock_after_the_wall_clock_was_set(told: Told, off: int) -> None:
+    for number in range(1000, 1010):
+        told.tell(number)
+    for number in range(1010, 1015):
+        told.tell(number, off=off)
+        assert told.clock.at(number * TICK + off) == number * TICK
+        assert told.clock.past(number * TICK + off - 1)
+        assert told.clock.now == number * TICK
+
+
+@pytest.mark.parametrize("off", [-HOUR, HOUR])
+def test_a_wrong_stamp_costs_nothing_after_the_next_clock(told: Told, off: int) -> None:
+    for number in range(1000, 1010):
+        told.tell(number, epoch=1)
+    told.tell(1010, epoch=2, off=off)
+    for number in range(1011, 1015):
+        told.tell(number, epoch=2)
+        assert told.clock.at(number * TICK) == number * TICK
+        assert told.clock.past(number * TICK - 1)
+        assert not told.clock.past(number * TICK)
+        assert told.clock.since <= number * TICK, "samples of the new epoch count as such"

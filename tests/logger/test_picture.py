@@ -9,7 +9,7 @@ import numpy as np
 import psutil
 import pytest
 
-from services.logger.palette import COLOURS
+from models.palette import COLOURS
 from services.logger.picture import headless, picture
 from services.runtime.errors import BadInput
 from tests.logger.conftest import LENGTH_S, Driven

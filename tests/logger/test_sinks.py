@@ -87,6 +87,18 @@ def test_a_torn_file_reads_up_to_where_it_is_torn(driven: Driven, tmp_path: Path
     assert len(driven.truth["tb3_0"]) / 3 < len(times) < len(driven.truth["tb3_0"])
 
 
+def test_a_file_that_is_cut_before_anything_moves_is_refused_instead_of_waited_for(tmp_path: Path) -> None:
+    """The viewer has shapes then, no timeline, and says nothing: what waits for a timeline waits in vain."""
+    file = tmp_path / "run.rrd"
+    with Recording(file, [("tb3_0", "burger")], EXTENT, pytest.fail):
+        pass
+    with pytest.raises(BadInput, match="nothing at any time: its writer ended before the run began"):
+        readable(file, tmp_path)
+    file.write_bytes(file.read_bytes()[: file.stat().st_size * 4 // 5])
+    with pytest.raises(BadInput, match=r"run\.rrd is cut off after \d+ bytes, before anything that moves"):
+        readable(file, tmp_path)
+
+
 def test_the_live_view_shows_the_run_on_the_loopback_only(tmp_path: Path) -> None:
     port = free_port()
     with Recording(tmp_path / "run.rrd", [("tb3_0", "burger")], EXTENT, pytest.fail, port) as recording:

@@ -50,6 +50,8 @@ def of_kind(kind: kinds.Type) -> st.SearchStrategy[Any]:
             return st.integers(*_int_bounds(whole))
         case kinds.BoolType():
             return st.booleans()
+        case kinds.StrType(pattern=str() as pattern, max_length=int() as longest):
+            return st.from_regex(pattern, fullmatch=True).map(lambda text: text[:longest])
         case kinds.StrType():
             return st.text(max_size=30)
         case kinds.BytesType():
@@ -63,7 +65,9 @@ def of_kind(kind: kinds.Type) -> st.SearchStrategy[Any]:
         case kinds.UnionType(types=types):
             return st.one_of(*map(of_kind, types))
         case kinds.VarTupleType(item_type=item, min_length=low, max_length=high):
-            return st.lists(of_kind(item), min_size=low or 0, max_size=4 if high is None else high).map(tuple)
+            return st.lists(
+                of_kind(item), min_size=low or 0, max_size=4 if high is None else max(low or 0, min(high, 4))
+            ).map(tuple)
         case kinds.CustomType(cls=cls) if issubclass(cls, Array):
             return _arrays(cls)
     raise AssertionError(f"no strategy for {kind}")

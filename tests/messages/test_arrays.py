@@ -1,15 +1,17 @@
 """Arrays and numpy numbers on the wire."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import msgpack
 import numpy as np
 import pytest
 
+from messages import base
 from messages.base import Float32Array, Float64Array, WrongPayload, covariance, decoder, encode, unpack36
 from messages.geometry import Twist, Vector3
-from messages.sensor import JointState, LaserScan
+from messages.sensor import JointState, LaserScan, Range
 from tests.messages.strategies import unpack
 
 decode = decoder(LaserScan)
@@ -95,3 +97,75 @@ def test_a_covariance_has_its_variances_on_the_diagonal() -> None:
     assert np.array_equal(np.reshape(unpack36(covariance(1, 2, 3, 4, 5, 6)), (6, 6)), np.diag([1, 2, 3, 4, 5, 6]))
     with pytest.raises(ValueError, match="6 values, got 2"):
         covariance(1, 2)
+
+
+def test_an_array_is_a_sequence() -> None:
+    values = [3.0, 0.5, 2.0, 0.5]
+    for array in (Float32Array(values), decode(encode(LaserScan(ranges=Float32Array(values)))).ranges):
+        assert isinstance(array, Sequence)
+        assert [*array] == values
+        assert [*reversed(array)] == values[::-1]
+        assert array == values
+        assert array == tuple(values)
+        assert array != values[:3]
+        assert array != "text"
+        assert (len(array), min(array), max(array), sum(array), sorted(array)[0]) == (4, 0.5, 3.0, 6.0, 0.5)
+        assert (array[0], array[-1], array[np.int64(2)]) == (3.0, 0.5, 2.0)
+        for part in (slice(1, 3), slice(None, None, -1), slice(0, 9, 2), slice(2, 2)):
+            assert array[part] == Float32Array(values[part])
+        assert 2.0 in array
+        assert 1.0 not in array
+        assert (array.index(0.5), array.count(0.5)) == (1, 2)
+        for index in (4, -5):
+            with pytest.raises(IndexError):
+                array[index]
+        with pytest.raises(ValueError, match="not in the array"):
+            array.index(9.0)
+        assert np.asarray(array).tolist() == values
+        assert np.shares_memory(np.asarray(array), np.frombuffer(array.raw, "<f4"))
+        assert np.min(array) == 0.5
+    square = Float64Array(range(6), shape=(2, 3))
+    assert [row.tolist() for row in square] == [[0, 1, 2], [3, 4, 5]]
+    assert square[1] == [3.0, 4.0, 5.0]
+    assert square[::-1] == Float64Array([3, 4, 5, 0, 1, 2], shape=(2, 3))
+    with pytest.raises(IndexError):
+        square[2]
+    for empty in (Float32Array(), Float32Array([])[1:]):
+        assert ([*empty], len(empty), empty) == ([], 0, [])
+
+
+def test_one_sound_array_vouches_for_no_other() -> None:
+    """What was read before is known by its first bytes: another size, type, shape or code is looked at anew."""
+    sound = extension("<f4", [2], RAW)
+    for _ in range(3):
+        assert decode(sound).ranges == [0.0, 0.0]
+        for wrong in (
+            extension("<f4", [2], RAW, code=2),
+            extension("<i4", [2], RAW),
+            extension("<f4", [3], RAW),
+            extension("<f4", [2], RAW[:-1]),
+            extension("<f4", [2], RAW + b"x"),
+            sound[:-1],
+        ):
+            with pytest.raises(WrongPayload):
+                decode(wrong)
+    for size in range(200):
+        assert len(decode(extension("<f4", [size], bytes(4 * size))).ranges) == size
+    assert len(base._HEADS) <= base._MOST_HEADS
+
+
+def test_a_list_of_other_things_than_numbers_is_no_array() -> None:
+    for wrong in ([True], [1.0, "2"], [None], [[1.0]], {}, "1"):
+        with pytest.raises(WrongPayload, match="expected an array"):
+            decode(msgpack.packb({"ranges": wrong}))
+
+
+def test_an_effort_that_nobody_measures_and_a_reading_that_is_none_travel() -> None:
+    joints = decoder(JointState)(encode(JointState(name=("a", "b"), effort=(math.nan, 1.0))))
+    assert math.isnan(joints.effort[0])
+    for part in ("position", "velocity"):
+        with pytest.raises(WrongPayload, match=part):
+            decoder(JointState)(msgpack.packb({"name": ["a"], part: [math.nan]}))
+    for reading in (math.nan, math.inf, -math.inf):
+        said = decoder(Range)(encode(Range(range=reading))).range
+        assert said == reading or (math.isnan(said) and math.isnan(reading))

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from messages.names import BadName, Identity, Remap, identify, parse_remap, remap, resolve
+from messages.names import BadName, Identity, Remap, identify, parse_assignment, parse_remap, remap, resolve
 from tests.messages.strategies import STEADY
 from tests.messages.test_names import ABSOLUTE, PART, PRIVATE, RELATIVE
 
@@ -43,10 +43,18 @@ def test_the_first_rule_wins_and_its_target_is_final() -> None:
 @STEADY
 @given(st.one_of(RELATIVE, ABSOLUTE, PRIVATE), st.one_of(RELATIVE, ABSOLUTE, PRIVATE), PART)
 def test_a_rule_moves_its_origin_and_nothing_else(origin: str, target: str, other: str) -> None:
+    origin = f"~{origin}" if origin.startswith("_") else origin
     rule = f"{origin}:={target}"
     assert apply(origin, rule) == resolve(target, "/tb3_0", "waypoint")
     if resolve(other, "/tb3_0", "waypoint") != resolve(origin, "/tb3_0", "waypoint"):
         assert apply(other, rule) == resolve(other, "/tb3_0", "waypoint")
+
+
+def test_a_private_parameter_is_no_rule() -> None:
+    assert parse_assignment("_speed:=0.3") == ("speed", "0.3")
+    assert [parse_assignment(each) for each in ("__ns:=/a", "a:=_b", "/_a:=b", "~_a:=b", "_a=b")] == [None] * 5
+    with pytest.raises(BadName, match=r"'_speed:=fast' is not a remapping rule: _name:=value sets .* 'speed'"):
+        parse_remap("_speed:=fast")
 
 
 def test_rules_read_as_written() -> None:

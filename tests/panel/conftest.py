@@ -23,6 +23,7 @@ from services.panel.server import Server, listen
 from services.panel.web import application
 from services.runtime.identity import Identity
 from services.runtime.log import Log
+from services.runtime.network.sockets import router_endpoint
 from services.runtime.network.zenoh_config import configuration
 from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
@@ -92,7 +93,7 @@ class Watched:
 
     @property
     def endpoint(self) -> str:
-        return f"tcp/127.0.0.1:{self.port}"
+        return router_endpoint(self.port)
 
     @property
     def address(self) -> Address:
@@ -220,7 +221,8 @@ def at() -> Iterator[Bench]:
 def server() -> Iterator[Desk]:
     board, listening = Board(lambda: None, 2), listen(0)
     port = listening.getsockname()[1]
-    with Server(application(Pass(TOKEN, port), board), listening, lambda: None, lambda: 0.1):
+    gate = Pass(TOKEN, port)
+    with Server(application(gate, board), gate, listening, lambda: None, lambda: 0.1):
         yield Desk(board, port)
 
 

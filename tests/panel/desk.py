@@ -32,10 +32,10 @@ class Desk:
     def __init__(self, board: Board, port: int) -> None:
         self.board, self.port = board, port
 
-    def get(self, path: str, **headers: str) -> Answer:
+    def get(self, path: str, method: str = "GET", **headers: str) -> Answer:
         """Ask for a path as it is written: no client tidies it up."""
         link = HTTPConnection("127.0.0.1", self.port, timeout=SOON_S)
-        link.putrequest("GET", path, skip_host="host" in headers)
+        link.putrequest(method, path, skip_host="host" in headers)
         for name, value in headers.items():
             link.putheader(name, self._filled(value))
         link.endheaders()

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 
 import psutil
@@ -111,8 +112,11 @@ def test_a_page_whose_words_stop_lets_the_robot_go(fleet: Watched) -> None:
         assert "no page drives faster" in hear(at, "error")["reason"]
 
 
-def verb(fleet: Watched, *arguments: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_STATE_HOME": str(fleet.folder / "state")}
+def verb(
+    fleet: Watched, *arguments: str, environment: Mapping[str, str] | None = None
+) -> subprocess.CompletedProcess[str]:
+    state = {"PYTHONPATH": str(ROOT), "XDG_STATE_HOME": str(fleet.folder / "state")}
+    environment = {**os.environ, **state, **(environment or {})}
     command = [sys.executable, "-P", "-m", "deploy", "panel", *arguments]
     return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60, check=False)
 
@@ -124,6 +128,19 @@ def test_the_verb_tells_where_the_page_of_the_running_fleet_is(fleet: Watched) -
     assert verb(fleet, "--no-open").stdout.strip() == fleet.address.url
     assert fleet.address.url in fleet.up.text
     assert fleet.address.token not in (fleet.folder / "run" / "logs" / "panel.log").read_text()
+
+
+def test_the_browsers_command_line_holds_no_token(fleet: Watched, tmp_path: Path) -> None:
+    shown = tmp_path / "shown"
+    browser = tmp_path / "browser"
+    browser.write_text(f'#!/bin/sh\necho "$@" > {shown}\n')
+    browser.chmod(0o700)
+    environment = {"DISPLAY": ":0", "BROWSER": f"{browser} %s"}
+    assert verb(fleet, environment=environment).stdout.strip() == fleet.address.url
+    until(lambda: shown.exists() and shown.read_text().endswith("\n"), 10.0, "a browser")
+    address = shown.read_text().strip()
+    assert address.startswith(f"http://127.0.0.1:{fleet.address.port}/?once=")
+    assert fleet.address.token not in address
 
 
 def test_the_verb_starts_a_panel_where_there_is_none(tmp_path: Path) -> None:
@@ -170,6 +187,7 @@ parameters = { goals = [[0.7, 0.2], [0.2, -0.3]] }
 kind = "starter.py"
 """
 STARTER = """
+from collections.abc import Mapping
 from pathlib import Path
 from services.runtime import Parameters, Service, main
 

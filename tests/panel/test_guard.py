@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import socket
+from contextlib import ExitStack, suppress
+
+import psutil
 import pytest
 from websockets.exceptions import InvalidStatus
 
+from services.panel.address import Address, once
+from services.panel.door import MOST, WITHIN_S
 from tests.panel.desk import MINE, TOKEN, Desk
+from tests.waiting import until
 
 
 @pytest.mark.parametrize("path", ["/", f"/?token={TOKEN}", "/session", "/static/js/main.js", "/nothing", "/socket"])
@@ -44,7 +51,7 @@ def test_only_what_lies_in_the_folder_of_the_page_is_served(desk: Desk, path: st
 
 
 def test_the_page_has_nothing_inline(desk: Desk) -> None:
-    text = desk.get(f"/?token={TOKEN}").text
+    text = desk.get("/", cookie=MINE["cookie"]).text
     assert "<style" not in text
     assert " style=" not in text
     assert " onclick=" not in text
@@ -53,7 +60,7 @@ def test_the_page_has_nothing_inline(desk: Desk) -> None:
 
 def test_the_address_opens_the_page_and_leaves_a_cookie_that_other_sites_cannot_use(desk: Desk) -> None:
     answer = desk.get(f"/?token={TOKEN}")
-    assert answer.status == 200
+    assert (answer.status, answer.headers["location"]) == (303, "/"), "the token stays in no history"
     cookie = answer.headers["set-cookie"]
     assert cookie.startswith(f"elea_panel_{desk.port}={TOKEN};")
     assert "httponly" in cookie.lower()
@@ -81,7 +88,7 @@ def test_a_foreign_host_gets_nothing(desk: Desk, host: str) -> None:
 
 def test_a_foreign_page_reads_nothing(desk: Desk) -> None:
     assert desk.get(f"/?token={TOKEN}", origin="http://127.0.0.1:{next}").status == 403
-    assert desk.get(f"/?token={TOKEN}", origin="http://127.0.0.1:{port}").status == 200
+    assert desk.get(f"/?token={TOKEN}", origin="http://127.0.0.1:{port}").status == 303
 
 
 @pytest.mark.parametrize(
@@ -108,3 +115,53 @@ def test_a_socket_needs_host_origin_and_token(desk: Desk, headers: dict[str, str
     assert reason in response.body.decode()
     assert desk.board.pages == []
     assert desk.board.heard() == []
+
+
+def test_a_ticket_opens_the_page_once_and_the_token_is_not_in_it(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    for headers in ({}, {"cookie": "elea_panel_{port}=forged"}, {**MINE, "origin": "http://evil.example"}):
+        assert desk.get("/ticket", "POST", **headers).status in (401, 403)
+    assert desk.get("/ticket", cookie=MINE["cookie"]).status == 405, "no page, picture or link asks by POST"
+    address = Address(port=desk.port, token=TOKEN, pid=0)
+    first, second = once(address), once(address)
+    assert first != second
+    assert TOKEN not in first
+    assert first.startswith(f"http://127.0.0.1:{desk.port}/?once=")
+    path = first[first.index("/?") :]
+    opened = desk.get(path)
+    assert (opened.status, opened.headers["location"]) == (303, "/")
+    assert opened.headers["set-cookie"].startswith(f"elea_panel_{desk.port}={TOKEN};")
+    assert desk.get(path).status == 401, "it counted once"
+    monkeypatch.setattr("services.panel.guard.TICKET_S", -1.0)
+    late = once(address)
+    assert desk.get(late[late.index("/?") :]).status == 401, "it counted for a while"
+    assert desk.get(second[second.index("/?") :]).status == 303
+    with pytest.raises(OSError, match="refuses its own token"):
+        once(Address(port=desk.port, token="another", pid=0))
+
+
+def test_strangers_that_say_nothing_or_half_a_word_keep_nobody_out(desk: Desk) -> None:
+    before = psutil.Process().num_fds()
+    with ExitStack() as stack:
+        strangers = [stack.enter_context(socket.create_connection(("127.0.0.1", desk.port))) for _ in range(200)]
+        for each in strangers[::2]:
+            with suppress(OSError):
+                each.send(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Slow: ")
+        assert desk.get("/session", cookie=MINE["cookie"]).text == "known"
+        with desk.mine() as page:
+            until(lambda: len(desk.board.pages) == 1, 10.0, "a page among them")
+            # Both ends of the strangers' connections, and the page's, are this process's.
+            until(lambda: psutil.Process().num_fds() <= before + 200 + 2 + MOST, 10.0, "few are kept")
+            until(lambda: all(closed(each) for each in strangers), WITHIN_S + 10.0, "none is kept for long")
+            assert desk.get("/session", cookie=MINE["cookie"]).text == "known"
+            assert page.ping().wait(10.0), "the page stays"
+
+
+def closed(link: socket.socket) -> bool:
+    """Whether the other end has closed a connection."""
+    link.setblocking(False)
+    try:
+        return link.recv(1 << 16) == b""
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True

@@ -7,15 +7,20 @@ from math import pi
 
 import pytest
 
+from messages.elea import EmergencyStop, EmergencyStops
 from messages.geometry import Pose, PoseStamped
 from messages.nav import Path
 from messages.requests import PAUSE
 from messages.simulation import SimTime
 from messages.std import Bool
-from messages.topics import E_STOP, PLAN
+from messages.topics import E_STOP, PLAN, STOPS
 from services.panel.frame import MARK
-from services.panel.words import Goal, Pause, Want, Wish
-from tests.panel.bench import Bench, node
+from services.panel.page import Page
+from services.panel.words import Estop, Goal, Pause, Want, Wish
+from services.runtime.network.memory_transport import MemoryTransport
+from services.runtime.network.wire import node_id
+from services.runtime.outputs import Output
+from tests.panel.bench import Bench, Robot, node
 
 
 def test_a_goal_of_the_world_goes_out_in_the_frame_that_the_robot_drives_by(at: Bench) -> None:
@@ -157,3 +162,76 @@ def test_a_rate_is_told_once_it_is_known_and_the_age_is_that_of_the_newest_publi
         for _ in range(4):
             told = beat(1.0, 1)
         assert told["age"] <= 1.0, "one of the two goes on"
+
+
+def test_what_a_node_refused_to_answer_is_told(at: Bench) -> None:
+    page, other = at.page(), at.robot.node
+    at.say(page, Want(channels=("rates",)))
+    at.turn(0.5, tell=True)
+    other.serving.refusals.add("no model of this name")
+    other.heart.hurry()
+    other.turn()
+    at.turn(1.0, tell=True)
+    told = at.told(page, "rates")[-1]["nodes"][other.identity.node]  # type: ignore[index]
+    assert (told["refused_requests"], told["request_reason"]) == (1, "no model of this name")
+
+
+class Held:
+    """The stops that a simulation tells of, in one life of it."""
+
+    def __init__(self, on: Bench) -> None:
+        self.out = Output(STOPS, STOPS.name, "sim/stops", "/sim", MemoryTransport(on.bus))
+
+    def tell(self, at: Bench, *held: tuple[str, str]) -> None:
+        """Tell who holds what: topic and node."""
+        stops = [EmergencyStop(topic=topic, holder=holder, id=node_id(holder)) for topic, holder in held]
+        self.out.publish(EmergencyStops(stops=tuple(stops)))
+        at.turn(0.1, tell=True)
+
+
+def seen(at: Bench, page: Page) -> tuple[bool, bool, list[str]]:
+    """What the page last heard of the robot: asked, stopped, and by whom else."""
+    robot = at.told(page, "robots")[-1]["robots"][0]
+    return robot["asked"], robot["stopped"], robot["stopped_by"]
+
+
+def test_a_stop_outlives_the_sight_of_its_robot_and_ends_with_it(at: Bench) -> None:
+    """The simulation restarts: its tokens go, and nobody has reset the stop. Later the robot is deleted."""
+    page, sim = at.page(), Held(at)
+    at.say(page, Want(channels=("robots",)))
+    at.say(page, Estop(id=3, robot="/a", on=True))
+    at.turn(0.1, tell=True)
+    assert [each.data for each in at.robot.heard("stops")] == [True]
+    sim.tell(at, ("/a/e_stop", "/panel"))
+    at.robot.node.transport.close()
+    at.turn(0.5)
+    assert at.told(page, "robots")[-1]["robots"] == []
+    at.robot = Robot(node(at.bus, "sim"))
+    at.turn(0.2, tell=True)
+    assert [each.data for each in at.robot.heard("stops")] == [True], "the new simulation is told"
+    again = Held(at)
+    again.tell(at)
+    assert seen(at, page) == (True, False, []), "it has not heard of it yet"
+    again.tell(at, ("/a/e_stop", "/panel"), ("/e_stop", "/tool"))
+    assert seen(at, page) == (True, True, ["/tool"])
+    again.tell(at, ("/e_stop", "/tool"))
+    assert seen(at, page) == (False, True, ["/tool"]), "the robot was deleted, or the stop released"
+    at.say(page, Estop(id=3, robot="/a", on=True))
+    at.turn(0.1, tell=True)
+    again.tell(at, ("/a/e_stop", "/panel"))
+    assert seen(at, page) == (True, True, [])
+
+
+def test_a_panel_that_returns_takes_its_stops_up_and_resets_them(at: Bench) -> None:
+    page, sim = at.page(), Held(at)
+    at.say(page, Want(channels=("robots",)))
+    sim.tell(at, ("/a/e_stop", "/panel"), ("/a/e_stop", "/tool"))
+    assert seen(at, page) == (True, True, ["/tool"])
+    assert [each.data for each in at.robot.heard("stops")] == [True]
+    at.say(page, Estop(id=3, robot="/a", on=False))
+    at.turn(0.1, tell=True)
+    assert "may move when /tool reset theirs" in at.told(page, "reply")[-1]["is"]
+    sim.tell(at, ("/a/e_stop", "/panel"))
+    assert [each.data for each in at.robot.heard("stops")] == [False], "what is told may be older than the reset"
+    sim.tell(at)
+    assert seen(at, page) == (False, False, [])

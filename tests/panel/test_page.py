@@ -48,6 +48,26 @@ def test_a_slider_changes_the_speed_and_the_plot_shows_it_on_both_pages(fleet: W
     expect(other.locator(f"{speed} input[type=number]")).to_have_value("0.22")
 
 
+def test_axes_have_units_and_what_cannot_be_used_says_why(fleet: Watched, pages: Pages) -> None:
+    page = pages.open("plots")
+    for index, unit in enumerate(("m/s", "rad/s")):
+        expect(page.locator(".plot .ground").nth(index)).to_have_attribute("data-unit", unit)
+    expect(page.locator("#step")).to_be_disabled()
+    expect(page.locator("#step")).to_have_attribute("title", re.compile("Pause first"))
+    page.click("#pause")
+    expect(page.locator("#step")).to_be_enabled()
+    page.click("#pause")
+    expect(page.locator("#step")).to_be_disabled()
+
+
+def test_processes_show_what_they_use_the_robots_own_first(fleet: Watched, pages: Pages) -> None:
+    page = pages.open("processes")
+    rows = page.locator("tr[data-process]")
+    expect(rows.first).to_have_attribute("data-process", "tb3_0/waypoint")
+    expect(rows.first.locator("td").nth(4)).to_have_text(re.compile(r"^\d+(\.\d)? %$"))
+    expect(rows.first.locator("td").nth(5)).to_have_text(re.compile(r"^\d+ MiB$"))
+
+
 def test_a_field_is_chosen_held_and_saved(fleet: Watched, pages: Pages) -> None:
     page = pages.open("plots")
     page.click("#add-plot")

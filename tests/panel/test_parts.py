@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import struct
+import subprocess
+import sys
 from math import pi
 from pathlib import Path
 
@@ -13,16 +16,18 @@ from hypothesis import strategies as st
 from messages.geometry import Pose, PoseWithCovariance
 from messages.nav import Odometry
 from messages.rosgraph import Clock
-from messages.sensor import LaserScan
+from messages.sensor import Imu, LaserScan
 from messages.std import Float32, Header, Time
 from services.panel.address import Address, read, token_for, write
 from services.panel.fields import leaves, number, parse, stamp
+from services.panel.fleet import Usage
 from services.panel.frame import MARK, Samples, pack
 from services.panel.graph import promised
 from services.panel.page import MOST_FRAMES, Page
 from services.panel.robots import Spot
 from services.panel.server import listen
 from services.panel.sim_time import SimTime
+from services.panel.units import unit
 from services.runtime.errors import BadInput
 from services.runtime.network.wire import Origin
 
@@ -96,6 +101,19 @@ def test_a_message_without_a_stamp_gets_the_time_that_the_clock_showed_when_it_w
     assert (time.era, time.now) == (1, 0)
 
 
+@pytest.mark.parametrize("off", [-(10**6), -3600 * 10**9, 3600 * 10**9])
+def test_time_is_known_again_with_the_first_clock_after_the_wall_clock_was_set(off: int) -> None:
+    for forged in (False, True):
+        time, tick = SimTime(), 20_000_000
+        for beat in range(1, 30):
+            wrong = beat == 20 if forged else beat >= 20
+            time.add(Clock(clock=Time.of(beat * tick)), Origin(beat, 10**18 + beat * tick + off * wrong, 16, b"c"))
+        shift = 0 if forged else off
+        assert time.at(Origin(1, 10**18 + 25 * tick + tick // 2 + shift, 16, b"p")) == 25 * tick + tick // 2
+        assert time.at(Origin(1, 10**18 + 30 * tick + shift, 16, b"p")) == 29 * tick
+        assert time.era == 0
+
+
 @given(st.lists(st.tuples(st.floats(0, 1e6), st.floats(-1e12, 1e12)), max_size=50))
 def test_a_frame_holds_what_was_put_into_it(points: list[tuple[float, float]]) -> None:
     samples = Samples()
@@ -156,12 +174,48 @@ def test_all_ports_taken_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_address_is_for_its_owner_alone_and_the_token_outlives_a_restart(tmp_path: Path) -> None:
     file = tmp_path / "panel.json"
-    token = token_for(file)
+    token = token_for(file, 1)
     write(file, Address(port=1, token=token, pid=2))
     assert file.stat().st_mode & 0o777 == 0o600
     assert read(file) == Address(port=1, token=token, pid=2)
-    assert token_for(file) == token
-    assert token_for(None) != token_for(None)
+    assert token_for(file, 1) == token
+    assert token_for(file, 2) != token, "on another port it is told to somebody else"
+    assert token_for(None, 1) != token_for(None, 1)
     file.write_text("{")
     assert read(file) is None
-    assert token_for(file) != token
+    assert token_for(file, 1) != token
+
+
+def test_the_unit_of_a_field_is_that_of_its_quantity() -> None:
+    scan, imu = LaserScan(ranges=LaserScan().ranges.__class__([1.0])), Imu()
+    for topic, message, path, expected in (
+        ("/a/odom", ODOMETRY, "pose.pose.position.x", "m"),
+        ("/a/odom", ODOMETRY, "pose.pose.orientation.yaw", "rad"),
+        ("/a/odom", ODOMETRY, "pose.pose.orientation.w", ""),
+        ("/a/odom", ODOMETRY, "pose.covariance[0]", ""),
+        ("/a/odom", ODOMETRY, "twist.twist.linear.x", "m/s"),
+        ("/a/odom", ODOMETRY, "twist.twist.angular.z", "rad/s"),
+        ("/a/odom", ODOMETRY, "header.stamp.sec", "s"),
+        ("/a/scan", scan, "ranges[0]", "m"),
+        ("/a/scan", scan, "angle_increment", "rad"),
+        ("/a/imu", imu, "linear_acceleration.z", "m/s²"),
+        ("/robot_control/error", Float32(), "data", "deg"),
+        ("/a/error", Float32(), "data", ""),
+        ("/foreign", {"speed": {"x": 1.0}}, "speed.x", ""),
+    ):
+        assert unit(topic, message, parse(path)) == expected, (topic, path)
+
+
+def test_usage_is_measured_while_a_process_lives() -> None:
+    usage = Usage()
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as child:
+        pids = {"own": os.getpid(), "child": child.pid}
+        assert usage.measure(pids)
+        assert usage.shown["own"][1] > 10, "MiB"
+        assert "child" in usage.shown
+        sum(i * i for i in range(300_000))
+        usage.measure(pids)
+        assert usage.shown["own"][0] > 0, "percent of a core"
+        child.communicate(b"\n")
+    usage.measure(pids)
+    assert set(usage.shown) == {"own"}

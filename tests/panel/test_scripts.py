@@ -127,3 +127,41 @@ def test_a_wide_range_has_a_fine_slider_near_what_is_usual(page: Page) -> None:
     )
     assert 0.2 < sent[0] < 0.5
     assert 37.5 < sent[1] < 40
+
+
+def test_a_button_asks_once_however_often_it_is_pressed_and_a_greyed_one_says_why(page: Page) -> None:
+    got = page.evaluate(
+        """async () => {
+          const { allow, el, whileAsking } = await import("/static/js/dom.js");
+          let asked = 0, answer;
+          const button = el("button", { title: "Start it", onclick: () =>
+            whileAsking([button], new Promise((done) => { asked++; answer = done; })) });
+          button.click(); button.click(); button.click();
+          const during = [asked, button.disabled];
+          allow(button, "it runs already");
+          answer();
+          await new Promise((done) => setTimeout(done, 20));
+          const refused = [button.disabled, button.title];
+          allow(button, "");
+          return { during, refused, after: [button.disabled, button.title] };
+        }"""
+    )
+    assert got == {"during": [1, True], "refused": [True, "it runs already"], "after": [False, "Start it"]}
+
+
+def test_a_rounding_error_is_zero_and_small_values_stay(page: Page) -> None:
+    shown = page.evaluate(
+        """async () => {
+          const { short } = await import("/static/js/plot.js");
+          return [short(-9.52e-10, 0.4), short(-9.52e-10, 1e-8), short(0.22, 0.4), short(undefined)];
+        }"""
+    )
+    assert shown == ["0", "-9.52e-10", "0.22", "–"]
+
+
+def test_robots_and_the_users_own_come_before_the_house(page: Page) -> None:
+    names = ["router", "/sim", "/tb3_0/waypoint", "/tf", "my_driver", "/health", "/robot_control", "panel"]
+    ordered = page.evaluate(
+        """async (names) => (await import("/static/js/store.js")).ownFirst(names, (each) => each)""", names
+    )
+    assert ordered == ["/tb3_0/waypoint", "my_driver", "/robot_control", "router", "/sim", "/tf", "/health", "panel"]

@@ -19,8 +19,8 @@ SET = "/robot_control"
 class Counter:
     """A desk, what it told, and what it logged."""
 
-    def __init__(self, desk: Desk, told: list[Any], out: io.StringIO, alive: set[str]) -> None:
-        self.desk, self.told, self.out, self.alive = desk, told, out, alive
+    def __init__(self, desk: Desk, told: list[Any], out: io.StringIO, alive: set[str], ended: list[str]) -> None:
+        self.desk, self.told, self.out, self.alive, self.ended = desk, told, out, alive, ended
 
     def set(self, clamp: bool = False, run: bool = False, request: str = "", **given: Any) -> ParameterValues:
         return self.desk.set(SetParameters(set=SET, values=values(**given), clamp=clamp, run=run, id=request, who="me"))
@@ -52,5 +52,6 @@ def counter(file: str = "") -> Iterator[Counter]:
     with opened(file) as store:
         told: list[Any] = []
         out, alive = io.StringIO(), {"/arm", "/reference"}
-        desk = Desk(store, told.append, Log("/params", out=out), lambda: 1_500_000_000, alive.__contains__)
-        yield Counter(desk, told, out, alive)
+        ended: list[str] = []
+        desk = Desk(store, told.append, Log("/params", out=out), lambda: 1_500_000_000, lambda: alive, ended.append)
+        yield Counter(desk, told, out, alive, ended)

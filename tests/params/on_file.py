@@ -36,7 +36,9 @@ def desk(file: Path | str) -> Iterator[Desk]:
 
 
 def of(store: Store) -> Desk:
-    made = Desk(store, lambda news: None, Log("/params", "fatal"), lambda: 0, lambda node: True)
+    made = Desk(
+        store, lambda news: None, Log("/params", "fatal"), lambda: 0, lambda: {"/arm", "/reference"}, lambda name: None
+    )
     made.announce(arm(parameters=WIDE))
     return made
 

@@ -155,13 +155,13 @@ def test_who_comes_late_hears_the_schema_and_the_values(bus: MemoryBus, clock: H
 
 def test_due_changes_come_in_the_order_of_time_and_file() -> None:
     schedule = Schedule(SCHEDULE)
-    assert schedule.due(10**10, ()) == []
-    assert [each.at for each in schedule.due(10**10, {SET})] == [1.0, 2.0, 2.0]
-    assert schedule.due(10**10, {SET}) == []
+    assert schedule.due(10**10, ()) == {}
+    assert [each.at for each in schedule.due(10**10, {SET}).values()] == [1.0, 2.0, 2.0]
+    assert schedule.due(10**10, {SET}) == {}
     assert [each.set for each in schedule.late(12 * 10**9, 10**10)] == ["/late"]
     schedule.start()
-    assert [each.at for each in schedule.due(1_000_000_000, {SET, "/late"})] == [1.0]
-    assert schedule.due(1_999_999_999, {SET}) == []
+    assert [each.at for each in schedule.due(1_000_000_000, {SET, "/late"}).values()] == [1.0]
+    assert schedule.due(1_999_999_999, {SET}) == {}
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from models import model_path
 from models.limits import read_limits
 from models.scene import Scene
 from services.runtime.log import Log
-from services.sim.commanders import Ages
+from services.sim.ages import Ages
 from services.sim.joints.actuators import Actuators
 from services.sim.joints.effort import Rule
 from services.sim.physics.bullet import BulletWorld

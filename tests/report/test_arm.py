@@ -17,6 +17,7 @@ from deploy.report.record import RunFacts
 from deploy.report.table import show
 from deploy.report.write import compose, to_json, write_report
 from messages.control import JointControllerState
+from messages.elea import LockstepState
 from messages.sensor import JointState
 from messages.std import Header, Time
 from services.grader import Arm
@@ -166,7 +167,7 @@ def test_the_hash_tells_one_motion_from_another() -> None:
 
 def test_the_report_of_an_arm_fits_the_schema_and_is_drawn(tmp_path: Path) -> None:
     run = played()
-    store(tmp_path, run.measurements("goals"), run.robots)
+    store(tmp_path, run.measurements("goals", LockstepState()), run.robots)
     report = write_report(tmp_path, FACTS, {"step_rise_s": Bound(min=0.2, max=0.25), "cross_track_max_m": 0.1})
     jsonschema.Draft202012Validator(schema.schema()).validate(json.loads(to_json(report)))
     assert report.ok
@@ -177,14 +178,16 @@ def test_the_report_of_an_arm_fits_the_schema_and_is_drawn(tmp_path: Path) -> No
 
 
 def test_a_bound_that_an_arm_misses_and_one_on_what_was_not_measured() -> None:
-    report = compose(played().measurements("goals"), FACTS, {"step_overshoot_percent": 1.0, "tracking_rms_deg": 0.2})
+    report = compose(
+        played().measurements("goals", LockstepState()), FACTS, {"step_overshoot_percent": 1.0, "tracking_rms_deg": 0.2}
+    )
     assert not report.ok
     assert [each.name for each in report.checks if not each.ok] == ["arm.tracking_rms_deg"]
 
 
 def test_the_table_tells_of_it_in_words() -> None:
     out = io.StringIO()
-    show(compose(played().measurements("goals"), FACTS, {}), out)
+    show(compose(played().measurements("goals", LockstepState()), FACTS, {}), out)
     text = out.getvalue()
     assert "arm: step from 0.0 to 30.0 deg at 1.00 s: rise 0.220 s" in text
     assert "at 29.000 deg, error 1.000 deg" in text

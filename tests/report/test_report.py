@@ -12,11 +12,21 @@ import jsonschema
 import msgspec
 import pytest
 
+from deploy.fleet import Change
 from deploy.report import schema
+from deploy.report.axes import shortened
 from deploy.report.bounds import Bound, Bounds, check_bounds
+from deploy.report.numbers import fixed, plain
+from deploy.report.picture import drawn
 from deploy.report.record import PICTURE_FILE, REPORT_FILE, Report, RunFacts
 from deploy.report.table import show
 from deploy.report.write import compose, read_measurements, to_json, write_report
+from deploy.supervisor.conduct import Conduct
+from messages.elea import LockstepState
+from messages.parameters import ScheduledChange, ScheduledChanges
+from messages.simulation import SimStatus
+from messages.std import Time
+from models.palette import colour, hexadecimal
 from services.grader.folder import prepare, write_whole
 from services.grader.records import Ended, Measurements
 from services.grader.store import store
@@ -34,7 +44,7 @@ ISSUED_ROBOT = (
 
 def put_run(folder: Path, end: float = 400.0, ended: Ended = "goals") -> Path:
     run = judged([post for shift, name in enumerate(NAMES) for post in robot(name, 0.5 * shift)], NAMES, end)
-    store(prepare(folder), run.measurements(ended), run.robots)
+    store(prepare(folder), run.measurements(ended, LockstepState(members=("/tb3_0/waypoint",))), run.robots)
     return folder
 
 
@@ -88,6 +98,91 @@ def test_the_picture_is_a_png_of_a_readable_size(folder: Path) -> None:
     assert int.from_bytes(head[16:20]) >= 1200
 
 
+def test_everything_drawn_has_data_units_and_a_look_of_its_own(folder: Path, measured: Measurements) -> None:
+    """Two robots that do the same, one of them with a long name: both are seen, and told apart without colours."""
+    figure = drawn(compose(measured, FACTS, {}), folder / "trajectories.npz")
+    assert [each.get_title(loc="left") for each in figure.axes] == [
+        "Paths seen from above",
+        "True speed",
+        "Distance of the true position from the reference path",
+    ]
+    for axes in figure.axes:
+        assert axes.lines, axes.get_title(loc="left")
+        assert all(re.search(r"\[.+\]$", label) for label in (axes.get_xlabel(), axes.get_ylabel()))
+    for axes in figure.axes[1:]:
+        looks = {(line.get_linewidth(), str(line.get_linestyle())) for line in axes.lines}
+        assert len(looks) == len(axes.lines) == 2
+        assert [line.get_color() for line in axes.lines] == [hexadecimal(colour(0)), hexadecimal(colour(1))]
+    assert shortened("/robot_control/tracking_controller/error", 20) == "\N{HORIZONTAL ELLIPSIS}ng_controller/error"
+    assert shortened("tb3_0", 20) == "tb3_0"
+
+
+def test_numbers_have_no_rests_of_calculations() -> None:
+    assert [plain(value, 30.0) for value in (-9.52e-10, 0.0, 1e-4, -12.5)] == ["0", "0", "0.0001", "-12.5"]
+    assert [fixed(value, 2) for value in (-0.001, 0.004, -0.2)] == ["0.00", "0.00", "-0.20"]
+    assert [fixed(value, 1, sign=True) for value in (-0.01, 0.2, -0.2)] == ["0.0", "+0.2", "-0.2"]
+
+
+def test_a_change_that_was_not_made_and_a_node_that_was_missing_are_named(measured: Measurements) -> None:
+    made, refused, late = (
+        Change(at=at, set="/arm/joints", values={"damping": at}) for at in (1.0, 2.0, measured.sim_seconds + 1)
+    )
+    conduct = Conduct()
+    told = ScheduledChange(number=1, made=False, time=Time(sec=2), reason="damping is out of bounds")
+    conduct.schedule(ScheduledChanges(changes=(ScheduledChange(number=0, made=True, time=Time(sec=1)), told)))
+    # The parameter service was started anew, and tells of its own life alone.
+    conduct.schedule(ScheduledChanges(changes=(ScheduledChange(number=1, made=True, time=Time(sec=3)),)))
+    conduct.status(b"first", SimStatus(begun=True, absent=("/logger",), lags=2, lag=0.5))
+    conduct.status(b"second", SimStatus(begun=True, lags=1, lag=0.25))
+    # In the file they stand in any order.
+    changes = conduct.changes((late, refused, made), measured.sim_seconds)
+    assert [(each.at_s, each.made, each.made_at_s) for each in changes[:2]] == [(1.0, True, 1.0), (2.0, False, None)]
+    assert changes[2].made is None
+    facts = msgspec.structs.replace(FACTS, changes=changes, absent=conduct.absent, lag_s=conduct.lag_s)
+    report = compose(measured, facts, {})
+    assert (report.ok, report.run.changes_missed, report.run.absent, report.run.lag_s) == (False, 1, ("/logger",), 0.75)
+    assert [each.name for each in report.checks if not each.ok] == ["changes_missed", "nodes_absent"]
+    out = io.StringIO()
+    show(report, out)
+    assert (
+        "\n  the change of /arm/joints at 2 s was not made (damping = 2.0): damping is out of bounds\n"
+        in out.getvalue()
+    )
+    assert "\n  time began without /logger\n" in out.getvalue()
+    assert "not reached before the end: the scheduled changes of /arm/joints at 401 s\n" in out.getvalue()
+    assert list(conduct.news((late, refused, made))) == [
+        "time began without /logger: see ./elea logs",
+        "the change of /arm/joints scheduled at 2 s was not made: damping is out of bounds",
+    ]
+    assert list(conduct.news((late, refused, made))) == [], "each is said once"
+    silent = Conduct().changes((made,), measured.sim_seconds)
+    assert silent[0].made is False, "nobody tells of it"
+
+
+def test_a_late_machine_is_named_where_it_may_be_to_blame(measured: Measurements) -> None:
+    late = msgspec.structs.replace(measured, ticks_missed={"/tb3_0/waypoint": 7})
+    real = msgspec.structs.replace(FACTS, mode="real", factor=2.0)
+    assert compose(late, real, {}).notes == (), "a tick now and then, and all checks hold"
+    (note,) = compose(late, real, {"collisions": -1}).notes
+    assert "did not keep up with real time at factor 2: ticks were missed by /tb3_0/waypoint 7" in note
+    (note,) = compose(measured, msgspec.structs.replace(real, lag_s=1.5), {}).notes
+    assert "the simulation fell behind by 1.5 s in all" in note
+    assert compose(late, FACTS, {"collisions": -1}).notes == (), "lockstep waits"
+
+
+def test_reports_and_measurements_of_earlier_versions_are_read(measured: Measurements) -> None:
+    tree = json.loads(to_json(compose(measured, FACTS, {})))
+    tree["run"]["mode"] = "free"
+    del tree["changes"]
+    for name in ("changes_missed", "nodes_absent", "absent", "factor", "lag_s", "ticks_missed"):
+        del tree["run"][name]
+    jsonschema.Draft202012Validator(schema.schema()).validate(tree)
+    assert msgspec.convert(tree, Report).run.mode == "free"
+    old = msgspec.to_builtins(measured)
+    del old["ticks_missed"]
+    assert msgspec.convert(old, Measurements).ticks_missed == {}
+
+
 @pytest.mark.parametrize(
     ("bounds", "missed"),
     [
@@ -117,11 +212,34 @@ def test_without_bounds_points_collisions_and_losses_are_checked(measured: Measu
     }
 
 
-def test_what_was_not_measured_misses_its_bound_but_for_the_distance_of_a_lone_robot(measured: Measurements) -> None:
-    alone = msgspec.structs.replace(measured.robots["tb3_0"], min_distance_m=None, cross_track_rms_m=None)
-    lonely = msgspec.structs.replace(measured, robots={"tb3_0": alone})
-    report = compose(lonely, FACTS, {"min_distance_m": Bound(min=0.3), "cross_track_rms_m": 0.01})
-    assert [each.name for each in report.checks if not each.ok] == ["tb3_0.cross_track_rms_m"]
+def test_what_was_not_measured_misses_its_bound(measured: Measurements) -> None:
+    """A distance to others is none where a robot drives alone: it is not checked, and does not count as held."""
+    unseen = msgspec.structs.replace(measured.robots["tb3_0"], min_distance_m=None, cross_track_rms_m=None)
+    bounds: Bounds = {"min_distance_m": Bound(min=0.3), "cross_track_rms_m": 0.01}
+    for robots, missed in (
+        ({"tb3_0": unseen}, ["tb3_0.cross_track_rms_m"]),
+        ({**measured.robots, "tb3_0": unseen}, ["tb3_0.min_distance_m", "tb3_0.cross_track_rms_m"]),
+    ):
+        report = compose(msgspec.structs.replace(measured, robots=robots), FACTS, bounds)
+        assert [each.name for each in report.checks if not each.ok] == missed
+        assert all(each.value is not None for each in report.checks if each.ok)
+    alone = compose(msgspec.structs.replace(measured, robots={"tb3_0": unseen}), FACTS, bounds)
+    assert not [each for each in alone.checks if each.name.endswith("min_distance_m")]
+
+
+def test_a_run_that_lockstep_lost_a_member_of_does_not_pass(measured: Measurements) -> None:
+    """One that took leave is told of; without lockstep neither is asked for, and in lockstep it must be known."""
+    lost = msgspec.structs.replace(measured, members_lost=("/tb3_0/waypoint",))
+    report = compose(lost, FACTS, {})
+    assert [(each.name, each.value) for each in report.checks if not each.ok] == [("members_lost", 1)]
+    assert not report.ok
+    assert report.notes == ("lockstep went on without /tb3_0/waypoint: the run does not repeat",)
+    left = compose(msgspec.structs.replace(measured, members_left=("/teleop",)), FACTS, {})
+    assert (left.ok, left.run.members_left) == (True, 1)
+    assert left.notes == ("before the end /teleop took leave of lockstep",)
+    unknown = msgspec.structs.replace(measured, members_lost=None)
+    assert [each.name for each in compose(unknown, FACTS, {}).checks if not each.ok] == ["members_lost"]
+    assert compose(unknown, msgspec.structs.replace(FACTS, mode="real"), {}).ok
 
 
 def test_a_bound_on_nothing_is_refused_with_the_nearest_name() -> None:
@@ -143,9 +261,12 @@ def test_a_run_stopped_half_way_gives_a_partial_report(tmp_path: Path) -> None:
 
 def test_a_run_of_which_nothing_was_seen_is_drawn_but_does_not_pass(tmp_path: Path) -> None:
     run = judged([], NAMES)
-    store(tmp_path, run.measurements("stopped"), run.robots)
+    store(tmp_path, run.measurements("stopped", LockstepState()), run.robots)
     report = write_report(tmp_path, FACTS, {})
     assert [each.name for each in report.checks if not each.ok] == ["tb3_0.samples", "tb3_1.samples"]
+    figure = drawn(report, tmp_path / "trajectories.npz")
+    assert figure.axes == [], "a plot without data is none"
+    assert "Nothing was measured" in " ".join(text.get_text() for text in figure.texts)
     assert (tmp_path / PICTURE_FILE).exists()
 
 
@@ -157,7 +278,7 @@ def test_a_piped_table_is_plain_and_tells_every_robot_and_miss(measured: Measure
     assert text.isascii()
     assert "tb3_0     3/3" in text
     assert "missed: tb3_1.collisions is 0, should be at most -1" in text
-    assert "FAILED: 5 of 7 checks hold" in text
+    assert "FAILED: 6 of 8 checks hold" in text
 
 
 class Terminal(io.StringIO):

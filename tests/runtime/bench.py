@@ -25,7 +25,8 @@ def node(bus: MemoryBus, name: str, namespace: str = "/", transport: Transport |
 class HandClock:
     """Publishes ``/clock`` when told."""
 
-    def __init__(self, bus: MemoryBus) -> None:
+    def __init__(self, bus: MemoryBus, publisher: bytes = b"c" * 16) -> None:
+        self._publisher = publisher
         transport = MemoryTransport(bus)
         self._outlet = transport.publish(CLOCK.name[1:], encoding(Clock.ROS_TYPE), Quality.SENSOR)
         self._sent = 0
@@ -34,4 +35,4 @@ class HandClock:
         """Simulation time is ``ns``."""
         self._sent += 1
         clock = Clock(clock=Time.of(ns), epoch=epoch, paused=paused)
-        self._outlet.put(encode(clock), attachment=attach(self._sent, b"c" * 16))
+        self._outlet.put(encode(clock), attachment=attach(self._sent, self._publisher))

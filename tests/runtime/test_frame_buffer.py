@@ -205,6 +205,42 @@ def test_a_leading_slash_is_no_part_of_a_name(robot: FrameBuffer) -> None:
     assert robot.lookup("/world", "/a/hand").rigid.place == pytest.approx((3.2, 0, 0))
 
 
+def test_a_frame_is_what_it_was_told_as_last() -> None:
+    """As in tf2: fixed after moving, moving after fixed, and the later one of two publishers of a fixed frame."""
+    buffer = FrameBuffer()
+    buffer.add([tf("world", "cup", at(1.0), 1), tf("world", "cup", at(2.0), 2)], SIM)
+    buffer.add_static([tf("table", "cup", at(9.0)), tf("world", "table")], STATE)
+    assert (buffer.parent("cup"), buffer.span("cup")) == ("table", None)
+    assert buffer.lookup("world", "cup", 77 * S).rigid == at(9.0)
+    buffer.add([tf("world", "cup", at(3.0), 3)], SIM)
+    assert buffer.lookup("world", "cup") == (3 * S, at(3.0))
+    for sender, x in ((STATE, 4.0), (SIM, 5.0), (STATE, 6.0)):
+        buffer.add_static([tf("world", "lamp", at(x)), tf("world", "table")], sender)
+        assert buffer.lookup("world", "lamp").rigid == at(x)
+
+
+def test_a_frame_lies_in_itself_at_the_time_that_is_asked_for(robot: FrameBuffer) -> None:
+    """tf2 gives the latest time of the frame for no time, and asks nobody whether there is such a frame."""
+    assert robot.lookup("a/base", "/a/base") == (2 * S, HERE)
+    assert robot.lookup("a/base", "a/base", 77 * S) == (77 * S, HERE)
+    assert robot.lookup("world", "world") == (None, HERE)
+    assert robot.lookup("nobody", "nobody", S) == (S, HERE)
+    with pytest.raises(UnknownFrame):
+        robot.lookup("", "")
+
+
+def test_a_frame_of_the_past_is_found_through_one_that_stands_still(robot: FrameBuffer) -> None:
+    """a/base has x = t in a/odom: one second ago it lay 1 m behind, and 1.5 m behind b's frame of another time."""
+    assert robot.lookup_full("a/base", 2 * S, "a/base", S, "a/odom") == (2 * S, at(-1.0))
+    assert robot.lookup_full("a/base", None, "a/laser", S, "world").rigid.place == pytest.approx((-0.9, 0, 0))
+    moved = robot.lookup_full("b/base", S, "a/base", 0, "world")
+    assert moved.rigid.place[:2] == pytest.approx((2 * math.cos(1.0), -2 * math.sin(1.0)))
+    with pytest.raises(Extrapolation, match="future"):
+        robot.lookup_full("a/base", 3 * S, "a/base", S, "a/odom")
+    with pytest.raises(UnknownFrame, match="'a/odon' is unknown; did you mean 'a/odom'"):
+        robot.lookup_full("a/base", S, "a/base", S, "a/odon")
+
+
 def test_a_flood_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frame_buffer, "MOST_FRAMES", 10)
     buffer = FrameBuffer()

@@ -14,13 +14,11 @@ from services.runtime.lockstep.follower import Follower
 from services.runtime.lockstep.protocol import Go
 from services.runtime.network.memory_transport import MemoryBus
 from services.runtime.network.transport import Transport
+from services.runtime.network.wire import publisher_id
 from services.runtime.node import Node
 from services.runtime.service import STEP_NS
 from tests.runtime.bench import node
 from tests.waiting import until
-
-MARKS = {"truth": {b"m" * 16: 7}}
-"""Numbers that a member tells with its answer."""
 
 
 @pytest.fixture(autouse=True)
@@ -63,22 +61,22 @@ def test_a_lost_greeting_goes_again_and_a_lost_answer_is_given_again_the_same(co
     with connect() as here, connect() as there, _node(here, "sim") as made, _node(there, "m") as member:
         follower = Follower(member.transport, "/m", STEP_NS)
         sim = Waiting(made)
+        truth, late = (publisher_id("/m", there.session, key) for key in ("truth", "late"))
         try:
             follower.join()
-
-            def greeted() -> bool:
-                return (go := follower.take()) is not None and go.roster == ("/m",)
-
-            until(greeted, what="a first greeting, which counts as lost")
-            until(greeted, what="the second")
+            until(follower.take, what="a first greeting, which counts as lost")
+            greeting = until(follower.take, what="the second")
+            assert greeting is not None
+            assert greeting.roster == ("/m",)
             assert not sim.gathered
-            follower.greet(0, MARKS, {})
+            follower.greet(greeting, {"truth": {truth: 7}}, {})
             until(lambda: sim.gathered, what="the answer")
         finally:
             sim.end()
-        assert sim.barrier.marks.reached == MARKS
+        assert sim.barrier.marks.reached == {"truth": {truth: 7}}
         sim.barrier.release(sim.go(), [])
-        follower.greet(0, {"late": {b"m" * 16: 1}}, {})  # it comes again, as before, and stands for no step
-        follower.finish(0, {"truth": {b"m" * 16: 8}}, {})
+        until(follower.take, what="the leave to step")
+        follower.greet(greeting, {"late": {late: 1}}, {})  # it comes again, and stands for no step
+        follower.finish(0, {"truth": {truth: 8}}, {})
         sim.barrier.collect(0)
-        assert sim.barrier.marks.reached == {"truth": {b"m" * 16: 8}}
+        assert sim.barrier.marks.reached == {"truth": {truth: 8}}

@@ -3,32 +3,37 @@
 from __future__ import annotations
 
 import threading
+import time
 
 import pytest
 
 from messages.base import encode
 from messages.geometry import Twist
 from messages.std import String
-from messages.topics import CMD_VEL, Quality
-from services.runtime.inputs import Input
+from messages.topics import CMD_VEL, HEALTH, Quality
+from services.runtime.inputs import CAPACITY, Input
 from services.runtime.lockstep.marks import Marks
 from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
-from services.runtime.network.wire import attach, encoding, publisher_id
+from services.runtime.network.wire import Origin, attach, encoding, publisher_id
+from tests.runtime.bench import node
 
 KEY = "tb3_0/cmd_vel"
 TWIST = encoding(Twist.ROS_TYPE)
 
 
 class Sender:
-    """Puts raw samples, numbered or not."""
+    """Puts raw samples, numbered or not; one with a number that it has sent already is the same one again."""
 
     def __init__(self, bus: MemoryBus, node: str = "/a", kind: str = TWIST) -> None:
         transport = MemoryTransport(bus)
         self.id = publisher_id(node, transport.session, KEY)
         self._outlet = transport.publish(KEY, kind, Quality.COMMAND)
+        self._attachments: dict[int | None, bytes] = {None: b""}
 
     def put(self, payload: bytes, number: int | None) -> None:
-        self._outlet.put(payload, attachment=b"" if number is None else attach(number, self.id))
+        if number is not None and number not in self._attachments:
+            self._attachments[number] = attach(number, self.id)
+        self._outlet.put(payload, attachment=self._attachments[number])
 
     def twist(self, v: float, number: int | None) -> None:
         self.put(encode(Twist.planar(v, 0.0)), number)
@@ -50,11 +55,11 @@ def _speeds(source: Input[Twist]) -> list[float]:
 
 def test_gaps_are_lost_and_repeats_are_ignored(bus: MemoryBus, source: Input[Twist]) -> None:
     sender = Sender(bus)
-    for number in (4, 5, 5, 8, 3):
+    for number in (4, 5, 5, 8, 4):
         sender.twist(number, number)
     source.admit()
     assert _speeds(source) == [4.0, 5.0, 8.0]
-    assert (source.received, source.lost) == (3, 2)
+    assert (source.received, source.lost, source.repeated) == (3, 2, 2)
 
 
 def test_each_publisher_is_numbered_by_itself(bus: MemoryBus, source: Input[Twist]) -> None:
@@ -162,3 +167,78 @@ def test_members_come_in_the_order_of_their_names_whoever_was_faster() -> None:
         source.admit(marks)
         orders.append(_speeds(source))
     assert orders[0] == orders[1]
+
+
+def test_what_no_member_told_of_is_held_within_bounds_and_never_blocks_its_true_numbers(
+    bus: MemoryBus, source: Input[Twist]
+) -> None:
+    member = Sender(bus, "/member")
+    marks = Marks()
+    marks.members = {member.id[:10]}
+    for number in range(2, 5 * CAPACITY, 2):
+        member.twist(9, number)
+        source.admit(marks)
+    assert _speeds(source) == []
+    assert sum(map(len, source._held.values())) <= CAPACITY
+    assert source.received + source.refused == 5 * CAPACITY // 2 - 1
+    assert "told of 0" in source.reason
+    other = MemoryTransport(bus).publish(KEY, TWIST, Quality.COMMAND)
+    other.put(encode(Twist.planar(9, 0)), attachment=attach(1, member.id[:10] + b"forged"))
+    refused = source.refused
+    source.admit(marks)
+    assert (source.refused, "does not publish this topic" in source.reason) == (refused + 1, True)
+    marks.renewed = True
+    source.admit(marks)
+    marks.settle()
+    assert source._held == {}, "time began anew, and its numbers were not told before"
+    assert source.received == 0
+    member.twist(1, 5 * CAPACITY)
+    marks.advance({KEY: {member.id: 5 * CAPACITY}})
+    source.admit(marks)
+    assert _speeds(source) == [1.0]
+
+
+def test_numbers_that_fall_back_take_the_place_of_those_held(source: Input[Twist]) -> None:
+    """A publisher whose numbers were forged may be followed again at lower ones."""
+    id_ = publisher_id("/member", "0", KEY)
+    marks = Marks()
+    marks.members = {id_[:10]}
+    for number in (900, 901, 5, 6):
+        source._hold(Twist.planar(number, 0), Origin(number, 0, 16, id_), 4)
+    assert source.refused == 2
+    marks.advance({}, {KEY: {id_: 5}})
+    source.admit(marks)
+    assert _speeds(source) == [5.0]
+    marks.advance({}, {KEY: {id_: 6}})
+    source.admit(marks)
+    assert _speeds(source) == [6.0]
+
+
+def test_all_inputs_of_a_tick_share_one_patience_and_the_heart_beats_meanwhile(
+    bus: MemoryBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("services.runtime.inputs.PATIENCE_S", 1.2)
+    with node(bus, "reader") as made, node(bus, "witness") as witness:
+        beats = witness.read(HEALTH)
+        sources = [made.read(CMD_VEL, f"/r{number}/cmd_vel") for number in range(10)]
+        member = publisher_id("/member", "0", "any")
+        marks = Marks()
+        marks.members = {member[:10]}
+        for each in sources:
+            marks.advance({each.key: {member: 2**40}})
+        made.turn()
+        witness.admit()
+        made.outbox.hold()
+        begun = time.monotonic()
+        made.admit(marks)
+        waited = time.monotonic() - begun
+        witness.admit()
+        assert [message.node for message, _ in beats.batch] == ["/reader"] * (len(beats.batch) or 1)
+        # Ten times the patience would be 12 s; how much more than once it takes is up to the machine.
+        assert waited < 6 * 1.2
+        assert [each.lost for each in sources] == [1] * 10, "of what was never heard, one is missing for certain"
+        assert made.outbox.held is not None, "the burst of the step goes on"
+        late = MemoryTransport(bus).publish(sources[0].key, TWIST, Quality.COMMAND)
+        late.put(encode(Twist.planar(1, 0)), attachment=attach(1, publisher_id("/other", "0", sources[0].key)))
+        made.admit(marks)
+        assert _speeds(sources[0]) == [1.0]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import io
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
 
 import pytest
 
@@ -13,35 +11,13 @@ from messages.nav import Odometry
 from messages.requests import GET_STATE, STEP, Name
 from messages.simulation import SimTime, Steps
 from messages.topics import CMD_VEL, HEALTH, ODOM, ROSOUT
-from services.runtime.errors import BadInput, CallFailed, Stopped
+from services.runtime.errors import BadInput, CallFailed
 from services.runtime.graph import snapshot
 from services.runtime.log import Log
 from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
-from services.runtime.node import Node
 from tests.runtime.bench import node
+from tests.runtime.turning import turning
 from tests.waiting import until
-
-
-@contextmanager
-def turning(made: Node) -> Iterator[None]:
-    """The node's loop in a thread, doing nothing but what every loop does."""
-    inlet = made.transport.subscribe("rest", 8)
-
-    def loop() -> None:
-        with suppress(Stopped):
-            while True:
-                made.wait(inlet)
-                inlet.take()
-
-    thread = threading.Thread(target=loop)
-    thread.start()
-    try:
-        yield
-    finally:
-        made.stopping = True
-        made.transport.nudge()
-        thread.join(10)
-        assert not thread.is_alive()
 
 
 def test_a_publication_that_begins_again_is_heard_by_those_who_heard_it_before(bus: MemoryBus) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from messages.base import encode
 from messages.std import Float64
 from messages.topics import Quality, Topic
-from services.runtime.lockstep.protocol import Done, Go, done_key, go_key, read_done
+from services.runtime.graph import Entity
+from services.runtime.lockstep.protocol import SIMULATION, Done, Go, done_key, go_key, read_done
 from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
 from services.runtime.network.transport import Transport
 from services.runtime.node import Node
@@ -21,15 +22,28 @@ class Peer:
 
     def __init__(self, transport: Transport, member: Node) -> None:
         self._go = transport.publish(go_key(member.transport.session), "", Quality.EVENT)
-        self._session = transport.session
+        self._session, self._nonce = transport.session, b""
+        transport.token(Entity(transport.session, "node", SIMULATION, "sim").key)
         self._inlets = {
             name: transport.subscribe(key, 8)
             for name, key in (("effort", "effort"), ("done", done_key(transport.session)), ("trail", "trail"))
         }
-        self.done = Done(session="", tick=0)
+        self.done = Done(session="0", tick=0)
+
+    def greet(self, pacer: LockstepPacer) -> None:
+        """Greet the member, take its answer."""
+        pacer.start()
+        self._put(0, ("/member",))
+        assert pacer.next() is None
+        assert self.heard()["done"] == 1
+        self._nonce = self.done.nonce
 
     def release(self, tick: int) -> None:
-        self._go.put(encode(Go(simulation=self._session, tick=tick, time=tick, epoch=0)), attachment=b"")
+        self._put(tick, ())
+
+    def _put(self, tick: int, roster: tuple[str, ...]) -> None:
+        go = Go(simulation=self._session, tick=tick, time=tick, epoch=0, roster=roster, nonce=self._nonce)
+        self._go.put(encode(go), attachment=b"")
 
     def heard(self) -> dict[str, int]:
         """How many samples of each kind have come since the last look."""
@@ -47,6 +61,7 @@ def test_commands_and_done_leave_before_the_rest_of_a_step() -> None:
     with MemoryTransport(bus) as outside, node(bus, "member") as member:
         trail, effort = member.write(TRAIL), member.write(EFFORT)
         peer, pacer = Peer(outside, member), LockstepPacer(member, 5_000_000)
+        peer.greet(pacer)
         peer.release(7)
         assert pacer.next() is not None
         trail.publish(Float64(data=1.0))
@@ -69,6 +84,7 @@ def test_a_step_that_breaks_off_loses_nothing() -> None:
     with MemoryTransport(bus) as outside, node(bus, "member") as member:
         trail = member.write(TRAIL)
         peer, pacer = Peer(outside, member), LockstepPacer(member, 5_000_000)
+        peer.greet(pacer)
         peer.release(1)
         assert pacer.next() is not None
         trail.publish(Float64(data=1.0))

@@ -12,8 +12,9 @@ import pytest
 from messages.base import encode
 from messages.geometry import Twist
 from messages.nav import Odometry
+from messages.rosgraph import Clock
 from messages.std import Header, Time
-from messages.topics import CMD_VEL, ODOM, Quality
+from messages.topics import CLOCK, CMD_VEL, HEALTH, ODOM, Quality
 from services.runtime.context import Context, Tick
 from services.runtime.errors import BadInput, Stopped
 from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
@@ -87,6 +88,34 @@ def test_what_was_missed_is_not_made_up_for(bus: MemoryBus, clock: HandClock) ->
             clock.tell(time_ns)
             until(lambda t=time_ns: ticks and (ticks[-1].time == t))
     assert [tick.time for tick in ticks] == [0, 500 * MS, 520 * MS]
+
+
+def test_ticks_that_a_late_node_does_not_take_are_counted(bus: MemoryBus, clock: HandClock) -> None:
+    """Held up in its first tick, it finds more clocks at once: those of due ticks are missed, but for the newest."""
+    ticks: list[int] = []
+    go_on = threading.Event()
+
+    def run(ctx: Context[Any]) -> None:
+        for tick in ctx.ticks():
+            ticks.append(tick.time // MS)
+            if len(ticks) == 1:
+                go_on.wait(10)
+
+    with running(bus, run) as ctx:
+        clock.tell(0)
+        until(lambda: ticks == [0])
+        for time_ms in (20, 40, 60, 80, 100):
+            clock.tell(time_ms * MS)
+        go_on.set()
+        until(lambda: ticks == [0, 100])
+        assert ctx.kernel.heart.missed == 1, "that of 40 ms; the one of 80 ms came late"
+        for time_ms in (120, 140, 160):
+            clock.tell(time_ms * MS)
+            until(lambda t=time_ms: ticks[-1] == t - t % 40)
+        assert ctx.kernel.heart.missed == 1
+        clock.tell(1000 * MS)
+        until(lambda: ticks[-1] == 1000)
+        assert ctx.kernel.heart.missed == 1, "a clock that leaps is not its fault"
 
 
 def test_a_tick_sees_one_instant_and_freshness_is_simulation_time(bus: MemoryBus, clock: HandClock) -> None:
@@ -200,3 +229,64 @@ def test_messages_are_answered_as_they_come(bus: MemoryBus) -> None:
             odom.put(stamp)
         until(lambda: len(seen) == 3)
     assert seen == [1, 2, 3]
+
+
+def test_a_second_clock_is_counted_and_not_followed_until_the_first_is_silent(
+    bus: MemoryBus, clock: HandClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As an older player of a bag tells one, or a second simulation: it must not reset every node 50 times a second."""
+    ticks: list[Tick] = []
+
+    def run(ctx: Context[Any]) -> None:
+        for tick in ctx.ticks():
+            ticks.append(tick)
+
+    with running(bus, run, rate=50) as ctx, node(bus, "player") as player:
+        other = player.write(CLOCK)
+
+        def tell(number: int) -> None:
+            clock.tell((1000 + 20 * number) * MS)
+            other.publish(Clock(clock=Time.of(20 * number * MS)))
+
+        # Without a token, the first gives way to the clock of a node once, for good.
+        for number in range(20):
+            tell(number)
+            until(lambda n=number: ticks and ticks[-1].time == 20 * n * MS)
+        assert [tick.reset for tick in ticks].count(True) <= 1
+        (counts,) = [each for each in ctx.kernel.counts if each.refused]
+        assert (counts.name, counts.refused) == ("pacing: /clock", 19)
+        assert counts.reason == "a publisher without a token tells another time than /player"
+        with node(bus, "sim") as sim:
+            mine = sim.write(CLOCK)
+            for number in range(20, 40):
+                tell(number)
+                mine.publish(Clock(clock=Time.of((5000 + 20 * number) * MS)))
+                until(lambda n=number: ticks[-1].time == (5000 + 20 * n) * MS)
+            assert [tick.reset for tick in ticks].count(True) <= 2, "the simulation's is preferred"
+            sim.forget(mine)
+            tell(40)
+            until(lambda: ticks[-1].time == 800 * MS, what="the other one, as the simulation's token is gone")
+        monkeypatch.setattr("services.runtime.pacing.CLOCK_SILENCE_S", 0.05)
+
+        def silent() -> bool:
+            clock.tell(9000 * MS)
+            return ticks[-1].time == 9000 * MS
+
+        until(silent, what="the first one again, as the other is silent")
+        until(lambda: ctx.kernel.heart.state == "running")
+
+
+def test_the_clock_of_a_stranger_is_in_the_health(bus: MemoryBus, clock: HandClock) -> None:
+    beats: list[Any] = []
+    with running(bus, lambda ctx: [None for _ in ctx.ticks()]) as ctx, node(bus, "witness") as witness:
+        health, other = witness.read(HEALTH), HandClock(bus, b"d" * 16)
+
+        def heard() -> list[Any]:
+            clock.tell(1000 * MS)
+            other.tell(0)
+            ctx.kernel.heart.hurry()
+            witness.admit()
+            beats.extend(message for message, _ in health.batch)
+            return [each for beat in beats for each in beat.inputs if each.topic == "pacing: /clock"]
+
+        assert until(heard)[0].refused > 0

@@ -13,7 +13,7 @@ from messages.std import Header, Time
 from messages.tf import TFMessage
 from messages.topics import TF, TF_STATIC
 from services.runtime.context import Context, Tick
-from services.runtime.errors import NoTransform
+from services.runtime.errors import NoTransform, UnknownFrame
 from services.runtime.frames.rigid import Rigid
 from services.runtime.network.memory_transport import MemoryBus
 from services.runtime.node import Node
@@ -93,6 +93,44 @@ def test_a_new_epoch_clears_it(bus: MemoryBus, clock: HandClock) -> None:
         moving.publish(told("odom", "base", 3.0, 100 * MS))
         step(ticks, clock, 100 * MS, 1)
         assert frames.lookup("world", "base").transform.translation.x == 10.0
+
+
+def test_a_lookup_waits_while_the_loop_s_own_ticks_pass(bus: MemoryBus, clock: HandClock) -> None:
+    """What is missing comes with the third tick; what never comes costs as much simulation time as was allowed."""
+    with three(bus) as (sim, _, ctx):
+        frames = ctx.transforms()
+        moving, now = sim.write(TF), 0
+        ticks = ctx.ticks()
+
+        def hand() -> Iterator[Tick]:
+            nonlocal now
+            while True:
+                if now == 200:
+                    moving.publish(told("odom", "base", 2.0, 200 * MS))
+                yield step(ticks, clock, now * MS)
+                now += 100
+
+        own = hand()
+        found = frames.wait_for(own, "odom", "base", timeout=1.0)
+        assert (now, found.header.stamp.ns, found.transform.translation.x) == (200, 200 * MS, 2.0)
+        with pytest.raises(UnknownFrame, match=r"'map' is unknown.*waited for 0\.5 s of simulation time"):
+            frames.wait_for(own, "map", "base", timeout=0.5)
+        assert now == 700
+        back = frames.lookup_full("base", 200 * MS, "base", 200 * MS, "odom")
+        assert (back.child_frame_id, back.header.stamp.ns, back.transform.translation.x) == ("base", 200 * MS, 0.0)
+        assert not frames.can_full("base", 200 * MS, "base", 900 * MS, "odom")
+
+
+def test_a_frame_that_becomes_fixed_in_the_tick_in_which_it_last_moved_is_fixed(
+    bus: MemoryBus, clock: HandClock
+) -> None:
+    with three(bus) as (sim, state, ctx):
+        frames = ctx.transforms()
+        moving, fixed = sim.write(TF), state.write(TF_STATIC)
+        moving.publish(told("world", "cup", 1.0, 50 * MS))
+        fixed.publish(told("world", "cup", 9.0))
+        step(ctx.ticks(), clock, 100 * MS)
+        assert frames.lookup("world", "cup", 5000 * MS).transform.translation.x == 9.0
 
 
 def test_two_publishers_of_a_frame_are_told_once(bus: MemoryBus, clock: HandClock) -> None:

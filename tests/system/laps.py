@@ -39,6 +39,26 @@ def short(path: Path) -> Path:
     return path
 
 
+def brief(path: Path) -> Path:
+    """The same with an exercise of the arm that is over when they are: for runs on the wall clock."""
+    text = short(path).read_text()
+    for old, new in (("at = 4\n", "at = 2.5\n"), ("at = 20.2 ", "at = 8 ")):
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text)
+    return path
+
+
+def exercise(path: Path) -> Path:
+    """The arm's fleet with a brief exercise."""
+    text = find_fleet("arm").read_text()
+    for old, new in (("at = 4\n", "at = 2.5\n"), ("at = 20.2 ", "at = 8 "), ("at = 22\n", "at = 9\n")):
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text)
+    return path
+
+
 def reordered(path: Path) -> Path:
     """The same fleet told the other way round: the logger first, the last robot first, each driver under its robot."""
     lab = tomllib.loads(find_fleet("lab").read_text())

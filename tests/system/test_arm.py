@@ -12,6 +12,8 @@ import pytest
 
 from deploy.fleet_file import find_fleet
 from deploy.report.schema import SCHEMA_FILE
+from tests.system.laps import exercise
+from tests.system.on_the_wall_clock import run
 from tests.system.terminal import Ended, Terminal
 
 
@@ -69,6 +71,13 @@ def test_it_repeats_bit_for_bit(terminal: Terminal, first: Run) -> None:
     assert again.arm == first.arm
 
 
+@pytest.mark.timeout(700)
+def test_on_the_wall_clock_all_checks_hold(terminal: Terminal) -> None:
+    report = run(terminal, exercise(terminal.folder / "brief.toml"), "real")
+    assert [each["made"] for each in report["changes"]] == [True] * 4
+    assert report["robots"]["arm"]["steps"][0]["to_deg"] == 30.0
+
+
 @pytest.mark.parametrize(("fleet", "rate"), [("arm", 200), ("arm_seed", 50)])
 def test_other_rates_and_the_laws_of_the_seed(terminal: Terminal, first: Run, fleet: str, rate: int) -> None:
     """The seed's laws are no better than the default; tests/physics compares both at every rate."""
@@ -78,10 +87,10 @@ def test_other_rates_and_the_laws_of_the_seed(terminal: Terminal, first: Run, fl
     assert own in text
     path = terminal.folder / f"{fleet}_{rate}.toml"
     path.write_text(text.replace(own, f'{{ kind = "arm", parameters = {{ law = "{law}", rate = {rate} }} }}'))
-    run = Run(terminal, path, path.stem)
-    holds(run)
-    assert run.arm["control_gap_s"] == pytest.approx(1 / rate)
+    other = Run(terminal, path, path.stem)
+    holds(other)
+    assert other.arm["control_gap_s"] == pytest.approx(1 / rate)
     if law == "seed":
-        assert first.arm["step_steady_error_deg"] <= run.arm["step_steady_error_deg"] + 0.001
-        assert first.arm["tracking_rms_deg"] <= run.arm["tracking_rms_deg"] + 0.002
-        assert first.arm["effort_rms_nm"] <= run.arm["effort_rms_nm"] + 0.1
+        assert first.arm["step_steady_error_deg"] <= other.arm["step_steady_error_deg"] + 0.001
+        assert first.arm["tracking_rms_deg"] <= other.arm["tracking_rms_deg"] + 0.002
+        assert first.arm["effort_rms_nm"] <= other.arm["effort_rms_nm"] + 0.1

@@ -87,7 +87,7 @@ def test_fleet_file(terminal: Terminal, old: str, new: str, line: int, message: 
 
 def test_port_of_another_program(terminal: Terminal) -> None:
     with socket.create_server(("127.0.0.1", terminal.port)):
-        ended = terminal.up("lab", terminal.folder / "results", "--duration", "1")
+        ended = terminal.up("bare", terminal.folder / "results", "--duration", "1")
     assert (ended.status, ended.out) == (2, "")
     assert f"port {terminal.port} of 127.0.0.1 is held by another program: take another one with --port" in ended.err
     assert list((terminal.folder / "results" / "logs").iterdir()) == []

@@ -26,14 +26,15 @@ from messages.requests import SUPERVISOR_STOP, Name
 from messages.std import String
 from messages.tf import TFMessage
 from messages.topics import CLOCK, FLEET_STATE, ROBOT_DESCRIPTION
+from models.palette import colours
 from services.bag.info import BagInfo
 from services.bag.reading import open_bag
 from services.bag.typed import Typed
 from services.logger.convert import convert
-from services.logger.palette import COLOURS
 from services.recorder.fitting import prefixed
 from services.runtime.identity import Identity
 from services.runtime.log import Log
+from services.runtime.network.sockets import router_endpoint
 from services.runtime.network.zenoh_config import configuration
 from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
@@ -72,7 +73,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     fleet.write_text(text.replace('ends = "goals"', 'ends = "never"'))
     process = terminal.start(*("up", str(fleet), "--port", str(terminal.port)), *("--report", str(results), *OPTIONS))
     try:
-        stop_recorder(f"tcp/127.0.0.1:{terminal.port}")
+        stop_recorder(router_endpoint(terminal.port))
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=60)
     finally:
@@ -174,7 +175,9 @@ def test_view_makes_a_picture_of_it(recorded: Recorded, tmp_path: Path) -> None:
     assert ended.status == 0, ended.err
     pixels = np.rint(matplotlib.image.imread(Path(ended.out.strip()))[:, :, :3] * 255).astype(int)
     world = pixels[:, :1000]
-    for name, colour in zip(sorted(ROBOTS), COLOURS, strict=False):  # arms come last, and leave no trail
+    for name, colour in colours((*ROBOTS, "arm")).items():
+        if name == "arm":
+            continue  # it leaves no trail
         assert (np.abs(world - colour).max(axis=2) < 12).sum() > 40, name
 
 

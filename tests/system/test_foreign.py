@@ -20,9 +20,11 @@ from messages.topics import BASE_STATUS
 from models.figures import read_model
 from services.runtime.identity import Identity
 from services.runtime.log import Log
+from services.runtime.network.sockets import router_endpoint
 from services.runtime.network.zenoh_config import configuration
 from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
+from tests.system.other_user import other_user
 from tests.system.terminal import Terminal
 from tests.system.watched import WITHIN_S, Truth, Watched, apart, speed, time_of
 from tests.waiting import until
@@ -50,7 +52,7 @@ def bare(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Terminal]:
 def node(bare: Terminal) -> Iterator[Node]:
     identity = Identity.of("tester")
     with (
-        ZenohTransport(configuration("direct", (f"tcp/127.0.0.1:{bare.port}",))) as transport,
+        ZenohTransport(configuration("direct", (router_endpoint(bare.port),))) as transport,
         Node(transport, identity, "tester", Log(identity.node)) as made,
     ):
         yield made
@@ -91,6 +93,17 @@ def test_it_drives_and_its_silence_stops_the_robot(bare: Terminal, node: Node) -
     last = bases.next()
     assert (last.commands, last.refused, last.timed_out, last.source) == (sent, 0, True, "")
     assert last.commands_timed_out >= 1
+
+
+def test_any_user_of_the_machine_may_drive_this_fleet_and_is_told_so(bare: Terminal, node: Node) -> None:
+    truth = Truth(node, "tb3_0")
+    with other_user(f"tcp/127.0.0.1:{bare.port}") as program:
+        assert program.stdout is not None
+        assert program.stdout.readline() == "heard tb3_0/base_footprint\n"
+        until(lambda: truth.all() and speed(truth.all()[-1]) > 0.05, WITHIN_S, "another user driving the robot")
+    said = (bare.folder / "results" / "supervisor.log").read_text()
+    assert f"listening on tcp/127.0.0.1:{bare.port}: every user of this machine can read everything and drive" in said
+    until(lambda: abs(speed(truth.all()[-1])) < 1e-3, WITHIN_S, "its silence stops the robot")
 
 
 def test_a_second_fleet_is_told_who_holds_the_port(bare: Terminal) -> None:

@@ -14,6 +14,7 @@ import jsonschema
 import matplotlib.image
 import pytest
 
+from deploy.fleet_file import find_fleet
 from deploy.report.schema import SCHEMA_FILE
 from messages.geometry import STOP
 from messages.nav import Odometry
@@ -22,6 +23,7 @@ from services.runtime.node import Node
 from services.square import LOG_FILE
 from services.square.record import COLUMNS
 from tests.processes import Network, Process
+from tests.system.on_the_wall_clock import run
 from tests.system.terminal import Ended, Terminal
 from tests.system.watched import WITHIN_S, Truth, Watched, apart, speed, time_of
 from tests.waiting import until
@@ -90,6 +92,17 @@ def test_twice_it_is_the_same_bit_for_bit(terminal: Terminal, square: Run) -> No
     assert again.report["run"]["trajectory_hash"] == square.report["run"]["trajectory_hash"]
     assert again.report["robots"] == square.report["robots"]
     assert again.log == square.log
+
+
+@pytest.mark.timeout(700)
+def test_on_the_wall_clock_all_checks_hold(terminal: Terminal) -> None:
+    text = find_fleet("square").read_text()
+    brief = terminal.folder / "brief.toml"
+    own = '{ kind = "square" }'
+    assert own in text
+    brief.write_text(text.replace(own, '{ kind = "square", parameters = { side = 0.2, angular_speed = 1.5 } }'))
+    robot = run(terminal, brief, "real")["robots"]["RosAria"]
+    assert (robot["points_reached"], robot["collisions"]) == (4, 0)
 
 
 def test_its_log_has_the_columns_of_the_tutorial_and_the_truth_beside_them(square: Run) -> None:

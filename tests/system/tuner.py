@@ -14,6 +14,7 @@ from messages.topics import CLOCK, CMD_VEL, HEALTH
 from services.runtime.errors import CallFailed
 from services.runtime.identity import Identity
 from services.runtime.log import Log
+from services.runtime.network.sockets import router_endpoint
 from services.runtime.network.zenoh_config import configuration
 from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
@@ -87,7 +88,7 @@ class Tuner:
 def tuner(port: int) -> Iterator[Tuner]:
     identity = Identity.of("tuner")
     with (
-        ZenohTransport(configuration("direct", (f"tcp/127.0.0.1:{port}",))) as transport,
+        ZenohTransport(configuration("direct", (router_endpoint(port),))) as transport,
         Node(transport, identity, "tester", Log(identity.node)) as node,
     ):
         yield Tuner(node)

@@ -19,6 +19,7 @@ from messages.base import encode
 from messages.elea import Health, InputHealth
 from messages.topics import ODOM, Quality
 from services.runtime.graph import Entity
+from services.runtime.network.sockets import router_endpoint
 from services.runtime.network.wire import encoding
 from services.runtime.process import ROOT
 from tests.ports import free_port
@@ -70,8 +71,8 @@ def test_a_missing_router_fails_with_advice() -> None:
 
 def test_the_advice_is_about_the_router_that_was_asked_for() -> None:
     lab = Running(fleet="lab", mode="real", port=7500, pid=1, folder="", started="")
-    assert "its router hang" in network._advice("tcp/127.0.0.1:7500", [lab])
-    assert network._advice("tcp/127.0.0.1:7447", [lab]).endswith("running: lab with --port 7500")
+    assert "its router hang" in network._advice(router_endpoint(7500), [lab])
+    assert network._advice(router_endpoint(7447), [lab]).endswith("running: lab with --port 7500")
 
 
 def test_a_port_in_foreign_hands_is_told() -> None:
@@ -139,7 +140,7 @@ def test_nodes_tell_what_troubles_them() -> None:
     beats = {"/sim": Health(node="/sim", state="running", inputs=(lossy,)), "/w": Health(node="/w", state="waiting")}
     found = [(each.name, each.state, each.why) for each in network.nodes(entities, beats)]
     assert found == [
-        ("node /hung", "warn", "no heartbeat in 1.6 s: it is busy, stopped or hung"),
+        ("node /hung", "warn", "no heartbeat in 2 s: it is busy, stopped or hung"),
         ("node /sim", "warn", "/odom: 10 of 100 messages were lost on the way"),
         ("node /w", "warn", "it waits: it does not say for what"),
     ]

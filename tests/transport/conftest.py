@@ -8,6 +8,7 @@ from contextlib import ExitStack
 import pytest
 
 from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
+from services.runtime.network.sockets import router_endpoint
 from services.runtime.network.transport import Transport
 from services.runtime.network.zenoh_config import Role, configuration
 from services.runtime.network.zenoh_transport import ZenohTransport
@@ -24,7 +25,7 @@ def connect(request: pytest.FixtureRequest) -> Iterator[Connect]:
             bus = MemoryBus()
             yield lambda: stack.enter_context(MemoryTransport(bus))
             return
-        router = f"tcp/127.0.0.1:{free_port()}"
+        router = router_endpoint(free_port())
         stack.enter_context(ZenohTransport(configuration("router", listen=(router,))))
         role: Role = request.param
         yield lambda: stack.enter_context(ZenohTransport(configuration(role, (router,))))

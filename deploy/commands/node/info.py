@@ -11,7 +11,7 @@ from deploy.commands.options import json_option, place_options
 from deploy.place import Place
 
 if TYPE_CHECKING:
-    from messages.elea import Health
+    from deploy.live.beats import Beats
     from services.runtime.graph import Entity
 
 
@@ -35,17 +35,19 @@ def command(node: str, place: Place, as_json: bool) -> None:
             raise absent(
                 "node", name, {each.node for each in graph if each.node != live.node}, "./elea node list tells them all"
             )
-        beat = hear(live, [name]).get(name)
-    told = _told(name, own, beat)
+        told = _told(name, own, hear(live, [name]))
     if as_json:
         say_json(told)
     else:
         say(_text(told))
 
 
-def _told(name: str, own: list[Entity], beat: Health | None) -> dict[str, Any]:
-    inputs = {each.topic: each for each in (beat.inputs if beat else ())}
-    sent = {each.topic: each.sent for each in (beat.outputs if beat else ())}
+_COUNTS = ("received", "lost", "refused", "repeated", "resynced", "foreign")
+
+
+def _told(name: str, own: list[Entity], beats: Beats) -> dict[str, Any]:
+    beat, inputs = beats.of.get(name), beats.inputs(name)
+    sent = {topic: each.sent for topic, each in beats.outputs(name).items()}
     period = next((int(each.detail) for each in own if each.kind == "step"), None)
     return {
         "node": name,
@@ -53,7 +55,8 @@ def _told(name: str, own: list[Entity], beat: Health | None) -> dict[str, Any]:
         "lockstep_period_s": None if period is None else period / 1e9,
         "health": None
         if beat is None
-        else {"state": beat.state, "note": beat.note, "pid": beat.pid, "beat": beat.beat, "ticks": beat.ticks},
+        else {"state": beat.state, "note": beat.note, "pid": beat.pid, "beat": beat.beat, "ticks": beat.ticks}
+        | {name: getattr(beat, name) for name in (*_COUNTS, "sent")},
         "publishers": [
             {"topic": each.name, "type": each.record, "quality": each.detail.lower(), "sent": sent.get(each.name)}
             for each in own
@@ -61,7 +64,7 @@ def _told(name: str, own: list[Entity], beat: Health | None) -> dict[str, Any]:
         ],
         "subscribers": [
             {"topic": each.name, "type": each.record, "quality": each.detail.lower()}
-            | {name: getattr(inputs.get(each.name), name, None) for name in ("received", "lost", "refused", "foreign")}
+            | {name: getattr(inputs.get(each.name), name, None) for name in _COUNTS}
             | {"reason": getattr(inputs.get(each.name), "reason", "")}
             for each in own
             if each.kind == "sub"
@@ -78,6 +81,7 @@ def _text(told: dict[str, Any]) -> str:
     else:
         note = f" ({health['note']})" if health["note"] else ""
         lines.append(f"  {health['state']}{note}, pid {health['pid']}, {health['ticks']} ticks")
+        lines.append(f"  in all:{_counts(health | {'reason': ''})}, sent {health['sent']}")
     if told["lockstep_period_s"] is not None:
         lines.append(f"  steps with the simulation every {told['lockstep_period_s']:g} s")
     lines.append("  Subscribers:")
@@ -94,6 +98,6 @@ def _text(told: dict[str, Any]) -> str:
 def _counts(row: dict[str, Any]) -> str:
     if row["received"] is None:
         return ""
-    odd = ", ".join(f"{name} {row[name]}" for name in ("lost", "refused", "foreign") if row[name])
+    odd = ", ".join(f"{name} {row[name]}" for name in _COUNTS[1:] if row[name])
     reason = f" ({row['reason']})" if row["reason"] else ""
     return f"  received {row['received']}{f', {odd}' if odd else ''}{reason}"

@@ -41,6 +41,19 @@ class Client:
         """The set that is called so, or whose node is; raises BadInput with the nearest name."""
         return found(name, self.sets())
 
+    def one_of(self, path: str) -> tuple[ParameterSchema, str]:
+        """The set that ``path`` names, and the parameter behind it where it names one: ``/SET/NAME``, else empty."""
+        sets = self.sets()
+        try:
+            return found(path, sets), ""
+        except BadInput:
+            before, _, name = path.rstrip("/").rpartition("/")
+            try:
+                return found(before, sets), name
+            except BadInput:
+                before = ""
+            raise
+
     def values(self, name: str) -> ParameterValues:
         """The values of a set that count."""
         return insist(self._transport, PARAMS_GET, ParameterSet(set=name), self._timeout)

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from deploy.commands.completion import PARAMETER, SET
 from deploy.commands.param.options import network, visiting
 
+if TYPE_CHECKING:
+    from messages.parameters import ParameterValues
+
 
 @click.command("list")
 @click.argument("set_name", metavar="[SET]", default="", type=SET)
+@click.option("-v", "--values", is_flag=True, help="A line `/SET/NAME VALUE` for each parameter, as grep wants it.")
 @network
-def list_command(set_name: str, as_json: bool, **options: Any) -> None:
+def list_command(set_name: str, values: bool, as_json: bool, **options: Any) -> None:
     """List the sets with the names of their parameters, or those of SET."""
     from deploy.commands.param.show import print_json
 
@@ -24,18 +28,34 @@ def list_command(set_name: str, as_json: bool, **options: Any) -> None:
             from deploy.commands.param.client import found
 
             sets = {(one := found(set_name, sets)).set: one}
-        saved = {name: client.values(name) for name, each in sets.items() if not each.nodes}
+        saved = {name: client.values(name) for name, each in sets.items() if values or not each.nodes}
     names = {
         name: [each.name for each in (saved[name].values if name in saved else one.parameters)]
         for name, one in sets.items()
     }
+    from deploy.live.output import say
+
+    if values:
+        _list_values(saved, as_json)
+        return
     if as_json:
         print_json([{"set": name, "nodes": list(one.nodes), "parameters": names[name]} for name, one in sets.items()])
         return
     for name, one in sets.items():
         nodes = f"  (followed by {', '.join(one.nodes)})" if one.nodes != (name,) else ""
-        sys.stdout.write(f"{name}{nodes if one.nodes else '  (saved; no running service has announced it)'}\n")
-        sys.stdout.writelines(f"  {each}\n" for each in names[name])
+        say(f"{name}{nodes if one.nodes else '  (saved; no running service has announced it)'}\n")
+        say("".join(f"  {each}\n" for each in names[name]))
+
+
+def _list_values(told: dict[str, ParameterValues], as_json: bool) -> None:
+    from deploy.commands.param.show import print_json, text_of
+    from deploy.live.output import say
+
+    rows = [(f"{name}/{each.name}", each.value) for name, record in told.items() for each in record.values]
+    if as_json:
+        print_json(dict(rows))
+    else:
+        say("".join(f"{path} {text_of(value)}\n" for path, value in rows))
 
 
 @click.command("get")
@@ -43,14 +63,19 @@ def list_command(set_name: str, as_json: bool, **options: Any) -> None:
 @click.argument("names", metavar="[NAME]...", nargs=-1, type=PARAMETER)
 @network
 def get_command(set_name: str, names: tuple[str, ...], as_json: bool, **options: Any) -> None:
-    """Show the values of SET that count and where they come from; of one NAME, the bare value."""
+    """Show the values of SET that count and where they come from; of one NAME, the bare value.
+
+    A single parameter may be named in one path, as `/tb3_0/waypoint/max_linear`.
+    """
     import msgspec
 
     from deploy.commands.param.show import columns, print_json, text_of, values_as_json
     from services.runtime.errors import unknown
 
     with visiting(options) as client:
-        record = client.values(client.one(set_name).set)
+        one, name = client.one_of(set_name) if not names else (client.one(set_name), "")
+        record = client.values(one.set)
+    names = (name,) if name else names
     known = {each.name: each for each in record.values}
     for name in names:
         if name not in known:

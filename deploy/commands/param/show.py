@@ -8,12 +8,13 @@ from collections.abc import Iterable, Sequence
 from datetime import datetime
 from typing import Any
 
+from deploy.live.output import printable
 from messages.parameters import Assignment, ParameterChange, ParameterDescription, ParameterValues, Value
 
 
 def text_of(value: Value) -> str:
     """A value as one would write it."""
-    return value if isinstance(value, str) else json.dumps(value)
+    return printable(value) if isinstance(value, str) else json.dumps(value)
 
 
 def columns(rows: Iterable[Sequence[str]]) -> str:
@@ -21,7 +22,7 @@ def columns(rows: Iterable[Sequence[str]]) -> str:
     table = [tuple(row) for row in rows]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in table)
-    return "".join(f"{line}\n" for line in lines)
+    return printable("".join(f"{line}\n" for line in lines))
 
 
 def print_json(value: Any) -> None:

@@ -18,6 +18,8 @@ VERBS = {
     "wrench": Verb("sim.joints:wrench", "Push and twist a link."),
     "clear": Verb("sim.joints:clear", "Drop the efforts on a joint."),
     "configure": Verb("sim.joints:configure", "Put joints at positions, at rest."),
+    "stops": Verb("sim.stops:stops", "List the emergency stops: who holds which robot."),
+    "release": Verb("sim.stops:release", "Release an emergency stop for those who hold it."),
     "pause": Verb("sim.time:pause", "Stop simulation time."),
     "resume": Verb("sim.time:resume", "Let simulation time go on."),
     "step": Verb("sim.time:step", "Run physics steps of 5 ms while time is paused."),

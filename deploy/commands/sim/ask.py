@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 import click
 
 from deploy.commands.options import json_option, place_options
+from deploy.live.output import say
 from deploy.place import Place
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ class Asker:
     def show(self, reply: Message | Iterable[Message], text: str) -> None:
         """Print the reply as JSON, or the text that says it."""
         if not self._as_json:
-            sys.stdout.write(f"{text}\n" if text else "")
+            say(f"{text}\n" if text else "")
             return
         import msgspec
 

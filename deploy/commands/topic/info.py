@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 _LISTEN_S = 1.2
 """Wall time that a rate is measured, and heartbeats are awaited, which come once a second."""
 
+_COUNTS = ("received", "lost", "refused", "repeated", "resynced", "foreign")
+
 
 @click.command("info")
 @topic_argument
@@ -86,8 +88,7 @@ def _listen(told: dict[str, Any], ends: Ends, live: Session) -> None:
     for row, entity in zip(told["publishers"], ends.publishers, strict=True):
         window = windows.pop(publisher_id(entity.node, entity.session, key_of(entity.name)), None)
         row |= _rates(window)
-        beat = beats.of.get(entity.node)
-        row["sent"] = next((each.sent for each in (beat.outputs if beat else ()) if each.topic == ends.name), None)
+        row["sent"] = getattr(beats.outputs(entity.node).get(ends.name), "sent", None)
     members = {member_id(each.node, each.session): each.node for each in ends.publishers}
     for sender, window in windows.items():
         kind = ", ".join(foreign) if not sender else "?"
@@ -96,9 +97,9 @@ def _listen(told: dict[str, Any], ends: Ends, live: Session) -> None:
         who = "(foreign)" if not sender else again or f"(undeclared {sender.hex()})"
         told["publishers"].append({"node": who, "type": kind, "quality": "-", **_rates(window), "sent": None})
     for row in told["subscribers"]:
-        beat = beats.of.get(row["node"])
-        own = next((each for each in (beat.inputs if beat else ()) if each.topic == ends.name), None)
-        for name in ("received", "lost", "refused", "foreign", "reason"):
+        row["beats"] = row["node"] in beats.of
+        own = beats.inputs(row["node"]).get(ends.name)
+        for name in (*_COUNTS, "reason"):
             row[name] = getattr(own, name, None)
 
 
@@ -139,7 +140,10 @@ def _subscriber(row: dict[str, Any]) -> str:
         from deploy.live.ends import is_hidden
 
         silent = "a passing tool" if is_hidden(row["node"]) else "no heartbeat for a second"
+        if row["beats"]:
+            silent = f"it reads so many topics that this one's turn did not come: ./elea node info {row['node']}"
         return f"  {row['node']}  [{row['type']}, {row['quality']}]  {silent}"
-    counts = ", ".join(f"{name} {row[name]}" for name in ("received", "lost", "refused", "foreign"))
+    shown = [name for name in _COUNTS if row[name] or name not in ("repeated", "resynced")]
+    counts = ", ".join(f"{name} {row[name]}" for name in shown)
     reason = f" ({row['reason']})" if row["reason"] else ""
     return f"  {row['node']}  [{row['type']}, {row['quality']}]  {counts}{reason}"

@@ -34,7 +34,11 @@ class Found(NamedTuple):
 
 
 class FrameBuffer:
-    """Takes transforms, answers ``lookup``. What is old, repeated or refused is counted and has no other effect."""
+    """Takes transforms, answers ``lookup``. What is old, repeated or refused is counted and has no other effect.
+
+    A frame that is told as moving and as fixed, or as fixed by several publishers, is what it was told as last: so it
+    is in tf2.
+    """
 
     def __init__(self, cache_s: float = CACHE_S) -> None:
         self.old = self.repeated = self.refused = 0
@@ -73,7 +77,8 @@ class FrameBuffer:
         """Take all fixed transforms of a publisher: they stand instead of those that it told before.
 
         So who comes late, and gets each publisher's last message, knows the same as who was there from the start.
-        An unknown sender (no ``publisher``) cannot be told from others like it: its transforms add up.
+        An unknown sender (no ``publisher``) cannot be told from others like it: its transforms add up. A frame that
+        moved until now is fixed from now on.
         """
         if publisher not in self._told and len(self._told) >= MOST_PUBLISHERS:
             self.refused, self.reason = self.refused + 1, f"more than {MOST_PUBLISHERS} publishers of fixed frames"
@@ -83,6 +88,8 @@ class FrameBuffer:
             child = self._child(each)
             if child is not None and (child in told or len(told) < MOST_FRAMES):
                 told[child] = Link(each.header.frame_id.removeprefix("/"), Rigid.of(each.transform))
+                self._moving.pop(child, None)
+        self._told.pop(publisher, None)  # at the end of the table: the last one told wins
         self._told[publisher] = told
         self._claims.static(publisher, {child: link.parent for child, link in told.items()})
         self._static = {child: link for links in self._told.values() for child, link in links.items()}
@@ -121,18 +128,34 @@ class FrameBuffer:
     def lookup(self, target: str, source: str, time: int | None = None) -> Found:
         """Where ``source`` lies in ``target`` at ``time`` [ns], at the latest time that all between have when None.
 
-        It takes points told in ``source`` to ``target``, as tf2's ``lookupTransform(target, source, time)``. Raises
+        It takes points told in ``source`` to ``target``, as tf2's ``lookupTransform(target, source, time)``. A frame
+        lies in itself whether or not anybody tells of it, when None at the latest time at which it is told. Raises
         NoTransform: UnknownFrame, NotConnected, Extrapolation or FrameLoop.
         """
+        target, source = target.removeprefix("/"), source.removeprefix("/")
+        if target == source and target:
+            return Found(self._newest([target]) if time is None else time, HERE)
         target, source = self._known(target), self._known(source)
         if time is None:
             above, below = self._paths(target, source, None)
-            stamps = [self._moving[each].newest for each in (*above, *below) if each in self._moving]
-            if stamps:
-                time = min(stamps)
+            time = self._newest([*above, *below])
         above, below = self._paths(target, source, time)
         rigid = self._up(above, time).inverse().then(self._up(below, time))
         return Found(time, rigid)
+
+    def lookup_full(
+        self, target: str, target_time: int | None, source: str, source_time: int | None, fixed: str
+    ) -> Found:
+        """Where ``source`` lay at ``source_time`` [ns], told in ``target`` as it lies at ``target_time`` [ns].
+
+        Between the two times the frame ``fixed`` is held still, as in tf2's ``lookupTransform`` of five arguments:
+        T = T(target <- fixed, target_time) T(fixed <- source, source_time). The time of the answer is the target's. A
+        time of None is the latest common one with ``fixed``. Raises NoTransform.
+        """
+        for each in (target, source, fixed):
+            self._known(each)
+        then, now = self.lookup(fixed, source, source_time), self.lookup(target, fixed, target_time)
+        return Found(now.time, now.rigid.then(then.rigid))
 
     def _child(self, transform: TransformStamped) -> str | None:
         """The child's name of a transform that makes sense, else None."""
@@ -168,6 +191,10 @@ class FrameBuffer:
             self._parents = {link.parent for link in self._static.values()}
             self._parents |= {each.parent(None) for each in self._moving.values()}
             self._most_parents = 2 * len(self._parents) + MOST_FRAMES
+
+    def _newest(self, frames: Iterable[str]) -> int | None:
+        """The latest time [ns] that all of the moving ones among these frames have; None when none of them moves."""
+        return min((self._moving[each].newest for each in frames if each in self._moving), default=None)
 
     def _known(self, frame: str) -> str:
         name = frame.removeprefix("/")

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Protocol
+
 from messages.geometry import TransformStamped
 from messages.std import Header, Time
 from messages.tf import TFMessage
 from messages.topics import TF, TF_STATIC
 from services.runtime.errors import NoTransform
-from services.runtime.frames.buffer import CACHE_S, FrameBuffer
+from services.runtime.frames.buffer import CACHE_S, Found, FrameBuffer
 from services.runtime.inputs import Input
 from services.runtime.network.wire import NODE_BYTES
 from services.runtime.node import Node
+
+
+class Step(Protocol):
+    """What is known of a tick here: the simulation time [s] since the one before, 0 after a reset."""
+
+    @property
+    def dt(self) -> float: ...
 
 
 class Transforms:
@@ -32,9 +42,10 @@ class Transforms:
 
     def refresh(self) -> None:
         """Follow the inputs' last batches."""
-        take_fixed(self.buffer, self._fixed)
         if self._moving is not None:
             take_moving(self.buffer, self._moving)
+        # After what moves: of a frame that is told as both, whoever still moves it says so again, the other one never.
+        take_fixed(self.buffer, self._fixed)
         self._tell()
 
     def clear(self) -> None:
@@ -50,8 +61,18 @@ class Transforms:
         unconnected ones, a time outside of what is known, and a loop.
         """
         found = self.buffer.lookup(target, source, time)
-        header = Header(stamp=Time.of(found.time or 0), frame_id=target.removeprefix("/"))
-        return TransformStamped(header=header, child_frame_id=source.removeprefix("/"), transform=found.rigid.message)
+        return _message(target, source, found)
+
+    def lookup_full(
+        self, target: str, target_time: int | None, source: str, source_time: int | None, fixed: str
+    ) -> TransformStamped:
+        """Where ``source`` lay at ``source_time`` [ns], told in ``target`` at ``target_time`` [ns].
+
+        As tf2's ``lookupTransform`` with a fixed frame ("time travel"): ``fixed`` is what stands still between the two
+        times. ``lookup_full("base", now, "base", now - 10**9, "odom")`` is how the base has moved in the last second.
+        Times, stamp and errors are those of ``lookup``; the stamp is the target's time.
+        """
+        return _message(target, source, self.buffer.lookup_full(target, target_time, source, source_time, fixed))
 
     def can(self, target: str, source: str, time: int | None = None) -> bool:
         """Whether ``lookup`` would answer."""
@@ -60,6 +81,37 @@ class Transforms:
         except NoTransform:
             return False
         return True
+
+    def can_full(self, target: str, target_time: int | None, source: str, source_time: int | None, fixed: str) -> bool:
+        """Whether ``lookup_full`` would answer."""
+        try:
+            self.buffer.lookup_full(target, target_time, source, source_time, fixed)
+        except NoTransform:
+            return False
+        return True
+
+    def wait_for(
+        self, ticks: Iterator[Step], target: str, source: str, time: int | None = None, timeout: float = 5.0
+    ) -> TransformStamped:
+        """``lookup``, as soon as it answers: until then the loop's own ``ticks`` pass, so that nobody waits for it.
+
+        Args:
+            ticks: what the loop goes on with, ``ticks = ctx.ticks()``; requests are answered, the heartbeat is sent and
+                the steps of lockstep are taken while it waits. A reset meanwhile shows in the epoch of the ticks after.
+            target, source, time: as for ``lookup``.
+            timeout: how long to wait at most [s of simulation time]; a simulation that is paused takes none of it.
+
+        Raises:
+            NoTransform: what ``lookup`` said last, when the time is over.
+        """
+        waited = 0.0
+        while True:
+            try:
+                return self.lookup(target, source, time)
+            except NoTransform as error:
+                if waited >= timeout:
+                    raise type(error)(f"{error} (waited for {timeout:g} s of simulation time)") from None
+            waited += next(ticks).dt
 
     def frames(self) -> list[str]:
         """The names of all frames."""
@@ -73,6 +125,11 @@ class Transforms:
         if self.buffer.refused > self._refused:
             self._refused = self.buffer.refused
             self._log.warn(f"{self._refused} transforms refused, the last one because {self.buffer.reason}", every=5.0)
+
+
+def _message(target: str, source: str, found: Found) -> TransformStamped:
+    header = Header(stamp=Time.of(found.time or 0), frame_id=target.removeprefix("/"))
+    return TransformStamped(header=header, child_frame_id=source.removeprefix("/"), transform=found.rigid.message)
 
 
 def take_moving(buffer: FrameBuffer, source: Input[TFMessage]) -> None:

@@ -3,33 +3,72 @@
 from __future__ import annotations
 
 import math
+import secrets
 import time
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Iterable
+from itertools import islice
+from typing import Any, TypeVar
 
 import msgspec
 
 from messages.base import WrongPayload, encode
+from messages.elea import LockstepState
 from messages.names import key as key_of
-from messages.topics import Quality
+from messages.topics import HEALTH, Quality
+from services.runtime.counts import Counts
 from services.runtime.graph import Entity, pattern
-from services.runtime.lockstep.marks import Marks, Numbers
+from services.runtime.lockstep.marks import Marks, Numbers, merge
 from services.runtime.lockstep.member import Member
-from services.runtime.lockstep.protocol import CAPACITY, ENCODING, Done, Go, done_key, go_key, numbers, read_done
+from services.runtime.lockstep.protocol import (
+    CAPACITY,
+    ENCODING,
+    LARGEST,
+    SIMULATION,
+    TOKEN_BYTES,
+    Done,
+    Go,
+    done_key,
+    go_key,
+    numbers,
+    read_done,
+)
 from services.runtime.log import Log
 from services.runtime.network.transport import Inlet, Transport
-from services.runtime.network.wire import member_id
+from services.runtime.network.wire import detach, member_id, publisher_id
 from services.runtime.outbox import Outbox
 from services.runtime.outputs import Output
 
 AGAIN_S = 2.0
-"""Wall time after which what was not seen or not answered at the start is looked for, and asked, again."""
+"""Wall time after which what was not seen or not answered is looked for, and asked, again."""
+REPORT_S = 5.0
+"""Wall time of waiting after which the log names those who are waited for, and then again."""
+GATHER_S = 120.0
+"""Wall time without a newcomer after which time begins without those who are missing."""
+SILENT_S = 30.0
+"""Wall time after which a member that neither answers nor beats is given up; a supervisor ends a hung one sooner."""
+LONGEST_S = 300.0
+"""The same for one that beats: it is slow, and not dead."""
+LOOK_S = 0.25
+"""Wall time between two looks at those who are late; they are asked again, as a flood may have pushed out a message."""
+LOOK_MOST_S = 0.5
+"""One look counts as this much waiting at most: a machine that is too busy to look has not waited."""
+MOST_SESSIONS = 16
+"""Sessions that may show readiness in the name of one node; all but one can only be about to go or to come."""
+MOST_READS = 1 << 17
+"""Subscriptions of the roster's nodes that are kept."""
+
+_HEALTH_KEY = key_of(HEALTH.name)
+
+C = TypeVar("C")
 
 
 class Barrier:
     """Waits for members.
 
     ``idle`` is called with the inlet to wait on whenever it has to wait; ``now`` tells where the simulation stands.
+    A member is who shows readiness under the name of a node of the roster and holds that node's token, one for each
+    node. Its Done counts only with the token that this barrier told it. ``counts`` holds what was refused.
     """
 
     def __init__(
@@ -42,61 +81,105 @@ class Barrier:
         now: Callable[[], Go],
     ) -> None:
         self.marks = Marks()
-        self.dropped: list[str] = []
-        self._transport, self._outbox, self._roster = transport, outbox, roster
+        self.counts = Counts("lockstep: Done")
+        self._transport, self._outbox, self._roster = transport, outbox, dict.fromkeys(roster)
         self._log, self._idle, self._now = log, idle, now
-        self._inlet = transport.subscribe(done_key(transport.session), CAPACITY)
+        self._key = done_key(transport.session)
+        self._inlet = transport.subscribe(self._key, CAPACITY)
+        self._beats = transport.subscribe(_HEALTH_KEY, CAPACITY)
         self._reads_watch = transport.watch(pattern("sub"))
         self._watch = transport.watch(pattern("step"))
-        self._readers: dict[str, set[str]] = {}
-        """The sessions that read a key."""
+        self._nodes_watch = transport.watch(pattern("node"))
+        # A token that differs in its last chunks says the same, and may come and go beside the true one: all count.
+        self._readers: dict[str, Counter[str]] = {}
+        """The sessions of the roster's nodes that read a key."""
+        self._reads = 0
+        self._ready: Counter[tuple[str, str]] = Counter()
+        """Nodes of the roster, and the sessions that show readiness in their names."""
+        self._holders: Counter[tuple[str, str]] = Counter()
+        """Nodes of the roster, and the sessions that hold their names."""
+        self._not_before: dict[str, float] = {}
+        """Wall time before which a session that left or was given up does not become a member again."""
         self._members: dict[str, Member] = {}
-        self._pending: dict[str, int] = {}
+        self._gone: deque[Member] = deque(maxlen=CAPACITY)
+        """Members whose processes went without a word, last."""
+        self._pending: dict[str, tuple[int, int]] = {}
+        self._sent: Numbers = {}
+        """What the simulation itself has sent."""
+        self._lost: dict[str, None] = {}
+        self._left: dict[str, None] = {}
+        self.version = 0
+        """Grows whenever ``state`` may have changed."""
+        self._begun = False
         self._generation = 0
         self._stride = 1
+        self._epoch = -1
+        self._absent: frozenset[str] = frozenset()
 
-    def gather(self) -> None:
-        """Block until the whole roster has joined and every member sees every other."""
-        started = reported = looked = time.monotonic()
+    @property
+    def state(self) -> LockstepState:
+        """Who is waited for, who is not any more because it was lost, and who took leave; all since time began."""
+        return LockstepState(
+            members=tuple(sorted(member.node for member in self._members.values() if member.active)),
+            lost=tuple(self._lost),
+            left=tuple(self._left),
+        )
+
+    def gather(self, absent: Collection[str] = ()) -> None:
+        """Block until the whole roster has joined and every member sees every other.
+
+        Those ``absent`` are not waited for. When nobody has come for GATHER_S, time begins without those who are
+        missing, and they count as lost.
+        """
+        self._absent = frozenset(absent) & self._roster.keys()
+        waited = reported = without = 0.0
+        most = 0
+        last = looked = time.monotonic()
         while True:
-            if (now := time.monotonic()) - looked > AGAIN_S:
+            now = time.monotonic()
+            passed = min(now - last, LOOK_MOST_S)
+            last, waited, without = now, waited + passed, without + passed
+            if now - looked > AGAIN_S:
                 looked = now
-                for watch in (self._watch, self._reads_watch):
+                for watch in (self._nodes_watch, self._watch, self._reads_watch):
                     watch.look()
             self.update()
             active = {member.node for member in self._members.values() if member.active}
-            missing = [node for node in self._roster if node not in active]
+            missing = [node for node in self._roster if node not in active | self._absent]
             if not missing:
-                return
-            if now - reported > 5.0:
-                reported = now
-                self._log.warn(f"waiting for {', '.join(missing)} since {now - started:.0f} s: did they start?")
+                break
+            if (come := len(active) + len({node for node, _ in self._ready})) > most:
+                most, without = come, 0.0
+            if without > GATHER_S:
+                self._lost |= dict.fromkeys(missing)
+                self._log.error(f"{', '.join(missing)} not there after {waited:.0f} s: time begins without")
+                break
+            if waited - reported > REPORT_S:
+                reported = waited
+                self._log.warn(f"waiting for {', '.join(missing)} since {waited:.0f} s: did they start?")
             self._idle(self._inlet)
+        self._begun = True
+        self.version += 1
 
     def update(self) -> None:
         """Follow who joined, who left, and who answered.
 
-        Tokens are looked at before answers are taken: whoever took leave before its token went is then heard.
+        Tokens are looked at before answers are taken: whoever took leave before its token went is then heard. A node
+        shows its own token and its subscriptions before its readiness, so these are looked at after that.
         """
         tokens = list(iter(self._watch.take, None))
         self._receive()
-        while (event := self._reads_watch.take()) is not None:
-            entity = Entity.parse(event.key)
-            if entity is not None:
-                readers = self._readers.setdefault(key_of(entity.name), set())
-                (readers.add if event.alive else readers.discard)(entity.session)
+        for token in iter(self._reads_watch.take, None):
+            if (entity := Entity.parse(token.key)) is not None and entity.node in self._roster:
+                self._note_reader(entity, token.alive)
+        for token in iter(self._nodes_watch.take, None):
+            if (entity := Entity.parse(token.key)) is not None and entity.node in self._roster:
+                _count(self._holders, (entity.node, entity.session), token.alive)
         for token in tokens:
-            entity = Entity.parse(token.key)
-            if entity is None:
-                continue
-            if not token.alive:
-                if self._drop(entity.session):
-                    self.marks.died.add(member_id(entity.node, entity.session))
-                    self.dropped.append(entity.node)
-                    self._log.warn(f"{entity.node} is gone: the others go on without it")
-            elif entity.node in self._roster and entity.session not in self._members:
-                self._add(entity)
-        for member in list(self._members.values()):
+            if (entity := Entity.parse(token.key)) is not None and entity.node in self._roster:
+                self._note_readiness(entity, token.alive)
+        self._admit()
+        for member in self._members.values():
             if not member.active and self._all_here():
                 self._greet(member)
 
@@ -108,115 +191,270 @@ class Barrier:
 
     def release(self, go: Go, outputs: Iterable[Output[Any]]) -> None:
         """Let the members that are due at ``go.time`` take their step."""
-        self._spread(numbers(outputs), "marks")
+        news = numbers(outputs)
+        merge(self._sent, news)
+        self._spread(news, "marks")
+        self.marks.renewed, self._epoch = go.epoch > self._epoch >= 0, go.epoch
         for session, member in self._members.items():
             if member.active and go.time % member.period_ns == 0:
-                self._pending[session] = go.tick
-                self._tell(member, go)
+                self._pending[session] = member.last = go.epoch, go.tick
+                self._step(member, go)
 
     def collect(self, time_ns: int) -> None:
-        """Block until those that are due at this time have finished their last step, or died.
+        """Block until those that are due at this time have finished their last step, died, or are given up.
 
         What they sent is then in ``marks``. Answers of others wait for their time: when they came makes no difference.
         """
         self._receive()
+        last = time.monotonic()
         while due := [session for session in self._pending if time_ns % self._members[session].period_ns == 0]:
-            late = False
+            late: list[Member] = []
             for session in due:
-                if (answer := self._members[session].answer) is None:
-                    late = True
+                member = self._members[session]
+                if (answer := member.answer) is None:
+                    late.append(member)
                 else:
                     del self._pending[session]
-                    self._members[session].answer = None
+                    member.answer = None
                     self._hear(answer)
             if late:
+                if (now := time.monotonic()) - last > LOOK_S:
+                    self._pursue(late, now - last)
+                    last = now
                 self._idle(self._inlet)
                 self.update()
 
     def announce(self, go: Go) -> None:
         """Tell every member something that is no step: a pause."""
         for member in self._members.values():
-            self._tell(member, go)
+            if member.active:
+                self._pause(member, go)
+
+    def _pursue(self, late: list[Member], passed: float) -> None:
+        """Ask again those who do not answer, name them in the log, and give up who shows no life.
+
+        Either message may have been lost: a ring overflows when a stranger floods it. A member that gets a Go for the
+        second time answers as before.
+        """
+        heard = (detach(attachment) for _, attachment, _ in islice(iter(self._beats.take, None), CAPACITY))
+        beats = {origin.publisher for origin in heard if origin is not None}
+        now = time.monotonic()
+        for member in late:
+            passed = min(passed, LOOK_MOST_S)
+            member.waited += passed
+            member.silent += passed
+            if member.silent > 1.0 and publisher_id(member.node, member.session, _HEALTH_KEY) in beats:
+                member.silent = 0.0
+            if now - member.asked_at > LOOK_S:
+                member.asked_at = now
+                self._outbox.put(member.outlet.put, member.asked, b"")
+        slow = [member for member in late if member.waited > REPORT_S]
+        if slow:
+            told = ", ".join(f"{member.node} since {member.waited:.0f} s" for member in slow)
+            self._log.warn(f"the simulation waits for {told}: does it compute, or does it hang?", every=REPORT_S)
+        for member in slow:
+            if member.silent > SILENT_S or member.waited > LONGEST_S:
+                why = f"no answer for {member.waited:.0f} s, no sign of life for {member.silent:.0f} s"
+                self._give_up(member, why)
+
+    def _give_up(self, member: Member, why: str) -> None:
+        """Go on without a member; it may come back."""
+        self._drop(member)
+        self._not_before[member.session] = time.monotonic() + SILENT_S
+        self._lose(member, why)
+
+    def _lose(self, member: Member, why: str) -> None:
+        """A member is gone without having taken leave; its commands go with it."""
+        self.marks.died.add(member.id)
+        if self._begun and member.active:
+            self._lost[member.node] = None
+            self.version += 1
+            self._log.warn(f"{member.node} is lost, the others go on without it: {why}")
 
     def _present(self) -> tuple[str, ...]:
         return tuple(sorted(member.node for member in self._members.values()))
 
     def _all_here(self) -> bool:
         """Greetings wait for the whole roster at the start; later ones go out at once."""
-        begun = any(member.active for member in self._members.values())
-        return bool(self._generation) and (begun or set(self._roster) <= set(self._present()))
+        if not self._generation:
+            return False
+        begun = self._begun or any(member.active for member in self._members.values())
+        return begun or self._roster.keys() <= {*(member.node for member in self._members.values()), *self._absent}
+
+    def _note_reader(self, entity: Entity, alive: bool) -> None:
+        key = key_of(entity.name)
+        readers = self._readers.get(key, Counter())
+        if alive and self._reads >= MOST_READS:
+            self.counts.refuse(f"{entity.node} has more than {MOST_READS} subscriptions: are its tokens forged?")
+        elif alive or entity.session in readers:
+            self._reads += 1 if alive else -1
+            _count(readers, entity.session, alive)
+            self._readers[key] = readers
+            if not readers:
+                del self._readers[key]
+
+    def _note_readiness(self, entity: Entity, alive: bool) -> None:
+        """A node shows that it is ready to step, or it no longer does."""
+        claim = entity.node, entity.session
+        if alive and sum(node == entity.node for node, _ in self._ready) >= MOST_SESSIONS:
+            self.counts.refuse(f"more than {MOST_SESSIONS} sessions show readiness as {entity.node}")
+            return
+        _count(self._ready, claim, alive)
+        if claim not in self._ready:
+            self._not_before.pop(entity.session, None)
+            member = self._members.get(entity.session)
+            if member is not None and member.node == entity.node:
+                self._drop(member)
+                self._gone.append(member)
+                self._lose(member, "its process is gone")
+
+    def _admit(self) -> None:
+        """Make members of those who are ready: each node's first that holds its name, while it has none."""
+        if len(self._ready) == len(self._members):
+            return
+        now = time.monotonic()
+        taken = {member.node: member for member in self._members.values()}
+        for node, session in self._ready:
+            if session in self._members or (node, session) not in self._holders:
+                continue
+            if now < self._not_before.get(session, 0.0):
+                continue
+            if (holder := taken.get(node)) is not None:
+                # Who holds the place and never answered its greeting leaves it to the next in line.
+                if holder.active or not holder.asked or holder.waited < SILENT_S:
+                    continue
+                self._drop(holder)
+                self._not_before[holder.session] = now + SILENT_S
+            taken[node] = self._add(node, session)
 
     def _greet(self, member: Member) -> None:
         """Greet a member, and again while it does not answer: either may be lost while links come up."""
-        if not member.greeting:
-            member.greeting = self._tell(member, msgspec.structs.replace(self._now(), roster=self._present()))
-        elif time.monotonic() - member.greeted_at > AGAIN_S:
-            self._outbox.put(member.outlet.put, member.greeting, b"")
+        now = time.monotonic()
+        if not member.asked:
+            greeting = msgspec.structs.replace(self._now(), roster=self._present(), token=member.token)
+            member.asked = encode(greeting)
+        elif now - member.asked_at > AGAIN_S:
+            member.waited += AGAIN_S
         else:
             return
-        member.greeted_at = time.monotonic()
+        member.asked_at = now
+        self._outbox.put(member.outlet.put, member.asked, b"")
 
-    def _add(self, entity: Entity) -> None:
+    def _add(self, node: str, session: str) -> Member:
         self._generation += 1
-        outlet = self._transport.publish(go_key(entity.session), ENCODING, Quality.EVENT)
-        self._members[entity.session] = Member(
-            entity.node, member_id(entity.node, entity.session), int(entity.detail), outlet
-        )
-        self._count()
+        outlet = self._transport.publish(go_key(session), ENCODING, Quality.EVENT)
+        member = Member(node, session, member_id(node, session), outlet, secrets.token_bytes(TOKEN_BYTES))
+        self._members[session] = member
+        self._regroup()
+        return member
 
-    def _drop(self, session: str) -> bool:
-        """Wait for this member no more; whether it was one."""
-        member = self._members.pop(session, None)
-        if member is None:
-            return False
+    def _drop(self, member: Member) -> None:
+        """Wait for this member no more."""
         self._generation += 1
-        self._pending.pop(session, None)
-        self._count()
+        del self._members[member.session]
+        self._pending.pop(member.session, None)
+        self._regroup()
         self._outbox.release()
         member.outlet.close()
-        return True
 
-    def _count(self) -> None:
-        """Members came or went. All their steps fall on multiples of the stride."""
-        self.marks.members = {member.id for member in self._members.values()}
+    def _regroup(self) -> None:
+        """Members came, began or went. All their steps fall on multiples of the stride."""
+        self.version += 1
+        self.marks.regroup({member.id for member in self._members.values()})
         self._stride = math.gcd(*(member.period_ns for member in self._members.values())) or 1
 
-    def _tell(self, member: Member, go: Go) -> bytes:
-        """Send what is new for the member with a Go; what was sent."""
+    def _step(self, member: Member, go: Go) -> None:
+        """Let a member take its step, with all that is new for it."""
         members: tuple[bytes, ...] = ()
+        if member.told < 0:
+            self._brief(member)
         if member.told != self._generation:
             member.told = self._generation
-            own = next(s for s, m in self._members.items() if m is member)
-            members = (*(m.id for s, m in self._members.items() if s != own), self._own_id)
+            own = member_id(SIMULATION, self._transport.session)
+            members = (*(each.id for each in self._members.values() if each is not member), own)
         marks, known, member.marks, member.known = member.marks, member.known, {}, {}
-        leave = msgspec.structs.replace(go, members=members, marks=marks, known=known)
-        payload = encode(leave)
-        self._outbox.put(member.outlet.put, payload, b"")
-        return payload
+        leave = msgspec.structs.replace(
+            go, members=members, marks=marks, known=known, token=member.token, nonce=member.nonce
+        )
+        member.asked, member.asked_at = encode(leave), time.monotonic()
+        member.waited = member.silent = 0.0
+        self._outbox.put(member.outlet.put, member.asked, b"")
 
-    @property
-    def _own_id(self) -> bytes:
-        return member_id("/sim", self._transport.session)
+    def _brief(self, member: Member) -> None:
+        """What was sent before a member joined is let through where it came: latched messages may be long past."""
+        for reached in (self.marks.reached, self._sent):
+            for key, told in reached.items():
+                if member.session in self._readers.get(key, ()):
+                    merge(member.known, {key: told})
+
+    def _pause(self, member: Member, go: Go) -> None:
+        told = msgspec.structs.replace(go, token=member.token, nonce=member.nonce)
+        self._outbox.put(member.outlet.put, encode(told), b"")
 
     def _receive(self) -> None:
-        while (sample := self._inlet.take()) is not None:
+        for payload, _, source in islice(iter(self._inlet.take, None), CAPACITY):
+            if self._inlet.key(source) != self._key or len(payload) > LARGEST:
+                self._refuse("sent to many keys at once, or too large")
+                continue
             try:
-                done = read_done(sample[0])
-            except WrongPayload:
+                done = read_done(payload)
+            except WrongPayload as error:
+                self._refuse(str(error))
                 continue
-            member = self._members.get(done.session)
-            if member is None:
-                continue
-            if done.leaving:
-                self._drop(done.session)
-                self._log.info(f"{member.node} has finished")
-                continue
-            if not done.greets:
-                if self._pending.get(done.session) == done.tick:
-                    member.answer = done
-            elif not member.active:
-                member.active = True
+            if fault := self._answered(done):
+                self._refuse(fault)
+            else:
+                self.counts.received += 1
+
+    def _answered(self, done: Done) -> str:
+        """Take a Done; why it does not count, empty when it does."""
+        member = self._members.get(done.session)
+        if member is None and done.leaving and self._had_left(done):
+            return ""
+        if member is None:
+            return f"from {done.session}, which is no member"
+        if done.token != member.token:
+            return f"for {member.node}, without the token that it was told: it is forged"
+        if done.leaving:
+            self._drop(member)
+            self._not_before[done.session] = time.monotonic() + SILENT_S
+            if self._begun and member.active:
+                self._left[member.node] = None
+                self.version += 1
+            self._log.info(f"{member.node} has finished")
+        elif done.greets:
+            if not member.active:
+                if fault := member.account(done):
+                    return fault
+                member.active, member.nonce, member.period_ns = True, done.nonce, done.period
+                self._regroup()
                 self._hear(done)
+                if (now := self._now()).paused:
+                    self._pause(member, now)
+        elif self._pending.get(done.session) == (done.epoch, done.tick):
+            if member.answer is None:
+                if fault := member.account(done):
+                    return fault
+                member.answer = done
+        elif (done.epoch, done.tick) > member.last:
+            return f"{member.node} has finished tick {done.tick} of epoch {done.epoch}, which it was not let take"
+        return ""
+
+    def _had_left(self, done: Done) -> bool:
+        """Whether this is the leave of a member whose token went first: on a busy machine a token overtakes it."""
+        for member in self._gone:
+            if member.session == done.session and member.token == done.token:
+                self._gone.remove(member)
+                if self._lost.pop(member.node, self) is None:
+                    self._left[member.node] = None
+                    self.version += 1
+                    self._log.info(f"{member.node} had finished")
+                return True
+        return False
+
+    def _refuse(self, fault: str) -> None:
+        self.counts.refuse(fault)
+        self._log.warn(f"a Done is refused: {self.counts.reason}", every=10.0)
 
     def _hear(self, done: Done) -> None:
         """Let through what a member says it has sent."""
@@ -231,3 +469,10 @@ class Barrier:
                 if session != sender and (member := self._members.get(session)) is not None:
                     kept: Numbers = getattr(member, kind)
                     kept.setdefault(key, {}).update(reached)
+
+
+def _count(tokens: Counter[C], what: C, alive: bool) -> None:
+    """One token more, or one less, that says the same."""
+    tokens[what] += 1 if alive else -1
+    if tokens[what] <= 0:
+        del tokens[what]

@@ -4,52 +4,76 @@ The simulation sends each due member a Go with the time and the numbers of all s
 the keys that the member reads; the member waits for exactly these, steps, and answers Done with the numbers of what it
 sent. So every member sees the same messages at the same tick, whatever the load or the network's timing, and a member
 costs nothing at the ticks at which it is not due. ``follower`` is the member's side, ``barrier`` the simulation's.
+
+Sessions are public, so both sides prove that they have heard each other. A greeting carries a ``token`` that the
+simulation drew for the member, the answer a ``nonce`` that the member drew for the simulation; from then on each Go
+repeats the nonce and each Done the token, and what carries another one is refused. Who only sends cannot know them. Who
+also listens on these keys can: only an access list with certificates keeps him out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
+from msgspec import Meta
 
 from messages.base import decoder
 from messages.topics import Quality
 from services.runtime.lockstep.marks import Numbers
 from services.runtime.network.transport import KERNEL
+from services.runtime.network.wire import MEMBER_BYTES
 from services.runtime.outputs import Output
 
+SIMULATION = "/sim"
+"""The node that leads: the simulation, or the player of a bag in its place."""
 ENCODING = "application/msgpack;elea/lockstep"
 CAPACITY = 256
-"""Samples kept on the keys of lockstep; more than there are members."""
+"""Samples kept on the keys of lockstep; more than there are members. What a flood pushes out is sent again."""
+LARGEST = 1 << 22
+"""Bytes of a Go or a Done; a larger one is refused unread. That of 300 robots takes a twentieth."""
+TOKEN_BYTES = 8
+
+Session = Annotated[str, Meta(pattern=r"^[0-9a-f]{1,32}\Z")]
+"""The id of a session; nothing else may become part of a key."""
+_Instant = Annotated[int, Meta(ge=0, le=1 << 62)]
+_Token = Annotated[bytes, Meta(max_length=TOKEN_BYTES)]
 
 
 class Go(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     """Leave to take one step. With ``roster`` it is a greeting: see these nodes first, answer, take no step."""
 
-    simulation: str
-    tick: int
-    time: int
-    epoch: int
+    simulation: Session
+    tick: _Instant
+    time: _Instant
+    epoch: _Instant
     paused: bool = False
-    roster: tuple[str, ...] = ()
-    members: tuple[bytes, ...] = ()
+    roster: Annotated[tuple[str, ...], Meta(max_length=1 << 14)] = ()
+    members: tuple[Annotated[bytes, Meta(min_length=MEMBER_BYTES, max_length=MEMBER_BYTES)], ...] = ()
     marks: Numbers = {}
     known: Numbers = {}
+    token: _Token = b""
+    nonce: _Token = b""
 
 
 class Done(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     """A step is taken; ``known`` holds what was sent before the fellows were certain to listen.
 
-    One that is ``leaving`` takes no more steps; one that ``greets`` answers a greeting, and stands for no step.
+    One that is ``leaving`` takes no more steps; one that ``greets`` answers a greeting, stands for no step, and tells
+    the ``period`` [ns] of the member's steps.
     """
 
-    session: str
-    tick: int
+    session: Session
+    tick: Annotated[int, Meta(ge=-1, le=1 << 62)]
     marks: Numbers = {}
     known: Numbers = {}
     leaving: bool = False
     greets: bool = False
+    epoch: _Instant = 0
+    token: _Token = b""
+    nonce: _Token = b""
+    period: _Instant = 0
 
 
 read_go = decoder(Go)
@@ -76,10 +100,16 @@ def numbers(outputs: Iterable[Output[Any]]) -> Numbers:
     return news
 
 
-def greeting_numbers(outputs: Iterable[Output[Any]]) -> tuple[Numbers, Numbers]:
-    """As ``numbers`` before the first step: what is latched will reach everybody, the rest is only known."""
-    each = list(outputs)
-    return (
-        numbers(o for o in each if o.topic.quality is Quality.LATCHED),
-        numbers(o for o in each if o.topic.quality is not Quality.LATCHED),
-    )
+def told_numbers(outputs: Iterable[Output[Any]]) -> tuple[Numbers, Numbers]:
+    """What ``numbers`` has told of each output so far: of what is latched, and of the rest.
+
+    It answers a greeting. What is latched will reach everybody, the rest is only known. It is the same however often
+    it is asked for: a greeting may come again, also from a simulation that has waited for this member before.
+    """
+    latched: Numbers = {}
+    rest: Numbers = {}
+    for output in outputs:
+        if output.marked:
+            into = latched if output.topic.quality is Quality.LATCHED else rest
+            into.setdefault(output.key, {})[output.publisher] = output.marked
+    return latched, rest

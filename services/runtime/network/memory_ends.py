@@ -6,10 +6,11 @@ import itertools
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
-from services.runtime.network.transport import Reply, Sample, TokenEvent
+from services.runtime.network.backlog import Backlog
+from services.runtime.network.transport import TIMEOUT, Reply, Sample, TokenEvent
 
 if TYPE_CHECKING:
     from services.runtime.network.memory_transport import MemoryTransport
@@ -104,15 +105,15 @@ class MemoryOutlet:
 class MemoryQuery:
     """A request and the place for its answer."""
 
-    def __init__(self, bus: MemoryBus, key: str, payload: bytes) -> None:
-        self._bus, self.key, self.payload = bus, key, payload
+    def __init__(self, bus: MemoryBus, key: str, payload: bytes, session: str) -> None:
+        self._bus, self.key, self.payload, self._session = bus, key, payload, session
         self.answer: Reply | None = None
 
     def reply(self, payload: bytes) -> None:
-        self._answer(Reply(True, payload))
+        self._answer(Reply(True, payload, self._session))
 
     def refuse(self, payload: bytes) -> None:
-        self._answer(Reply(False, payload))
+        self._answer(Reply(False, payload, self._session))
 
     def _answer(self, reply: Reply) -> None:
         with self._bus.changed:
@@ -128,19 +129,27 @@ class MemoryPending:
 
     def take(self) -> Sequence[Reply] | None:
         if all(each.answer for each in self._asked) or time.monotonic() > self._deadline:
-            return [each.answer or Reply(False, b"Timeout") for each in self._asked]
+            return [each.answer or Reply(False, TIMEOUT) for each in self._asked]
         return None
 
 
 class MemoryServer:
     """The requests on one key."""
 
-    def __init__(self, key: str, owner: MemoryTransport) -> None:
+    def __init__(self, key: str, owner: MemoryTransport, backlog: Backlog[MemoryQuery]) -> None:
         self.key, self.owner = key, owner
-        self.queries: deque[MemoryQuery] = deque()
+        self.waiting: Collection[object] = backlog.items
+        self._backlog = backlog
+
+    def hear(self, query: MemoryQuery) -> None:
+        """Called by who asks."""
+        if (refusal := self._backlog.offer(query, len(query.payload))) is None:
+            self.owner.nudge()
+        else:
+            query.refuse(refusal)
 
     def take(self) -> MemoryQuery | None:
-        return self.queries.popleft() if self.queries else None
+        return self._backlog.take()
 
 
 class MemoryWatch:

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Self
 
+from messages.requests import LARGEST_REQUEST
 from messages.topics import Quality
 from services.runtime.errors import BadInput
+from services.runtime.network.backlog import Backlog, Refusals
 from services.runtime.network.memory_ends import (
     MemoryBus,
     MemoryInlet,
@@ -18,7 +20,7 @@ from services.runtime.network.memory_ends import (
     MemoryWatch,
     matches,
 )
-from services.runtime.network.transport import BEAT_S, Inlet, Reply
+from services.runtime.network.transport import BEAT_S, TIMEOUT, Inlet, Reply
 
 __all__ = ["MemoryBus", "MemoryTransport"]
 
@@ -58,8 +60,8 @@ class MemoryTransport:
         self._owned.append(outlet)
         return outlet
 
-    def serve(self, key: str) -> MemoryServer:
-        server = MemoryServer(key, self)
+    def serve(self, key: str, largest: int = LARGEST_REQUEST, refusals: Refusals | None = None) -> MemoryServer:
+        server = MemoryServer(key, self, Backlog(largest, refusals))
         with self._bus.changed:
             self._bus.servers.append(server)
         self._servers.append(server)
@@ -69,7 +71,7 @@ class MemoryTransport:
         with self._bus.changed:
             asked = self._ask(key, payload)
             self._bus.changed.wait_for(lambda: all(each.answer for each in asked), timeout)
-        return [each.answer or Reply(False, b"Timeout") for each in asked]
+        return [each.answer or Reply(False, TIMEOUT) for each in asked]
 
     def ask(self, key: str, payload: bytes, timeout: float) -> MemoryPending:
         with self._bus.changed:
@@ -115,8 +117,7 @@ class MemoryTransport:
         asked = []
         for server in self._bus.servers:
             if matches(server.key, key):
-                query = MemoryQuery(self._bus, key, payload)
-                server.queries.append(query)
+                query = MemoryQuery(self._bus, key, payload, server.owner.session)
                 asked.append(query)
-                server.owner.nudge()
+                server.hear(query)
         return asked

@@ -8,16 +8,21 @@ round trip a third shorter.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple, Protocol, Self
 
+from messages.requests import LARGEST_REQUEST
 from messages.topics import Quality
+from services.runtime.network.backlog import Refusals
 
 BEAT_S = 0.1
 """``wait`` returns at least this often [s of wall time]."""
 KERNEL = "@elea"
 """First chunk of the keys that are the runtime's own: those of tokens, and what lockstep and idle loops wait on."""
 
+
+TIMEOUT = b"Timeout"
+"""Payload of the error that stands for an answer which did not come in time; the word is Zenoh's own."""
 
 Sample = tuple[bytes, bytes, Any]
 """One arrival: payload, attachment, and what its inlet tells the rest by, for which most readers never ask."""
@@ -83,7 +88,10 @@ class Query(Protocol):
 
 
 class Server(Protocol):
-    """The requests that arrive on one key."""
+    """The requests that arrive on one key. Those that are too large, or too many to wait, are refused on arrival."""
+
+    waiting: Collection[object]
+    """What waits to be taken."""
 
     def take(self) -> Query | None:
         """The oldest request waiting, or None."""
@@ -91,10 +99,11 @@ class Server(Protocol):
 
 
 class Reply(NamedTuple):
-    """The answer to a query: ``ok`` tells a result from an error."""
+    """The answer to a query: ``ok`` tells a result from an error, ``session`` whose it is, empty where nobody's."""
 
     ok: bool
     payload: bytes
+    session: str = ""
 
 
 class Pending(Protocol):
@@ -147,12 +156,15 @@ class Transport(Protocol):
         """Send samples on ``key``."""
         ...
 
-    def serve(self, key: str) -> Server:
-        """Receive the requests on ``key``."""
+    def serve(self, key: str, largest: int = LARGEST_REQUEST, refusals: Refusals | None = None) -> Server:
+        """Receive the requests on ``key``, each of at most ``largest`` bytes; ``refusals`` counts what is refused."""
         ...
 
     def query(self, key: str, payload: bytes, timeout: float) -> Sequence[Reply]:
-        """Ask all who serve ``key`` and wait at most ``timeout`` [s]; nobody there is an empty list."""
+        """Ask all who serve ``key`` and wait at most ``timeout`` [s]; nobody there is an empty list.
+
+        Each one's answer is in the list; where one stays out, an error TIMEOUT is.
+        """
         ...
 
     def ask(self, key: str, payload: bytes, timeout: float) -> Pending:

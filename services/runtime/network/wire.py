@@ -40,6 +40,11 @@ def member_id(node: str, session: str) -> bytes:
     return name + hashlib.blake2b(session.encode(), digest_size=MEMBER_BYTES - NODE_BYTES).digest()
 
 
+def node_id(node: str) -> str:
+    """What all publisher ids of a node begin with, through all its lives: NODE_BYTES in hexadecimal."""
+    return member_id(node, "")[:NODE_BYTES].hex()
+
+
 def publisher_id(node: str, session: str, key: str) -> bytes:
     """Sixteen bytes for one publisher of one life of a node."""
     return member_id(node, session) + hashlib.blake2b(key.encode(), digest_size=16 - MEMBER_BYTES).digest()

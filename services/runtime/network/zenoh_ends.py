@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from typing import Any
 
 import zenoh
 from zenoh.handlers import Callback
 
-from services.runtime.network.transport import Reply, Sample, TokenEvent
+from services.runtime.network.backlog import Backlog
+from services.runtime.network.transport import TIMEOUT, Reply, Sample, TokenEvent
 
 NUDGE = zenoh.Encoding("elea/nudge")
 """Marks a sample that only wakes the loop."""
@@ -83,26 +84,35 @@ class ZenohQuery:
             self._query.reply_err(payload)
 
 
-class Mailbox:
-    """What callbacks hand over to the loop: they append and nudge, nothing more."""
+class ZenohServer:
+    """The requests on one key. What finds no room is refused where it is received: the loop never sees it."""
 
-    def __init__(self) -> None:
-        self.items: deque[Any] = deque()
+    def __init__(self, backlog: Backlog[Any], nudge: Callable[[], None]) -> None:
         self.handle: Any = None
+        self.waiting: Collection[object] = backlog.items
+        self._backlog, self._nudge = backlog, nudge
 
-
-class ZenohServer(Mailbox):
-    """The requests on one key."""
+    def hear(self, query: Any) -> None:
+        """Called by Zenoh, in its own thread."""
+        payload, beside = query.payload, query.attachment
+        size = len(str(query.parameters)) + sum(len(part) for part in (payload, beside) if part is not None)
+        if (refusal := self._backlog.offer(query, size)) is None:
+            self._nudge()
+        else:
+            with query:
+                query.reply_err(refusal)
 
     def take(self) -> ZenohQuery | None:
-        return ZenohQuery(self.items.popleft()) if self.items else None
+        query = self._backlog.take()
+        return None if query is None else ZenohQuery(query)
 
 
-class ZenohWatch(Mailbox):
+class ZenohWatch:
     """Liveliness events, in order, each change once: while links come up, Zenoh may tell of a token twice."""
 
     def __init__(self, ask: Callable[[], Iterable[str]]) -> None:
-        super().__init__()
+        self.items: deque[Any] = deque()
+        self.handle: Any = None
         self._ask = ask
         self._alive: set[str] = set()
         self._found: deque[TokenEvent] = deque()
@@ -161,10 +171,17 @@ class ZenohPending:
 
 
 def answers(reply: Any) -> list[Reply]:
-    """A reply of Zenoh as ours; none when it is neither result nor error."""
+    """A reply of Zenoh as ours; none when it is neither result nor error.
+
+    That nobody answered in time is not a server's word, though Zenoh may tell it in the asker's own name.
+    """
+    session = "" if reply.replier_id is None else str(reply.replier_id.zid)
     if reply.ok is not None:
-        return [Reply(True, reply.ok.payload.to_bytes())]
-    return [Reply(False, reply.err.payload.to_bytes())] if reply.err is not None else []
+        return [Reply(True, reply.ok.payload.to_bytes(), session)]
+    if reply.err is None:
+        return []
+    payload = reply.err.payload.to_bytes()
+    return [Reply(False, payload, "" if payload == TIMEOUT else session)]
 
 
 class ZenohToken:

@@ -5,19 +5,21 @@ from __future__ import annotations
 import json
 import os
 import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from typing import Any, Self
 
 import zenoh
 from zenoh.handlers import Callback, FifoChannel, RingChannel
 
+from messages.requests import LARGEST_REQUEST
 from messages.topics import Quality
 from services.runtime.errors import TryAgain
+from services.runtime.network import sockets
+from services.runtime.network.backlog import Backlog, Refusals
 from services.runtime.network.transport import BEAT_S, KERNEL, Inlet, Reply
 from services.runtime.network.zenoh_ends import (
     NUDGE,
-    Mailbox,
     ZenohCensus,
     ZenohInlet,
     ZenohOutlet,
@@ -35,8 +37,16 @@ _THREADS = "(rx: (worker_threads: 1), acc: (handover: rx), net: (handover: rx))"
 _OPENING = threading.Lock()
 """Held while a session opens: the environment belongs to all threads."""
 
+CLOSE_S = 1.5
+"""Wall time that leaving the network takes at most. On a link that answers nothing, Zenoh takes 10 s: its sockets wait
+so long (SO_LINGER) for the other side to acknowledge what was sent. A process that ends does not wait, and whoever
+listens sees its tokens go all the same."""
+
 _MOST_TOKENS = 1 << 20
 """Answers that a question for tokens can hold; a fleet of twelve processes has 400."""
+
+_EVERYBODY: dict[str, Any] = {"target": zenoh.QueryTarget.ALL, "consolidation": zenoh.ConsolidationMode.NONE}
+"""Zenoh asks all who serve a key in any case; by default it passes on one of their answers and hides the others."""
 
 _DROP, _BLOCK = zenoh.CongestionControl.DROP, zenoh.CongestionControl.BLOCK
 _QUALITIES: dict[Quality, dict[str, Any]] = {
@@ -61,12 +71,12 @@ class ZenohTransport:
 
     def __enter__(self) -> Self:
         zenoh.init_log_from_env_or("off")
-        wanted = self._configuration["connect"]["endpoints"]
+        wanted, listens = (self._configuration[each]["endpoints"] for each in ("connect", "listen"))
+        for each in {sockets.path_of(each).parent for each in (*wanted, *listens) if sockets.is_unix(each)}:
+            sockets.secure(each)
         try:
-            with few_threads(self._configuration["mode"] != "router"):
-                self._zenoh = zenoh.open(zenoh.Config.from_json5(json.dumps(self._configuration)))
+            apart(self._open)
         except zenoh.ZError as error:
-            listens = self._configuration["listen"]["endpoints"]
             raise TryAgain(f"cannot join the network (connect {wanted}, listen {listens}): {error}") from None
         self.session = str(self._zenoh.zid())
         self._census = ZenohCensus()
@@ -99,16 +109,17 @@ class ZenohTransport:
             return ZenohOutlet(publisher, latched=True)
         return ZenohOutlet(self._zenoh.declare_publisher(key, **options))
 
-    def serve(self, key: str) -> ZenohServer:
-        server = ZenohServer()
-        server.handle = self._zenoh.declare_queryable(key, self._handing_over(server))
+    def serve(self, key: str, largest: int = LARGEST_REQUEST, refusals: Refusals | None = None) -> ZenohServer:
+        server = ZenohServer(Backlog(largest, refusals), self._awake.set)
+        server.handle = self._zenoh.declare_queryable(key, Callback(server.hear, indirect=False))
         return server
 
     def query(self, key: str, payload: bytes, timeout: float) -> Sequence[Reply]:
-        return [each for reply in self._zenoh.get(key, payload=payload, timeout=timeout) for each in answers(reply)]
+        replies = self._zenoh.get(key, payload=payload, timeout=timeout, **_EVERYBODY)
+        return [each for reply in replies for each in answers(reply)]
 
     def ask(self, key: str, payload: bytes, timeout: float) -> ZenohPending:
-        return ZenohPending(self._zenoh.get(key, payload=payload, timeout=timeout))
+        return ZenohPending(self._zenoh.get(key, payload=payload, timeout=timeout, **_EVERYBODY))
 
     def token(self, key: str) -> ZenohToken:
         return ZenohToken(self._zenoh.liveliness().declare_token(key))
@@ -121,7 +132,12 @@ class ZenohTransport:
 
     def watch(self, pattern: str) -> ZenohWatch:
         watch = ZenohWatch(lambda: self.tokens(pattern))
-        handler = self._handing_over(watch)
+
+        def hand_over(sample: Any) -> None:
+            watch.items.append(sample)
+            self._awake.set()
+
+        handler = Callback(hand_over, indirect=False)
         watch.handle = self._zenoh.liveliness().declare_subscriber(pattern, handler, history=True)
         return watch
 
@@ -142,14 +158,15 @@ class ZenohTransport:
             self.open = False
             self._awake.set()
             self._ticker.join()  # a nudge into a session that closes fails, and the thread with it
-            self._zenoh.close()  # type: ignore[no-untyped-call]
+            with suppress(zenoh.ZError):  # the link was gone already
+                apart(self._leave, CLOSE_S)
 
-    def _handing_over(self, mailbox: Mailbox) -> Callback[Any]:
-        def hand_over(item: Any) -> None:
-            mailbox.items.append(item)
-            self._awake.set()
+    def _open(self) -> None:
+        with few_threads(self._configuration["mode"] != "router"):
+            self._zenoh = zenoh.open(zenoh.Config.from_json5(json.dumps(self._configuration)))
 
-        return Callback(hand_over, indirect=False)
+    def _leave(self) -> None:
+        self._zenoh.close()  # type: ignore[no-untyped-call]
 
     def _beat(self) -> None:
         """Wake the loop when asked and ten times a second, by a sample that stays in this session."""
@@ -161,6 +178,25 @@ class ZenohTransport:
             elif self.open:
                 here = zenoh.Locality.SESSION_LOCAL
                 self._zenoh.put(inlet.nudge_key, b"", encoding=NUDGE, allowed_destination=here)
+
+
+def apart(work: Callable[[], None], seconds: float | None = None) -> None:
+    """Run what may block within Zenoh in a thread of its own and wait for it, ``seconds`` at most. So a signal is heard
+    meanwhile: a call of Zenoh's lets none through until it returns. Raises the ZError of ``work``.
+    """
+    errors: list[zenoh.ZError] = []
+
+    def run() -> None:
+        try:
+            work()
+        except zenoh.ZError as error:
+            errors.append(error)
+
+    thread = threading.Thread(target=run, name="zenoh", daemon=True)
+    thread.start()
+    thread.join(seconds)
+    if errors:
+        raise errors[0]
 
 
 @contextmanager

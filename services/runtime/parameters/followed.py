@@ -34,7 +34,8 @@ class Followed(Generic[P]):
 
     ``fits`` raises BadInput for values that contradict each other; a change to such is refused, and taken back at the
     parameter service, so that all agree. ``described`` stands instead of what the record says of its parameters;
-    ``fleet`` and ``command_line`` hold what they state, by dotted names.
+    ``fleet`` and ``command_line`` hold what they state, by dotted names. ``trouble`` is why the parameter service's
+    values are not followed, ``refused`` tells that it has refused the set.
     """
 
     def __init__(
@@ -55,7 +56,7 @@ class Followed(Generic[P]):
         self.origins: dict[str, Origin] = {each.name: "default" for each in self.described}
         self.origins.update(dict.fromkeys(self.fleet, "fleet"))
         self.origins.update(dict.fromkeys(self.command_line, "command line"))
-        self.trouble = ""
+        self.trouble, self.refused = "", False
         self._node, self._fits = node, fits
         self._flat = flatten(params)
         self._live = {each.name: each.level for each in self.described if each.live}
@@ -142,7 +143,7 @@ class Followed(Generic[P]):
         if source == self._source and values.revision < self._revision:
             return 0  # overtaken by the answer to a request
         self._source, self._revision = source, values.revision
-        self.trouble = ""
+        self.trouble, self.refused = "", False
         told = {each.name: each for each in values.values if each.name in self._live}
         flat = {**self._flat, **{name: each.value for name, each in told.items()}}
         origins: dict[str, Origin] = {**self.origins, **{name: each.origin for name, each in told.items()}}

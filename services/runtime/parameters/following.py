@@ -64,6 +64,12 @@ class Following:
         """Whether a parameter service is there."""
         return bool(self._sessions)
 
+    @property
+    def unanswered(self) -> bool:
+        """Whether a set was announced to a parameter service that is there, and not answered yet: neither with values
+        nor with a refusal."""
+        return self.there and any(not followed.refused for followed in self._asking)
+
     def expect(self, stopping: Callable[[], bool]) -> None:
         """Block until the parameter service is there, AWAIT_S have passed since this was first called, or the process
         is to stop. ``begin`` then insists on an answer as long."""
@@ -193,7 +199,7 @@ class Following:
                 continue
             del self._asking[followed]
             try:
-                answer = understand(PARAMS_ANNOUNCE, _KEY, replies, ANSWER_S)
+                answer = understand(PARAMS_ANNOUNCE, _KEY, replies, ANSWER_S, self._transport)
             except CallFailed as error:
                 self._fail(followed, error)
             else:
@@ -204,7 +210,7 @@ class Following:
         if replies is None:
             return False
         try:
-            understand(PARAMS_UNDO, key_of(PARAMS_UNDO.name), replies, ANSWER_S)
+            understand(PARAMS_UNDO, key_of(PARAMS_UNDO.name), replies, ANSWER_S, self._transport)
         except CallFailed as error:
             self._log.error(f"the parameters {name} are not what the parameter service says: {error}")
         return True
@@ -216,6 +222,7 @@ class Following:
             followed.hear(answer, source)
 
     def _fail(self, followed: Followed[Any], error: CallFailed) -> None:
+        followed.refused = not isinstance(error, NoAnswer)
         if followed.trouble != str(error):
             followed.trouble = str(error)
             self._log.warn(f"the parameters {followed.set} are this node's own for now: {error}")

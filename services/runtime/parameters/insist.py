@@ -7,9 +7,11 @@ from typing import TypeVar
 
 from messages.base import Message, WrongPayload, decoder, encode
 from messages.requests import Refusal, Request
+from services.runtime.calls import check_single
 from services.runtime.errors import CallFailed
 from services.runtime.graph import pattern
-from services.runtime.network.transport import Transport
+from services.runtime.network.transport import TIMEOUT, Transport
+from services.runtime.serving import INTERNAL
 
 Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)
@@ -19,7 +21,6 @@ TRY_S = 2.0
 PATIENCE_S = 1.0
 """Wall time to wait for somebody who serves the request at all."""
 _PAUSE_S = 0.1
-_INTERNAL = "internal error"
 _read_refusal = decoder(Refusal)
 
 
@@ -30,16 +31,18 @@ class Uncertain(CallFailed):
 def insist(transport: Transport, request: Request[Q, R], message: Q, timeout: float = 5.0) -> R:
     """The reply to a request with an absolute name, asked again with the same id for as long as none comes.
 
-    Raises CallFailed when it was refused, or when nobody serves it, so that it was certainly not carried out; raises
-    Uncertain when all attempts within ``timeout`` [s] remained without an answer.
+    Raises CallFailed when it was refused, or when nobody serves it, so that it was certainly not carried out;
+    Uncertain when all attempts within ``timeout`` [s] remained without an answer, or its handler failed at each;
+    SeveralServers when more than one process answered.
     """
-    began, sent, key = time.monotonic(), False, request.name[1:]
+    began, sent, key, failure = time.monotonic(), False, request.name[1:], ""
     payload = encode(message)
     while True:
         left = timeout - (time.monotonic() - began)
         if sent and left <= 0:
             raise Uncertain(
-                f"{request.name} did not answer within {timeout:g} s: it is unknown whether the request was carried out"
+                f"{request.name} did not answer within {timeout:g} s: "
+                f"it is unknown whether the request was carried out{failure}"
             )
         if not sent and not transport.tokens(pattern("srv", "*", request.name)):
             if time.monotonic() - began > min(timeout, PATIENCE_S):
@@ -47,11 +50,15 @@ def insist(transport: Transport, request: Request[Q, R], message: Q, timeout: fl
             time.sleep(_PAUSE_S)
             continue
         sent = True
-        for reply in transport.query(key, payload, max(min(left, TRY_S), _PAUSE_S)):
+        replies = transport.query(key, payload, max(min(left, TRY_S), _PAUSE_S))
+        check_single(request.name, replies, transport)
+        for reply in replies:
             if reply.ok:
                 return _read(request, reply.payload)
             if (reason := _reason(reply.payload)) is not None:
-                raise CallFailed(reason)
+                if not reason.startswith(INTERNAL):
+                    raise CallFailed(reason)
+                failure = f"; the last answer: {reason}"
         time.sleep(_PAUSE_S)
 
 
@@ -65,11 +72,10 @@ def _read(request: Request[Q, R], payload: bytes) -> R:
 
 
 def _reason(payload: bytes) -> str | None:
-    """Why it was refused; None when that is no refusal: nobody was there in time, or whoever was has failed."""
-    if payload == b"Timeout":
+    """Why it was refused; None when nobody answered in time."""
+    if payload == TIMEOUT:
         return None
     try:
-        reason = _read_refusal(payload).reason
+        return _read_refusal(payload).reason
     except WrongPayload:
         return f"refused without a reason that can be read: {payload[:80]!r}"
-    return None if reason.startswith(_INTERNAL) else reason

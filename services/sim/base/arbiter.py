@@ -83,7 +83,7 @@ class Arbiter:
                 self.refused += 1
                 return False
         self.commands += 1
-        self.last_command = made
+        self.last_command = max(0, made)
         return True
 
     def lost(self, source: bytes, now_ns: int) -> None:

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 
 from messages.base import Message
 from messages.elea import BaseStatus
 from messages.geometry import Twist, TwistStamped
-from messages.std import Bool, Header, Time
+from messages.std import Header, Time
 from services.runtime.log import Log
 from services.runtime.network.wire import MEMBER_BYTES, Origin
 from services.runtime.service import STEP_NS
+from services.sim.ages import Ages
 from services.sim.base.arbiter import BRAKE, Arbiter
 from services.sim.base.settings import Settings
-from services.sim.commanders import FOREIGN, Ages, Commanders
+from services.sim.commanders import FOREIGN, Commanders
 from services.sim.diffdrive.driver import AT_REST, advance, commanded, wheel_speeds
 from services.sim.diffdrive.pid import FRESH, torque
 
 STEP_S = STEP_NS / 1e9
+
+UNKNOWN_NS = 10**18
+"""Simulation time by which a command of unknown age is old: beyond every time-out."""
 
 Batch = list[tuple[Message, Origin | None]]
 """What an input admitted at this tick."""
@@ -30,7 +35,6 @@ class Base:
         self.settings, self.drive, self.live = settings, settings.drive, settings.live
         self.arbiter = Arbiter(settings.timeout, settings.exclusive)
         self._commanders, self._ages, self._log = commanders, ages, log
-        self._stops: dict[str, bool] = {}
         self._told_of_zero = False
         self.restart()
 
@@ -48,19 +52,24 @@ class Base:
         old as that says, too.
         """
         for command, origin in batch:
-            source, priority, made = FOREIGN, 1, None
+            source, priority, made, age = FOREIGN, 1, None, 0.0
             if origin is not None:
                 source = origin.publisher
                 priority = self._commanders.find(source).priority
                 if source[:MEMBER_BYTES] not in governed:
-                    made = now - round(self._ages.of(origin) * factor * 1e9)
+                    age = self._ages.of(origin)
+                    made = now - (round(age * factor * 1e9) if age < inf else UNKNOWN_NS)
             stale = self.arbiter.stale_dropped
             if isinstance(command, TwistStamped):
                 made = self._stamp(command, made, now)
                 command = command.twist
             assert isinstance(command, Twist)
             self.arbiter.offer(source, priority, command.linear.x, command.angular.z, made, now)
-            if made is not None and self.settings.stamped and self.arbiter.stale_dropped > stale:
+            if self.arbiter.stale_dropped == stale:
+                continue
+            if age == inf or age * factor > self.settings.timeout:
+                self._tell_of_age(source, age)
+            elif made is not None and self.settings.stamped:
                 self._log.warn(
                     f"a TwistStamped made at {made / 1e9:.3f} s of simulation time is dropped: older than the time-out "
                     f"of {self.settings.timeout:g} s or from the future. Is it stamped by /clock?",
@@ -73,13 +82,10 @@ class Base:
                 every=1.0,
             )
 
-    def stop(self, who: str, batch: Batch) -> None:
-        """Follow an emergency stop; the base moves again when the stops of all who asked are reset."""
-        for message, _ in batch:
-            assert isinstance(message, Bool)
-            self._stops[who] = message.data
-        if batch and self.arbiter.e_stopped != (wanted := any(self._stops.values())):
-            self.arbiter.e_stop(wanted)
+    def stop(self, on: bool) -> None:
+        """Brake and stay, or obey commands again that come from now on."""
+        if self.arbiter.e_stopped != on:
+            self.arbiter.e_stop(on)
 
     def step(self, now: int) -> tuple[float, float] | None:
         """The wheels' new target speeds [rad/s] for the step that begins at ``now``; None when they stay."""
@@ -115,7 +121,9 @@ class Base:
         """What the wheels are told, as speed [m/s] and turn rate [rad/s] of the base."""
         return commanded(self.drive, self._state)
 
-    def status(self, now: int, model: str, refused: int, colliding: bool, collisions: int) -> BaseStatus:
+    def status(
+        self, now: int, model: str, refused: int, colliding: bool, collisions: int, stopped_by: tuple[str, ...] = ()
+    ) -> BaseStatus:
         """What the base obeys and refuses, and what its robot hits."""
         arbiter = self.arbiter
         source = arbiter.decide(now).source
@@ -132,7 +140,17 @@ class Base:
             last_command=Time.of(arbiter.last_command),
             colliding=colliding,
             collisions=collisions,
+            stopped_by=stopped_by,
         )
+
+    def _tell_of_age(self, source: bytes, age: float) -> None:
+        node = self._commanders.find(source).node or "a node without a token"
+        why = (
+            f"it is {age:.2f} s old: its sender or a link was stuck, or the clock of its machine was set back"
+            if age < inf
+            else "by its stamp it is newer than any before could be: the clock of its machine was set ahead, or differs"
+        )
+        self._log.warn(f"a command of {node} is dropped: {why}", every=5.0)
 
     def _stamp(self, command: TwistStamped, made: int | None, now: int) -> int | None:
         """When a command was made, ns, by its stamp and by its way; a stamp of 0 means that it has none.

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from math import inf
+
 from messages.joints import JointEffort
-from messages.std import Bool
 from models.limits import Limits
 from services.runtime.errors import BadInput, unknown
 from services.runtime.inputs import Input
 from services.runtime.log import Log
-from services.runtime.network.wire import MEMBER_BYTES, Origin
+from services.runtime.network.wire import MEMBER_BYTES
 from services.runtime.service import STEP_NS
-from services.sim.commanders import Ages
+from services.sim.ages import Ages
 from services.sim.joints.effort import Rule, total
 from services.sim.joints.jobs import Jobs, schedule
 from services.sim.physics.world import World
@@ -28,7 +29,7 @@ class Actuators:
         self.rule, self.limits = rule, limits
         self._world, self._name, self._ages, self._log = world, name, ages, log
         self._jobs: dict[str, Jobs[float]] = {joint: Jobs() for joint in world.joints(name)}
-        self._stops: dict[str, bool] = {}
+        self.stopped = False
         self.restart()
 
     def restart(self) -> None:
@@ -49,7 +50,8 @@ class Actuators:
             if origin is not None:
                 source = origin.publisher
                 if source[:MEMBER_BYTES] not in governed:
-                    age = self._ages.of(origin) * factor
+                    age = self._ages.of(origin)
+                    age = age * factor if age < inf else inf
             try:
                 self._check(job, now, age)
                 self._add(job, job.duration if job.duration < 0 else max(0.0, job.duration - age), now, source)
@@ -57,22 +59,16 @@ class Actuators:
                 topic.refuse(str(error))
                 self._log.warn(f"{topic.name}: {error}", every=1.0)
 
-    @property
-    def stopped(self) -> bool:
-        """Whether somebody has stopped this model: no effort acts, and what comes is not kept."""
-        return any(self._stops.values())
-
-    def stop(self, who: str, batch: list[tuple[Bool, Origin | None]]) -> None:
-        """Follow an emergency stop: all jobs are dropped, as Gazebo's effort joints get 0."""
-        for message, _ in batch:
-            self._stops[who] = message.data
-        if batch and self.stopped:
+    def stop(self, on: bool) -> None:
+        """Drop all jobs, as Gazebo's effort joints get 0, and keep none that comes, or take jobs again."""
+        if on and not self.stopped:
             self.restart()
+        self.stopped = on
 
     def apply(self, job: JointEffort, now: int) -> str:
         """Take a job at ``now`` [ns]; returns the note on its duration. Raises BadInput for a joint there is not."""
         if self.stopped:
-            raise BadInput(f"{self._name} is stopped: e_stop = false resets it")
+            raise BadInput(f"{self._name} is stopped: e_stop = false of each who stopped it resets it")
         return self._add(job, job.duration, now, b"")
 
     def clear(self, joint: str) -> int:
@@ -125,5 +121,10 @@ class Actuators:
             )
         if start and job.duration >= 0:
             age = max(age, (now - start) / 1e9)
+        if age == inf:
+            raise BadInput(
+                "a job is dropped that is newer by its stamp than any before could be: the clock of its sender's "
+                "machine was set ahead, or differs"
+            )
         if age > max(job.duration, GRACE_S):
             raise BadInput(f"a job of {job.duration:g} s that was made {age:.3f} s ago is dropped: its time is over")

@@ -1,7 +1,7 @@
 // The topics and their fields, live, to choose from for a plot.
 
 import { el, say } from "./dom.js";
-import { store } from "./store.js";
+import { ownFirst, store } from "./store.js";
 
 const MOST_OPEN = 3;
 const DULL = /\/parameter_(descriptions|updates)$/; // shown when they are looked for
@@ -15,7 +15,7 @@ export function startChooser(link, plot) {
 
   function list() {
     const wanted = filter.value.trim().toLowerCase();
-    const names = store.topics.filter((each) => each.pubs.length && each.name.toLowerCase().includes(wanted) && (wanted || !DULL.test(each.name))).map((each) => each.name);
+    const names = ownFirst(store.topics, (each) => each.name).filter((each) => each.pubs.length && each.name.toLowerCase().includes(wanted) && (wanted || !DULL.test(each.name))).map((each) => each.name);
     for (const [name, { row }] of rows) if (!names.includes(name)) { row.remove(); rows.delete(name); }
     names.forEach((name, index) => {
       if (!rows.has(name)) rows.set(name, make(name));

@@ -52,11 +52,27 @@ function copy(a, b, outermost = false) {
   a.childNodes.forEach((each, i) => copy(each, b.childNodes[i]));
 }
 
+// Disable buttons until what they have asked for is answered: a second click would ask for it twice.
+export async function whileAsking(buttons, asked) {
+  for (const each of buttons) { each.disabled = true; each.classList.add("asking"); }
+  try { return await asked; } finally {
+    for (const each of buttons) { each.disabled = Boolean(each.dataset.why); each.classList.remove("asking"); }
+  }
+}
+
+// Enable a control, or grey it and say why in its tooltip; `reason` is empty while it can be used.
+export function allow(control, reason) {
+  const title = control.dataset.title ?? (control.dataset.title = control.title);
+  control.dataset.why = reason;
+  if (!control.classList.contains("asking")) control.disabled = Boolean(reason);
+  control.title = reason || title;
+}
+
 // A button that asks once more before it acts.
 export function careful(label, act, attributes = {}) {
   let armed = 0;
   const button = el("button", { ...attributes, onclick: () => {
-    if (armed) { calm(); act(); return; }
+    if (armed) { calm(); act(button); return; }
     armed = setTimeout(calm, 3000);
     button.textContent = "Sure?";
     button.classList.add("armed");

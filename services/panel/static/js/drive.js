@@ -1,7 +1,7 @@
 // The hand: a stick on the screen and keys, each for as long as it is held. The panel stops the robot when this page
 // falls silent; here everything that could leave a key stuck lets go as well.
 
-import { el, memory, note, say } from "./dom.js";
+import { el, memory, note, say, show } from "./dom.js";
 
 const PERIOD = 50; // ms between two words while the hand is there
 const KEYS = {
@@ -21,10 +21,11 @@ export function startDrive(link, chosen) {
   const speedText = el("span", { class: "num" }), turnText = el("span", { class: "num" });
   const knob = el("div", { class: "knob" });
   const pad = el("div", { class: "pad", id: "stick", title: "Drag and hold to drive" }, knob);
+  const why = el("small", { class: "quiet" });
   const title = el("b", {}), motion = el("span", { class: "num quiet" });
   const element = el("section", { class: "drive" },
     el("div", { class: "line" }, title, el("span", { class: "fill" }), motion),
-    el("div", { class: "drive-body" }, pad, el("div", { class: "sliders" },
+    why, el("div", { class: "drive-body" }, pad, el("div", { class: "sliders" },
       el("label", {}, el("span", { class: "line" }, "Speed", el("span", { class: "fill" }), speedText), speed),
       el("label", {}, el("span", { class: "line" }, "Turn", el("span", { class: "fill" }), turnText), turn),
       el("small", { class: "quiet keys" }, el("span", {}, "Hold W A S D or the arrows,"), el("span", {}, "or u i o  j l  m , . to drive by keys")))));
@@ -119,7 +120,11 @@ export function startDrive(link, chosen) {
     enable(on) { enabled = on; if (!on) release(); },
     choose(robot) {
       say(title, robot ? `Drive ${robot.ns.slice(1)}` : "Drive");
-      element.classList.toggle("off", !robot?.drives);
+      const reason = !robot ? "Choose a robot first." : robot.drives ? "" : `${robot.ns.slice(1)} has no wheels to drive: it takes no cmd_vel.`;
+      say(why, reason);
+      show(why, Boolean(reason));
+      speed.disabled = turn.disabled = Boolean(reason);
+      element.classList.toggle("off", Boolean(reason));
     },
   };
 }

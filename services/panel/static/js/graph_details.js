@@ -27,8 +27,8 @@ function ofTopic(name, choose) {
   const topic = store.topics.find((each) => each.name === name), known = store.rates.topics[name];
   if (!topic) return [close(choose), el("h2", {}, name), el("p", { class: "hint" }, "It is gone.")];
   const readers = topic.subs.map((node) => {
-    const [received, lost, refused, foreign, reason] = store.rates.nodes[node]?.inputs[name] ?? [];
-    const counts = received === undefined ? "" : [`${received} received`, lost && `${lost} lost`, refused && `${refused} refused`, foreign && `${foreign} foreign`].filter(Boolean).join(", ");
+    const [received, lost, refused, foreign, reason, repeated, resynced] = store.rates.nodes[node]?.inputs[name] ?? [];
+    const counts = received === undefined ? "" : [`${received} received`, lost && `${lost} lost`, refused && `${refused} refused`, repeated && `${repeated} repeated`, resynced && `${resynced} renumbered`, foreign && `${foreign} foreign`].filter(Boolean).join(", ");
     return el("li", {}, link(node, { node }, choose), el("small", { class: lost || refused ? "bad" : "quiet" }, [counts, reason].filter(Boolean).join(": ")));
   });
   return [close(choose), el("h2", {}, name),
@@ -47,9 +47,13 @@ function ofNode(name, choose) {
     const said = [end === "pubs" ? rate(store.rates.topics[each.name], each) : "", lost ? `${lost} lost` : ""].filter(Boolean).join(", ");
     return el("li", {}, link(each.name, { topic: each.name }, choose), el("small", { class: lost ? "bad" : "quiet" }, said));
   });
+  // What is refused on keys that are no topics, as those of lockstep.
+  const beside = Object.entries(health?.inputs ?? {}).filter(([key, counts]) => counts[2] && !store.topics.some((each) => each.name === key));
   const served = store.services.filter((each) => each.node === name).map((each) => el("li", {}, each.name));
   return [close(choose), el("h2", {}, name), fact("kind", node?.kind || "not ours"),
     ...(health ? [fact("state", health.state), fact("heartbeat", `${health.age.toFixed(1)} s ago`, health.age > 3 ? "bad" : ""), fact("pid", String(health.pid)), ...(health.note ? [fact("says", health.note)] : [])] : [fact("heartbeat", "none heard")]),
+    ...(health?.refused_requests ? [fact("requests", `${health.refused_requests} refused: ${health.request_reason}`, "bad")] : []),
+    ...beside.map(([key, counts]) => fact(key, `${counts[2]} refused: ${counts[4]}`, "bad")),
     el("h3", {}, "Publishes"), el("ul", {}, ...topics("pubs")), el("h3", {}, "Reads"), el("ul", {}, ...topics("subs")),
     ...(served.length ? [el("h3", {}, "Serves"), el("ul", {}, ...served)] : [])];
 }

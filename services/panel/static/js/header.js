@@ -1,6 +1,6 @@
 // The bar at the top: simulation time and its controls, the emergency stop, what the fleet is called.
 
-import { byId, careful, note, say, show } from "./dom.js";
+import { allow, byId, careful, note, say, show, whileAsking } from "./dom.js";
 import { findParameter } from "./store.js";
 
 export function clockText(seconds) {
@@ -13,20 +13,20 @@ export function startHeader(link) {
   let paused = false;
   link.want("header", { channels: ["clock", "fleet", "robots", "sets", "values"] });
 
-  const ask = (word, done) => link.ask(word).then(
+  const ask = (word, done, ...buttons) => whileAsking(buttons, link.ask(word)).then(
     (answer) => { if (done) note(typeof answer === "string" ? answer : done); },
     (error) => note(error.message, "bad"),
   );
-  byId("pause").addEventListener("click", () => ask({ k: paused ? "resume" : "pause" }));
-  byId("step").addEventListener("click", () => ask({ k: "step", count: Number(byId("steps").value) }));
+  byId("pause").addEventListener("click", () => ask({ k: paused ? "resume" : "pause" }, "", byId("pause")));
+  byId("step").addEventListener("click", () => ask({ k: "step", count: Number(byId("steps").value) }, "", byId("step")));
   for (const [id, time, done] of [["reset", true, "time and world are reset"], ["reset-world", false, "the world is reset"]]) {
     const plain = byId(id);
-    const button = careful(plain.textContent, () => ask({ k: "reset", time }, done), { id, title: plain.title });
+    const button = careful(plain.textContent, () => ask({ k: "reset", time }, done, byId(id)), { id, title: plain.title });
     button.className = plain.className;
     plain.replaceWith(button);
   }
-  byId("stop").addEventListener("click", () => ask({ k: "estop", on: true }, "stop"));
-  byId("stop-reset").addEventListener("click", () => ask({ k: "estop", on: false }, "reset"));
+  byId("stop").addEventListener("click", () => ask({ k: "estop", on: true }, "stop")); // never greyed: it stops, however often
+  byId("stop-reset").addEventListener("click", () => ask({ k: "estop", on: false }, "reset", byId("stop-reset")));
 
   link.on("clock", (clock) => {
     paused = clock.paused;
@@ -34,7 +34,7 @@ export function startHeader(link) {
     say(byId("factor"), !clock.alive ? "" : paused ? "paused" : clock.factor === null ? "" : `×${clock.factor.toFixed(clock.factor < 10 ? 2 : 1)}`);
     byId("dot").className = `dot ${!clock.alive ? "bad" : paused ? "warn" : "good"}`;
     say(byId("pause"), paused ? "Resume" : "Pause");
-    for (const id of ["step", "steps"]) byId(id).disabled = !paused;
+    for (const id of ["step", "steps"]) allow(byId(id), paused ? "" : "Pause first: time runs");
   });
   link.on("about", ({ dropped }) => {
     say(byId("drops"), `${dropped} frames left out`);

@@ -87,7 +87,7 @@ export class GroundMap {
     this.draw();
   }
 
-  paintOf(ns) { return paint(Math.max(0, this.robots.findIndex((each) => each.ns === ns))); }
+  paintOf(ns) { return this.robots.find((each) => each.ns === ns)?.colour ?? paint(0); }
 
   draw() {
     if (!this.dirty || !this.canvas.width) return;

@@ -1,7 +1,7 @@
 // The parameters of all sets, as their descriptions make them; what is set anywhere is shown everywhere.
 
-import { careful, el, memory, note, say, show } from "./dom.js";
-import { store } from "./store.js";
+import { careful, el, memory, note, say, show, whileAsking } from "./dom.js";
+import { ownFirst, store } from "./store.js";
 import { Widget } from "./widget.js";
 
 export function startParameters(link) {
@@ -13,7 +13,8 @@ export function startParameters(link) {
     el("label", { class: "line", title: "Changes are not saved for later runs" }, run, "this run only"), empty, list);
   const sets = new Map(); // name -> {element, widgets: Map, note, text}
 
-  function build({ sets: schemas }) {
+  function build({ sets: all }) {
+    const schemas = ownFirst(all, (each) => each.set);
     show(empty, schemas.length === 0);
     for (const [name, set] of sets) if (!schemas.some((each) => each.set === name)) { set.element.remove(); sets.delete(name); }
     schemas.forEach((schema, index) => {
@@ -35,26 +36,26 @@ export function startParameters(link) {
     const set = { widgets: new Map(), text, note: el("p", { class: "reason", hidden: true }) };
     const change = async (values) => fill(await link.ask({ k: "set", set: schema.set, values, run: run.checked }));
     for (const description of schema.parameters) {
-      set.widgets.set(description.name, new Widget(description, change, (name) => forget(schema.set, [name])));
+      set.widgets.set(description.name, new Widget(description, change, (name, button) => forget(schema.set, [name], button)));
     }
     const history = el("ol", { class: "history", hidden: true });
     set.element = el("details", { class: "set", open },
       el("summary", {}, el("span", { class: "name" }, schema.set), el("small", { class: "quiet" }, `${schema.parameters.length}`)),
       el("div", { class: "line tools" },
-        el("button", { class: "small", title: "Take the newest change back", onclick: () => act({ k: "undo", set: schema.set }) }, "Undo"),
-        careful("Reset all", () => forget(schema.set, []), { class: "small", title: "Fleet file and defaults count again" }),
-        el("button", { class: "small", onclick: () => recall(schema.set, history) }, "History")),
+        el("button", { class: "small", title: "Take the newest change back", onclick: ({ currentTarget }) => act({ k: "undo", set: schema.set }, currentTarget) }, "Undo"),
+        careful("Reset all", (button) => forget(schema.set, [], button), { class: "small", title: "Fleet file and defaults count again" }),
+        el("button", { class: "small", onclick: ({ currentTarget }) => recall(schema.set, history, currentTarget) }, "History")),
       set.note, history, ...[...set.widgets.values()].map((each) => each.element));
     return set;
   }
 
-  const act = (word) => link.ask(word).catch((error) => note(error.message, "bad"));
-  const forget = (set, names) => act({ k: "forget", set, names });
+  const act = (word, ...buttons) => whileAsking(buttons, link.ask(word)).catch((error) => note(error.message, "bad"));
+  const forget = (set, names, ...buttons) => act({ k: "forget", set, names }, ...buttons);
 
-  async function recall(set, element) {
+  async function recall(set, element, button) {
     if (!element.hidden) { element.hidden = true; return; }
     try {
-      const { changes } = await link.ask({ k: "history", set, limit: 30 });
+      const { changes } = await whileAsking([button], link.ask({ k: "history", set, limit: 30 }));
       element.replaceChildren(...(changes.length ? changes.map(line) : [el("li", { class: "quiet" }, "nothing was changed")]));
       element.hidden = false;
     } catch (error) { note(error.message, "bad"); }

@@ -4,11 +4,16 @@ import { el, note, say } from "./dom.js";
 import { csv, merged } from "./merge.js";
 import { colour, paint } from "./theme.js";
 
-const short = (value) => {
+// A number for the legend; what lies a millionth of the axis from zero is zero, and not the rounding of a double.
+export const short = (value, span = 0) => {
   if (value === undefined || value === null) return "–";
   const size = Math.abs(value);
+  if (size < span * 1e-6) return "0";
   return size !== 0 && (size < 0.001 || size >= 1e6) ? value.toExponential(2) : String(Number(value.toPrecision(5)));
 };
+
+// Lines that lie upon each other are told apart: every further line is broken, and shows what is below it.
+const DASHES = [[], [10, 6], [4, 4], [14, 4, 2, 4], [2, 3]];
 
 // As many digits as the steps between the ticks need.
 function tick(value, step) {
@@ -65,7 +70,7 @@ export class Plot {
     while (used.has(index)) index++;
     const value = el("span", { class: "num value" }, "–");
     const chip = el("span", { class: "chip", title: `${topic} ${path}` },
-      el("i", { class: "swatch" }), el("span", { class: "name" }, `${topic.slice(1)} ${path}`), value,
+      el("i", { class: "swatch" }), el("span", { class: "name" }, el("bdi", {}, `${topic.slice(1)} ${path}`)), value,
       el("button", { class: "bare", title: "Remove this line", onclick: () => this.toggle(topic, path) }, "×"));
     chip.firstElementChild.style.background = paint(index);
     this.chips.append(chip);
@@ -88,6 +93,7 @@ export class Plot {
     this.hint.hidden = this.lines.length > 0;
     this.ground.hidden = this.lines.length === 0;
     if (!this.lines.length || !this.ground.clientWidth) return;
+    this.ground.dataset.unit = this.unit();
     const axis = { stroke: colour("quiet"), grid: { stroke: colour("grid"), width: 1 }, ticks: { stroke: colour("grid"), width: 1 }, font: "11px system-ui, sans-serif" };
     this.chart = new uPlot({
       width: this.ground.clientWidth,
@@ -95,9 +101,9 @@ export class Plot {
       legend: { show: false },
       padding: [8, 26, 0, 0],
       scales: { x: { time: false, range: (_, low, high) => [low, high] }, y: { range: (_, low, high) => roomy(low, high) } },
-      axes: [{ ...axis, size: 28, values: (_, ticks) => ticks.map((t) => `${Number(t.toFixed(3))} s`) }, { ...axis, size: 60, values: (_, ticks, __, ___, step) => ticks.map((each) => tick(each, step)) }],
+      axes: [{ ...axis, size: 28, values: (_, ticks) => ticks.map((t) => `${Number(t.toFixed(3))} s`) }, { ...axis, size: 60, label: this.unit(), labelSize: this.unit() ? 18 : 0, labelFont: axis.font, labelGap: 2, values: (_, ticks, __, ___, step) => ticks.map((each) => tick(each, step)) }],
       cursor: { sync: { key: "elea", filters: { pub: pointing } }, drag: { x: true, y: false, setScale: false }, points: { size: 6 } },
-      series: [{}, ...this.lines.map((line) => ({ stroke: paint(line.paint), width: 1.5, points: { show: false } }))],
+      series: [{}, ...this.lines.map((line, index) => ({ stroke: paint(line.paint), width: 1.5, dash: DASHES[index % DASHES.length], points: { show: false } }))],
       hooks: {
         setSelect: [(chart) => {
           const { left, width } = chart.select;
@@ -131,10 +137,17 @@ export class Plot {
   // The legend shows what is under the cursor, else the newest.
   values() {
     const index = this.chart?.cursor?.idx;
+    const { min, max } = this.chart?.scales.y ?? {};
+    const span = Number.isFinite(max - min) ? max - min : 0;
     this.lines.forEach((line, k) => {
       const value = index === null || index === undefined ? line.series.ring.newest : this.chart.data[k + 1][index];
-      say(line.value, short(value));
+      say(line.value, short(value, span));
     });
+  }
+
+  // What the axis counts: the units of its lines, each once.
+  unit() {
+    return [...new Set(this.lines.map(({ series }) => series.unit).filter(Boolean))].join(", ");
   }
 
   fit() {

@@ -1,7 +1,7 @@
 // The view of plots: which there are, the stretch of time that they share, the fields to choose, the parameters.
 
 import { startChooser } from "./chooser.js";
-import { el, memory } from "./dom.js";
+import { allow, el, memory } from "./dom.js";
 import { startParameters } from "./parameters.js";
 import { Plot } from "./plot.js";
 import { Series } from "./series.js";
@@ -83,7 +83,7 @@ export function startPlots(link) {
 
   function refresh() {
     pause.setAttribute("aria-pressed", String(paused));
-    follow.disabled = fixed === null;
+    allow(follow, fixed === null ? "It follows the newest already" : "");
     dirty = true;
   }
 
@@ -112,6 +112,7 @@ export function startPlots(link) {
   refresh();
   onTheme(() => plots.forEach((each) => each.rebuild()));
   link.on("graph", restore);
+  link.on("units", ({ units }) => { if (series.label(units)) plots.forEach((each) => each.rebuild()); });
   requestAnimationFrame(frame);
   return {
     element,

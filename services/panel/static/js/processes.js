@@ -1,7 +1,7 @@
 // The processes of the fleet, with what may be done to each.
 
-import { careful, el, note, say } from "./dom.js";
-import { store } from "./store.js";
+import { careful, el, note, say, whileAsking } from "./dom.js";
+import { ownFirst, store } from "./store.js";
 
 const KINDS = { ready: "good", starting: "warn", waiting: "warn", "backing off": "bad", failed: "bad", stopping: "warn", stopped: "off", finished: "off" };
 
@@ -9,28 +9,34 @@ export function startProcesses(link) {
   const body = el("tbody");
   const empty = el("p", { class: "hint" }, "No supervisor is in sight: these processes were started by hand.");
   const element = el("div", { class: "view processes" }, el("div", { class: "scroll" },
-    el("table", {}, el("thead", {}, el("tr", {}, ...["Process", "State", "Pid", "Restarts", "Heartbeat", ""].map((each) => el("th", {}, each)))), body), empty));
+    el("table", {}, el("thead", {}, el("tr", {}, ...["Process", "State", "Pid", "Restarts", "CPU", "Memory", "Heartbeat", ""].map((each) => el("th", {}, each)))), body), empty));
   const rows = new Map();
 
-  const order = (verb, name) => link.ask({ k: "process", verb, name }).then(({ text }) => note(text), (error) => note(error.message, "bad"));
+  const order = (verb, name) => {
+    const { start, restart, stop } = rows.get(name);
+    return whileAsking([start, restart, stop], link.ask({ k: "process", verb, name }))
+      .then(({ text }) => note(text), (error) => note(error.message, "bad"));
+  };
 
   function row(name) {
-    const cells = { state: el("span"), pid: el("td", { class: "num" }), restarts: el("td", { class: "num" }), beat: el("td", { class: "quiet" }), reason: el("small", { class: "quiet" }) };
+    const cells = { state: el("span"), pid: el("td", { class: "num" }), restarts: el("td", { class: "num" }), cpu: el("td", { class: "num" }), memory: el("td", { class: "num" }), beat: el("td", { class: "quiet" }), reason: el("small", { class: "quiet" }) };
     cells.start = el("button", { class: "small", onclick: () => order("start", name) }, "Start");
     cells.restart = careful("Restart", () => order("restart", name), { class: "small" });
     cells.stop = careful("Stop", () => order("stop", name), { class: "small" });
-    cells.row = el("tr", {}, el("td", {}, el("b", {}, name)), el("td", {}, cells.state, cells.reason), cells.pid, cells.restarts, cells.beat,
+    cells.row = el("tr", {}, el("td", {}, el("b", {}, name)), el("td", {}, cells.state, cells.reason), cells.pid, cells.restarts, cells.cpu, cells.memory, cells.beat,
       el("td", { class: "actions" }, cells.start, cells.restart, cells.stop));
     cells.row.dataset.process = name;
     return cells;
   }
 
-  function fill({ state }) {
-    const processes = state?.processes ?? [];
+  function fill({ state, usage }) {
+    const processes = ownFirst(state?.processes ?? [], (each) => each.name);
     empty.hidden = processes.length > 0;
     for (const [name, { row: shown }] of rows) if (!processes.some((each) => each.name === name)) { shown.remove(); rows.delete(name); }
-    for (const process of processes) {
-      if (!rows.has(process.name)) { rows.set(process.name, row(process.name)); body.append(rows.get(process.name).row); }
+    processes.forEach((process, index) => {
+      if (!rows.has(process.name)) rows.set(process.name, row(process.name));
+      if (body.children[index] !== rows.get(process.name).row) body.insertBefore(rows.get(process.name).row, body.children[index] ?? null);
+      const [cpu, memory] = usage[process.name] ?? [];
       const cells = rows.get(process.name), runs = !["stopped", "finished", "failed"].includes(process.state);
       say(cells.state, process.state);
       cells.state.className = `badge ${KINDS[process.state] ?? ""}`;
@@ -39,7 +45,9 @@ export function startProcesses(link) {
       say(cells.reason, process.reason);
       cells.start.hidden = runs;
       cells.stop.hidden = cells.restart.hidden = !runs;
-    }
+      say(cells.cpu, cpu === undefined ? "–" : `${cpu.toFixed(cpu < 10 ? 1 : 0)} %`);
+      say(cells.memory, memory === undefined ? "–" : `${memory} MiB`);
+    });
   }
 
   function beats() {

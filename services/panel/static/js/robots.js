@@ -1,9 +1,8 @@
 // The view of robots: the map, the list of robots with their stops, goals, and the stick.
 
-import { el, note, say, show } from "./dom.js";
+import { allow, el, note, say, show, whileAsking } from "./dom.js";
 import { startDrive } from "./drive.js";
 import { GroundMap } from "./map.js";
-import { paint } from "./theme.js";
 
 export function startRobots(link) {
   let robots = [], selected = "", aiming = false, visible = false, era = null, poses = {};
@@ -42,7 +41,7 @@ export function startRobots(link) {
 
   function goal(x, y, yaw) {
     const round = (value) => Math.round(value * 1000) / 1000;
-    link.ask({ k: "goal", robot: selected, x: round(x), y: round(y), yaw: round(yaw) }).then((text) => note(text), (error) => note(error.message, "bad"));
+    whileAsking([goalButton], link.ask({ k: "goal", robot: selected, x: round(x), y: round(y), yaw: round(yaw) })).then((text) => note(text), (error) => note(error.message, "bad"));
   }
 
   function row(ns) {
@@ -58,7 +57,8 @@ export function startRobots(link) {
     return parts;
   }
 
-  const order = (robot, on) => link.ask({ k: "estop", robot, on }).then((text) => note(text, on ? "stop" : ""), (error) => note(error.message, "bad"));
+  // A stop is never greyed; its reset is, until it is answered.
+  const order = (robot, on) => whileAsking(on ? [] : [rows.get(robot).reset], link.ask({ k: "estop", robot, on })).then((text) => note(text, on ? "stop" : ""), (error) => note(error.message, "bad"));
 
   function fill() {
     const gone = !robots.some((each) => each.ns === selected);
@@ -68,7 +68,7 @@ export function startRobots(link) {
       if (!rows.has(robot.ns)) rows.set(robot.ns, row(robot.ns));
       const parts = rows.get(robot.ns);
       if (list.children[index] !== parts.row) list.insertBefore(parts.row, list.children[index] ?? null);
-      parts.swatch.style.background = paint(index);
+      parts.swatch.style.background = robot.colour;
       say(parts.model, robot.model);
       const [text, kind] = condition(robot);
       say(parts.state, text);
@@ -84,12 +84,14 @@ export function startRobots(link) {
     if (robots.length) list.querySelector(".hint")?.remove();
     const robot = robots.find((each) => each.ns === selected);
     say(hint, aiming ? `Click where ${selected.slice(1)} is to go; drag to turn it.` : "");
-    goalButton.disabled = !robot?.goals;
+    allow(goalButton, robot?.goals ? "" : robot ? `${selected.slice(1)} takes no goals: no waypoint service runs for it` : "Choose a robot first");
     drive.choose(robot);
   }
 
   function condition(robot) {
-    if (robot.stopped) return [robot.asked ? "stopped" : "stopped elsewhere", "bad"];
+    const others = robot.stopped_by.join(", ");
+    if (robot.stopped && robot.asked) return [others ? `stopped, also by ${others}` : "stopped", "bad"];
+    if (robot.stopped) return [`stopped by ${others || "another node"}`, "bad"];
     if (robot.asked) return [robot.drives ? "stop sent, not confirmed" : "stopped", "bad"];
     if (robot.colliding) return ["touches something", "bad"];
     const goals = robot.plan.length ? ` ${Math.min(robot.index + 1, robot.plan.length)} of ${robot.plan.length}` : "";

@@ -26,7 +26,7 @@ export class Series {
     const key = `${topic} ${path}`;
     let series = this.all.get(key);
     if (!series) {
-      series = { id: ++this.number, key, topic, path, ring: new Ring(), users: 0 };
+      series = { id: ++this.number, key, topic, path, ring: new Ring(), users: 0, unit: "" };
       this.all.set(key, series);
       this.byId.set(series.id, series);
     }
@@ -41,6 +41,16 @@ export class Series {
       this.byId.delete(series.id);
       this.tell();
     }
+  }
+
+  // Take the units of series, by their ids; whether any is new.
+  label(units) {
+    let changed = false;
+    for (const [id, unit] of Object.entries(units)) {
+      const series = this.byId.get(Number(id));
+      if (series && series.unit !== unit) { series.unit = unit; changed = true; }
+    }
+    return changed;
   }
 
   get last() {

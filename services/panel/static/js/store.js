@@ -13,6 +13,18 @@ export function startStore(link) {
   link.on("values", ({ sets }) => { for (const each of sets) store.values.set(each.set, each); });
 }
 
+// The robots' processes, topics and sets, and the user's own, before those of the house, each group in its own order.
+const HOUSE = ["router", "sim", "params", "grader", "logger", "panel", "recorder", "state", "player", "supervisor"];
+const OF_ALL = ["clock", "e_stop", "health", "rosout", "tf", "tf_static", "gazebo"];
+
+export function ownFirst(items, name) {
+  const house = (item) => {
+    const first = name(item).replace(/^\//, "").split("/")[0];
+    return HOUSE.includes(first) || OF_ALL.includes(first);
+  };
+  return [...items.filter((item) => !house(item)), ...items.filter(house)];
+}
+
 // A live parameter by its name, in the first set whose name fits: its set, description and value.
 export function findParameter(name, fits) {
   for (const [set, schema] of store.sets) {

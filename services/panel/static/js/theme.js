@@ -14,8 +14,8 @@ export function onTheme(listener) {
 // A colour of the theme by the name of its CSS variable.
 export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
-// Lines and robots: apart from each other on both grounds, for most colour-blind eyes too.
-const PALETTE = ["#4c9be8", "#e8873a", "#3fb27f", "#c678dd", "#d9a821", "#e0607e", "#33b6c4", "#9a8cff", "#8f9aa8", "#a3c13a"];
+// Lines of plots, in the order of models/palette.py, which gives the robots their colours.
+const PALETTE = ["#578df7", "#ce6c0b", "#729372", "#b062b0", "#00bed5", "#c10f27", "#c4ac26", "#7e3cc7", "#935a25", "#5033cc"];
 export const paint = (index) => PALETTE[index % PALETTE.length];
 
 export function startTheme() {

@@ -15,11 +15,11 @@ export class Widget {
     const d = description;
     this.origin = el("span", { class: "origin" });
     this.reason = el("p", { class: "reason bad", hidden: true });
-    this.back = el("button", { class: "bare", hidden: true, title: "Take back what was set", onclick: () => forget(d.name) }, "↺");
+    this.back = el("button", { class: "bare", hidden: true, title: "Take back what was set", onclick: () => forget(d.name, this.back) }, "↺");
     const control = this.make(d);
-    this.element = el("div", { class: `parameter ${d.live ? "" : "fixed"}`, title: d.live ? d.text : `${d.text} (said by a fleet file or a command line)` },
+    this.element = el("div", { class: `parameter ${d.live ? "" : "fixed"}`, title: d.text },
       el("div", { class: "line" }, el("span", { class: "name" }, d.name), this.origin, this.back),
-      control, el("small", { class: "quiet text" }, [d.text, bounds(d)].filter(Boolean).join(" · ")), this.reason);
+      control, el("small", { class: "quiet text" }, [d.text, bounds(d), d.live ? "" : "fixed while the service runs: set it in the fleet file"].filter(Boolean).join(" · ")), this.reason);
     this.element.dataset.name = d.name;
   }
 

@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 JUMP_NS = 1_000_000_000
 """When time falls back by more, it has begun anew; less is a message that came late."""
+GAP_NS = 24 * 3600 * 1_000_000_000
+"""When it goes on by more, it has begun anew as well: a message without a time before one with, or a damaged time."""
 
 
 class Moment(NamedTuple):
@@ -28,7 +30,7 @@ class Timeline:
         """The moment of a message of simulated ``time`` [ns]; ``epoch`` is known of the clock's own messages."""
         if self._last is None:
             self._last = time
-        if time < self._last - JUMP_NS:
+        if not self._last - JUMP_NS <= time <= self._last + GAP_NS:
             self._begin(time)
             self._epoch = None
         elif epoch is not None and self._epoch is not None and epoch != self._epoch:

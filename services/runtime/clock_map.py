@@ -1,0 +1,65 @@
+"""The map from the wall clock to simulation time, as the samples of ``/clock`` make it: both stand beside each."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+
+
+class ClockMap:
+    """When each clock was sent, by its sender's wall clock [ns], and the simulation time [ns] that it told.
+
+    One sender's samples come in order. So a clock that seems to be sent before those that came earlier tells that the
+    wall clock was set back, or that one of them bore a wrong stamp: what lies at or after it is forgotten, and the map
+    is right again with that very clock.
+    """
+
+    def __init__(self, kept: int) -> None:
+        """``kept`` clocks are remembered at least, and twice as many at most."""
+        self._kept = kept
+        self._sent: list[int] = []
+        self._times: list[int | None] = []
+
+    def clear(self) -> None:
+        """Time begins anew."""
+        self._sent, self._times = [], []
+
+    def add(self, sent: int, time: int) -> bool:
+        """Take a clock; whether the wall clock was set back."""
+        set_back = bool(self._sent) and sent < self._sent[-1]
+        if self._sent and sent <= self._sent[-1]:
+            place = bisect_left(self._sent, sent)
+            del self._sent[place:], self._times[place:]
+        self._sent.append(sent)
+        self._times.append(time)
+        if len(self._sent) > 2 * self._kept:
+            del self._sent[: -self._kept], self._times[: -self._kept]
+        return set_back
+
+    def lose(self) -> None:
+        """A clock was lost after the last one: from then until the next one, time is unknown."""
+        if self._times:
+            self._times[-1] = None
+
+    def past(self, moment: int) -> bool:
+        """Whether a clock was sent after this moment: then what is told of it is certain."""
+        return bool(self._sent) and self._sent[-1] > moment
+
+    def before(self, moment: int) -> int | None:
+        """The last clock sent before a moment; None before the first, and where one was lost."""
+        place = bisect_right(self._sent, moment)
+        return self._times[place - 1] if place else None
+
+    def between(self, moment: int) -> int | None:
+        """Simulation time at a moment, by proportion between two clocks; that of the first one before it.
+
+        None after the last clock, and where one was lost.
+        """
+        place = bisect_right(self._sent, moment)
+        if place == len(self._sent):
+            return None
+        if place == 0:
+            return self._times[0]
+        (sent, time), (next_sent, next_time) = ((self._sent[each], self._times[each]) for each in (place - 1, place))
+        if time is None or next_time is None:
+            return None
+        return time + round((moment - sent) / (next_sent - sent) * (next_time - time))

@@ -1,0 +1,119 @@
+"""Where a run's words and files go: full and hanging disks, closed pipes, folders in which others plant links."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from deploy.detach import up_detached
+from deploy.run_folder import ROOM, make_folder
+from deploy.supervisor.log_file import MOST_WAITING, pump
+from services.grader.folder import write_whole
+from services.runtime.errors import BadInput
+from tests.deploy.test_run import Desk
+from tests.waiting import until
+
+
+def test_closed_pipe_ends_no_run_and_does_not_change_its_status(tmp_path: Path) -> None:
+    desk = Desk(tmp_path)
+    fleet = desk.fleet("lockstep", "goals", "[0.1, 0]")
+    command = [sys.executable, "-P", "-m", "deploy", "up", fleet, "--no-saved", "--report", str(desk.results)]
+    out, into = os.pipe()
+    up = subprocess.Popen(command, env=desk.environment, cwd=tmp_path, stdout=into, stderr=into)
+    os.close(into)
+    try:
+        assert os.read(out, 1)  # it speaks, to somebody who has heard enough
+    finally:
+        os.close(out)
+    assert up.wait(90) == 0
+    assert desk.report()["ok"] is True
+
+
+def test_verbs_whose_reader_is_gone_end_quietly(tmp_path: Path) -> None:
+    for arguments, status in ((["--help"], 0), (["ps"], 0), (["down"], 2)):
+        out, into = os.pipe()
+        os.close(out)
+        command = [sys.executable, "-P", "-m", "deploy", *arguments]
+        environment = Desk(tmp_path).environment
+        assert subprocess.run(command, env=environment, stdout=into, stderr=into, timeout=60).returncode == status
+        os.close(into)
+
+
+def test_full_disk_is_told_before_a_run_in_the_background(tmp_path: Path) -> None:
+    def full() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+
+    desk = Desk(tmp_path)
+    command = [sys.executable, "-P", "-m", "deploy", "up", desk.fleet("real", "never", ""), "--detach"]
+    command += ["--report", str(desk.results)]
+    done = subprocess.run(command, env=desk.environment, preexec_fn=full, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    assert f"the folder {desk.results} cannot be written: File too large" in done.stderr
+    assert "--report" in done.stderr
+
+
+def test_supervisor_that_ends_without_a_word_is_told_of(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "mute.py").write_text("raise SystemExit(1)\n")
+    folder = tmp_path / "run"
+    assert up_detached("one", str(folder), as_json=False, argv=["run", str(tmp_path / "mute.py")]) == 1
+    said = f"the supervisor ended with exit status 1 and has written nothing to {folder / 'supervisor.log'}"
+    assert said in capfd.readouterr().err
+
+
+def test_hanging_disk_blocks_nobody_who_logs(tmp_path: Path) -> None:
+    log = tmp_path / "a.log"
+    os.mkfifo(log)  # to open it hangs until somebody reads, as a network drive hangs that is out of reach
+    out, into = os.pipe()
+    writer = pump(out, log, largest=1 << 40)
+    line, lines = b"x" * 1023 + b"\n", 3 * MOST_WAITING * 64
+    with os.fdopen(into, "wb") as end:
+        for _ in range(lines):
+            end.write(line)
+    reader = os.open(log, os.O_RDWR | os.O_NONBLOCK)  # to write as well: then there is no end of the file between two
+    came = bytearray()
+
+    def drained() -> bool:
+        ended = not writer.is_alive()
+        with suppress(BlockingIOError):
+            while chunk := os.read(reader, 1 << 20):
+                came.extend(chunk)
+        return ended
+
+    until(drained, 60, "the disk is back, and all that was kept is written")
+    os.close(reader)
+    told = [int(each.split()[1]) for each in bytes(came).split(b"\n") if b"were dropped" in each]
+    assert sum(told) == lines - came.count(line) > 0
+    assert sum(told) >= lines // 3
+
+
+def test_planted_links_lead_nowhere(tmp_path: Path) -> None:
+    victim = tmp_path / "victim"
+    victim.mkdir()
+    precious = victim / "precious.log"
+    precious.write_text("mine")
+    for name in ("logs", "bag"):
+        folder = tmp_path / f"planted-{name}"
+        folder.mkdir()
+        (folder / name).symlink_to(victim)
+        with pytest.raises(BadInput, match=f"{name} is a symbolic link"):
+            make_folder("lab", str(folder))
+    folder = make_folder("lab", str(tmp_path / "run"))
+    for link in (folder / f".report.json.{os.getpid()}", folder / "logs" / "a.log", folder / "report.json"):
+        link.symlink_to(precious)
+    write_whole(folder / "report.json", b"{}")
+    assert json.loads((folder / "report.json").read_text()) == {}
+    out, into = os.pipe()
+    writer = pump(out, folder / "logs" / "a.log")
+    os.write(into, b"hello\n")
+    os.close(into)
+    until(lambda: not writer.is_alive())
+    assert precious.read_text() == "mine"
+    assert not list(folder.glob("tmp*"))
+    assert sum(each.stat().st_size for each in folder.rglob("*") if each.is_file()) < ROOM

@@ -1,0 +1,208 @@
+"""A stop that a person gave, while the simulation, the panel or the tool dies, and the controller drives on."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from messages.elea import EmergencyStop
+from messages.requests import DELETE, LIST_STOPS, SPAWN, Name
+from messages.simulation import SpawnModel
+from messages.std import Empty
+from services.panel.address import FILE, read
+from services.runtime.process import ROOT
+from tests.faults.fleet import START_S, Fleet
+from tests.faults.fleets import HEAD, robot, waypoint
+from tests.faults.test_killed_simulation import LANDING
+from tests.faults.track import STANDING
+from tests.panel.client import client, hear, say
+from tests.waiting import until
+
+DESCRIPTION = (
+    HEAD.format(topology="direct")
+    + robot(0, waypoint(0))
+    + robot(1, waypoint(1))
+    + '\n[[service]]\nkind = "sim"\nrestart = { first = 0.2 }\n'
+    + '\n[[service]]\nkind = "panel"\nrestart = { first = 0.2 }\nparameters = { port = 0 }\n'
+)
+FREE = "tb3_1"
+"""The robot that nobody stops: it shows that its controller drives, and time runs."""
+
+
+class Yard:
+    """Two robots at full speed, a page of the panel, and the verbs of a person's shell."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        self.fleet, self.robot = fleet, fleet.robot("tb3_0")
+
+    def page(self, on: bool, name: str = "/tb3_0") -> str:
+        """Press STOP, or reset, of a robot on a page; what it answers."""
+        address = until(lambda: read(self.fleet.folder / "run" / FILE), what="the panel's address")
+        with client(address) as at:
+            say(at, k="want", channels=["robots"])
+            until(lambda: any(each["ns"] == name for each in hear(at, "robots")["robots"]), what=f"{name} on the page")
+            say(at, k="estop", id=1, robot=name, on=on)
+            return str(hear(at, "reply")["is"])
+
+    def shown(self) -> tuple[bool, bool]:
+        """Whether a new page shows the robot as stopped by this panel, and as stopped at all."""
+        address = until(lambda: read(self.fleet.folder / "run" / FILE), what="the panel's address")
+        with client(address) as at:
+            say(at, k="want", channels=["robots"])
+
+            def told() -> dict[str, bool] | None:
+                robots = hear(at, "robots")["robots"]
+                return next((each for each in robots if each["ns"] == "/tb3_0" and each["stopped"]), None)
+
+            found = until(told, what="a robot that is stopped, on a page")
+            return found["asked"], found["stopped"]
+
+    def verb(self, *arguments: str) -> subprocess.Popen[str]:
+        command = [sys.executable, "-P", "-m", "deploy", *arguments, "--connect", self.fleet.endpoint]
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+    def do(self, *arguments: str) -> str:
+        """Run a verb to its end."""
+        ran = self.verb(*arguments)
+        out, _ = ran.communicate(timeout=60)
+        assert ran.returncode == 0, out
+        return out
+
+    def stops(self) -> tuple[EmergencyStop, ...]:
+        """What the simulation holds."""
+        return self.fleet.observer.node.call(LIST_STOPS, Empty()).stops
+
+    def wait_held(self, *holders: str) -> None:
+        """Until these, by the beginnings of their names, and no others hold the robot, and it stands."""
+
+        def held() -> bool:
+            names = self.robot.base.stopped_by
+            fits = len(names) == len(holders) and all(map(str.startswith, sorted(names), sorted(holders)))
+            return fits and self.robot.base.e_stopped == bool(holders) and (not holders or self.robot.speed < STANDING)
+
+        self.fleet.wait(held, f"a robot held by {holders}, not {self.robot.base.stopped_by}")
+
+    def wait_driving(self) -> None:
+        """Until both robots drive again."""
+        self.wait_held()
+        self.fleet.wait(lambda: self.robot.speed > 0.1, "a robot that drives")
+
+    def restart(self, name: str) -> int:
+        """Kill a process; when [ns] the next one had been started."""
+        before = self.fleet.process(name)
+        self.fleet.kill(name)
+        return self.fleet.wait_new_life(before)
+
+    def watch_it_stand(self, since: int) -> None:
+        """From the first sight of it after ``since`` [ns] on, while its controller commands it and another drives."""
+        other, commands = self.fleet.robot(FREE), len(self.robot.commands)
+        self.fleet.wait(
+            lambda: other.sights[-1].sent > since and other.speed > 0.1 and len(self.robot.commands) > commands + 25,
+            "the other robot at speed, and a controller that drives this one",
+        )
+        moved = [each for each in self.robot.sights if each.sent > since and each.speed > LANDING]
+        assert moved == []
+        assert self.robot.base.e_stopped
+
+
+@pytest.fixture(scope="module")
+def yard(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Yard]:
+    with Fleet(DESCRIPTION, 2, tmp_path_factory.mktemp("stops")) as fleet:
+        fleet.wait_ready(within=START_S)
+        fleet.wait_full_speed("tb3_0", FREE)
+        yield Yard(fleet)
+
+
+def test_a_stop_from_the_panel_outlives_the_simulation_and_the_panel(yard: Yard) -> None:
+    yard.page(True)
+    yard.wait_held("/panel")
+    born = yard.restart("sim")
+    yard.watch_it_stand(born)
+    yard.wait_held("/panel")
+    # Both at once: nobody is left who remembers, but for the file.
+    yard.fleet.kill("panel")
+    born = yard.restart("sim")
+    yard.watch_it_stand(born)
+    yard.fleet.wait_ready("panel")
+    assert yard.shown() == (True, True), "the panel that returned knows that it was itself"
+    yard.page(False)
+    yard.wait_driving()
+
+
+def test_a_stop_from_a_tool_outlives_it_and_holders_do_not_release_each_other(yard: Yard) -> None:
+    holding = yard.verb("topic", "pub", "/tb3_0/e_stop", "true")
+    yard.wait_held("/_pub_")
+    holding.kill()
+    holding.communicate()
+    born = yard.restart("sim")
+    yard.watch_it_stand(born)
+    yard.page(True)
+    yard.wait_held("/_pub_", "/panel")
+    yard.do("topic", "pub", "--once", "/tb3_0/e_stop", "false")
+    yard.wait_held("/panel")
+    yard.do("topic", "pub", "--once", "/tb3_0/e_stop", "true")
+    yard.wait_held("/_pub_", "/panel")
+    assert "may move when /_pub_" in yard.page(False)
+    yard.wait_held("/_pub_")
+    listed = yard.do("sim", "stops")
+    assert "tb3_0" in listed
+    assert "/_pub_" in listed
+    assert "the stop of /_pub_" in yard.do("sim", "release", "tb3_0")
+    yard.wait_driving()
+    assert yard.do("sim", "stops") == "no robot is stopped\n"
+
+
+def test_what_is_given_while_the_simulation_is_down_or_paused_counts(yard: Yard) -> None:
+    yard.do("sim", "pause")
+    yard.do("topic", "pub", "--once", "--wall-time", "/e_stop", "true")
+    until(lambda: [each.robot for each in yard.stops()] == [""], what="a stop of all that counts in a pause")
+    born = yard.restart("sim")
+    yard.fleet.wait(lambda: yard.robot.sights[-1].sent > born, "the new simulation")
+    yard.wait_held("/_pub_")
+    assert [each for each in yard.fleet.robot(FREE).sights if each.sent > born and each.speed > LANDING] == []
+    assert "all robots: the stop of /_pub_" in yard.do("sim", "release", "--all")
+    yard.wait_driving()
+
+
+def test_a_deleted_robot_takes_its_stop_with_it(yard: Yard) -> None:
+    yard.page(True)
+    yard.wait_held("/panel")
+    place = yard.fleet.observer.node.call(DELETE, Name(name="tb3_0"))
+    assert place.text == "tb3_0 is gone"
+    assert yard.stops() == ()
+    born = max(each.sent for each in yard.robot.sights)
+    yard.fleet.observer.node.call(SPAWN, SpawnModel(name="tb3_0", model="burger"))
+    yard.fleet.wait(lambda: yard.robot.sights[-1].sent > born, "the robot of the same name")
+    yard.wait_driving()
+
+
+def test_a_file_that_cannot_be_written_or_read(yard: Yard) -> None:
+    run = Path(yard.fleet.folder) / "run"
+    file = run / "stops.json"
+    beside = run / f".stops.json.{yard.fleet.process('sim').pid}"
+    beside.mkdir()  # the simulation can write no new file, as on a full disk
+    (beside / "full").touch()
+    yard.page(True)
+    yard.wait_held("/panel")
+    yard.fleet.wait(lambda: "emergency stops cannot be written" in yard.fleet.log("sim"), "the trouble in the log")
+    assert "/panel" not in file.read_text()
+    (beside / "full").unlink()
+    beside.rmdir()
+    yard.fleet.wait(lambda: "/panel" in file.read_text(), "the stop in the file, once there is room")
+
+    file.write_text("{")
+    born = yard.restart("sim")
+    yard.wait_held("/panel", "(damaged file)")
+    assert psutil.pid_exists(yard.fleet.process("sim").pid)
+    assert [each for each in yard.fleet.robot(FREE).sights if each.sent > born and each.speed > LANDING] == []
+    assert "all robots are stopped" in yard.fleet.log("sim")
+    yard.page(False)
+    yard.do("sim", "release", "--all")
+    yard.wait_driving()

@@ -1,0 +1,119 @@
+"""Commands to a real simulation from a clock that is set, differs or lies, and commands that were held up."""
+
+from __future__ import annotations
+
+import struct
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from messages.base import encode
+from messages.elea import BaseStatus
+from messages.geometry import Twist
+from messages.topics import BASE_STATUS, CMD_VEL
+from services.runtime.network.wire import encoding, publisher_id
+from services.runtime.node import Node
+from tests.system.watched import WITHIN_S, Truth, Watched, speed
+from tests.system.world import World, world
+from tests.waiting import until
+
+HOUR = 3600.0
+PERIOD_S = 0.02
+COMMAND = encode(Twist.planar(0.1, 0.0))
+ENOUGH = 25
+"""Commands that are obeyed by whom the base obeys again."""
+
+
+class Commander:
+    """Commands tb3_0 to drive, at 50 Hz, with the stamps of a clock that is ``off`` [s]."""
+
+    def __init__(self, node: Node, life: str) -> None:
+        self.off, self._sent, self._due = 0.0, 0, 0.0
+        self._id = publisher_id("/skewed", life, "tb3_0/cmd_vel")
+        self._out = node.transport.publish("tb3_0/cmd_vel", encoding(Twist.ROS_TYPE), CMD_VEL.quality)
+        self._truth, self.status = Truth(node, "tb3_0"), Watched(node.read(BASE_STATUS, "/tb3_0/base_status"))
+        self.status.next()
+        self._truth.next()
+
+    def __enter__(self) -> Commander:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._out.close()
+        self.stand()
+
+    @property
+    def base(self) -> BaseStatus:
+        """What the base last said."""
+        return self.status.all()[-1]
+
+    @property
+    def speed(self) -> float:
+        return speed(self._truth.all()[-1])
+
+    def send(self, late: float = 0.0, off: float | None = None) -> None:
+        """One command, stamped as if it had been sent ``late`` [s] ago."""
+        self._sent += 1
+        stamp = time.time() + (self.off if off is None else off) - late
+        self._out.put(COMMAND, attachment=struct.pack("<qqB16s", self._sent, round(stamp * 1e9), 16, self._id))
+
+    def drive(self, probe: Callable[[], object], what: str) -> None:
+        """Send at 50 Hz until something is so."""
+
+        def step() -> object:
+            if time.monotonic() >= self._due:
+                self._due = time.monotonic() + PERIOD_S
+                self.send()
+            return probe()
+
+        until(step, WITHIN_S, what)
+
+    def obeyed(self, what: str) -> None:
+        """Drive until the robot does as it is told, from now on."""
+        taken = self.base.commands
+        self.drive(lambda: self.base.commands > taken + ENOUGH and self.speed > 0.09, f"a robot that drives: {what}")
+
+    def stand(self) -> None:
+        """Until it stands, as nobody commands it."""
+        until(lambda: abs(self.speed) < 1e-3, WITHIN_S, "a robot that stands")
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
+    with world(tmp_path_factory.mktemp("clocks")) as made:
+        yield made
+
+
+def test_a_clock_that_is_set_locks_nobody_out(running: World) -> None:
+    with Commander(running.node, "1") as commander:
+        commander.obeyed("all is well")
+        for off in (-2.0, 0.0, HOUR, -HOUR, 365 * 24 * HOUR):
+            before, commander.off = commander.base.stale_dropped, off
+            commander.obeyed(f"the clock is {off} s off")
+            print(f"{off} s: {commander.base.stale_dropped - before} commands dropped")
+
+
+def test_a_first_stamp_an_hour_ahead_and_wrong_ones_later_lock_nobody_out(running: World) -> None:
+    with Commander(running.node, "2") as commander:
+        commander.send(off=HOUR)
+        commander.obeyed("after the first")
+        for off in (HOUR, -HOUR):
+            commander.send(off=off)
+            commander.obeyed("after another")
+
+
+def test_what_was_held_up_is_not_obeyed(running: World) -> None:
+    """Three seconds of commands at once, from a commander that is known and from one that is not."""
+    late = [3.0 - PERIOD_S * number for number in range(100)]
+    with Commander(running.node, "3") as known, Commander(running.node, "4") as unknown:
+        known.obeyed("all is well")
+        known.stand()
+        for each in (known, unknown):
+            told = each.status.next()
+            before, taken = told.stale_dropped, told.commands
+            for age in late:
+                each.send(late=age)
+            until(lambda e=each, b=before: e.base.stale_dropped >= b + len(late), WITHIN_S, "all of it dropped")  # type: ignore[misc]
+            assert each.base.commands == taken
+            assert abs(each.speed) < 1e-3

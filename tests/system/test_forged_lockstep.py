@@ -1,0 +1,206 @@
+"""Lockstep among strangers who know every session: forged Gos, Dones, tokens and samples against a real fleet."""
+
+from __future__ import annotations
+
+import json
+import signal
+from collections.abc import Callable
+from typing import Any
+
+import msgpack
+import psutil
+import pytest
+import zenoh
+
+from messages.base import bare_decoder
+from messages.elea import Health
+from messages.geometry import Twist
+from services.runtime.graph import EVERYTHING, Entity
+from services.runtime.lockstep.protocol import done_key, go_key
+from services.runtime.network.sockets import knock, router_endpoint
+from services.runtime.network.wire import attach, encoding, member_id, publisher_id
+from tests.system.stranger import stranger
+from tests.system.terminal import Terminal
+from tests.waiting import until
+
+FLEET = """
+name = "watched"
+[run]
+mode = "lockstep"
+ends = "goals"
+latency = 1
+[[robot]]
+name = "r"
+model = "burger"
+services = [{ kind = "waypoint", parameters = { goals = [[1.0, 0.0], [1.0, 0.5], [0.2, 0.5]] } }]
+"""
+WAYPOINT, SIM = "/r/waypoint", "/sim"
+START_S, RUN_S = 60.0, 150.0
+FAR = 2**62
+EVERY = 25
+"""Messages of the clock between two rounds of what is forged: half a second of simulation time."""
+
+
+class Forger:
+    """A stranger in a fleet: it sees all tokens and heartbeats, and may send what it likes."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self.session, self.own = session, str(session.zid())
+        self.beats: dict[str, Health] = {}
+        self.clocks = 0
+        self._tokens: list[Any] = []
+        self._read = bare_decoder(Health)
+        self._health = session.declare_subscriber("health", lambda sample: self._hear(sample))
+        self._clock = session.declare_subscriber("clock", lambda _: self._tick())
+
+    def _hear(self, sample: Any) -> None:
+        beat = self._read(sample.payload.to_bytes())
+        self.beats[beat.node] = beat
+
+    def _tick(self) -> None:
+        self.clocks += 1
+
+    def sessions(self, kind: str) -> dict[str, str]:
+        """The session of each node that shows a token of this kind, but for the forger's own."""
+        keys = [str(reply.ok.key_expr) for reply in self.session.liveliness().get(EVERYTHING, timeout=5.0) if reply.ok]
+        found = [entity for entity in map(Entity.parse, keys) if entity is not None]
+        return {each.node: each.session for each in found if each.kind == kind and each.session != self.own}
+
+    def show(self, *entities: Entity) -> None:
+        self._tokens += [self.session.liveliness().declare_token(each.key) for each in entities]
+
+    def hide(self) -> None:
+        for token in self._tokens:
+            token.undeclare()
+        self._tokens = []
+
+    def refused(self, node: str, name: str) -> int:
+        """What a node's health says of what it refused under this name."""
+        beat = self.beats.get(node)
+        return next((each.refused for each in beat.inputs if each.topic == name), 0) if beat else 0
+
+    def attack(self, sim: str, members: dict[str, str]) -> None:
+        """One round of all that a stranger may say; each of it by the rules of the wire."""
+        for node, member in members.items():
+            for simulation in (sim, self.own, "feed", "", "a?b", "a/b", "*", "x" * 99):
+                for rest in (
+                    [0, 0, 0, False],
+                    [FAR, FAR, FAR, False],
+                    [2**20, 2**20 * 5_000_000, 0, False],
+                    [-1, -1, -1, False],
+                    [8, 40_000_000, 0, True],
+                    [9, 45_000_000, 0, False, [], [b"m" * 10], {"clock": {b"m" * 16: FAR}}, {}, b"t" * 8, b"n" * 8],
+                    [0, 0, 0, False, [node, "/nobody"], [], {}, {}, b"t" * 8],
+                    [0, 0, 0, False, ["\x1b]0;"], [], {}, {}, b"t" * 8],
+                ):
+                    self.session.put(go_key(member), msgpack.packb([simulation, *rest]))
+            mine = publisher_id(node, member, "r/cmd_vel")
+            for marks in ({}, {"r/cmd_vel": {mine: 7}}, {"r/cmd_vel": {mine: FAR}}, {"r/odom": {b"x" * 16: FAR}}):
+                for tick in (-1, 0, 8, FAR):
+                    for leaving, greets in ((False, False), (True, False), (False, True)):
+                        done = [member, tick, marks, marks, leaving, greets, 0, b"t" * 8, b"n" * 8, 7]
+                        self.session.put(done_key(sim), msgpack.packb(done))
+                        self.session.put(done_key(sim), msgpack.packb([self.own, *done[1:]]))
+            claims = (
+                Entity(self.own, "node", node, "waypoint"),
+                Entity(self.own, "sub", node, "/r/odom", "-", "SENSOR"),
+                Entity(self.own, "step", node, detail="5000000"),
+                # The same of the victim itself, which come and go beside its own.
+                Entity(member, "step", node, detail="7"),
+                Entity(member, "node", node, "nothing"),
+                Entity(member, "sub", node, "/r/odom", "-", "-"),
+            )
+            self.show(*claims)
+            attached = member_id(node, member) + b"forged"
+            for number in (1, 2, 10**6):
+                put: Callable[..., None] = self.session.put
+                put(
+                    "r/cmd_vel",
+                    msgpack.packb({}),
+                    attachment=attach(number, attached),
+                    encoding=encoding(Twist.ROS_TYPE),
+                )
+        self.show(Entity(self.own, "node", SIM, "sim"), Entity(sim, "node", SIM, "nothing"))
+        self.hide()
+
+
+@pytest.fixture(scope="module")
+def terminal(tmp_path_factory: pytest.TempPathFactory) -> Terminal:
+    return Terminal(tmp_path_factory.mktemp("forged"))
+
+
+def run(
+    terminal: Terminal, name: str, disturb: Callable[[Forger, Callable[[], bool]], None], laps: int = 1
+) -> tuple[int, Any, str]:
+    """A run with a stranger in it: exit status, report, and all logs."""
+    (terminal.folder / "fleet.toml").write_text(FLEET.replace("goals = [[", f"laps = {laps}, goals = [["))
+    results = terminal.folder / name
+    arguments = ["up", "fleet.toml", "--port", str(terminal.port), "--report", str(results), "--no-view", "--no-saved"]
+    up = terminal.start(*arguments, "--json")
+    try:
+        until(lambda: up.poll() is not None or _listens(terminal.port), START_S, "the router")
+        with stranger(router_endpoint(terminal.port)) as session:
+            disturb(Forger(session), lambda: up.poll() is None)
+        out, err = up.communicate(timeout=RUN_S)
+    finally:
+        up.kill()
+    assert out, err
+    logs = "".join(each.read_text() for each in sorted((results / "logs").iterdir()))
+    return up.returncode, json.loads(out), logs
+
+
+def _listens(port: int) -> bool:
+    try:
+        knock(router_endpoint(port))
+    except OSError:
+        return False
+    return True
+
+
+def _nothing(forger: Forger, runs: Callable[[], bool]) -> None:
+    pass
+
+
+def test_what_strangers_say_changes_nothing_and_is_counted(terminal: Terminal) -> None:
+    status, undisturbed, _ = run(terminal, "alone", _nothing)
+    assert (status, undisturbed["ok"]) == (0, True)
+    most = {"rounds": 0, "Go": 0, "Done": 0, "cmd_vel": 0}
+
+    def disturb(forger: Forger, runs: Callable[[], bool]) -> None:
+        until(lambda: {WAYPOINT, "/grader", "/params"} <= forger.sessions("step").keys(), START_S, "the members")
+        sim = forger.sessions("node")[SIM]
+        members = forger.sessions("step")
+        while runs():
+            forger.attack(sim, members)
+            most["rounds"] += 1
+            most["Go"] = max(most["Go"], forger.refused(WAYPOINT, "lockstep: Go"))
+            most["Done"] = max(most["Done"], forger.refused(SIM, "lockstep: Done"))
+            most["cmd_vel"] = max(most["cmd_vel"], forger.refused(SIM, "/r/cmd_vel"))
+            heard = forger.clocks
+            until(lambda h=heard: forger.clocks > h + EVERY or not runs(), RUN_S, "time to go on")  # type: ignore[misc]
+
+    status, disturbed, logs = run(terminal, "forged", disturb)
+    print(most, disturbed["run"]["wall_seconds"])
+    assert "Traceback" not in logs
+    assert disturbed["run"]["trajectory_hash"] == undisturbed["run"]["trajectory_hash"], logs
+    assert (disturbed["run"]["members_lost"], disturbed["run"]["members_left"]) == (0, 0), logs
+    assert disturbed["run"]["restarts"] == disturbed["run"]["messages_lost"] == 0, logs
+    assert (status, disturbed["ok"]) == (0, True), logs
+    assert min(most.values()) > 0
+    assert "a Go is refused" in logs
+    assert "a Done is refused" in logs
+
+
+def test_a_member_that_dies_makes_the_report_say_so(terminal: Terminal) -> None:
+    def disturb(forger: Forger, runs: Callable[[], bool]) -> None:
+        until(lambda: forger.clocks > EVERY, START_S, "time to go on")
+        state = json.loads((terminal.folder / "killed" / "processes.json").read_text())
+        (pid,) = (each["pid"] for each in state["processes"] if each["name"] == WAYPOINT.strip("/"))
+        psutil.Process(pid).send_signal(signal.SIGKILL)
+
+    status, report, logs = run(terminal, "killed", disturb, laps=8)
+    assert (status, report["ok"]) == (1, False)
+    assert report["run"]["members_lost"] == 1
+    assert [each["name"] for each in report["checks"] if each["value"] == 1 and not each["ok"]] == ["members_lost"]
+    assert f"lockstep went on without {WAYPOINT}: the run does not repeat" in report["notes"]
+    assert f"{WAYPOINT} is lost, the others go on without it" in logs
