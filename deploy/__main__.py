@@ -8,8 +8,8 @@ try:
     main()
 except SystemExit as ended:
     if "zenoh" in sys.modules:
-        from services.runtime.process import end
+        from services.runtime.process import exit_now
 
         # A thread of Zenoh may be on its way into Python: were the interpreter taken down beneath it, it would abort.
-        end(ended.code if isinstance(ended.code, int) else 1)
+        exit_now(ended.code if isinstance(ended.code, int) else 1)
     raise

@@ -1,102 +1,148 @@
-"""A bag in other forms: tables, a recording for the viewer, or a bag that is whole again."""
+"""A bag in other forms: CSV tables, a recording for the viewer, or a repaired rosbag2 folder."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import NamedTuple
 
-from deploy.bag_robots import robots_in
 from messages.base import WrongPayload
+from messages.nav import Odometry
+from messages.std import String
+from messages.topics import GROUND_TRUTH, ROBOT_DESCRIPTION
+from models import MODELS, urdf_path
+from models.model import read_model
 from services.bag.csv_export import export_csv
-from services.bag.folder import BagFolder
-from services.bag.reading import Bag, open_bag
-from services.bag.typed import Typed, beside, why_not
-from services.runtime.errors import BadInput, unknown
+from services.bag.reader import Bag, MessageDecoder, is_sidecar, open_bag, unreadable_reason
+from services.bag.writer import BagWriter
+from services.runtime.errors import BadInput, unknown_name
+
+_MARGIN = 0.5
+"""Metres around the robots' ways that the first picture shows."""
 
 
-class Told(NamedTuple):
+class BagRobots(NamedTuple):
+    """Namespace and model of each robot, and the ground (x, y of a corner, then of the opposite one) [m]."""
+
+    robots: list[tuple[str, str]]
+    extent: tuple[float, float, float, float]
+
+
+def find_robots(bag: Bag) -> BagRobots:
+    """The robots of this project's models; those of others are left out."""
+    models = {urdf_path(name).read_text(): name for name in MODELS}
+    robots: dict[str, str] = {}
+    low, high = [math.inf, math.inf], [-math.inf, -math.inf]
+    typed = MessageDecoder()
+    for entry in bag.entries():
+        namespace, _, name = entry.channel.name.rpartition("/")
+        wanted = name in (GROUND_TRUTH.name, ROBOT_DESCRIPTION.name) or is_sidecar(entry.channel)
+        if not wanted or unreadable_reason(entry.channel):
+            continue
+        try:
+            message = typed.decode(entry)
+        except WrongPayload:
+            continue
+        if isinstance(message, String) and (model := models.get(message.data)) is not None:
+            robots[namespace] = model
+        elif isinstance(message, Odometry):
+            at = message.pose.pose.position
+            low, high = [min(low[0], at.x), min(low[1], at.y)], [max(high[0], at.x), max(high[1], at.y)]
+    if not math.isfinite(low[0]):
+        low, high = [-1.0, -1.0], [1.0, 1.0]
+    extent = (low[0] - _MARGIN, low[1] - _MARGIN, high[0] + _MARGIN, high[1] + _MARGIN)
+    return BagRobots(sorted(robots.items(), key=_rank), extent)
+
+
+def _rank(robot: tuple[str, str]) -> tuple[bool, str]:
+    """Arms come last: they leave no trail, and need no colour that is told from afar."""
+    namespace, model = robot
+    return read_model(model).wheels is None, namespace
+
+
+class ExportResult(NamedTuple):
     """What came of an export, and what is missing from it."""
 
     output: Path
     text: str
-    troubles: list[str]
+    problems: list[str]
 
 
-def export_bag(path: Path, form: str, output: str = "", topics: tuple[str, ...] = ()) -> Told:
+def export_bag(path: Path, form: str, output: str = "", topics: tuple[str, ...] = ()) -> ExportResult:
     """Export the bag at ``path`` as ``csv``, ``rrd`` or ``rosbag2``; raises BadInput."""
     bag = open_bag(path)
-    names = _chosen(bag, topics)
+    names = _select_topics(bag, topics)
     stem = path.resolve().with_suffix("") if path.is_file() else path.resolve()
     match form:
         case "csv":
-            return _csv(bag, Path(output or f"{stem}_csv").absolute(), names)
+            return _export_csv(bag, Path(output or f"{stem}_csv").absolute(), names)
         case "rrd":
             return export_rrd(bag, Path(output or f"{stem}.rrd").absolute(), names)
         case _:
-            return _whole(bag, Path(output or f"{stem}_whole").absolute(), names)
+            return _export_rosbag2(bag, Path(output or f"{stem}_whole").absolute(), names)
 
 
-def export_rrd(bag: Bag, output: Path, names: frozenset[str]) -> Told:
+def export_rrd(bag: Bag, output: Path, names: frozenset[str]) -> ExportResult:
     """As the logger would have recorded it; a bag without robots of ours as the viewer itself reads it."""
-    from services.logger.convert import convert
-    from services.logger.rebuild import Rebuild
+    from services.logger.rebuild import RecordingBuilder
+    from services.logger.viewer import convert_bag
 
-    found = robots_in(bag)
+    found = find_robots(bag)
     if not found.robots:
-        if bag.troubles:
-            raise BadInput(f"{bag.troubles[0]}: mend it first, with --to rosbag2")
-        convert(bag.files, output)
-        return Told(output, f"{output}: as the viewer reads it, since it holds no robot of this project", [])
+        if bag.problems:
+            raise BadInput(f"{bag.problems[0]}: mend it first, with --to rosbag2")
+        convert_bag(bag.files, output)
+        return ExportResult(output, f"{output}: as the viewer reads it, since it holds no robot of this project", [])
     troubles: list[str] = []
-    typed, unread = Typed(), 0
+    typed, unread = MessageDecoder(), 0
     readable: dict[object, bool] = {}
-    with Rebuild(output, found.robots, found.extent, troubles.append) as rebuild:
+    with RecordingBuilder(output, found.robots, found.extent, troubles.append) as rebuild:
         for entry in bag.entries():
             channel = entry.channel
             if channel not in readable:
-                readable[channel] = channel.encoding == "cdr" and not why_not(channel)
-            if not readable[channel] or not (channel.name in names or beside(channel)):
+                readable[channel] = channel.encoding == "cdr" and not unreadable_reason(channel)
+            if not readable[channel] or not (channel.name in names or is_sidecar(channel)):
                 continue
             try:
-                message = typed.message(entry)
+                message = typed.decode(entry)
             except WrongPayload:
                 unread += 1
                 continue
             if message is not None:
-                rebuild.take(channel.name, message, entry.publish_time)
-    troubles += bag.troubles + ([f"{unread} messages were not of their type"] if unread else [])
+                rebuild.add(channel.name, message, entry.publish_time)
+    troubles += bag.problems + ([f"{unread} messages were not of their type"] if unread else [])
     robots = ", ".join(f"{namespace.strip('/')} ({model})" for namespace, model in found.robots)
-    return Told(output, f"{output}: {robots}", troubles)
+    return ExportResult(output, f"{output}: {robots}", troubles)
 
 
-def _csv(bag: Bag, output: Path, names: frozenset[str]) -> Told:
+def _export_csv(bag: Bag, output: Path, names: frozenset[str]) -> ExportResult:
     exported = export_csv(bag, output, lambda topic: topic in names)
     lines = [f"{each.rows:8} rows  {each.file}" for each in exported if each.file is not None]
-    troubles = bag.troubles + [f"{each.topic}: {each.reason}" for each in exported if each.reason]
-    return Told(output, "\n".join(lines) or "nothing was exported", troubles)
+    troubles = bag.problems + [f"{each.topic}: {each.reason}" for each in exported if each.reason]
+    return ExportResult(output, "\n".join(lines) or "nothing was exported", troubles)
 
 
-def _whole(bag: Bag, output: Path, names: frozenset[str]) -> Told:
+def _export_rosbag2(bag: Bag, output: Path, names: frozenset[str]) -> ExportResult:
     """Every message that can be read, in a folder that ROS 2's tools open."""
-    with BagFolder(output) as folder:
+    with BagWriter(output) as folder:
         try:
             for entry in bag.entries():
-                if entry.channel.name in names or beside(entry.channel):
-                    folder.add(*entry)
-            folder.notes.update(bag.notes)
+                if entry.channel.name in names or is_sidecar(entry.channel):
+                    folder.write(*entry)
+            folder.metadata.update(bag.metadata)
             folder.close()
         except OSError as error:
             raise BadInput(f"{output} cannot be written: {error.strerror}") from None
-    damaged = [each for each in bag.troubles if "torn" not in each]
-    return Told(output, "\n".join([f"{output}: {folder.count} messages", *bag.troubles]), damaged)
+    damaged = [each for each in bag.problems if "torn" not in each]
+    return ExportResult(output, "\n".join([f"{output}: {folder.count} messages", *bag.problems]), damaged)
 
 
-def _chosen(bag: Bag, topics: tuple[str, ...]) -> frozenset[str]:
+def _select_topics(bag: Bag, topics: tuple[str, ...]) -> frozenset[str]:
     """The topics to export; raises BadInput for one that is not in the bag, and for a bag without messages."""
-    known = {channel.name for channel in bag.channels() if not beside(channel)}
+    known = {channel.name for channel in bag.channels() if not is_sidecar(channel)}
     if not known:
-        raise BadInput("; ".join([f"{bag.path} holds no messages", *bag.troubles]))
+        raise BadInput("; ".join([f"{bag.path} holds no messages", *bag.problems]))
     names = frozenset(topic if topic.startswith("/") else f"/{topic}" for topic in topics)
     for topic in sorted(names - known):
-        raise unknown("topic", topic, known, str(bag.path))
+        raise unknown_name("topic", topic, known, str(bag.path))
     return names or frozenset(known)

@@ -12,31 +12,31 @@ from pathlib import Path
 
 import msgspec
 
-from deploy.policy import describe_exit
-from deploy.progress import screen
-from deploy.run_folder import SUPERVISOR_LOG, check_room, make_folder, read_state
+from deploy.progress import open_display
+from deploy.restart_policy import describe_exit
+from deploy.run_folder import SUPERVISOR_LOG, check_free_space, make_run_folder, read_state
 from services.runtime.errors import EleaError
 from services.runtime.process import ROOT
 
-_TURN_S = 0.1
-_ROOM_TURNS = 20
+_POLL_PERIOD_S = 0.1
+_FREE_SPACE_POLLS = 20
 """After so many turns it is looked whether the state of the fleet can be written at all."""
-_END_S = 60.0
+_STOP_TIMEOUT_S = 60.0
 
 
-def _private(path: str, flags: int) -> int:
+def _open_private(path: str, flags: int) -> int:
     """The log holds the address of the panel's page, token and all."""
     return os.open(path, flags, 0o600)
 
 
-def up_detached(fleet: str, report: str, as_json: bool, argv: list[str] | None = None) -> int:
+def start_detached(fleet: str, report: str, as_json: bool, argv: list[str] | None = None) -> int:
     """Run this command line again without ``--detach``; the exit status, once all is ready or the run is over."""
     arguments = [each for each in (argv if argv is not None else sys.argv[1:]) if each not in ("--detach", "--json")]
-    folder = make_folder(fleet, report)
+    folder = make_run_folder(fleet, report)
     command = [sys.executable, "-P", "-m", "deploy", *arguments, "--report", str(folder)]
     log = folder / SUPERVISOR_LOG
     log.unlink(missing_ok=True)
-    with open(log, "xb", opener=_private) as out, screen() as shown:
+    with open(log, "xb", opener=_open_private) as out, open_display() as shown:
         supervisor = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=out, stderr=subprocess.STDOUT, start_new_session=True
         )
@@ -48,13 +48,13 @@ def up_detached(fleet: str, report: str, as_json: bool, argv: list[str] | None =
             waiting = [each.name for each in processes if each.state != "ready"]
             if processes and not waiting:
                 break
-            if turn % _ROOM_TURNS == 0:
-                _check_room(folder, supervisor)
-            shown.show(f"waiting for {', '.join(waiting) or 'the supervisor'}")
-            time.sleep(_TURN_S)
+            if turn % _FREE_SPACE_POLLS == 0:
+                _check_free_space(folder, supervisor)
+            shown.set_status(f"waiting for {', '.join(waiting) or 'the supervisor'}")
+            time.sleep(_POLL_PERIOD_S)
     if supervisor.returncode is not None:
         said = log.read_text(errors="replace")
-        sys.stderr.write(said or f"elea: {_silent(supervisor.returncode, folder)}\n")
+        sys.stderr.write(said or f"elea: {_describe_silent_exit(supervisor.returncode, folder)}\n")
         return supervisor.returncode
     if as_json:
         entry = {"fleet": fleet, "pid": supervisor.pid, "folder": str(folder), "root": str(ROOT)}
@@ -64,14 +64,14 @@ def up_detached(fleet: str, report: str, as_json: bool, argv: list[str] | None =
     return 0
 
 
-def _check_room(folder: Path, supervisor: subprocess.Popen[bytes]) -> None:
+def _check_free_space(folder: Path, supervisor: subprocess.Popen[bytes]) -> None:
     """End the supervisor and raise EleaError when the disk is full: nobody would see what becomes of its fleet."""
     try:
-        check_room(folder)
+        check_free_space(folder)
     except OSError as error:
         supervisor.send_signal(signal.SIGINT)
         try:
-            supervisor.wait(_END_S)
+            supervisor.wait(_STOP_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             supervisor.kill()
         raise EleaError(
@@ -79,11 +79,11 @@ def _check_room(folder: Path, supervisor: subprocess.Popen[bytes]) -> None:
         ) from None
 
 
-def _silent(status: int, folder: Path) -> str:
+def _describe_silent_exit(status: int, folder: Path) -> str:
     """What to say of a supervisor that ended without a word."""
     how = f"the supervisor {describe_exit(status).replace('exit', 'ended with exit')} and has written nothing"
     try:
-        check_room(folder)
+        check_free_space(folder)
     except OSError as error:
         return f"{how}: {folder} cannot be written: {error.strerror}"
     return f"{how} to {folder / SUPERVISOR_LOG}"

@@ -7,30 +7,30 @@ from typing import Annotated, Any, Literal, get_args
 import msgspec
 from msgspec import Meta
 
-from deploy.policy import Policy, When
-from deploy.report.bounds import Bound, Bounds
-from services.runtime.network.zenoh_config import PORT
+from deploy.report.checks import Bound, Bounds
+from deploy.restart_policy import RestartMode, RestartPolicy
+from services.runtime.transport.zenoh_config import PORT
 
 Mode = Literal["lockstep", "real"]
 MODES: tuple[Mode, ...] = get_args(Mode)
-GONE_MODES = {
+REMOVED_MODES = {
     "free": "there is no mode 'free' any more, as no controller could keep up with it. Use lockstep: it runs as fast "
     "as the machine can, and waits for the controllers; without any it runs at full speed. real follows the wall "
     "clock, at any factor"
 }
 """What to say of modes that there were."""
 
-Ends = Literal["goals", "duration", "never"]
+EndCondition = Literal["goals", "duration", "never"]
 Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
 FleetName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*\Z", max_length=64)]
 """Names folders and files: of the results, of the saved parameters."""
 
 
-class Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class FleetTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A table of a fleet file; an unknown key is an error."""
 
 
-class Start(Table, frozen=True, kw_only=True):
+class StartPose(FleetTable, frozen=True, kw_only=True):
     """Where a robot starts, in the world: m, m, rad."""
 
     x: Coordinate = 0.0
@@ -38,7 +38,7 @@ class Start(Table, frozen=True, kw_only=True):
     yaw: Annotated[float, Meta(ge=-100, le=100, extra={"unit": "rad"})] = 0.0
 
 
-class Run(Table, frozen=True, kw_only=True):
+class RunConfig(FleetTable, frozen=True, kw_only=True):
     """How time runs, how long, and over which network.
 
     ``port`` tells the fleets of a user apart. With ``tcp`` the router listens there on 127.0.0.1, too, for every user
@@ -49,14 +49,14 @@ class Run(Table, frozen=True, kw_only=True):
     factor: Annotated[float, Meta(gt=0, le=1000)] = 1.0
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
     duration: Annotated[float, Meta(ge=0, le=1e7, extra={"unit": "s"})] = 0.0
-    ends: Ends = "goals"
+    ends: EndCondition = "goals"
     latency: Annotated[int, Meta(ge=0, le=1)] = 0
     topology: Literal["direct", "star"] = "direct"
     port: Annotated[int, Meta(ge=1, le=65535)] = PORT
     tcp: bool = False
 
 
-class Member(Table, frozen=True, kw_only=True):
+class ServiceConfig(FleetTable, frozen=True, kw_only=True):
     """One service; its name is its kind and its namespace that of its robot unless stated.
 
     ``from_start`` names parameters that hold points [x, y] counted from the robot's start: they are shifted to it.
@@ -71,20 +71,20 @@ class Member(Table, frozen=True, kw_only=True):
     from_start: tuple[str, ...] = ()
     models: tuple[str, ...] = ()
     required: bool | None = None
-    restart: When | Policy | None = None
+    restart: RestartMode | RestartPolicy | None = None
 
 
-class Robot(Table, frozen=True, kw_only=True):
+class RobotConfig(FleetTable, frozen=True, kw_only=True):
     """One robot, the parameters of its base or joints, and the services in its namespace."""
 
     name: str
     model: str
-    pose: Start = Start()
+    pose: StartPose = StartPose()
     parameters: dict[str, Any] = {}
-    services: tuple[Member, ...] = ()
+    services: tuple[ServiceConfig, ...] = ()
 
 
-class Change(Table, frozen=True, kw_only=True):
+class ChangeConfig(FleetTable, frozen=True, kw_only=True):
     """Parameters of one set that change during a run, for this run alone, at a simulation time."""
 
     at: Annotated[float, Meta(ge=0, le=1e7, extra={"unit": "s"})]
@@ -92,7 +92,7 @@ class Change(Table, frozen=True, kw_only=True):
     values: dict[str, Any]
 
 
-class Fleet(Table, frozen=True, kw_only=True):
+class Fleet(FleetTable, frozen=True, kw_only=True):
     """A fleet. ``every_robot`` are services that each robot gets beside its own.
 
     ``mode_bounds`` are the tables ``[bounds.real]`` and ``[bounds.lockstep]`` of the file.
@@ -100,19 +100,19 @@ class Fleet(Table, frozen=True, kw_only=True):
 
     name: FleetName
     description: str = ""
-    run: Run = Run()
-    robot: tuple[Robot, ...] = ()
-    every_robot: tuple[Member, ...] = ()
-    service: tuple[Member, ...] = ()
-    change: tuple[Change, ...] = ()
+    run: RunConfig = RunConfig()
+    robot: tuple[RobotConfig, ...] = ()
+    every_robot: tuple[ServiceConfig, ...] = ()
+    service: tuple[ServiceConfig, ...] = ()
+    change: tuple[ChangeConfig, ...] = ()
     bounds: dict[str, float | int | Bound] = {}
     mode_bounds: dict[Mode, dict[str, float | int | Bound]] = {}
 
-    def judged_by(self) -> Bounds:
+    def active_bounds(self) -> Bounds:
         """The bounds of a run in the fleet's mode: those of the mode win over those of all."""
         return {**self.bounds, **self.mode_bounds.get(self.run.mode, {})}
 
-    def shared(self, robot: Robot) -> tuple[tuple[int, Member], ...]:
+    def shared_services(self, robot: RobotConfig) -> tuple[tuple[int, ServiceConfig], ...]:
         """Those of ``every_robot`` that a robot gets, each with its index in the file."""
         return tuple(
             (index, each)

@@ -10,28 +10,28 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
-from deploy.fleet import GONE_MODES, MODES, Change, Fleet, Member, Robot, Run, Start
-from deploy.fleet_check import check
-from deploy.own_service import is_own
+from deploy.fleet import MODES, REMOVED_MODES, ChangeConfig, Fleet, RobotConfig, RunConfig, ServiceConfig, StartPose
+from deploy.fleet_validation import validate_fleet
 from deploy.parameter_sets import check_changes
-from deploy.policy import Policy
-from deploy.report.bounds import KEYS, Bound
-from deploy.toml_place import Source, Step
-from services.runtime.errors import BadInput, unknown
+from deploy.report.checks import KEYS, Bound
+from deploy.restart_policy import RestartPolicy
+from deploy.service_catalog import is_user_file
+from deploy.toml_source import TomlKey, TomlSource
+from services.runtime.errors import BadInput, unknown_name
 
 FLEETS = Path(__file__).resolve().parent / "fleets"
 
 _BY_MODE = "mode_bounds"
-_TABLES: dict[str, type[msgspec.Struct]] = {
+_TABLE_TYPES: dict[str, type[msgspec.Struct]] = {
     "": Fleet,
-    "run": Run,
-    "robot": Robot,
-    "pose": Start,
-    "services": Member,
-    "every_robot": Member,
-    "service": Member,
-    "restart": Policy,
-    "change": Change,
+    "run": RunConfig,
+    "robot": RobotConfig,
+    "pose": StartPose,
+    "services": ServiceConfig,
+    "every_robot": ServiceConfig,
+    "service": ServiceConfig,
+    "restart": RestartPolicy,
+    "change": ChangeConfig,
     "bounds": Bound,
 }
 """The record behind each table, by its last name."""
@@ -51,7 +51,7 @@ def find_fleet(name: str) -> Path:
         return path
     if path.suffix == ".toml" or "/" in name:
         raise BadInput(f"there is no fleet file {name}")
-    raise unknown("fleet", name, fleet_names())
+    raise unknown_name("fleet", name, fleet_names())
 
 
 def read_fleet(path: Path) -> Fleet:
@@ -71,71 +71,74 @@ def parse_fleet(path: Path, text: str) -> Fleet:
         found = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         place = f"{path}:{found[1]}" if found else f"{path}:{text.count(chr(10)) + 1}"
         raise BadInput(f"{place}: this is not TOML: {error}") from None
-    source = Source(path, text)
+    source = TomlSource(path, text)
     _check_mode(tree, source)
     if _BY_MODE in tree:
-        raise unknown("key", _BY_MODE, [each.name for each in msgspec.structs.fields(Fleet)], source.at(_BY_MODE))
+        raise unknown_name(
+            "key", _BY_MODE, [each.name for each in msgspec.structs.fields(Fleet)], source.location(_BY_MODE)
+        )
     try:
-        fleet = msgspec.convert(_apart(tree, source), Fleet)
+        fleet = msgspec.convert(_split_bounds(tree, source), Fleet)
     except msgspec.ValidationError as error:
-        raise _located(source, str(error)) from None
-    fleet = _with_files(fleet, path.parent)
-    check(fleet, source)
+        raise _locate_error(source, str(error)) from None
+    fleet = _resolve_user_files(fleet, path.parent)
+    validate_fleet(fleet, source)
     check_changes(fleet, source)
     return fleet
 
 
-def _check_mode(tree: dict[str, Any], source: Source) -> None:
+def _check_mode(tree: dict[str, Any], source: TomlSource) -> None:
     """Raise BadInput for a mode that there was once."""
     run = tree.get("run")
     mode = run.get("mode") if isinstance(run, dict) else None
-    if isinstance(mode, str) and mode in GONE_MODES:
-        raise BadInput(f"{source.at('run', 'mode')}: {GONE_MODES[mode]}")
+    if isinstance(mode, str) and mode in REMOVED_MODES:
+        raise BadInput(f"{source.location('run', 'mode')}: {REMOVED_MODES[mode]}")
 
 
-def _apart(tree: dict[str, Any], source: Source) -> dict[str, Any]:
+def _split_bounds(tree: dict[str, Any], source: TomlSource) -> dict[str, Any]:
     """The bounds for one mode, as ``[bounds.real]``, apart from those beside them, as the record has them."""
     bounds = tree.get("bounds")
     if not isinstance(bounds, dict):
         return tree
     for name, each in bounds.items():
         if isinstance(each, dict) and name not in (*KEYS, *MODES):
-            raise unknown("figure or mode", name, (*KEYS, *MODES), source.at("bounds", name))
+            raise unknown_name("figure or mode", name, (*KEYS, *MODES), source.location("bounds", name))
     by_mode = {name: each for name, each in bounds.items() if name in MODES}
     rest = {name: each for name, each in bounds.items() if name not in MODES}
     return {**tree, "bounds": rest, _BY_MODE: by_mode}
 
 
-def _with_files(fleet: Fleet, folder: Path) -> Fleet:
+def _resolve_user_files(fleet: Fleet, folder: Path) -> Fleet:
     """The fleet with the Python files among its kinds found: a relative one counts from the fleet file's folder."""
 
-    def found(members: tuple[Member, ...]) -> tuple[Member, ...]:
+    def found(members: tuple[ServiceConfig, ...]) -> tuple[ServiceConfig, ...]:
         return tuple(
-            replace(each, kind=str((folder / each.kind).resolve())) if is_own(each.kind) else each for each in members
+            replace(each, kind=str((folder / each.kind).resolve())) if is_user_file(each.kind) else each
+            for each in members
         )
 
     robots = tuple(replace(each, services=found(each.services)) for each in fleet.robot)
     return replace(fleet, robot=robots, every_robot=found(fleet.every_robot), service=found(fleet.service))
 
 
-def _located(source: Source, error: str) -> BadInput:
+def _locate_error(source: TomlSource, error: str) -> BadInput:
     """msgspec's error with the line of its path, and the alternatives when a key is unknown."""
     text, _, where = error.partition(" - at `$")
-    path = _path(where.rstrip("`"))
+    path = _parse_error_path(where.rstrip("`"))
     if path[:1] == (_BY_MODE,):
         path = ("bounds", *path[1:])
     if found := re.search(r"unknown field `(.*?)`", text):
         names = [step for step in path if isinstance(step, str)]
-        record = _TABLES[names[-1] if names else ""]
+        record = _TABLE_TYPES[names[-1] if names else ""]
         known = [each.name for each in msgspec.structs.fields(record)]
-        return unknown("key", found[1], known, source.at(*path, found[1]))
+        return unknown_name("key", found[1], known, source.location(*path, found[1]))
     shown = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).lstrip(".")
-    return BadInput(f"{source.at(*path)}: {f'{shown}: ' if shown else ''}{text}")
+    return BadInput(f"{source.location(*path)}: {f'{shown}: ' if shown else ''}{text}")
 
 
-def _path(text: str) -> tuple[Step, ...]:
+def _parse_error_path(text: str) -> tuple[TomlKey, ...]:
     """``.robot[2].pose.x`` taken apart; it ends where msgspec no longer names the key."""
-    steps: list[Step] = []
+    steps: list[TomlKey] = []
     for name, index, rest in re.findall(r"\.(\w+)|\[(\d+)\]|(\[\.\.\.\])", text):
         if rest:
             break

@@ -15,7 +15,7 @@ from messages.topics import TOPICS
 from services.runtime.errors import BadInput
 
 
-class Shape(NamedTuple):
+class FieldType(NamedTuple):
     """The type of a field: its name as ROS writes it, the record that it holds, and what bounds it."""
 
     name: str
@@ -26,7 +26,7 @@ class Shape(NamedTuple):
     optional: bool = False
 
 
-def find(name: str) -> type[Message] | Request[Any, Any]:
+def find_interface(name: str) -> type[Message] | Request[Any, Any]:
     """The record of a ROS type (``geometry_msgs/msg/Twist`` as well), or a request by its name; raises BadInput."""
     wanted = name.replace("/msg/", "/", 1).replace("/srv/", "/", 1)
     if (record := RECORDS.get(wanted)) is not None:
@@ -43,18 +43,18 @@ def find(name: str) -> type[Message] | Request[Any, Any]:
     raise BadInput(f"unknown type {name[:80]!r}; {hint}")
 
 
-def about(record: type[Message]) -> str:
+def summary(record: type[Message]) -> str:
     """What a record is, in the words of its own text."""
     return inspect.getdoc(record) or ""
 
 
-def fields(record: type[Message]) -> list[dict[str, Any]]:
+def describe_fields(record: type[Message]) -> list[dict[str, Any]]:
     """Every field of a record with type, unit, bounds and default, and those of the records within."""
     info = shapes.type_info(record)
     assert isinstance(info, shapes.StructType)
     rows = []
     for each in info.fields:
-        shape = _shape(each.type)
+        shape = _field_type(each.type)
         rows.append(
             {
                 "name": each.encode_name,
@@ -63,9 +63,9 @@ def fields(record: type[Message]) -> list[dict[str, Any]]:
                 "bounds": shape.bounds,
                 "choices": list(shape.choices),
                 "optional": shape.optional,
-                "default": None if shape.record or shape.name.endswith("]") else _plain(each.default),
-                "about": about(shape.record) if shape.record else "",
-                "fields": fields(shape.record) if shape.record else [],
+                "default": None if shape.record or shape.name.endswith("]") else _plain_default(each.default),
+                "about": summary(shape.record) if shape.record else "",
+                "fields": describe_fields(shape.record) if shape.record else [],
             }
         )
     return rows
@@ -78,68 +78,73 @@ def constants(record: type[Message]) -> dict[str, Any]:
     return {name: getattr(record, name) for name in names if name.isupper() and name != "ROS_TYPE"}
 
 
-def described(record: type[Message]) -> dict[str, Any]:
+def describe_type(record: type[Message]) -> dict[str, Any]:
     """A record whole, with the topics that carry it and the requests that ask or reply it."""
     return {
         "type": record.ROS_TYPE,
-        "about": about(record),
+        "about": summary(record),
         "constants": constants(record),
-        "fields": fields(record),
+        "fields": describe_fields(record),
         "topics": [each.name for each in TOPICS if each.record is record],
-        "requests": [each.name for each in REQUESTS if record in (each.asks, each.replies)],
+        "requests": [each.name for each in REQUESTS if record in (each.request_type, each.response_type)],
     }
 
 
-def listed(package: str = "") -> dict[str, list[dict[str, str]]]:
+def list_types(package: str = "") -> dict[str, list[dict[str, str]]]:
     """All records and all requests, or those of a package; raises BadInput for a package that has none."""
     records = {name: each for name, each in sorted(RECORDS.items()) if not package or name.startswith(f"{package}/")}
     if not records:
         packages = sorted({name.partition("/")[0] for name in RECORDS})
         raise BadInput(f"no type is of the package {package!r} (known: {', '.join(packages)})")
-    messages = [{"type": name, "about": about(each).partition("\n")[0]} for name, each in records.items()]
+    messages = [{"type": name, "about": summary(each).partition("\n")[0]} for name, each in records.items()]
     requests = [
-        {"name": each.name, "asks": each.asks.ROS_TYPE, "replies": each.replies.ROS_TYPE, "about": each.about}
+        {
+            "name": each.name,
+            "asks": each.request_type.ROS_TYPE,
+            "replies": each.response_type.ROS_TYPE,
+            "about": each.about,
+        }
         for each in REQUESTS
-        if not package or each.asks.ROS_TYPE in records or each.replies.ROS_TYPE in records
+        if not package or each.request_type.ROS_TYPE in records or each.response_type.ROS_TYPE in records
     ]
     return {"messages": messages, "requests": requests}
 
 
-def _shape(kind: shapes.Type) -> Shape:
+def _field_type(kind: shapes.Type) -> FieldType:
     """A type taken apart."""
     match kind:
         case shapes.Metadata(type=bare, extra=extra):
-            return _shape(bare)._replace(unit=(extra or {}).get("unit", ""))
+            return _field_type(bare)._replace(unit=(extra or {}).get("unit", ""))
         case shapes.BoolType():
-            return Shape("bool")
+            return FieldType("bool")
         case shapes.IntType() | shapes.FloatType():
-            return Shape("int" if isinstance(kind, shapes.IntType) else "float", bounds=_bounds(kind))
+            return FieldType("int" if isinstance(kind, shapes.IntType) else "float", bounds=_bounds(kind))
         case shapes.StrType(max_length=longest):
-            return Shape("string", bounds=f"at most {longest} characters" if longest is not None else "")
+            return FieldType("string", bounds=f"at most {longest} characters" if longest is not None else "")
         case shapes.BytesType():
-            return Shape("uint8[]")
+            return FieldType("uint8[]")
         case shapes.LiteralType(values=values):
-            return Shape("string", choices=tuple(values))
+            return FieldType("string", choices=tuple(values))
         case shapes.StructType(cls=record) if issubclass(record, Message):
-            return Shape(record.ROS_TYPE, record)
+            return FieldType(record.ROS_TYPE, record)
         case shapes.CustomType(cls=array) if issubclass(array, Array):
-            return Shape({"<f8": "float64[]", "<f4": "float32[]"}[array.DTYPE])
+            return FieldType({"<f8": "float64[]", "<f4": "float32[]"}[array.DTYPE])
         case shapes.VarTupleType(item_type=item, min_length=least, max_length=most):
-            element = _shape(item)
+            element = _field_type(item)
             count = f"{most}" if least == most and most else ""
             name = f"({element.name})" if " or " in element.name else element.name
             return element._replace(name=f"{name}[{count}]")
         case shapes.UnionType(types=types):
-            return _union(types)
+            return _union_type(types)
         case _:
-            return Shape("any")
+            return FieldType("any")
 
 
-def _union(types: tuple[shapes.Type, ...]) -> Shape:
+def _union_type(types: tuple[shapes.Type, ...]) -> FieldType:
     """One of several: null makes it optional; a packed array is the list that it stands for."""
-    said = [_shape(each) for each in types if not isinstance(each, shapes.NoneType | shapes.ExtType)]
+    said = [_field_type(each) for each in types if not isinstance(each, shapes.NoneType | shapes.ExtType)]
     names = dict.fromkeys(each.name for each in said)
-    whole = said[0] if len(said) == 1 else Shape(" or ".join(names))
+    whole = said[0] if len(said) == 1 else FieldType(" or ".join(names))
     return whole._replace(optional=any(isinstance(each, shapes.NoneType) for each in types))
 
 
@@ -156,6 +161,6 @@ def _bounds(kind: shapes.IntType | shapes.FloatType) -> str:
     return f"{'below' if kind.lt is not None else 'at most'} {high}" if high is not None else ""
 
 
-def _plain(value: Any) -> Any:
+def _plain_default(value: Any) -> Any:
     """A default as it may be written; None where there is none to write."""
     return value if isinstance(value, bool | int | float | str) else None

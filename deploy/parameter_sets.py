@@ -1,93 +1,166 @@
-"""The sets of parameters of a fleet: who follows them, what the fleet itself gives them, and changes on the way."""
+"""The parameter sets of a fleet: who uses them, which values the fleet gives them, and where a run differs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
-from deploy.catalogue import declaration
-from deploy.fleet import Fleet, Member, Robot
-from deploy.fleet_check import identity, members
-from deploy.process import Process
-from deploy.toml_place import Source
-from deploy.wiring import IMPLIED
+from deploy.fleet import Fleet, RobotConfig, ServiceConfig
+from deploy.fleet_validation import all_services, service_identity
+from deploy.processes import ProcessSpec
+from deploy.report.record import EffectiveParameter
+from deploy.service_catalog import load_service
+from deploy.service_parameters import BUILTIN_SERVICES
+from deploy.toml_source import TomlSource
 from messages.names import resolve
+from messages.parameters import Parameter, ParameterValues
 from messages.requests import PARAMS_ANNOUNCE
-from models.figures import read_model
-from services.runtime.errors import BadInput, unknown
-from services.runtime.parameters.leaves import flatten, leaves
-from services.runtime.parameters.record import build, check_value, read_assignments
+from models.model import read_model
+from services.runtime.errors import BadInput, unknown_name
+from services.runtime.parameters.schema import fields_of, flatten
+from services.runtime.parameters.validation import build, check_value, read_assignments
 from services.runtime.service import Parameters, Service
 from services.sim import BaseParameters, JointParameters
-from services.sim.base.settings import configured
-from services.sim.joints.terms import completed
+from services.sim.drive.config import robot_config
+from services.sim.joints.config import with_urdf_defaults
 
 
 def parameter_sets(fleet: Fleet) -> dict[str, list[type[Parameters]]]:
     """The sets by name, each with the records of those who follow it."""
     stated = {each.kind for each in fleet.service}
-    every: list[tuple[Member, Robot | None]] = [(Member(kind=kind), None) for kind in IMPLIED if kind not in stated]
-    every += [(member, owner) for _, member, owner in members(fleet)]
+    every: list[tuple[ServiceConfig, RobotConfig | None]] = [
+        (ServiceConfig(kind=kind), None) for kind in BUILTIN_SERVICES if kind not in stated
+    ]
+    every += [(member, owner) for _, member, owner in all_services(fleet)]
     sets: dict[str, list[type[Parameters]]] = {}
     for member, owner in every:
-        service = declaration(member.kind)
-        if (name := _set_of(service, identity(member, owner).node)) is not None:
+        service = load_service(member.kind)
+        if (name := _service_set(service, service_identity(member, owner).node)) is not None:
             sets.setdefault(name, []).append(service.parameters)
     for robot in fleet.robot:
         wheeled = read_model(robot.model).wheels is not None
-        sets[_of_robot(robot, wheeled)] = [BaseParameters if wheeled else JointParameters]
+        sets[_robot_set(robot, wheeled)] = [BaseParameters if wheeled else JointParameters]
     return sets
 
 
-def own_values(fleet: Fleet, plan: Sequence[Process]) -> dict[str, dict[str, Any]]:
+def fleet_values(fleet: Fleet, plan: Sequence[ProcessSpec]) -> dict[str, dict[str, Any]]:
     """What the fleet itself and the records' defaults give the live parameters of each set, by dotted names."""
     values: dict[str, dict[str, Any]] = {}
     for process in plan:
-        service = declaration(process.kind)
-        if (name := _set_of(service, process.node)) is not None:
+        service = load_service(process.kind)
+        if (name := _service_set(service, process.node)) is not None:
             options = zip(process.argv, process.argv[1:], strict=False)
             stated = read_assignments(value for option, value in options if option == "--fleet-param")
-            values.setdefault(name, {}).update(_live(build(service.parameters, stated)))
+            values.setdefault(name, {}).update(_live_values(build(service.parameters, stated)))
     for robot in fleet.robot:
         wheeled = read_model(robot.model).wheels is not None
         made: Parameters = (
-            configured(robot.model, build(BaseParameters, robot.parameters)).parameters
+            robot_config(robot.model, build(BaseParameters, robot.parameters)).parameters
             if wheeled
-            else completed(robot.model, build(JointParameters, robot.parameters))
+            else with_urdf_defaults(robot.model, build(JointParameters, robot.parameters))
         )
-        values[_of_robot(robot, wheeled)] = _live(made)
+        values[_robot_set(robot, wheeled)] = _live_values(made)
     return values
 
 
-def check_changes(fleet: Fleet, source: Source) -> None:
+def check_changes(fleet: Fleet, source: TomlSource) -> None:
     """Raise BadInput, with file and line, for a change that no set of the fleet can take."""
     sets = parameter_sets(fleet) if fleet.change else {}
     for index, change in enumerate(fleet.change):
         if change.set not in sets:
-            raise unknown("set of parameters", change.set, sets, source.at("change", index, "set"))
+            raise unknown_name("set of parameters", change.set, sets, source.location("change", index, "set"))
         if not change.values:
-            raise BadInput(f"{source.at('change', index)}: a change without values")
+            raise BadInput(f"{source.location('change', index)}: a change without values")
         records = sets[change.set]
         for name, value in change.values.items():
             # Of several that share a set, those that know the name decide.
-            knowing = [each for each in records if any(leaf.name == name for leaf in leaves(each))]
+            knowing = [each for each in records if any(leaf.name == name for leaf in fields_of(each))]
             for record in knowing or records[:1]:
-                check_value(record, name, value, source.at("change", index, "values", name))
+                check_value(record, name, value, source.location("change", index, "values", name))
 
 
-def _of_robot(robot: Robot, wheeled: bool) -> str:
+def _robot_set(robot: RobotConfig, wheeled: bool) -> str:
     """The set that the simulation follows for a robot: of its base, or of its joints."""
     return f"/{robot.name}/{'base' if wheeled else 'joints'}"
 
 
-def _set_of(service: Service, node: str) -> str | None:
+def _service_set(service: Service, node: str) -> str | None:
     """The set that a service follows as ``node``; None without parameters, and for the parameter service."""
     if service.parameters is Parameters or PARAMS_ANNOUNCE in service.serves:
         return None
     return resolve(service.parameter_set or node, node.rpartition("/")[0] or "/", node)
 
 
-def _live(params: Parameters) -> dict[str, Any]:
+def _live_values(params: Parameters) -> dict[str, Any]:
     flat = flatten(params)
-    each = leaves(type(params))
+    each = fields_of(type(params))
     return {leaf.name: flat[leaf.name] for leaf in each if leaf.extra("live", True) and not leaf.structured}
+
+
+ReportedValues = Callable[[], Mapping[str, ParameterValues]]
+"""The values of each set as far as they were told; it does not block."""
+
+FleetValues = Mapping[str, Mapping[str, Any]]
+"""What the fleet itself gives the live parameters of each set."""
+
+
+class SavedParameterNotes:
+    """Says once of each set which saved values win over the fleet's."""
+
+    def __init__(self, told: ReportedValues, own: FleetValues) -> None:
+        self._told, self._own = told, own
+        self._said: set[str] = set()
+
+    def new_lines(self) -> Iterator[str]:
+        """One line for each set that was told of for the first time and has such values."""
+        for name, values in self._told().items():
+            if name in self._said:
+                continue
+            self._said.add(name)
+            own = self._own.get(name, {})
+            if parts := [
+                _difference(each, own) for each in values.values if each.origin == "saved" and _differs(each, own)
+            ]:
+                yield f"saved parameters win over the fleet's: {name} {', '.join(parts)}; --no-saved leaves them out"
+
+
+def effective_parameters(
+    told: Mapping[str, ParameterValues], own: FleetValues
+) -> dict[str, dict[str, EffectiveParameter]]:
+    """The live parameters that are not at their defaults, by set and name, in the order of their names."""
+    found = {
+        name: {
+            each.name: EffectiveParameter(value=each.value, origin=each.origin)
+            for each in values.values
+            if each.origin != "default" and each.name in own.get(name, {})
+        }
+        for name, values in sorted(told.items())
+    }
+    return {name: parameters for name, parameters in found.items() if parameters}
+
+
+def overridden_parameter_note(told: Mapping[str, ParameterValues], own: FleetValues, fleet: Fleet) -> tuple[str, ...]:
+    """The values that make a run another than its fleet file says, as one note; none when there are none."""
+    scheduled = {(change.set, name) for change in fleet.change for name in change.values}
+    parts = [
+        f"{name} {_difference(each, own[name])}"
+        for name, values in sorted(told.items())
+        for each in values.values
+        if each.origin in ("saved", "command line", "run")
+        and (name, each.name) not in scheduled
+        and _differs(each, own.get(name, {}))
+    ]
+    if not parts:
+        return ()
+    return (
+        f"Parameters were not the fleet's: {', '.join(parts)}. The run repeats with the same values alone; "
+        "./elea up --no-saved leaves saved ones out.",
+    )
+
+
+def _differs(each: Parameter, own: Mapping[str, Any]) -> bool:
+    return each.name in own and own[each.name] != each.value
+
+
+def _difference(each: Parameter, own: Mapping[str, Any]) -> str:
+    return f"{each.name} = {each.value} ({each.origin}; the fleet's is {own[each.name]})"

@@ -11,10 +11,10 @@ from typing import Protocol
 
 from deploy.live.output import printable
 from deploy.run_folder import write_state
-from deploy.supervisor.life import Life
-from deploy.supervisor.log_file import last_words, log_name
+from deploy.supervisor.log_file import last_line, log_name
+from deploy.supervisor.managed_process import ManagedProcess
 from messages.elea import FleetState, ProcessState
-from services.panel.address import FILE, read
+from services.panel.address import ADDRESS_FILE, read_address
 
 PLAIN_PERIOD_S = 10.0
 """Wall time between two lines about a fleet that runs well, where no live line can be shown."""
@@ -22,62 +22,62 @@ PLAIN_PERIOD_S = 10.0
 WAITING_PERIOD_S = 5.0
 """Wall time between two lines about whom time waits for."""
 
-_TROUBLE = ("backing off", "failed")
+_PROBLEM_STATES = ("backing off", "failed")
 
 
-class Screen(Protocol):
+class ProgressDisplay(Protocol):
     """Where progress is shown."""
 
-    def say(self, line: str) -> None:
+    def print_line(self, line: str) -> None:
         """Print a line that stays."""
         ...
 
-    def show(self, line: str) -> None:
+    def set_status(self, line: str) -> None:
         """Show what goes on just now."""
         ...
 
 
-class PlainScreen:
+class PlainDisplay:
     """Lines on stderr; what goes on is repeated when it has changed, at most every PLAIN_PERIOD_S."""
 
     def __init__(self) -> None:
         self._shown, self._next = "", time.monotonic() + PLAIN_PERIOD_S
 
-    def say(self, line: str) -> None:
+    def print_line(self, line: str) -> None:
         sys.stderr.write(printable(f"{line}\n"))
         sys.stderr.flush()
 
-    def show(self, line: str) -> None:
+    def set_status(self, line: str) -> None:
         if line != self._shown and time.monotonic() > self._next:
             self._shown, self._next = line, time.monotonic() + PLAIN_PERIOD_S
-            self.say(line)
+            self.print_line(line)
 
 
 @contextmanager
-def screen() -> Iterator[Screen]:
+def open_display() -> Iterator[ProgressDisplay]:
     """The screen that stderr allows."""
     if not sys.stderr.isatty():
-        yield PlainScreen()
+        yield PlainDisplay()
         return
     from rich.console import Console
 
     console = Console(stderr=True, highlight=False)
     with console.status("starting") as status:
 
-        class LiveScreen:
-            def say(self, line: str) -> None:
+        class LiveDisplay:
+            def print_line(self, line: str) -> None:
                 console.print(printable(line), markup=False)
 
-            def show(self, line: str) -> None:
+            def set_status(self, line: str) -> None:
                 status.update(line)
 
-        yield LiveScreen()
+        yield LiveDisplay()
 
 
-class Progress:
+class ProgressReporter:
     """Tells a screen, and the run's folder, how the fleet fares; ``news`` are lines that are worth a look."""
 
-    def __init__(self, screen: Screen, folder: Path, news: Callable[[], Iterable[str]] = tuple) -> None:
+    def __init__(self, screen: ProgressDisplay, folder: Path, news: Callable[[], Iterable[str]] = tuple) -> None:
         self._screen, self._folder, self._news = screen, folder, news
         self._started = time.monotonic()
         self._complete = False
@@ -85,66 +85,66 @@ class Progress:
         self._quoted: set[str] = set()
         self._starved: set[str] = set()
 
-    def saw(self, life: Life, fleet: FleetState) -> None:
+    def on_state_change(self, life: ManagedProcess, fleet: FleetState) -> None:
         """A process has changed its state."""
         write_state(self._folder, fleet)
-        shown = life.show()
-        if life.state in _TROUBLE:
-            self._tell_trouble(life, shown)
-        if life.process.kind == "panel" and life.state == "ready" and (page := read(self._folder / FILE)):
-            self._screen.say(f"the page of this fleet: {page.url}")
+        shown = life.state_message()
+        if life.state in _PROBLEM_STATES:
+            self._report_problem(life, shown)
+        if life.spec.kind == "panel" and life.state == "ready" and (page := read_address(self._folder / ADDRESS_FILE)):
+            self._screen.print_line(f"the page of this fleet: {page.url}")
         ready = sum(each.state == "ready" for each in fleet.processes)
         if ready == len(fleet.processes) and not self._complete:
             self._complete = True
-            self._screen.say(f"all {ready} processes ready after {time.monotonic() - self._started:.1f} s")
+            self._screen.print_line(f"all {ready} processes ready after {time.monotonic() - self._started:.1f} s")
         elif not self._complete and life.state == "ready":
-            self._screen.say(f"{shown.name} ready ({ready} of {len(fleet.processes)})")
+            self._screen.print_line(f"{shown.name} ready ({ready} of {len(fleet.processes)})")
 
-    def _tell_trouble(self, life: Life, shown: ProcessState) -> None:
+    def _report_problem(self, life: ManagedProcess, shown: ProcessState) -> None:
         """What has happened to a process, and why it has ended itself, as it says, once."""
         name, reason = shown.name, shown.reason
-        words = last_words(self._folder / "logs" / log_name(name)) if reason.startswith("exit status") else ""
-        if words and words in reason and life.process.required:
+        words = last_line(self._folder / "logs" / log_name(name)) if reason.startswith("exit status") else ""
+        if words and words in reason and life.spec.required:
             return  # the end of the fleet tells the same
-        self._screen.say(f"{name} {shown.state}: {reason}; see ./elea logs {name}")
+        self._screen.print_line(f"{name} {shown.state}: {reason}; see ./elea logs {name}")
         if words and words not in reason and words not in self._quoted:
             self._quoted.add(words)
-            self._screen.say(f"  {words}")
+            self._screen.print_line(f"  {words}")
 
-    def _tell_starved(self, lives: Sequence[Life]) -> None:
+    def _report_starved(self, lives: Sequence[ManagedProcess]) -> None:
         """Say once of each process that the machine is too busy for it."""
         now = time.monotonic()
         for life in lives:
-            if (silent := life.starved(now)) and life.process.name not in self._starved:
-                self._starved.add(life.process.name)
-                self._screen.say(
-                    f"{life.process.name}: no heartbeat for {silent:.1f} s, it waits for a processor: "
+            if (silent := life.starved_for(now)) and life.spec.name not in self._starved:
+                self._starved.add(life.spec.name)
+                self._screen.print_line(
+                    f"{life.spec.name}: no heartbeat for {silent:.1f} s, it waits for a processor: "
                     "this machine is too busy for the fleet"
                 )
 
-    def noted(self, text: str) -> None:
+    def on_note(self, text: str) -> None:
         """What hinders the supervision of all processes stands where troubles of single ones stand."""
-        self._screen.say(text)
+        self._screen.print_line(text)
 
-    def _tell_waiting(self, lives: Sequence[Life]) -> None:
+    def _report_waiting(self, lives: Sequence[ManagedProcess]) -> None:
         """Say now and then whom time waits for."""
         now = time.monotonic()
         for life in lives:
-            if life.process.kind == "sim" and life.doing == "waiting" and life.note and now > self._next_wait:
+            if life.spec.kind == "sim" and life.activity == "waiting" and life.note and now > self._next_wait:
                 self._next_wait = now + WAITING_PERIOD_S
-                self._screen.say(life.note)
+                self._screen.print_line(life.note)
 
-    def turned(self, lives: Sequence[Life]) -> None:
+    def on_poll(self, lives: Sequence[ManagedProcess]) -> None:
         """Another look at heartbeats is done."""
         for line in self._news():
-            self._screen.say(line)
-        self._tell_starved(lives)
-        self._tell_waiting(lives)
-        waiting = [life.process.name for life in lives if life.state in ("waiting", "starting", *_TROUBLE)]
-        notes = [life.note for life in lives if life.process.kind in ("grader", "sim") and life.note]
+            self._screen.print_line(line)
+        self._report_starved(lives)
+        self._report_waiting(lives)
+        waiting = [life.spec.name for life in lives if life.state in ("waiting", "starting", *_PROBLEM_STATES)]
+        notes = [life.note for life in lives if life.spec.kind in ("grader", "sim") and life.note]
         if any(life.state == "stopping" for life in lives):
-            self._screen.show("stopping")
+            self._screen.set_status("stopping")
         elif waiting:
-            self._screen.show(f"waiting for {', '.join(waiting)}")
+            self._screen.set_status(f"waiting for {', '.join(waiting)}")
         else:
-            self._screen.show("; ".join(notes) or "running")
+            self._screen.set_status("; ".join(notes) or "running")

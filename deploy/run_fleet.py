@@ -10,41 +10,38 @@ from pathlib import Path
 
 import msgspec
 
-from deploy.claim import Running, claim
-from deploy.effective import Saved, effective, note
 from deploy.fleet import Fleet
-from deploy.parameter_file import check_unused
-from deploy.parameter_sets import own_values
-from deploy.process import processes
-from deploy.progress import Progress, Screen
-from deploy.report.notes import notes
-from deploy.report.own_checks import own_checks, unheard
-from deploy.report.record import Check, Effective, Report, RunFacts
+from deploy.instance_lock import FleetInstance, check_parameter_file_unused, instance_lock
+from deploy.parameter_sets import SavedParameterNotes, effective_parameters, fleet_values, overridden_parameter_note
+from deploy.processes import plan_processes
+from deploy.progress import ProgressDisplay, ProgressReporter
+from deploy.report.checks import service_checks, unknown_node_notes
+from deploy.report.notes import fleet_notes
+from deploy.report.record import Check, EffectiveParameter, Report, RunFacts
 from deploy.report.write import read_measurements, write_report
-from deploy.supervisor.child import Nursery
-from deploy.supervisor.conduct import Conduct
+from deploy.service_parameters import RunOptions, fleet_endpoint, listen_endpoints
 from deploy.supervisor.log_file import log_name
-from deploy.supervisor.node_bus import node_bus
+from deploy.supervisor.node import RunMonitor, supervisor_node
+from deploy.supervisor.reaper import Reaper
+from deploy.supervisor.spawner import Spawner
 from deploy.supervisor.supervisor import Outcome, Supervisor
-from deploy.supervisor.warden import Warden
 from deploy.version import VERSION
-from deploy.wiring import Terms, endpoint, open_endpoints
 from services.runtime.errors import BadInput
-from services.runtime.network.zenoh_config import OPEN_TO_ALL, is_local
 from services.runtime.process import ROOT
+from services.runtime.transport.zenoh_config import OPEN_TO_ALL, is_local
 
 INTERRUPTED = 130
 """Exit status of a run that was ended by Ctrl-C or ``down`` before its own end, as shells use it."""
 
 
-class Result(msgspec.Struct, frozen=True, kw_only=True):
+class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     """What came of a run; ``report`` is None when nothing was measured, ``trouble`` then says why."""
 
     outcome: Outcome
     report: Report | None
-    trouble: str = ""
+    error: str = ""
 
-    def status(self, fleet: Fleet) -> int:
+    def exit_status(self, fleet: Fleet) -> int:
         """The exit status of ``up``: 0 when all processes ended as they should and every check holds, else 1 or
         INTERRUPTED.
 
@@ -52,61 +49,65 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
         """
         if self.outcome.ended == "interrupted" and fleet.run.ends != "never":
             return INTERRUPTED
-        well = self.outcome.ended != "failed" and not self.outcome.complaints
+        well = self.outcome.ended != "failed" and not self.outcome.failed_on_stop
         return 0 if well and self.report is not None and self.report.ok else 1
 
 
-def run_fleet(fleet: Fleet, terms: Terms, screen: Screen) -> Result:
+def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> RunResult:
     """Run a fleet to its end; raises BadInput when it cannot begin: a taken port or file, a bad name."""
     started = datetime.now().astimezone().isoformat(timespec="seconds")
-    entry = Running(
+    entry = FleetInstance(
         fleet=fleet.name,
         mode=fleet.run.mode,
         port=fleet.run.port,
         pid=os.getpid(),
-        folder=str(terms.folder),
+        folder=str(options.folder),
         started=started,
-        domain=terms.domain,
-        router=endpoint(fleet),
-        listen=open_endpoints(fleet, terms),
+        domain=options.domain,
+        router=fleet_endpoint(fleet),
+        listen=listen_endpoints(fleet, options),
         root=str(ROOT),
-        saved=str(terms.saved or ""),
+        saved=str(options.saved or ""),
     )
-    plan = processes(fleet, terms)
-    own = own_values(fleet, plan)
-    with claim(entry):
-        if terms.saved is not None:
-            check_unused(terms.saved)
-        screen.say(f"{fleet.name}: {len(plan)} processes, {fleet.run.mode}; results go to {terms.folder}")
+    plan = plan_processes(fleet, options)
+    own = fleet_values(fleet, plan)
+    with instance_lock(entry):
+        if options.saved is not None:
+            check_parameter_file_unused(options.saved)
+        screen.print_line(f"{fleet.name}: {len(plan)} processes, {fleet.run.mode}; results go to {options.folder}")
         for each in entry.listen:
             who = "every user of this machine can read everything and drive the robots"
-            screen.say(f"listening on {each}: {who if is_local(each) else OPEN_TO_ALL}")
-        warden = Warden()
+            screen.print_line(f"listening on {each}: {who if is_local(each) else OPEN_TO_ALL}")
+        reaper = Reaper()
         try:
             members = [each.node for each in plan]
-            with node_bus(endpoint(fleet), terms.domain, own, members) as bus:
-                nursery = Nursery(terms.folder, warden)
-                saved = Saved(bus.parameters, own)
-                progress = Progress(screen, terms.folder, lambda: (*saved.news(), *bus.conduct().news(fleet.change)))
-                supervisor = Supervisor(fleet.name, fleet.run.mode, plan, bus, nursery, progress, fleet.run.seed)
-                outcome = asyncio.run(_until_end(supervisor, screen))
-                bus.hear_out()
-                told, conduct, checks = dict(bus.parameters()), bus.conduct(), own_checks(bus.checks())
+            with supervisor_node(fleet_endpoint(fleet), options.domain, own, members) as bus:
+                spawner = Spawner(options.folder, reaper)
+                saved = SavedParameterNotes(bus.parameters, own)
+                progress = ProgressReporter(
+                    screen, options.folder, lambda: (*saved.new_lines(), *bus.run_monitor().new_problems(fleet.change))
+                )
+                supervisor = Supervisor(fleet.name, fleet.run.mode, plan, bus, spawner, progress, fleet.run.seed)
+                outcome = asyncio.run(_supervise(supervisor, screen))
+                bus.drain()
+                told, monitor, checks = dict(bus.parameters()), bus.run_monitor(), service_checks(bus.checks())
         finally:
-            warden.close()
+            reaper.close()
         if outcome.ended != "graded":
-            screen.say(f"the fleet ended: {outcome.reason}")
-        for name in outcome.complaints:
-            screen.say(f"{name} ended with an error: {_last_line(terms.folder / 'logs' / log_name(name))}")
-        found = notes(fleet) + note(told, own, fleet) + unheard(bus.strangers)
-        return _graded(fleet, terms.folder, outcome, started, found, effective(told, own), conduct, checks)
+            screen.print_line(f"the fleet ended: {outcome.reason}")
+        for name in outcome.failed_on_stop:
+            screen.print_line(f"{name} ended with an error: {_last_line(options.folder / 'logs' / log_name(name))}")
+        found = fleet_notes(fleet) + overridden_parameter_note(told, own, fleet) + unknown_node_notes(bus.unknown_nodes)
+        return _write_report(
+            fleet, options.folder, outcome, started, found, effective_parameters(told, own), monitor, checks
+        )
 
 
-async def _until_end(supervisor: Supervisor, screen: Screen) -> Outcome:
+async def _supervise(supervisor: Supervisor, screen: ProgressDisplay) -> Outcome:
     """Run; SIGINT, SIGTERM and SIGHUP end the fleet, a second one at once."""
 
     def interrupt() -> None:
-        screen.say("stopping; once more to kill")
+        screen.print_line("stopping; once more to kill")
         supervisor.interrupt()
 
     loop = asyncio.get_running_loop()
@@ -124,16 +125,16 @@ def _last_line(log: Path) -> str:
     return lines[-1] if lines else f"see {log}"
 
 
-def _graded(
+def _write_report(
     fleet: Fleet,
     folder: Path,
     outcome: Outcome,
     started: str,
     found: tuple[str, ...],
-    parameters: dict[str, dict[str, Effective]],
-    conduct: Conduct,
+    parameters: dict[str, dict[str, EffectiveParameter]],
+    monitor: RunMonitor,
     checks: tuple[Check, ...],
-) -> Result:
+) -> RunResult:
     try:
         measured = read_measurements(folder)
         facts = RunFacts(
@@ -145,13 +146,13 @@ def _graded(
             restarts=outcome.restarts,
             started=started,
             factor=fleet.run.factor,
-            changes=conduct.changes(fleet.change, measured.sim_seconds),
-            absent=conduct.absent,
-            lag_s=conduct.lag_s,
+            changes=monitor.change_figures(fleet.change, measured.sim_seconds),
+            absent=monitor.absent_nodes,
+            lag_s=monitor.lag_s,
             notes=found,
             parameters=parameters,
             checks=checks,
         )
-        return Result(outcome=outcome, report=write_report(folder, facts, fleet.judged_by()))
+        return RunResult(outcome=outcome, report=write_report(folder, facts, fleet.active_bounds()))
     except BadInput as error:
-        return Result(outcome=outcome, report=None, trouble=str(error))
+        return RunResult(outcome=outcome, report=None, error=str(error))

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import msgspec
 
-from deploy.claim import latest
+from deploy.instance_lock import latest
 from deploy.report.record import PICTURE_FILE, REPORT_FILE
 from messages.elea import FleetState
 from services.grader.records import MEASUREMENTS_FILE, TRAJECTORIES_FILE
-from services.logger.earlier import earlier
-from services.panel.address import FILE as PANEL_FILE
+from services.logger.file_rotation import rotated
+from services.panel.address import ADDRESS_FILE as PANEL_FILE
+from services.runtime.atomic_file import write_atomic
 from services.runtime.errors import BadInput
-from services.runtime.files import write_whole
 from services.runtime.process import ROOT
 from services.square import LOG_FILE
 
@@ -31,7 +31,7 @@ STOPS_FILE = "stops.json"
 SUPERVISOR_LOG = "supervisor.log"
 """What a supervisor in the background writes, in the folder of the run."""
 
-ROOM = 1 << 20
+MIN_FREE_BYTES = 1 << 20
 """Bytes that a run needs at least: logs, figures, report and picture."""
 
 _FILES = (
@@ -46,7 +46,7 @@ _FILES = (
 )
 
 
-def make_folder(fleet: str, report: str = "", now: datetime | None = None) -> Path:
+def make_run_folder(fleet: str, report: str = "", now: datetime | None = None) -> Path:
     """The folder of a new run, ``runs/<time>-<fleet>`` or ``report``; raises BadInput when it cannot be written.
 
     What an earlier run left in ``report`` is removed, lest it be taken for this one's. Links are not followed: others
@@ -60,28 +60,28 @@ def make_folder(fleet: str, report: str = "", now: datetime | None = None) -> Pa
             if (path / name).is_symlink():
                 raise BadInput(f"{path / name} is a symbolic link: remove it, or choose another folder with --report")
         (path / "logs").mkdir(exist_ok=True)
-        check_room(path)
+        check_free_space(path)
         for name in _FILES:
             (path / name).unlink(missing_ok=True)
         for part in (path / BAG_FOLDER).glob("*"):
             if part.name == METADATA_FILE or part.suffix == ".mcap":
                 part.unlink()
-        for each in (path / RECORDING_FILE, *earlier(path / RECORDING_FILE), *(path / "logs").glob("*.log*")):
+        for each in (path / RECORDING_FILE, *rotated(path / RECORDING_FILE), *(path / "logs").glob("*.log*")):
             each.unlink(missing_ok=True)
     except OSError as error:
         raise BadInput(f"the folder {path} cannot be written: {error.strerror}; choose one with --report") from None
     return path
 
 
-def check_room(path: Path) -> None:
+def check_free_space(path: Path) -> None:
     """Raise OSError when the folder does not take ROOM bytes, as on a full disk, where an empty file can be made."""
     with tempfile.TemporaryFile(dir=path, buffering=0) as file:
         written = 0
-        while written < ROOM:
-            written += file.write(bytes(ROOM - written))
+        while written < MIN_FREE_BYTES:
+            written += file.write(bytes(MIN_FREE_BYTES - written))
 
 
-def latest_folder() -> Path | None:
+def latest_run_folder() -> Path | None:
     """The folder of the run that was started last, by this user or in ``runs``; None when there is none."""
     entry = latest()
     claimed = [Path(entry.folder)] if entry is not None else []
@@ -95,7 +95,7 @@ def write_state(path: Path, state: FleetState) -> None:
     It is not forced onto the disk: after a power failure no fleet runs.
     """
     with suppress(OSError):
-        write_whole(path / STATE_FILE, msgspec.json.encode(state))
+        write_atomic(path / STATE_FILE, msgspec.json.encode(state))
 
 
 def read_state(path: Path) -> FleetState | None:

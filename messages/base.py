@@ -40,7 +40,7 @@ MOST_COUNTED = 2**63 - 1
 Count = Annotated[int, Meta(ge=0, le=MOST_COUNTED)]
 
 
-def counted(count: int, more: int) -> int:
+def saturating_add(count: int, more: int) -> int:
     """``more`` added to a counter, which stays at the largest number that a ``Count`` can tell."""
     return min(count + more, MOST_COUNTED)
 
@@ -279,7 +279,7 @@ def _remember(read: Array, data: bytes) -> None:
     _HEADS[type(read), len(data)] = data[: len(data) - len(read.raw)], read.shape
 
 
-FAULTS = (msgspec.MsgspecError, ValueError, RecursionError, OverflowError)
+DECODE_ERRORS = (msgspec.MsgspecError, ValueError, RecursionError, OverflowError)
 """What a decoding function raises for a payload that is not the record, WrongPayload among them."""
 
 encode: Callable[[object], bytes] = msgspec.msgpack.Encoder(enc_hook=_to_plain).encode
@@ -288,18 +288,18 @@ encode: Callable[[object], bytes] = msgspec.msgpack.Encoder(enc_hook=_to_plain).
 
 def decoder(record: type[M]) -> Callable[[bytes], M]:
     """A function from MessagePack bytes to ``record``; it raises WrongPayload with the path of the field."""
-    decode = bare_decoder(record)
+    decode = raw_decoder(record)
 
     def checked(payload: bytes) -> M:
         try:
             return decode(payload)
-        except FAULTS as error:
+        except DECODE_ERRORS as error:
             raise WrongPayload(str(error)) from None
 
     return checked
 
 
-def bare_decoder(record: type[M]) -> Callable[[bytes], M]:
+def raw_decoder(record: type[M]) -> Callable[[bytes], M]:
     """As ``decoder``, but raising any of FAULTS; for who counts what is wrong and goes on."""
     return msgspec.msgpack.Decoder(record, dec_hook=_to_array).decode
 

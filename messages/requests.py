@@ -46,7 +46,7 @@ Q_co = TypeVar("Q_co", bound=Message, covariant=True)
 R_co = TypeVar("R_co", bound=Message, covariant=True)
 
 
-LARGEST_REQUEST = 1 << 16
+MAX_REQUEST_BYTES = 1 << 16
 """Bytes that a request may have, unless it says otherwise."""
 
 
@@ -58,10 +58,10 @@ class Request(Generic[Q_co, R_co]):
     """
 
     name: str
-    asks: type[Q_co]
-    replies: type[R_co]
+    request_type: type[Q_co]
+    response_type: type[R_co]
     about: str
-    largest: int = LARGEST_REQUEST
+    largest: int = MAX_REQUEST_BYTES
 
 
 class Name(Message, frozen=True, kw_only=True):

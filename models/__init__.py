@@ -14,7 +14,7 @@ ARMS = ("arm", "arm_corrected")
 MODELS = (*WHEELED, *ARMS)
 """Every robot of this folder; each has a ``robot.urdf``, a ``model.toml`` and a ``README.md``."""
 
-SCENES = ("arena", "empty")
+WORLDS = ("arena", "empty")
 """Every world of ``worlds/``."""
 
 _HERE = Path(__file__).resolve().parent
@@ -24,22 +24,22 @@ class UnknownModel(ValueError):
     """No model or world has this name; the text lists those that there are."""
 
 
-def model_path(name: str) -> Path:
+def urdf_path(name: str) -> Path:
     """The URDF of a robot; raises UnknownModel with the nearest name and the list."""
-    return _HERE / _known("model", name, MODELS) / "robot.urdf"
+    return _HERE / _checked_name("model", name, MODELS) / "robot.urdf"
 
 
-def figures_path(name: str) -> Path:
-    """The figures of a robot's driver and sensors, see ``models.figures``; raises UnknownModel."""
-    return _HERE / _known("model", name, MODELS) / "model.toml"
+def model_config_path(name: str) -> Path:
+    """The figures of a robot's driver and sensors, see ``models.model``; raises UnknownModel."""
+    return _HERE / _checked_name("model", name, MODELS) / "model.toml"
 
 
-def scene_path(name: str) -> Path:
-    """The file of a world, see ``models.scene``; raises UnknownModel."""
-    return _HERE / "worlds" / f"{_known('world', name, SCENES)}.toml"
+def world_path(name: str) -> Path:
+    """The file of a world, see ``models.world``; raises UnknownModel."""
+    return _HERE / "worlds" / f"{_checked_name('world', name, WORLDS)}.toml"
 
 
-def _known(kind: str, name: str, names: tuple[str, ...]) -> str:
+def _checked_name(kind: str, name: str, names: tuple[str, ...]) -> str:
     if name in names:
         return name
     near = difflib.get_close_matches(name, names, 1) if len(name) < 100 else []  # it takes the product of the lengths

@@ -12,17 +12,17 @@ from deploy.bench.figures import Figure
 
 def bench(rounds: int, as_json: bool) -> int:
     """Measure everything and show it; status 1 when a bound is missed."""
-    from deploy.bench import codec, idle, lockstep, wire
-    from deploy.bench.ports import free_port
+    from deploy.bench import fleet, lockstep, wire
+    from deploy.bench.fleet import free_port
 
     def say(text: str) -> None:
         sys.stderr.write(f"bench: {text}\n")
 
     with tempfile.TemporaryDirectory() as folder:
-        figures = wire.run(rounds, Path(folder), say)
-    figures += codec.measure(rounds)
-    figures += lockstep.measure(rounds, free_port(), say)
-    figures += idle.measure(1, free_port(), say)
+        figures = wire.run_wire(rounds, Path(folder), say)
+    figures += wire.measure_codec(rounds)
+    figures += lockstep.measure_lockstep(rounds, free_port(), say)
+    figures += fleet.measure_idle(1, free_port(), say)
     if as_json:
         sys.stdout.write(json.dumps({each.name: _row(each) for each in figures}, indent=2) + "\n")
     else:

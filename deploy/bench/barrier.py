@@ -12,10 +12,10 @@ from pathlib import Path
 
 import zenoh
 
-from deploy.bench.partner import RAW_DONE, RAW_GO, bare
-from services.runtime.network.sockets import router_in
+from deploy.bench.peer import RAW_GRANT, RAW_REPORT, raw_session
+from services.runtime.transport.unix_sockets import router_in
 
-_LEAVE = bytes(64)
+_GRANT = bytes(64)
 """As long as a leave with a few numbers in it."""
 _BEGIN_S = 20.0
 """Wall time in which all members must listen."""
@@ -23,22 +23,23 @@ _SETTLE_S = 1.0
 """Wall time for links that a new session is still making while it is seen already."""
 
 
-class Barrier:
+class RawBarrier:
     """Members by the number of physics steps between two of theirs; each steps while the physics does."""
 
     def __init__(self, session: zenoh.Session, strides: Sequence[int]) -> None:
         block = zenoh.CongestionControl.BLOCK
         self._strides = strides
-        self._leaves = [
-            session.declare_publisher(f"{RAW_GO}/{number}", congestion_control=block) for number in range(len(strides))
+        self._grants = [
+            session.declare_publisher(f"{RAW_GRANT}/{number}", congestion_control=block)
+            for number in range(len(strides))
         ]
-        self._done = session.declare_subscriber(f"{RAW_DONE}/*", zenoh.handlers.RingChannel(1024))
+        self._reports = session.declare_subscriber(f"{RAW_REPORT}/*", zenoh.handlers.RingChannel(1024))
         self._pending: set[int] = set()
 
     def begin(self) -> None:
         """Block until all members listen; raises TimeoutError."""
         deadline = time.monotonic() + _BEGIN_S
-        while not all(getattr(each.matching_status, "matching", False) for each in self._leaves):
+        while not all(getattr(each.matching_status, "matching", False) for each in self._grants):
             if time.monotonic() > deadline:
                 raise TimeoutError(f"not all members of a bare barrier came within {_BEGIN_S:g} s")
             time.sleep(0.02)
@@ -48,48 +49,48 @@ class Barrier:
         """Wait for those that are due at this step, and let them go on."""
         due = [number for number, stride in enumerate(self._strides) if step % stride == 0]
         while not self._pending.isdisjoint(due):
-            self._take()
+            self._recv_report()
         for number in due:
-            self._leaves[number].put(_LEAVE)
+            self._grants[number].put(_GRANT)
             self._pending.add(number)
 
     def finish(self) -> None:
         """Wait for everybody."""
         while self._pending:
-            self._take()
+            self._recv_report()
 
     def end(self) -> None:
         """Let the members go."""
-        for each in self._leaves:
+        for each in self._grants:
             each.put(b"")
 
-    def _take(self) -> None:
-        self._pending.discard(int(str(self._done.recv().key_expr).rpartition("/")[2]))
+    def _recv_report(self) -> None:
+        self._pending.discard(int(str(self._reports.recv().key_expr).rpartition("/")[2]))
 
 
 @contextmanager
-def barrier(strides: Sequence[int]) -> Iterator[Barrier]:
+def raw_barrier(strides: Sequence[int]) -> Iterator[RawBarrier]:
     """A router, a process for each member, and this side of the barrier."""
     with tempfile.TemporaryDirectory() as folder:
-        yield from _barrier(strides, router_in(Path(folder)))
+        yield from _run_barrier(strides, router_in(Path(folder)))
 
 
-def _barrier(strides: Sequence[int], endpoint: str) -> Iterator[Barrier]:
+def _run_barrier(strides: Sequence[int], endpoint: str) -> Iterator[RawBarrier]:
     module = [sys.executable, "-P", "-m"]
     commands = [[*module, "services.router", "--param", f"listen={endpoint}"]]
-    commands += [[*module, "deploy.bench.partner", "member", endpoint, str(number)] for number in range(len(strides))]
+    commands += [[*module, "deploy.bench.peer", "member", endpoint, str(number)] for number in range(len(strides))]
     with ExitStack() as stack:
         for command in commands:
             quiet = subprocess.DEVNULL
-            stack.enter_context(ended(subprocess.Popen(command, stdout=quiet, stderr=quiet)))
-        made = Barrier(stack.enter_context(bare(endpoint)), strides)
+            stack.enter_context(killed_at_exit(subprocess.Popen(command, stdout=quiet, stderr=quiet)))
+        made = RawBarrier(stack.enter_context(raw_session(endpoint)), strides)
         made.begin()
         yield made
         made.end()
 
 
 @contextmanager
-def ended(process: subprocess.Popen[bytes]) -> Iterator[None]:
+def killed_at_exit(process: subprocess.Popen[bytes]) -> Iterator[None]:
     """Kill a process at the end."""
     try:
         yield

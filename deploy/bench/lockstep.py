@@ -1,26 +1,132 @@
-"""Lockstep of the fleet ``lab`` against a raw PyBullet loop, and where its time goes."""
+"""Lockstep of the fleet ``lab`` against a raw PyBullet loop with the same commands."""
 
 from __future__ import annotations
 
+import math
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from deploy.bench.barrier import barrier
+from deploy.bench.barrier import raw_barrier
 from deploy.bench.figures import Figure, ratios
-from deploy.bench.lab import Fleet, watched
-from deploy.bench.loop import drives, raw_factor, robots, schedule
-from deploy.bench.span import Span
+from deploy.bench.fleet import BenchFleet, watch_fleet
+from deploy.fleet import RobotConfig
+from deploy.fleet_file import find_fleet, read_fleet
 from messages.topics import CMD_VEL, JOINT_EFFORT
-from services.runtime.graph import Entity, pattern
+from models import urdf_path
+from models.model import read_model
+from models.world import read_world
+from services.runtime.graph import Entity, token_pattern
+from services.runtime.parameters.validation import build
 from services.runtime.service import STEP_NS
+from services.sim.drive.config import DriveConfig, robot_config
+from services.sim.drive.driver import AT_REST, step_drive, wheel_speeds
+from services.sim.parameters import BaseParameters
+from services.sim.physics.bullet import BulletWorld
+from services.sim.physics.world import Body, Motor, Pose3
+
+
+class Span(NamedTuple):
+    """The simulation time that is timed, s."""
+
+    begin: float
+    end: float
+
+    @property
+    def steps(self) -> range:
+        """The same in physics steps."""
+        return range(*(round(seconds * 1e9 / STEP_NS) for seconds in self))
+
+    @property
+    def length(self) -> float:
+        """In s."""
+        return self.end - self.begin
+
+
+class ActuatorSchedule(NamedTuple):
+    """Wheel speeds [rad/s] to set, by physics step, and the efforts [N m] on joints at every step, one for each."""
+
+    speeds: dict[int, list[tuple[str, tuple[float, float]]]]
+    efforts: dict[str, list[dict[str, float]]]
+
+
+def lab_robots() -> tuple[RobotConfig, ...]:
+    """The robots of ``lab``."""
+    return read_fleet(find_fleet("lab")).robot
+
+
+def has_wheels(robot: RobotConfig) -> bool:
+    """Whether a robot has wheels."""
+    return read_model(robot.model).wheels is not None
+
+
+def wheel_motors(robot: RobotConfig) -> tuple[Motor, ...]:
+    """The motors of a robot's wheels."""
+    if not has_wheels(robot):
+        return ()
+    settings = drive_settings(robot)
+    return tuple(Motor(each, settings.torque) for each in (settings.left_joint, settings.right_joint))
+
+
+def drive_settings(robot: RobotConfig) -> DriveConfig:
+    """How a robot of ``lab`` is driven."""
+    settings = robot_config(robot.model, build(BaseParameters, robot.parameters)).drive_config
+    assert settings is not None
+    return settings
+
+
+def build_schedule(commands: dict[str, list[Any]], span: Span) -> ActuatorSchedule:
+    """What the simulation made of the commands, worked out beforehand: the raw loop is to do nothing but physics.
+
+    A controller commands evenly, so its commands up to the end of the span are spread over the steps up to there.
+    """
+    last = span.steps.stop
+    steps: dict[int, list[tuple[str, tuple[float, float]]]] = {}
+    efforts: dict[str, list[dict[str, float]]] = {}
+    for robot in lab_robots():
+        series = commands[robot.name]
+        if not has_wheels(robot):
+            jobs = [{each.joint_name: each.effort} for each in series]
+            efforts[robot.name] = [jobs[step * len(jobs) // last] for step in range(last)]
+            continue
+        drive, state = drive_settings(robot).drive, AT_REST
+        for step in range(last):
+            command, before = series[step * len(series) // last], state
+            state = step_drive(drive, state, command.linear.x, command.angular.z, False, STEP_NS / 1e9)
+            if state is not before:
+                steps.setdefault(step, []).append((robot.name, wheel_speeds(drive, state)))
+    return ActuatorSchedule(steps, efforts)
+
+
+def raw_factor(steps: ActuatorSchedule, span: Span, hold: Callable[[int], None] | None = None) -> float:
+    """Simulated seconds per wall-clock second of the raw loop; ``hold`` is called with the number of each step."""
+    with BulletWorld(read_world("empty"), STEP_NS) as world:
+        for robot in lab_robots():
+            half = robot.pose.yaw / 2
+            place = Pose3((robot.pose.x, robot.pose.y, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)))
+            fixed = read_model(robot.model).fixed_base
+            world.spawn(Body(robot.name, urdf_path(robot.model), place, wheel_motors(robot), fixed))
+        started = 0.0
+        for step in range(span.steps.stop):
+            if step == span.steps.start:
+                started = time.perf_counter()
+            if hold is not None:
+                hold(step)
+            for name, speeds in steps.speeds.get(step, ()):
+                world.set_speeds(name, speeds)
+            for name, efforts in steps.efforts.items():
+                world.set_efforts(name, efforts[step])
+            world.step()
+        return span.length / (time.perf_counter() - started)
+
 
 SPAN = Span(2.0, 42.0)
 
 
-class Course(NamedTuple):
+class RecordedRun(NamedTuple):
     """What one run of ``lab`` shows that is not timed: the commands by robot, the same in every run, and by member of
     its lockstep the physics steps between two of its own.
     """
@@ -29,7 +135,7 @@ class Course(NamedTuple):
     strides: tuple[int, ...]
 
 
-class Timed(NamedTuple):
+class TimedRun(NamedTuple):
     """A timed run: simulated per wall-clock second, seconds to the first motion, and the CPU time [ms] that each
     service takes for a second of simulation.
     """
@@ -39,55 +145,55 @@ class Timed(NamedTuple):
     cpu: dict[str, float]
 
 
-def course(port: int, span: Span) -> Course:
+def record_run(port: int, span: Span) -> RecordedRun:
     """Watch a run up to the end of the span."""
-    with _lab(port, span) as fleet, watched(fleet) as watch:
-        wanted = {each.name: CMD_VEL if drives(each) else JOINT_EFFORT for each in robots()}
-        commands = watch.commands(wanted, span.end)
-        found = (Entity.parse(key) for key in watch.node.transport.tokens(pattern("step")))
-        return Course(commands, tuple(int(each.detail) // STEP_NS for each in found if each is not None))
+    with _lab(port, span) as fleet, watch_fleet(fleet) as watch:
+        wanted = {each.name: CMD_VEL if has_wheels(each) else JOINT_EFFORT for each in lab_robots()}
+        commands = watch.record_commands(wanted, span.end)
+        found = (Entity.parse(key) for key in watch.node.transport.tokens(token_pattern("step")))
+        return RecordedRun(commands, tuple(int(each.detail) // STEP_NS for each in found if each is not None))
 
 
-def timed(port: int, span: Span) -> Timed:
+def time_run(port: int, span: Span) -> TimedRun:
     """``lab`` with its logger, in lockstep."""
-    with _lab(port, span) as fleet, watched(fleet) as watch:
-        moved = watch.until_motion()
-        begun, first = watch.until(span.begin), watch.now
+    with _lab(port, span) as fleet, watch_fleet(fleet) as watch:
+        moved = watch.wait_for_motion()
+        begun, first = watch.wait_until(span.begin), watch.now
         processes = fleet.services()
         before = {name: sum(each.cpu_times()[:2]) for name, each in processes.items()}
-        ended, last = watch.until(span.end), watch.now
+        ended, last = watch.wait_until(span.end), watch.now
         cpu: dict[str, float] = {}
         for name, each in processes.items():
             kind, used = name.rpartition("/")[2], sum(each.cpu_times()[:2]) - before[name]
             cpu[kind] = cpu.get(kind, 0.0) + 1000 * used / (last - first)
-        return Timed((last - first) / (ended - begun), moved - fleet.started, cpu)
+        return TimedRun((last - first) / (ended - begun), moved - fleet.started, cpu)
 
 
 @contextmanager
-def _lab(port: int, span: Span) -> Iterator[Fleet]:
+def _lab(port: int, span: Span) -> Iterator[BenchFleet]:
     duration = str(span.end + 2)
     with (
         tempfile.TemporaryDirectory() as folder,
-        Fleet("lab", Path(folder) / "run", port, "--duration", duration) as fleet,
+        BenchFleet("lab", Path(folder) / "run", port, "--duration", duration) as fleet,
     ):
         yield fleet
         fleet.finish()
 
 
-def measure(rounds: int, port: int, say: Callable[[str], None]) -> list[Figure]:
+def measure_lockstep(rounds: int, port: int, say: Callable[[str], None]) -> list[Figure]:
     """Lockstep, the raw loop, and the raw loop behind a bare barrier, in turn."""
     raw: list[float] = []
     behind: list[float] = []
-    runs: list[Timed] = []
+    runs: list[TimedRun] = []
     span = SPAN
     say("lockstep, the commands")
-    seen = course(port, span)
-    steps = schedule(seen.commands, span)
+    seen = record_run(port, span)
+    steps = build_schedule(seen.commands, span)
     for number in range(rounds):
         say(f"lockstep, round {number + 1} of {rounds}")
-        runs.append(timed(port, span))
+        runs.append(time_run(port, span))
         raw.append(raw_factor(steps, span))
-        with barrier(seen.strides) as bare:
+        with raw_barrier(seen.strides) as bare:
             behind.append(raw_factor(steps, span, bare.hold))
             bare.finish()
     lockstep = [each.factor for each in runs]

@@ -1,4 +1,4 @@
-"""Round trip and throughput between two processes: typed messages against raw Zenoh bytes, block by block in turn."""
+"""Round trip, throughput and encoding: typed messages against raw Zenoh bytes and plain MessagePack."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import statistics
 import subprocess
 import sys
 import time
+import timeit
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
@@ -14,28 +15,64 @@ from typing import Any
 
 import zenoh
 
-from deploy.bench.barrier import ended
+from deploy.bench.barrier import killed_at_exit
 from deploy.bench.figures import Figure, ratios
-from deploy.bench.partner import (
-    COUNT_IN_SEC,
+from deploy.bench.peer import (
     FLOOD,
-    OF_SCANS,
+    FLOOD_OF_SCANS,
+    FLOOD_OFFSET_SEC,
     PING,
     PONG,
     RAW_FLOOD,
     RAW_PING,
     RAW_PONG,
     SCANS,
-    odometry,
-    scan,
-    watcher,
+    bench_node,
+    make_odometry,
+    make_scan,
 )
-from messages.base import encode
-from services.runtime.graph import pattern
-from services.runtime.inputs import Input
-from services.runtime.network.sockets import router_in
-from services.runtime.network.zenoh_config import configuration
+from messages.base import Message, encode, raw_decoder
+from messages.nav import Odometry
+from messages.sensor import LaserScan
+from services.runtime.graph import token_pattern
 from services.runtime.node import Node
+from services.runtime.subscriber import Subscriber
+from services.runtime.transport.unix_sockets import router_in
+from services.runtime.transport.zenoh_config import configuration
+
+CALLS = 2000
+"""Calls of one measurement."""
+TRIES = 15
+"""Measurements of a round, of which the fastest counts: the others were interrupted."""
+
+
+class _Lists(Message, frozen=True, kw_only=True):
+    ranges: tuple[float, ...] = ()
+
+
+def measure_codec(rounds: int) -> list[Figure]:
+    """The time of one call, without a network and in this process."""
+    read_scan, read_odometry = raw_decoder(LaserScan), raw_decoder(Odometry)
+    read_lists = raw_decoder(_Lists)
+    seen, driven = make_scan(), make_odometry()
+    wire, driven_wire = encode(seen), encode(driven)
+    lists = encode(_Lists(ranges=(*seen.ranges,)))
+    calls: list[tuple[str, str, float | None, Callable[[], object]]] = [
+        ("scan_encode_us", "encoding a LaserScan of 360 rays", 3.0, lambda: encode(seen)),
+        ("scan_decode_us", "decoding it", 4.0, lambda: read_scan(wire)),
+        ("scan_list_us", "decoding its ranges alone as msgspec decodes a list", None, lambda: read_lists(lists)),
+        ("odometry_decode_us", "decoding an Odometry", None, lambda: read_odometry(driven_wire)),
+    ]
+    return [
+        Figure(name, "us", about, tuple(_fastest(call) for _ in range(rounds)), at_most=bound)
+        for name, about, bound, call in calls
+    ]
+
+
+def _fastest(call: Callable[[], object]) -> float:
+    """Wall time of one call [us]."""
+    return min(timeit.repeat(call, number=CALLS, repeat=TRIES)) / CALLS * 1e6
+
 
 TRIPS = 1500
 """Round trips of one block."""
@@ -47,51 +84,51 @@ _FLOOD_S = 20.0
 """Wall time within which a flood must have ended."""
 
 
-class TypedEnd:
+class TypedClient:
     """This side as a node of the runtime."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._ping, self._pong = node.write(PING), node.read(PONG)
-        self._flood, self._scans = node.read(FLOOD), node.read(SCANS)
-        self._message = odometry()
+        self._ping, self._pong = node.advertise(PING), node.subscribe(PONG)
+        self._flood, self._scans = node.subscribe(FLOOD), node.subscribe(SCANS)
+        self._message = make_odometry()
 
-    def await_partner(self) -> None:
+    def wait_for_peer(self) -> None:
         """Block until the other side listens."""
-        while not (self._ping.wanted and any("bench_partner" in key for key in self._tokens())):
+        while not (self._ping.has_subscribers and any("bench_partner" in key for key in self._tokens())):
             time.sleep(0.02)
 
     def _tokens(self) -> list[str]:
-        return self._node.transport.tokens(pattern("pub", name=FLOOD.name))
+        return self._node.transport.tokens(token_pattern("pub", name=FLOOD.name))
 
     def trip(self) -> None:
         """One message there and back."""
         self._ping.publish(self._message)
         while True:
-            self._node.transport.wait(self._pong.inlet)
-            if self._pong.next() is not None:
+            self._node.transport.wait(self._pong.raw)
+            if self._pong.recv() is not None:
                 return
 
     def flood(self, count: int) -> tuple[int, float]:
         """Odometries that arrived, and the time from the first to the last [s]."""
-        self._ping.publish(odometry(COUNT_IN_SEC + count))
+        self._ping.publish(make_odometry(FLOOD_OFFSET_SEC + count))
         return self._arrive(self._flood, count)
 
     def scans(self, count: int) -> tuple[int, float]:
         """The same of LaserScans."""
-        self._ping.publish(odometry(COUNT_IN_SEC + count, OF_SCANS))
+        self._ping.publish(make_odometry(FLOOD_OFFSET_SEC + count, FLOOD_OF_SCANS))
         return self._arrive(self._scans, count)
 
-    def _arrive(self, source: Input[Any], count: int) -> tuple[int, float]:
-        take, final = source.next, count - 1
+    def _arrive(self, source: Subscriber[Any], count: int) -> tuple[int, float]:
+        take, final = source.recv, count - 1
         while take() is None:
-            self._node.transport.wait(source.inlet)
+            self._node.transport.wait(source.raw)
         arrived, first = 1, time.perf_counter()
         last = first
         while last - first < _FLOOD_S:
             if (message := take()) is None:
                 last = time.perf_counter()
-                self._node.transport.wait(source.inlet)
+                self._node.transport.wait(source.raw)
                 continue
             arrived += 1
             if message.header.stamp.sec == final:
@@ -99,16 +136,16 @@ class TypedEnd:
         raise TimeoutError(f"the last of {count} messages did not come within {_FLOOD_S:g} s")
 
 
-class RawEnd:
+class RawClient:
     """This side as a plain Zenoh session, with payloads of the same size."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self._pong = session.declare_subscriber(RAW_PONG, zenoh.handlers.RingChannel(1024))
         self._flood = session.declare_subscriber(RAW_FLOOD, zenoh.handlers.FifoChannel(1024))
         self._ping = session.declare_publisher(RAW_PING, congestion_control=zenoh.CongestionControl.DROP)
-        self._payload, self._scan = encode(odometry()), encode(scan())
+        self._payload, self._scan = encode(make_odometry()), encode(make_scan())
 
-    def await_partner(self) -> None:
+    def wait_for_peer(self) -> None:
         """Block until the other side listens and answers."""
         while not getattr(self._ping.matching_status, "matching", False):
             time.sleep(0.02)
@@ -155,30 +192,30 @@ def _block(trip: Callable[[], None]) -> list[float]:
     return times
 
 
-def run(rounds: int, folder: Path, say: Callable[[str], None]) -> list[Figure]:
+def run_wire(rounds: int, folder: Path, say: Callable[[str], None]) -> list[Figure]:
     """Start a router and both partners, measure, end them."""
     endpoint = router_in(folder)  # Both sides meet over the same kind of link.
     module = [sys.executable, "-P", "-m"]
     commands = (
         [*module, "services.router", "--param", f"listen={endpoint}"],
-        [*module, "deploy.bench.partner", "raw", endpoint],
-        [*module, "deploy.bench.partner", "typed", "--connect", endpoint],
+        [*module, "deploy.bench.peer", "raw", endpoint],
+        [*module, "deploy.bench.peer", "typed", "--connect", endpoint],
     )
     with ExitStack() as stack:
         log = stack.enter_context((folder / "partners.log").open("wb"))
         for command in commands:
-            stack.enter_context(ended(subprocess.Popen(command, stdout=log, stderr=log)))
-        node = stack.enter_context(watcher(endpoint))
+            stack.enter_context(killed_at_exit(subprocess.Popen(command, stdout=log, stderr=log)))
+        node = stack.enter_context(bench_node(endpoint))
         plain = zenoh.Config.from_json5(json.dumps(configuration("direct", (endpoint,))))
-        return measure(node, stack.enter_context(zenoh.open(plain)), rounds, say)
+        return measure_wire(node, stack.enter_context(zenoh.open(plain)), rounds, say)
 
 
-def measure(node: Node, session: zenoh.Session, rounds: int, say: Callable[[str], None]) -> list[Figure]:
+def measure_wire(node: Node, session: zenoh.Session, rounds: int, say: Callable[[str], None]) -> list[Figure]:
     """Both partners must be there. Each round takes a block of raw, of typed, and the floods of both."""
-    typed, raw = TypedEnd(node), RawEnd(session)
+    typed, raw = TypedClient(node), RawClient(session)
     ends: dict[str, Any] = {"raw": raw, "typed": typed}
-    typed.await_partner()
-    raw.await_partner()
+    typed.wait_for_peer()
+    raw.wait_for_peer()
     trips: dict[str, list[list[float]]] = {"raw": [], "typed": []}
     rates: dict[str, list[float]] = {"raw": [], "typed": []}
     scans: dict[str, list[float]] = {"raw": [], "typed": []}

@@ -1,1 +1,1 @@
-"""The command line: one file for each verb, loaded when it is used."""
+"""The command line: one or two files for each group of commands, imported when one is called."""

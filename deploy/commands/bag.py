@@ -1,4 +1,4 @@
-"""``elea bag``: record what travels on the bus, play it back, look into it, export it."""
+"""``elea bag``: record what travels on the bus, play it back, inspect it, export it."""
 
 from __future__ import annotations
 
@@ -8,32 +8,37 @@ import re
 import sys
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from deploy.commands.options import json_option, place_options
-from deploy.commands.table import Verb, Verbs
-from deploy.place import Place
+from deploy.commands.lazy_group import LazyCommand, LazyGroup
+from deploy.commands.options import json_option, network_options
+from deploy.live.message_format import escape_unprintable
+from deploy.live.output import write_text
+from deploy.network_address import NetworkAddress
 from services.runtime.errors import BadInput, EleaError
 from services.runtime.process import ROOT
+
+if TYPE_CHECKING:
+    from services.bag.info import BagInfo, TopicInfo
 
 _UNITS = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9, "Ki": 2**10, "Mi": 2**20, "Gi": 2**30}
 
 
-class NotWhole(EleaError):
+class IncompleteBag(EleaError):
     """A bag is torn or damaged, or not all of it could be used."""
 
 
-VERBS = {
-    "record": Verb("bag:record", "Record topics, or all of them, until Ctrl-C."),
-    "play": Verb("bag:play", "Play a bag back on simulated time."),
-    "info": Verb("bag:info", "Show what a bag holds."),
-    "export": Verb("bag:export", "Write a bag as CSV, for the viewer, or anew."),
+COMMANDS = {
+    "record": LazyCommand("bag:record_command", "Record topics, or all of them, until Ctrl-C."),
+    "play": LazyCommand("bag:play_command", "Play a bag back on simulated time."),
+    "info": LazyCommand("bag:info_command", "Show what a bag holds."),
+    "export": LazyCommand("bag:export_command", "Write a bag as CSV, for the viewer, or anew."),
 }
 
 
-@click.command(cls=Verbs, name="bag", table=VERBS)
+@click.command(cls=LazyGroup, name="bag", table=COMMANDS)
 def command() -> None:
     """Record, play, inspect and export bags: MCAP files in a rosbag2 folder, which ROS 2's own tools read."""
 
@@ -48,8 +53,8 @@ def command() -> None:
     "-b", "--max-size", default="0", metavar="BYTES", help="Split files at this size; 100M, 1Gi are understood."
 )
 @click.option("-d", "--max-duration", type=float, default=0.0, metavar="S", help="Split files after so much wall time.")
-@place_options
-def record(topics: tuple[str, ...], everything: bool, place: Place, **given: Any) -> None:
+@network_options
+def record_command(topics: tuple[str, ...], everything: bool, place: NetworkAddress, **given: Any) -> None:
     """Record TOPICS, or all with -a, until Ctrl-C.
 
     The status is 1 when the disk did not take everything; the bag is then readable as far as it goes.
@@ -64,10 +69,10 @@ def record(topics: tuple[str, ...], everything: bool, place: Place, **given: Any
         "topics": topics,
         "regex": given["regex"],
         "exclude": given["exclude"],
-        "max_size": _bytes(given["max_size"]),
+        "max_size": _parse_size(given["max_size"]),
         "max_duration": given["max_duration"],
     }
-    _become("recorder", parameters, place.arguments)
+    _exec_service("recorder", parameters, place.arguments)
 
 
 @click.command("play")
@@ -87,15 +92,15 @@ def record(topics: tuple[str, ...], everything: bool, place: Place, **given: Any
 @click.option(
     "--latency", type=click.IntRange(0, 1), help="With --lockstep, that of the fleet; as it was recorded by default."
 )
-@place_options
-def play(bag: Path, lockstep: str, place: Place, **given: Any) -> None:
+@network_options
+def play_command(bag: Path, lockstep: str, place: NetworkAddress, **given: Any) -> None:
     """Play BAG back on simulated time, with /clock unless a simulation runs: then on its time.
 
     Heartbeats, states of processes and parameters are played only when their topics are named. With --lockstep the
     nodes named see each message at the tick at which it was recorded, however fast the machine is: what they answer is
     the same every time. The status is 1 when something could not be played.
     """
-    from services.bag.reading import open_bag
+    from services.bag.reader import open_bag
 
     open_bag(bag)
     members = [each if each.startswith("/") else f"/{each}" for each in lockstep.split(",") if each]
@@ -114,28 +119,26 @@ def play(bag: Path, lockstep: str, place: Place, **given: Any) -> None:
         arguments += ["--remap", rule]
     if members:
         arguments += ["--name", "sim", "--lockstep"]
-    _become("player", parameters, arguments)
+    _exec_service("player", parameters, arguments)
 
 
 @click.command("info")
 @click.argument("bag", type=click.Path(path_type=Path))
 @json_option
-def info(bag: Path, as_json: bool) -> None:
+def info_command(bag: Path, as_json: bool) -> None:
     """Show what BAG holds. The status is 1 when it is torn or damaged."""
     import msgspec
 
-    from services.bag.info import info as look
-    from services.bag.reading import open_bag
+    from services.bag.info import bag_info
+    from services.bag.reader import open_bag
 
-    found = look(open_bag(bag))
+    found = bag_info(open_bag(bag))
     if as_json:
         sys.stdout.write(msgspec.json.format(msgspec.json.encode(found), indent=2).decode() + "\n")
     else:
-        from deploy.commands.bag_table import show
-
-        show(found)
+        print_info(found)
     if found.troubles:
-        raise NotWhole("; ".join(found.troubles))
+        raise IncompleteBag("; ".join(found.troubles))
 
 
 @click.command("export")
@@ -144,7 +147,7 @@ def info(bag: Path, as_json: bool) -> None:
 @click.option("-o", "--output", default="", help="Folder, or file of an rrd; beside the bag by default.")
 @click.option("--topics", multiple=True, metavar="TOPIC", help="Export this topic alone; may be repeated.")
 @json_option
-def export(bag: Path, form: str, output: str, topics: tuple[str, ...], as_json: bool) -> None:
+def export_command(bag: Path, form: str, output: str, topics: tuple[str, ...], as_json: bool) -> None:
     """Write BAG as CSV (a file for each topic), as a recording for the rerun viewer, or anew as a whole rosbag2 folder.
 
     The last one mends a torn bag. The status is 1 when something of it could not be exported.
@@ -153,27 +156,27 @@ def export(bag: Path, form: str, output: str, topics: tuple[str, ...], as_json: 
 
     told = export_bag(bag, form, output, topics)
     if as_json:
-        sys.stdout.write(json.dumps({"output": str(told.output), "troubles": told.troubles}, indent=2) + "\n")
+        sys.stdout.write(json.dumps({"output": str(told.output), "troubles": told.problems}, indent=2) + "\n")
     else:
         sys.stdout.write(f"{told.text}\n")
-    if told.troubles:
-        raise NotWhole("; ".join(told.troubles))
+    if told.problems:
+        raise IncompleteBag("; ".join(told.problems))
 
 
-def _bytes(text: str) -> int:
+def _parse_size(text: str) -> int:
     found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(k|M|G|Ki|Mi|Gi)?B?", text)
     if found is None:
         raise BadInput(f"--max-size {text!r} is no size: write bytes, or 100M, 1.5Gi")
     return round(float(found[1]) * _UNITS[found[2] or ""])
 
 
-def _become(service: str, parameters: dict[str, Any], arguments: list[str]) -> None:
+def _exec_service(service: str, parameters: dict[str, Any], arguments: list[str]) -> None:
     """Go on as a service, in this terminal; its parameters are checked first."""
-    from deploy.catalogue import declaration
-    from services.runtime.parameters.record import build
+    from deploy.service_catalog import load_service
+    from services.runtime.parameters.validation import build
 
     build(
-        declaration(service).parameters, {name: _plain(value) for name, value in parameters.items()}, f"bag {service}"
+        load_service(service).parameters, {name: _plain(value) for name, value in parameters.items()}, f"bag {service}"
     )
     words = [w for name, value in parameters.items() for w in ("--param", f"{name}={json.dumps(value)}")]
     sys.stdout.flush()
@@ -183,3 +186,41 @@ def _become(service: str, parameters: dict[str, Any], arguments: list[str]) -> N
 
 def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
+
+
+def print_info(info: BagInfo) -> None:
+    """Print it."""
+    begun = datetime.fromtimestamp(info.start).astimezone().isoformat(sep=" ", timespec="seconds")
+    files = f"{len(info.files)} {'file' if len(info.files) == 1 else 'files'}"
+    lines = [
+        f"{info.path}: {_format_size(info.bytes)} in {files}",
+        f"{info.messages} messages in {info.seconds:.2f} s simulated, {info.wall_seconds:.2f} s on the wall, "
+        f"from {begun}",
+        *_format_columns([("topic", "type", "messages", "Hz", ""), *map(_topic_row, info.topics)]),
+    ]
+    if len(info.files) > 1:
+        lines.append("files: " + ", ".join(f"{each.name} ({_format_size(each.bytes)})" for each in info.files))
+    lines += [f"lost on their way to the recorder: {count} messages of {topic}" for topic, count in info.lost.items()]
+    if info.unwritten:
+        lines.append(f"not taken by the disk: {info.unwritten} messages")
+    write_text("".join(f"{escape_unprintable(line)}\n" for line in lines))
+
+
+def _topic_row(topic: TopicInfo) -> tuple[str, ...]:
+    rate = "" if topic.rate is None else f"{topic.rate:.2f}"
+    notes = ["latched"] if topic.latched else []
+    notes += [] if topic.playable else [f"cannot be played: {topic.reason}"]
+    return topic.topic, topic.type, str(topic.messages), rate, ", ".join(notes)
+
+
+def _format_columns(rows: list[tuple[str, ...]]) -> list[str]:
+    """Names to the left, numbers to the right, notes as they are."""
+    topic, kind, messages, rate, _ = (max(map(len, column)) for column in zip(*rows, strict=True))
+    return [
+        f"{each[0]:{topic}}  {each[1]:{kind}}  {each[2]:>{messages}}  {each[3]:>{rate}}  {each[4]}".rstrip()
+        for each in rows
+    ]
+
+
+def _format_size(count: int) -> str:
+    return f"{count / 1e6:.1f} MB" if count >= 10**6 else f"{count / 1e3:.1f} kB"

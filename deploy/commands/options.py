@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import click
 
-from deploy.place import place_of
+from deploy.network_address import resolve_address
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -19,7 +19,7 @@ port_option: Callable[[F], F] = click.option(
 )
 
 
-def place_options(verb: Callable[..., Any]) -> Callable[..., Any]:
+def network_options(verb: Callable[..., Any]) -> Callable[..., Any]:
     """The options that say which network is meant; the verb gets a ``place``, of the running fleet by default."""
 
     @click.option("--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default.")
@@ -27,6 +27,6 @@ def place_options(verb: Callable[..., Any]) -> Callable[..., Any]:
     @port_option
     @functools.wraps(verb)
     def placed(connect: str, domain: str, port: int | None, **values: Any) -> Any:
-        return verb(place=place_of(connect, domain, port), **values)
+        return verb(place=resolve_address(connect, domain, port), **values)
 
     return placed

@@ -15,20 +15,20 @@ from typing import TYPE_CHECKING
 
 import click
 
-from deploy.claim import Running, running
 from deploy.commands.options import json_option, port_option
-from deploy.place import chosen, place_of
+from deploy.instance_lock import FleetInstance, running_fleets
+from deploy.network_address import resolve_address, select_fleet
 from services.runtime.errors import EleaError
 from services.runtime.process import PARENT, ROOT
 
 if TYPE_CHECKING:
-    from deploy.place import Place
+    from deploy.network_address import NetworkAddress
     from services.panel.address import Address
 
-_PATIENCE_S = 15.0
+_START_TIMEOUT_S = 15.0
 """Wall time that a panel has to open its page."""
 
-_LOOK_S = 0.5
+_POLL_PERIOD_S = 0.5
 
 
 @click.command("panel")
@@ -44,18 +44,18 @@ def command(page_port: int | None, no_open: bool, connect: str, domain: str, por
     A fleet without a panel gets one, served by this command until the fleet ends, or Ctrl-C. The address holds a token:
     whoever has it may drive the robots.
     """
-    fleet = chosen(port) if not connect and running() else None
-    if fleet is not None and (address := _of(fleet)) is not None:
-        _show(address, as_json, no_open)
+    fleet = select_fleet(port) if not connect and running_fleets() else None
+    if fleet is not None and (address := _page_of_fleet(fleet)) is not None:
+        _print_address(address, as_json, no_open)
         return
-    raise SystemExit(_own(place_of(connect, domain, port), page_port, as_json, no_open, fleet))
+    raise SystemExit(_serve_page(resolve_address(connect, domain, port), page_port, as_json, no_open, fleet))
 
 
-def _of(fleet: Running) -> Address | None:
+def _page_of_fleet(fleet: FleetInstance) -> Address | None:
     """The page of a fleet whose panel lives."""
-    from services.panel.address import FILE, read
+    from services.panel.address import ADDRESS_FILE, read_address
 
-    address = read(Path(fleet.folder) / FILE)
+    address = read_address(Path(fleet.folder) / ADDRESS_FILE)
     if address is None or not Path(f"/proc/{address.pid}").exists():
         return None
     with socket.socket() as probe:
@@ -63,12 +63,14 @@ def _of(fleet: Running) -> Address | None:
         return address if probe.connect_ex(("127.0.0.1", address.port)) == 0 else None
 
 
-def _own(place: Place, page_port: int | None, as_json: bool, no_open: bool, fleet: Running | None) -> int:
+def _serve_page(
+    place: NetworkAddress, page_port: int | None, as_json: bool, no_open: bool, fleet: FleetInstance | None
+) -> int:
     """Run a panel until it ends, or its fleet does; its exit status."""
-    from deploy.live.visit import visit
-    from services.panel.address import read
+    from deploy.live.connect import connect
+    from services.panel.address import read_address
 
-    with visit(place.router, place.domain):
+    with connect(place.router, place.domain):
         pass  # there is a router, or this says that there is none
     with tempfile.TemporaryDirectory(prefix="elea-panel-") as folder:
         file = Path(folder) / "panel.json"
@@ -79,41 +81,41 @@ def _own(place: Place, page_port: int | None, as_json: bool, no_open: bool, flee
             env={**os.environ, "PYTHONPATH": str(ROOT), PARENT: str(os.getpid())},
         )
         try:
-            deadline = time.monotonic() + _PATIENCE_S
-            while (address := read(file)) is None:
+            deadline = time.monotonic() + _START_TIMEOUT_S
+            while (address := read_address(file)) is None:
                 if child.poll() is not None:
                     raise EleaError("the panel ended before its page was there: see above")
                 if time.monotonic() > deadline:
-                    raise EleaError(f"the panel did not open its page within {_PATIENCE_S:g} s")
+                    raise EleaError(f"the panel did not open its page within {_START_TIMEOUT_S:g} s")
                 time.sleep(0.05)
-            _show(address, as_json, no_open)
+            _print_address(address, as_json, no_open)
             until = "the fleet ends, or Ctrl-C" if fleet is not None else "Ctrl-C"
             sys.stderr.write(f"no panel belongs to this fleet: this command serves the page, until {until}\n")
             while child.poll() is None:
-                if fleet is not None and fleet not in running():
+                if fleet is not None and fleet not in running_fleets():
                     sys.stderr.write(f"{fleet.fleet} has ended, and its page with it\n")
                     child.send_signal(signal.SIGINT)
-                    return child.wait(_PATIENCE_S)
-                time.sleep(_LOOK_S)
+                    return child.wait(_START_TIMEOUT_S)
+                time.sleep(_POLL_PERIOD_S)
             return child.returncode
         except KeyboardInterrupt:
             child.send_signal(signal.SIGINT)
-            return child.wait(_PATIENCE_S)
+            return child.wait(_START_TIMEOUT_S)
         finally:
             if child.poll() is None:
                 child.terminate()
 
 
-def _show(address: Address, as_json: bool, no_open: bool) -> None:
+def _print_address(address: Address, as_json: bool, no_open: bool) -> None:
     facts = {"url": address.url, "port": address.port, "pid": address.pid}
     sys.stdout.write(json.dumps(facts) + "\n" if as_json else f"{address.url}\n")
     sys.stdout.flush()
     if not (no_open or as_json) and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         import webbrowser
 
-        from services.panel.address import once
+        from services.panel.address import one_time_url
 
         try:
-            webbrowser.open(once(address))  # not the token: other users see the command line of a browser
+            webbrowser.open(one_time_url(address))  # not the token: other users see the command line of a browser
         except OSError as error:
             sys.stderr.write(f"elea: no browser was opened ({error}): open the address above\n")

@@ -10,9 +10,9 @@ import click
 
 from deploy.commands.completion import KIND
 from deploy.commands.options import port_option
-from deploy.place import place_of
+from deploy.network_address import resolve_address
 from services.runtime import process
-from services.runtime.errors import BadInput, unknown
+from services.runtime.errors import BadInput, unknown_name
 from services.runtime.process import ROOT
 
 
@@ -28,9 +28,9 @@ def command(target: str, arguments: tuple[str, ...], port: int | None) -> None:
     `./elea run waypoint --help` shows the options that all services have.
     """
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    port, arguments = _port(port, arguments)
-    if target != "router" and not _placed(arguments):
-        arguments = (*_place(port, arguments), *arguments)
+    port, arguments = _extract_port(port, arguments)
+    if target != "router" and not _states_network(arguments):
+        arguments = (*_network_arguments(port, arguments), *arguments)
     if target.endswith(".py"):
         file = Path(target).resolve()
         if not file.is_file():
@@ -38,17 +38,17 @@ def command(target: str, arguments: tuple[str, ...], port: int | None) -> None:
         environment["PYTHONPATH"] = f"{ROOT}{os.pathsep}{file.parent}"
         place = [str(file)]
     else:
-        from deploy.catalogue import kinds
+        from deploy.service_catalog import service_kinds
 
-        if target not in kinds():
-            raise unknown("service", target, kinds())
+        if target not in service_kinds():
+            raise unknown_name("service", target, service_kinds())
         place = ["-m", f"services.{target}"]
     environment[process.PROGRAM] = f"./elea run {target}"
     sys.stdout.flush()
     os.execve(sys.executable, [sys.executable, "-P", *place, *arguments], environment)
 
 
-def _port(port: int | None, arguments: tuple[str, ...]) -> tuple[int | None, tuple[str, ...]]:
+def _extract_port(port: int | None, arguments: tuple[str, ...]) -> tuple[int | None, tuple[str, ...]]:
     """The port, where it stands behind TARGET, and the other arguments; raises BadInput."""
     left = list(arguments)
     for index, word in enumerate(arguments):
@@ -63,14 +63,14 @@ def _port(port: int | None, arguments: tuple[str, ...]) -> tuple[int | None, tup
     return port, arguments
 
 
-def _placed(arguments: tuple[str, ...]) -> bool:
+def _states_network(arguments: tuple[str, ...]) -> bool:
     """Whether the arguments say where to join, or want no network."""
     return any(each.partition("=")[0] in ("--connect", "--help", "--print-config") for each in arguments)
 
 
-def _place(port: int | None, arguments: tuple[str, ...]) -> list[str]:
+def _network_arguments(port: int | None, arguments: tuple[str, ...]) -> list[str]:
     """The words that lead to the fleet that is meant; a domain that is given stays."""
-    place = place_of(port=port)
+    place = resolve_address(port=port)
     if any(each.partition("=")[0] == "--domain" for each in arguments):
         place = place._replace(domain="")
     return place.arguments

@@ -9,20 +9,30 @@ import time
 
 import click
 
-from deploy.commands.options import place_options
-from deploy.place import Place
-from services.runtime.parameters.record import build
+from deploy.commands.options import network_options
+from deploy.network_address import NetworkAddress
+from services.runtime.parameters.validation import build
 from services.runtime.process import ROOT
 from services.teleop import TeleopParameters
-from services.teleop.bindings import KEYS
-from services.teleop.script import presses
+from services.teleop.keys import KEY_TABLE
+from services.teleop.script import script_events
 
-_PATIENCE_S = 3.0
+_ROBOT_TIMEOUT_S = 3.0
 """Wall time that a fleet which is starting has to show a robot."""
-_OWN = ("speed", "turn", "speed_limit", "turn_limit", "repeat_rate", "key_timeout", "give_way", "frame_id", "keys")
+_TELEOP_PARAMETERS = (
+    "speed",
+    "turn",
+    "speed_limit",
+    "turn_limit",
+    "repeat_rate",
+    "key_timeout",
+    "give_way",
+    "frame_id",
+    "keys",
+)
 
 
-@click.command("teleop", epilog=f"\b\nKeys, held down:\n{KEYS}")
+@click.command("teleop", epilog=f"\b\nKeys, held down:\n{KEY_TABLE}")
 @click.argument("namespace", default="")
 @click.option("--speed", type=float, help="Linear speed at the start, m/s; 0.5 by default.")
 @click.option("--turn", type=float, help="Turn rate at the start, rad/s; 1.0 by default.")
@@ -39,30 +49,30 @@ _OWN = ("speed", "turn", "speed_limit", "turn_limit", "repeat_rate", "key_timeou
 @click.option(
     "--keys", metavar="SCRIPT", help="Play a script instead: 'i@0.5-2 k@2.5' is KEY@FROM[-TO], s of simulation."
 )
-@place_options
-def command(namespace: str, fixed: bool, stamped: bool, place: Place, **values: object) -> None:
+@network_options
+def command(namespace: str, fixed: bool, stamped: bool, place: NetworkAddress, **values: object) -> None:
     """Drive the robot in NAMESPACE, as /p3dx; the only one there is when it is not given.
 
     A key moves the robot for as long as it is held. Teleop wins over a controller, and gives the robot back to it some
     seconds after the last key.
     """
-    from deploy.live.visit import visit
+    from deploy.live.connect import connect
     from services.runtime.graph import snapshot
-    from services.teleop.bases import bases, choose
+    from services.teleop.bases import choose_base, find_bases
 
-    parameters = {name: values[name] for name in _OWN if values[name] is not None}
+    parameters = {name: values[name] for name in _TELEOP_PARAMETERS if values[name] is not None}
     parameters |= {"adaptive": False} if fixed else {}
     parameters |= {"stamped": True} if stamped else {}
     params = build(TeleopParameters, parameters, "teleop")
-    if not presses(params):
+    if not script_events(params):
         from services.teleop.terminal import require_terminal
 
         require_terminal()
-    with visit(place.router, place.domain) as transport:
-        deadline = time.monotonic() + _PATIENCE_S
-        while not (found := bases(snapshot(transport))) and time.monotonic() < deadline:
+    with connect(place.router, place.domain) as transport:
+        deadline = time.monotonic() + _ROBOT_TIMEOUT_S
+        while not (found := find_bases(snapshot(transport))) and time.monotonic() < deadline:
             time.sleep(0.1)
-    base = choose(namespace, found, place.router)
+    base = choose_base(namespace, found, place.router)
     arguments = ["--namespace", base.namespace, *place.arguments]
     arguments += [word for name, value in parameters.items() for word in ("--param", f"{name}={json.dumps(value)}")]
     sys.stdout.flush()

@@ -10,7 +10,7 @@ import click
 import msgspec
 
 from deploy.commands.completion import FLEET
-from deploy.fleet import GONE_MODES, MODES, Fleet, Member, Run
+from deploy.fleet import MODES, REMOVED_MODES, Fleet, RunConfig, ServiceConfig
 from deploy.fleet_file import find_fleet, read_fleet
 from services.runtime.errors import BadInput
 
@@ -22,8 +22,8 @@ class _Mode(click.Choice[str]):
     """A mode of time; one that there was once is refused with what to take instead."""
 
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        if value in GONE_MODES:
-            self.fail(GONE_MODES[value], param, ctx)
+        if value in REMOVED_MODES:
+            self.fail(REMOVED_MODES[value], param, ctx)
         return super().convert(value, param, ctx)
 
 
@@ -52,14 +52,14 @@ def command(fleet: str, detach: bool, report: str, as_json: bool, **options: Any
     itself); a second one kills. The status is 0 when every check of the report holds, 1 if not, 2 for bad input.
     """
     if detach:
-        from deploy.detach import up_detached
+        from deploy.detach import start_detached
 
-        described = overridden(read_fleet(find_fleet(fleet)), options)
-        raise SystemExit(up_detached(described.name, report, as_json))
-    raise SystemExit(_run(overridden(read_fleet(find_fleet(fleet)), options), report, as_json, options))
+        described = override_run(read_fleet(find_fleet(fleet)), options)
+        raise SystemExit(start_detached(described.name, report, as_json))
+    raise SystemExit(_run(override_run(read_fleet(find_fleet(fleet)), options), report, as_json, options))
 
 
-def overridden(fleet: Fleet, options: dict[str, Any]) -> Fleet:
+def override_run(fleet: Fleet, options: dict[str, Any]) -> Fleet:
     """The fleet with what the command line says about its run; raises BadInput."""
     stated = {
         name: options[name] for name in ("mode", "factor", "duration", "seed", "port") if options[name] is not None
@@ -67,30 +67,30 @@ def overridden(fleet: Fleet, options: dict[str, Any]) -> Fleet:
     if fleet.run.ends == "never" and stated.get("duration"):
         stated["ends"] = "duration"
     try:
-        run = msgspec.convert({**msgspec.to_builtins(fleet.run), **stated}, Run)
+        run = msgspec.convert({**msgspec.to_builtins(fleet.run), **stated}, RunConfig)
     except msgspec.ValidationError as error:
         text, _, name = str(error).partition(" - at `$.")
         raise BadInput(f"--{name.rstrip('`')}: {text}") from None
     if options.get("record") and not any(each.kind == "recorder" for each in fleet.service):
-        fleet = msgspec.structs.replace(fleet, service=(*fleet.service, Member(kind="recorder")))
+        fleet = msgspec.structs.replace(fleet, service=(*fleet.service, ServiceConfig(kind="recorder")))
     return msgspec.structs.replace(fleet, run=run)
 
 
 def _run(fleet: Fleet, report: str, as_json: bool, options: dict[str, Any]) -> int:
-    from deploy.live.output import unread
-    from deploy.progress import screen
+    from deploy.live.output import ignore_output_errors
+    from deploy.progress import open_display
     from deploy.run_fleet import run_fleet
-    from deploy.run_folder import make_folder
-    from deploy.wiring import Terms
-    from services.runtime.network.zenoh_config import check_listen, endpoint
+    from deploy.run_folder import make_run_folder
+    from deploy.service_parameters import RunOptions
+    from services.runtime.transport.zenoh_config import check_listen, endpoint
 
     if options["params"] and options["no_saved"]:
         raise BadInput("--params and --no-saved contradict each other: give one of them")
     saved = None if options["no_saved"] else Path(options["params"] or Path("params") / f"{fleet.name}.db").absolute()
     links = tuple(endpoint(each) for each in options["connect"])
     listen = check_listen(options["listen"], options["insecure"])
-    folder = make_folder(fleet.name, report)
-    terms = Terms(
+    folder = make_run_folder(fleet.name, report)
+    terms = RunOptions(
         folder=folder,
         saved=saved,
         domain=options["domain"],
@@ -99,24 +99,24 @@ def _run(fleet: Fleet, report: str, as_json: bool, options: dict[str, Any]) -> i
         insecure=options["insecure"],
         view=not options["no_view"],
     )
-    with screen() as shown:
+    with open_display() as shown:
         result = run_fleet(fleet, terms, shown)
     if result.report is None:
-        sys.stderr.write(f"elea: no report: {result.trouble}\n")
+        sys.stderr.write(f"elea: no report: {result.error}\n")
     else:
-        with unread():
-            _print(result.report, folder, as_json)
-    return result.status(fleet)
+        with ignore_output_errors():
+            _print_result(result.report, folder, as_json)
+    return result.exit_status(fleet)
 
 
-def _print(report: Report, folder: Path, as_json: bool) -> None:
+def _print_result(report: Report, folder: Path, as_json: bool) -> None:
     if as_json:
         from deploy.report.write import to_json
 
         sys.stdout.write(to_json(report).decode())
     else:
-        from deploy.report.table import show
+        from deploy.report.table import print_report
 
-        show(report)
+        print_report(report)
         sys.stdout.write(f"results in {folder}\n")
     sys.stdout.flush()

@@ -12,8 +12,8 @@ import click
 from deploy.commands.options import json_option
 from services.runtime.errors import BadInput
 
-LATEST_S = 1e9
-SMALLEST, LARGEST = 320, 4096
+MAX_TIME_S = 1e9
+MIN_PIXELS, MAX_PIXELS = 320, 4096
 """Pixels of a picture's width and height."""
 
 
@@ -42,14 +42,14 @@ def command(
     """
     import json
 
-    from services.logger.viewer import open_recording, wanted
+    from services.logger.viewer import open_recording, should_open
 
-    pixels = _pixels(size)
+    pixels = _parse_size(size)
     for at in times:
-        if not 0 <= at < LATEST_S:
+        if not 0 <= at < MAX_TIME_S:
             raise BadInput(f"--at {at:g}: expected seconds of simulation time, from 0 on")
-    recording = _recording(run if str(run) not in ("", ".") else _newest())
-    if wanted("auto", os.environ) and not picture:
+    recording = _recording(run if str(run) not in ("", ".") else _latest_run())
+    if should_open("auto", os.environ) and not picture:
         try:
             open_recording(recording, os.environ, recording.with_suffix(".viewer.log"))
         except OSError as error:
@@ -67,23 +67,23 @@ def command(
 def _recording(run: Path) -> Path:
     """The recording to show; one of a bag is made beside it, anew when the bag is newer."""
     from deploy.run_folder import BAG_FOLDER, RECORDING_FILE
-    from services.logger.earlier import earlier
+    from services.logger.file_rotation import rotated
 
     if not run.exists():
         raise BadInput(f"there is no run {run}: give the folder of a run, an .rrd, or a bag")
     if run.suffix == ".rrd":
         return run.absolute()
     if (recording := (run / RECORDING_FILE).absolute()).is_file():
-        if before := earlier(recording):
+        if before := rotated(recording):
             names = " and ".join(each.name for each in before)
             sys.stderr.write(f"elea: the logger was restarted; what it recorded before is in {names} beside it\n")
         return recording
-    return _of_bag(run / BAG_FOLDER if (run / BAG_FOLDER).is_dir() else run)
+    return _convert_bag(run / BAG_FOLDER if (run / BAG_FOLDER).is_dir() else run)
 
 
-def _of_bag(path: Path) -> Path:
+def _convert_bag(path: Path) -> Path:
     from deploy.bag_export import export_bag
-    from services.bag.reading import open_bag
+    from services.bag.reader import open_bag
 
     bag, whole = open_bag(path), path.resolve()
     made = whole.with_name(f"{whole.stem if whole.is_file() else whole.name}.rrd")
@@ -95,22 +95,22 @@ def _of_bag(path: Path) -> Path:
             part.replace(made)
         except OSError as error:
             raise BadInput(f"{made} cannot be written: {error.strerror}") from None
-        for trouble in told.troubles:
+        for trouble in told.problems:
             sys.stderr.write(f"elea: {trouble}\n")
     return made
 
 
-def _pixels(size: str) -> tuple[int, int]:
+def _parse_size(size: str) -> tuple[int, int]:
     match = re.fullmatch(r"(\d{3,4})x(\d{3,4})", size)
-    if match is None or not all(SMALLEST <= int(each) <= LARGEST for each in match.groups()):
-        raise BadInput(f"--size {size!r}: expected WIDTHxHEIGHT, each from {SMALLEST} to {LARGEST} pixels")
+    if match is None or not all(MIN_PIXELS <= int(each) <= MAX_PIXELS for each in match.groups()):
+        raise BadInput(f"--size {size!r}: expected WIDTHxHEIGHT, each from {MIN_PIXELS} to {MAX_PIXELS} pixels")
     return int(match[1]), int(match[2])
 
 
 def _pictures(
     recording: Path, times: tuple[float, ...], close: tuple[str, ...], size: tuple[int, int], folder: Path
 ) -> list[Path]:
-    from services.logger.picture import Shot, pictures
+    from services.logger.screenshots import Screenshot, screenshots
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -120,14 +120,14 @@ def _pictures(
     for at in times or (None,):
         for robot in ("", *close):
             name = "-".join(filter(None, (recording.stem, robot, "" if at is None else f"{at:g}s")))
-            shots.append(Shot(folder / f"{name}.png", at, robot))
-    pictures(recording, shots, size)
+            shots.append(Screenshot(folder / f"{name}.png", at, robot))
+    screenshots(recording, shots, size)
     return [each.png for each in shots]
 
 
-def _newest() -> Path:
-    from deploy.run_folder import latest_folder
+def _latest_run() -> Path:
+    from deploy.run_folder import latest_run_folder
 
-    if (folder := latest_folder()) is None:
+    if (folder := latest_run_folder()) is None:
         raise BadInput("there is no run yet: start one with ./elea up, or name a recording")
     return folder

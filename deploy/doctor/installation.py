@@ -13,19 +13,19 @@ from pathlib import Path
 from deploy.doctor import Finding, fail, ok, warn
 from deploy.version import VERSION
 from services.runtime.errors import BadInput
-from services.runtime.process import ROOT, refuse_shadows
+from services.runtime.process import ROOT, check_import_roots
 
-HEAVY = ("zenoh", "pybullet", "rerun", "numpy", "matplotlib")
+NATIVE_LIBRARIES = ("zenoh", "pybullet", "rerun", "numpy", "matplotlib")
 """Libraries with native code: installed is not yet loadable."""
-LOAD_S = 60.0
+LOAD_TIMEOUT_S = 60.0
 _PINNED = re.compile(r"^([\w.-]+)==([^\s;\\]+)( ;)?", re.MULTILINE)
-ANEW = "remove .venv and start ./elea again: it installs what the lock says"
+REINSTALL = "remove .venv and start ./elea again: it installs what the lock says"
 
 
 def version(root: Path = ROOT) -> Iterator[Finding]:
     """One version everywhere, and our own packages where they should be."""
     try:
-        refuse_shadows()
+        check_import_roots()
         stated = tomllib.loads((root / "pyproject.toml").read_text())["project"]["version"]
     except BadInput as error:
         yield fail("version", str(error), "unset PYTHONPATH, and start by ./elea")
@@ -51,7 +51,7 @@ def environment(root: Path = ROOT) -> Iterator[Finding]:
             "environment", f"Python runs in {sys.prefix}, not in {own}", "start by ./elea, which makes and uses it"
         )
     elif not (own / ".complete").is_file():
-        yield warn("environment", f"{own} is not complete: it was interrupted", ANEW)
+        yield warn("environment", f"{own} is not complete: it was interrupted", REINSTALL)
     else:
         yield ok("environment", str(own))
 
@@ -75,7 +75,7 @@ def packages(root: Path = ROOT) -> Iterator[Finding]:
             wrong.append(f"{name} is {found}, the lock says {wanted}")
     if wrong:
         more = f" and {len(wrong) - 5} more" if len(wrong) > 5 else ""
-        yield fail("packages", "; ".join(wrong[:5]) + more, ANEW)
+        yield fail("packages", "; ".join(wrong[:5]) + more, REINSTALL)
     else:
         yield ok("packages", f"{len(pinned)} as in requirements.lock")
 
@@ -90,21 +90,21 @@ def libraries() -> Iterator[Finding]:
             stderr=subprocess.PIPE,
             text=True,
         )
-        for name in HEAVY
+        for name in NATIVE_LIBRARIES
     }
     broken = []
     for name, process in started.items():
         try:
-            _, said = process.communicate(timeout=LOAD_S)
+            _, said = process.communicate(timeout=LOAD_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             process.kill()
             process.communicate()
-            broken.append(f"{name} does not load within {LOAD_S:g} s")
+            broken.append(f"{name} does not load within {LOAD_TIMEOUT_S:g} s")
             continue
         if process.returncode:
             last = said.strip().splitlines()[-1:] or [f"status {process.returncode}"]
             broken.append(f"{name}: {last[0]}")
     if broken:
-        yield fail("libraries", "; ".join(broken), f"install what is named there, else {ANEW}")
+        yield fail("libraries", "; ".join(broken), f"install what is named there, else {REINSTALL}")
     else:
-        yield ok("libraries", f"{', '.join(HEAVY)} load")
+        yield ok("libraries", f"{', '.join(NATIVE_LIBRARIES)} load")

@@ -1,29 +1,35 @@
-"""The machine: platform, Python, cores, memory, clock, loopback."""
+"""The machine: platform, Python, CPU, memory, disk, clock, loopback, display."""
 
 from __future__ import annotations
 
+import ctypes
 import os
 import platform
+import shutil
 import socket
 import sys
+import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 from deploy.doctor import Finding, fail, ok, warn
+from deploy.instance_lock import instances_folder
+from deploy.run_folder import RUNS
 
-WANTED = (3, 11)
-FEW_CORES = 2
-LITTLE_MIB = 1024
+PYTHON_VERSION = (3, 11)
+MIN_CORES = 2
+MIN_MEMORY_MIB = 1024
 """Memory that a fleet of five robots with its recording takes, and some more."""
-_DAWN = 1_735_689_600
+_EARLIEST_DATE_S = 1_735_689_600
 """2025-01-01 UTC, s; a clock that tells an earlier date was never set."""
 _STEP_S = 0.05
 
 
-def python() -> Iterator[Finding]:
+def python_version() -> Iterator[Finding]:
     """CPython 3.11, for which PyBullet and rerun have packages."""
     version = platform.python_version()
-    if sys.version_info[:2] == WANTED and sys.implementation.name == "cpython":
+    if sys.version_info[:2] == PYTHON_VERSION and sys.implementation.name == "cpython":
         yield ok("python", f"{version} at {sys.executable}")
     else:
         yield fail(
@@ -33,7 +39,7 @@ def python() -> Iterator[Finding]:
         )
 
 
-def system() -> Iterator[Finding]:
+def platform_supported() -> Iterator[Finding]:
     """Linux on x86_64."""
     here = f"{platform.system()} {platform.release()} on {platform.machine()}"
     if (platform.system(), platform.machine()) == ("Linux", "x86_64"):
@@ -44,14 +50,14 @@ def system() -> Iterator[Finding]:
         )
 
 
-def capacity() -> Iterator[Finding]:
+def cores_and_memory() -> Iterator[Finding]:
     """Cores and memory."""
     import psutil
 
     cores, memory = len(os.sched_getaffinity(0)), psutil.virtual_memory()
     load = os.getloadavg()[0]
-    if cores < FEW_CORES:
-        yield warn("cores", f"{cores} may be used", f"a fleet runs, slowly; {FEW_CORES} or more are better")
+    if cores < MIN_CORES:
+        yield warn("cores", f"{cores} may be used", f"a fleet runs, slowly; {MIN_CORES} or more are better")
     elif load > 1.5 * cores:
         yield warn(
             "cores", f"{cores}, with {load:.1f} processes that want one", "end what else runs: real time may lag"
@@ -59,8 +65,8 @@ def capacity() -> Iterator[Finding]:
     else:
         yield ok("cores", f"{cores}, load {load:.1f}")
     free = memory.available // 2**20
-    if free < LITTLE_MIB:
-        yield warn("memory", f"{free} MiB available", f"end what else runs: a fleet wants about {LITTLE_MIB} MiB")
+    if free < MIN_MEMORY_MIB:
+        yield warn("memory", f"{free} MiB available", f"end what else runs: a fleet wants about {MIN_MEMORY_MIB} MiB")
     else:
         yield ok("memory", f"{free} MiB available")
 
@@ -70,7 +76,7 @@ def clock() -> Iterator[Finding]:
     before = time.time() - time.monotonic()
     time.sleep(_STEP_S)
     step = abs(time.time() - time.monotonic() - before)
-    if time.time() < _DAWN:
+    if time.time() < _EARLIEST_DATE_S:
         yield fail(
             "clock", f"the wall clock says {time.strftime('%Y-%m-%d')}", "set the date: timedatectl set-ntp true"
         )
@@ -102,3 +108,96 @@ def loopback() -> Iterator[Finding]:
         yield ok("loopback", f"127.0.0.1, {took * 1e6:.0f} us")
     else:
         yield fail("loopback", "127.0.0.1 lost what was sent", "look for a firewall on lo: nft list ruleset")
+
+
+VULKAN_DRIVER_FOLDERS = (
+    Path("/usr/share/vulkan/icd.d"),
+    Path("/etc/vulkan/icd.d"),
+    Path("/usr/local/share/vulkan/icd.d"),
+)
+VULKAN_INSTALL_HINT = "on Debian: apt install --no-install-recommends libvulkan1 mesa-vulkan-drivers"
+
+
+def display(environment: Mapping[str, str] = os.environ) -> Iterator[Finding]:
+    """A display that answers; without one the viewer does not open by itself."""
+    wayland, x = environment.get("WAYLAND_DISPLAY", ""), environment.get("DISPLAY", "")
+    if wayland:
+        path = Path(environment.get("XDG_RUNTIME_DIR", "/run/user/0")) / wayland
+        if path.is_socket():
+            yield ok("display", f"Wayland, {path}")
+            return
+    if x.startswith(":"):
+        path = Path("/tmp/.X11-unix") / f"X{x[1:].partition('.')[0]}"
+        try:
+            with socket.socket(socket.AF_UNIX) as probe:
+                probe.connect(str(path))
+        except OSError as error:
+            yield warn(
+                "display", f"DISPLAY is {x}, but {path}: {error.strerror}", "unset DISPLAY, or start the X server"
+            )
+            return
+    if x:
+        yield ok("display", f"X, DISPLAY={x}")
+    elif wayland:
+        yield warn("display", f"WAYLAND_DISPLAY is {wayland}, but nobody is there", "unset it, or log in on the screen")
+    else:
+        yield ok("display", "none: the viewer does not open by itself, recordings can be looked at elsewhere")
+
+
+def vulkan() -> Iterator[Finding]:
+    """The loader and a driver of Vulkan, with which the viewer draws."""
+    try:
+        ctypes.CDLL("libvulkan.so.1")
+    except OSError:
+        yield warn(
+            "vulkan", "libvulkan.so.1 is not there: the viewer draws nothing, all else works", VULKAN_INSTALL_HINT
+        )
+        return
+    stated = os.environ.get("VK_DRIVER_FILES") or os.environ.get("VK_ICD_FILENAMES")
+    drivers = (
+        [Path(each) for each in stated.split(":")]
+        if stated
+        else [f for d in VULKAN_DRIVER_FOLDERS for f in d.glob("*.json")]
+    )
+    if any(each.is_file() for each in drivers):
+        yield ok("vulkan", f"{len(drivers)} drivers, {drivers[0].stem} for one")
+    else:
+        yield warn("vulkan", "there is no driver: the viewer draws nothing, all else works", VULKAN_INSTALL_HINT)
+
+
+LOW_DISK_MIB, MIN_DISK_MIB = 2048, 64
+"""Free space: an hour of a recorded lab takes about 1 GiB."""
+
+
+def run_folder_writable(runs: Path = RUNS) -> Iterator[Finding]:
+    """The folder of the runs can be written, and there is room."""
+    yield from _check_writable(
+        "run folder", runs, "choose another with ./elea up --report DIR, or mend its rights: chown"
+    )
+
+
+def state_folder_writable() -> Iterator[Finding]:
+    """The folder that says which fleets run can be written."""
+    yield from _check_writable("state folder", instances_folder(), "set XDG_STATE_HOME to a folder of yours")
+
+
+def _check_writable(name: str, path: Path, do: str) -> Iterator[Finding]:
+    there = next(each for each in (path, *path.parents) if each.exists())
+    try:
+        with tempfile.TemporaryFile(dir=there) as file:
+            file.write(b"elea")
+        free = shutil.disk_usage(there).free
+    except OSError as error:
+        yield fail(name, f"{path} cannot be written: {error.strerror}", do)
+        return
+    yield disk_space(name, path, free)
+
+
+def disk_space(name: str, path: Path, free: int) -> Finding:
+    """Whether ``free`` bytes are room enough on the disk of ``path``."""
+    mib = free // 2**20
+    if mib < MIN_DISK_MIB:
+        return fail(name, f"{path}: {mib} MiB are free", "make room on this disk: runs/ holds old recordings")
+    if mib < LOW_DISK_MIB:
+        return warn(name, f"{path}: {mib} MiB are free", "make room on this disk: runs/ holds old recordings")
+    return ok(name, f"{path}, {mib / 1024:.0f} GiB free")

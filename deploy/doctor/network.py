@@ -6,22 +6,22 @@ import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
 
-from deploy.claim import Running, running
 from deploy.doctor import Finding, fail, ok, warn
-from deploy.doctor.running import WATCH_S, judge, watch, why_lost
-from deploy.place import Place, router_of
+from deploy.doctor.fleet import OBSERVATION_S, check_fleet, observe_fleet, why_lost
+from deploy.instance_lock import FleetInstance, running_fleets
+from deploy.network_address import NetworkAddress, fleet_router
 from messages.elea import Health
 from services.runtime.errors import BadInput
 from services.runtime.graph import Entity
-from services.runtime.network.sockets import is_unix, knock, path_of, secure, sweep
-from services.runtime.network.zenoh_config import is_local
+from services.runtime.transport.unix_sockets import is_listening, is_unix, make_private, path_of, remove_stale
+from services.runtime.transport.zenoh_config import is_local
 
 VIEWER_PORT = 9876
 
 
-def ports(place: Place) -> Iterator[Finding]:
+def ports(place: NetworkAddress) -> Iterator[Finding]:
     """Whether a router and a live view can listen, or who does."""
-    fleets = running()
+    fleets = running_fleets()
     held = _fleet_at(place.router, fleets)
     if not is_local(place.router):
         yield ok("port", f"{place.router} is not this machine's")
@@ -29,7 +29,7 @@ def ports(place: Place) -> Iterator[Finding]:
         yield ok("port", f"{place.router} is held by the fleet {held.fleet} (supervisor {held.pid})")
     elif is_unix(place.router):
         yield from _sockets(place.router)
-    elif _taken(port := int(place.router.rpartition(":")[2])):
+    elif _port_in_use(port := int(place.router.rpartition(":")[2])):
         yield warn(
             "port",
             f"{port} is held by a program that is no fleet of yours",
@@ -37,7 +37,7 @@ def ports(place: Place) -> Iterator[Finding]:
         )
     else:
         yield ok("port", f"{port} is free for a router")
-    if _taken(VIEWER_PORT) and not fleets:
+    if _port_in_use(VIEWER_PORT) and not fleets:
         yield warn(
             "live view", f"{VIEWER_PORT} is held by another program", f"see who: ss -ltnp sport = :{VIEWER_PORT}"
         )
@@ -47,13 +47,13 @@ def _sockets(router: str) -> Iterator[Finding]:
     """Whether a router can listen on a Unix socket."""
     folder = path_of(router).parent
     try:
-        secure(folder)
-        sweep(folder)
+        make_private(folder)
+        remove_stale(folder)
     except BadInput as error:
         yield fail("sockets", str(error), "fleets cannot start until this is mended")
         return
     try:
-        knock(router)
+        is_listening(router)
     except OSError:
         yield ok("sockets", f"{router} is free for a router, and out of reach for other users")
     else:
@@ -64,7 +64,7 @@ def _sockets(router: str) -> Iterator[Finding]:
 
 def access() -> Iterator[Finding]:
     """Who, besides this user, can drive the robots of the running fleets."""
-    for each in running():
+    for each in running_fleets():
         for where in each.listen:
             who = "every user of this machine" if is_local(where) else "whoever reaches it over the network"
             yield warn(
@@ -74,26 +74,26 @@ def access() -> Iterator[Finding]:
             )
 
 
-def router(place: Place, asked: bool) -> Iterator[Finding]:
+def router(place: NetworkAddress, asked: bool) -> Iterator[Finding]:
     """The router answers, the nodes beat, and nothing is lost or refused; ``asked`` when a router was named."""
-    if not asked and not running():
+    if not asked and not running_fleets():
         yield ok("router", "no fleet runs")
         return
-    from deploy.live.visit import visit
+    from deploy.live.connect import connect
     from services.runtime.graph import snapshot
 
     began = time.monotonic()
     try:
-        with visit(place.router, place.domain) as transport:
+        with connect(place.router, place.domain) as transport:
             took = time.monotonic() - began
             entities = snapshot(transport)
             yield ok("router", f"{place.router} joined within {took:.2f} s, {len(_nodes(entities))} nodes")
             yield from requests(entities)
-            seen = watch(transport, entities)
-            yield from nodes(entities, seen.beats, lambda topic, beat: why_lost(topic, beat, seen))
-            yield from judge(entities, seen)
+            seen = observe_fleet(transport, entities)
+            yield from nodes(entities, seen.heartbeats, lambda topic, beat: why_lost(topic, beat, seen))
+            yield from check_fleet(entities, seen)
     except BadInput as error:
-        yield fail("router", str(error), _advice(place.router, running()))
+        yield fail("router", str(error), _advice(place.router, running_fleets()))
 
 
 def requests(entities: Sequence[Entity]) -> Iterator[Finding]:
@@ -121,7 +121,9 @@ def nodes(
     silent = [each for each in _nodes(entities) if each not in beats]
     for name in silent:
         yield warn(
-            f"node {name}", f"no heartbeat in {WATCH_S:g} s: it is busy, stopped or hung", "see ./elea logs, ./elea ps"
+            f"node {name}",
+            f"no heartbeat in {OBSERVATION_S:g} s: it is busy, stopped or hung",
+            "see ./elea logs, ./elea ps",
         )
     for name, beat in sorted(beats.items()):
         if beat.state == "waiting":
@@ -163,7 +165,7 @@ def nodes(
                     f"see all: ./elea node info {name}",
                 )
     if beats and not silent:
-        sound = "none waits, loses or refuses" if not _troubled(beats) else "see above"
+        sound = "none waits, loses or refuses" if not _any_problems(beats) else "see above"
         yield ok("nodes", f"{len(beats)} beat, {sound}")
 
 
@@ -173,17 +175,17 @@ def _nodes(entities: Sequence[Entity]) -> list[str]:
     return sorted(each for each in names if not each.rpartition("/")[2].startswith("_"))
 
 
-def _troubled(beats: dict[str, Health]) -> bool:
-    return any(b.state == "waiting" or _troubles(b) for b in beats.values())
+def _any_problems(beats: dict[str, Health]) -> bool:
+    return any(b.state == "waiting" or _has_problems(b) for b in beats.values())
 
 
-def _troubles(beat: Health) -> bool:
+def _has_problems(beat: Health) -> bool:
     return bool(beat.lost or beat.refused or beat.resynced) or any(
         i.lost or i.refused or i.resynced for i in beat.inputs
     )
 
 
-def _advice(router: str, fleets: Sequence[Running]) -> str:
+def _advice(router: str, fleets: Sequence[FleetInstance]) -> str:
     if _fleet_at(router, fleets) is not None:
         return "the fleet may be starting, or its router hang: ./elea ps, ./elea logs router, ./elea restart router"
     advice = "start a fleet: ./elea up; or name its router with --connect"
@@ -191,12 +193,12 @@ def _advice(router: str, fleets: Sequence[Running]) -> str:
     return f"{advice}; running: {elsewhere}" if elsewhere else advice
 
 
-def _fleet_at(router: str, fleets: Sequence[Running]) -> Running | None:
+def _fleet_at(router: str, fleets: Sequence[FleetInstance]) -> FleetInstance | None:
     """The fleet whose router listens at an endpoint."""
-    return next((each for each in fleets if router in (router_of(each), *each.listen)), None)
+    return next((each for each in fleets if router in (fleet_router(each), *each.listen)), None)
 
 
-def _taken(port: int) -> bool:
+def _port_in_use(port: int) -> bool:
     with socket.socket() as probe:
         probe.settimeout(0.5)
         return probe.connect_ex(("127.0.0.1", port)) == 0

@@ -3,26 +3,92 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from deploy.live.ends import absolute, topics
-from deploy.live.fields import Path, check_path, parse_path, pick
-from deploy.live.known import known_record, record_of, ros_type
-from deploy.live.listener import Heard, Listener
+from deploy.live.connect import CliNode, cli_node
 from deploy.live.measure import INTERRUPTED
-from deploy.live.output import note, say, say_json
-from deploy.live.reader import Reader, info
-from deploy.live.session import Session, session
-from deploy.live.subject import await_subject, is_latched, type_of
-from deploy.live.text import MOST, block, cells, flow, row, trimmed
-from deploy.place import Place
+from deploy.live.message_format import MAX_ELEMENTS, csv_cells, csv_row, to_flow_yaml, to_yaml, truncate
+from deploy.live.message_types import (
+    FieldPath,
+    canonical_type,
+    check_path,
+    get_field,
+    known_record,
+    parse_path,
+    record_by_type,
+)
+from deploy.live.output import write_json, write_note, write_text
+from deploy.live.subscribers import ReceivedSample, UntypedSubscriber
+from deploy.live.topics import absolute_name, group_by_topic, is_latched, topic_type, wait_for_topic
+from deploy.network_address import NetworkAddress
+from messages.base import Message, WrongPayload, decoder
+from messages.plain import plain, plain_record
 from services.runtime.errors import EleaError
 from services.runtime.graph import snapshot
 
 
+class MessageReader:
+    """Reads the samples of one topic; what is odd about one is noted once."""
+
+    def __init__(self, name: str, expected: str) -> None:
+        """``expected`` is the ROS type of samples that do not tell theirs; empty if nobody knows."""
+        self._name, self._expected = name, expected
+        self._decoders: dict[str, Callable[[bytes], Message] | None] = {}
+        self._noted: set[str] = set()
+
+    def read(self, heard: ReceivedSample) -> Any:
+        """The message with all its fields; of an unknown type, or not of its own, as it is; None for no MessagePack."""
+        type_name = heard.type or self._expected
+        if heard.origin is None:
+            self._note("a foreign sender, not of this project, publishes here: its samples have no number and no name")
+        elif self._expected and heard.type and heard.type != self._expected:
+            self._note(f"{heard.type} comes where {self._expected} is declared")
+        decode = self._decoder(type_name)
+        try:
+            if decode is not None:
+                return plain_record(decode(heard.payload))
+        except WrongPayload as error:
+            self._note(f"what comes is no {type_name}, readers refuse it; shown as it is ({error})")
+        try:
+            return plain(heard.payload)
+        except WrongPayload as error:
+            self._note(f"{len(heard.payload)} bytes that are not MessagePack are left out ({error})")
+            return None
+
+    def _decoder(self, type_name: str) -> Callable[[bytes], Message] | None:
+        if type_name not in self._decoders:
+            record = known_record(type_name)
+            self._decoders[type_name] = decoder(record) if record is not None else None
+            if record is None:
+                said = f"the type {type_name} is not known here" if type_name else "nobody tells the type"
+                self._note(f"{said}: shown as its MessagePack tells it")
+        return self._decoders[type_name]
+
+    def _note(self, text: str) -> None:
+        if text not in self._noted and len(self._noted) < 20:
+            self._noted.add(text)
+            write_note(f"{self._name}: {text}")
+
+
+def sample_info(heard: ReceivedSample) -> dict[str, Any]:
+    """What came beside the payload: type, number, sender's time [ns] and id, size; foreign without a number."""
+    origin = heard.origin
+    return {
+        "type": heard.type,
+        "foreign": origin is None,
+        "sequence": None if origin is None else origin.sequence,
+        "source_time": None if origin is None else origin.source_ns,
+        "received_time": heard.received_ns,
+        "publisher": "" if origin is None else origin.publisher.hex(),
+        "size": len(heard.payload),
+        "lost_before": heard.lost,
+    }
+
+
 @dataclass(frozen=True)
-class Echo:
+class EchoRequest:
     """What is to be shown: the topic, its type if the sender does not tell it, parts of its messages, and how many."""
 
     topic: str
@@ -34,7 +100,7 @@ class Echo:
 
 
 @dataclass(frozen=True)
-class Style:
+class EchoFormat:
     """How it is to be shown."""
 
     as_json: bool = False
@@ -43,32 +109,32 @@ class Style:
     no_arr: bool = False
     no_str: bool = False
     full_length: bool = False
-    most: int | None = None
+    max_elements: int | None = None
     flow_style: bool = False
     with_info: bool = False
 
 
-def echo(place: Place, asked: Echo, style: Style) -> int:
+def echo(place: NetworkAddress, asked: EchoRequest, style: EchoFormat) -> int:
     """Show messages until it is enough; the exit status. Raises EleaError when they do not come in time."""
-    name, paths = absolute(asked.topic), [parse_path(each) for each in asked.fields]
-    wanted = ros_type(record_of(asked.type_name).ROS_TYPE) if asked.type_name else ""
+    name, paths = absolute_name(asked.topic), [parse_path(each) for each in asked.fields]
+    wanted = canonical_type(record_by_type(asked.type_name).ROS_TYPE) if asked.type_name else ""
     deadline = None if asked.timeout is None else time.monotonic() + asked.timeout
-    with session(place, "echo") as live:
-        name, paths = _split(live, name, paths)
-        ends = await_subject(live, name, asked.wait)
-        expected, latched = wanted or type_of(ends), is_latched(ends)
-        _check(expected, paths)
+    with cli_node(place, "echo") as live:
+        name, paths = _split_field(live, name, paths)
+        ends = wait_for_topic(live, name, asked.wait)
+        expected, latched = wanted or topic_type(ends), is_latched(ends)
+        _check_fields(expected, paths)
         printer = _Printer(style, paths)
-        listener, reader = Listener(live.transport, name, latched), Reader(name, expected)
-        live.reads(name, expected, "LATCHED" if latched else "SENSOR")
+        listener, reader = UntypedSubscriber(live.transport, name, latched), MessageReader(name, expected)
+        live.declare_subscription(name, expected, "LATCHED" if latched else "SENSOR")
         left = None if deadline is None else max(0.0, deadline - time.monotonic())
-        for _ in live.turns(listener.inlet, left):
-            for heard in listener.take():
+        for _ in live.spin(listener.inlet, left):
+            for heard in listener.drain():
                 printer.show(heard, reader.read(heard))
                 if printer.shown == asked.count:
                     return 0
         if listener.lost:
-            note(f"{listener.lost} messages were lost on the way here: they come faster than they can be shown")
+            write_note(f"{listener.lost} messages were lost on the way here: they come faster than they can be shown")
         if live.stopping:
             return INTERRUPTED if asked.count else 0
     if printer.shown and not asked.count:
@@ -81,54 +147,54 @@ def echo(place: Place, asked: Echo, style: Style) -> int:
 class _Printer:
     """Writes messages in the style that is asked for."""
 
-    def __init__(self, style: Style, paths: list[Path]) -> None:
+    def __init__(self, style: EchoFormat, paths: list[FieldPath]) -> None:
         self._style, self._paths = style, paths
         self._headed = style.no_header
         self.shown = 0
         whole = style.full_length or style.as_json or style.as_csv
-        self._most = style.most or (None if whole else MOST)
+        self._most = style.max_elements or (None if whole else MAX_ELEMENTS)
 
-    def show(self, heard: Heard, value: Any) -> None:
+    def show(self, heard: ReceivedSample, value: Any) -> None:
         """Write one message, with what came beside it if asked for."""
         if value is None:
             return
         style = self._style
         value = self._part(value)
-        if not style.as_json or style.no_arr or style.no_str or style.most:
-            value = trimmed(value, self._most, not style.no_arr, not style.no_str)
+        if not style.as_json or style.no_arr or style.no_str or style.max_elements:
+            value = truncate(value, self._most, not style.no_arr, not style.no_str)
         if style.with_info:
-            value = {"info": info(heard), "message": value}
+            value = {"info": sample_info(heard), "message": value}
         if style.as_json:
-            say_json(value, lines=True)
+            write_json(value, lines=True)
         elif style.as_csv:
             self._row(value)
         else:
-            say(flow(value) + "\n---\n" if style.flow_style else block(value) + "---\n", flush=True)
+            write_text(to_flow_yaml(value) + "\n---\n" if style.flow_style else to_yaml(value) + "---\n", flush=True)
         self.shown += 1
 
     def _part(self, value: Any) -> Any:
         if not self._paths:
             return value
         if len(self._paths) == 1 and not self._style.as_csv:
-            return pick(value, self._paths[0])
-        return {".".join(path): pick(value, path) for path in self._paths}
+            return get_field(value, self._paths[0])
+        return {".".join(path): get_field(value, path) for path in self._paths}
 
     def _row(self, value: Any) -> None:
-        columns = cells(value)
+        columns = csv_cells(value)
         if not self._headed:
             self._headed = True
-            say(row([name for name, _ in columns]))
-        say(row([text for _, text in columns]), flush=True)
+            write_text(csv_row([name for name, _ in columns]))
+        write_text(csv_row([text for _, text in columns]), flush=True)
 
 
-def _split(live: Session, name: str, paths: list[Path]) -> tuple[str, list[Path]]:
+def _split_field(live: CliNode, name: str, paths: list[FieldPath]) -> tuple[str, list[FieldPath]]:
     """The topic and the field in it, which rostopic's users write in one: ``/tb3_0/odom/pose/pose/position``."""
-    known = topics(snapshot(live.transport)) if not paths else {}
+    known = group_by_topic(snapshot(live.transport)) if not paths else {}
     if paths or name in known:
         return name, paths
     above = [each for each in known if name.startswith(f"{each}/")]
     longest = max(above, key=len, default="")
-    record = known_record(type_of(known[longest])) if longest else None
+    record = known_record(topic_type(known[longest])) if longest else None
     if record is None:
         return name, paths
     path = parse_path(name.removeprefix(f"{longest}/"))
@@ -136,7 +202,7 @@ def _split(live: Session, name: str, paths: list[Path]) -> tuple[str, list[Path]
     return longest, [path]
 
 
-def _check(type_name: str, paths: list[Path]) -> None:
+def _check_fields(type_name: str, paths: list[FieldPath]) -> None:
     """Refuse fields that the type does not have before any message came."""
     record = known_record(type_name)
     for path in paths if record is not None else ():

@@ -8,19 +8,17 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from deploy.live.clock import SimClock
-from deploy.live.ends import Ends, absolute, topics
-from deploy.live.listener import Heard, Listener
-from deploy.live.output import note, say, say_json
-from deploy.live.session import Session, session
-from deploy.live.subject import await_subject, is_latched, type_of
-from deploy.place import Place
+from deploy.live.connect import CliNode, cli_node
+from deploy.live.output import write_json, write_note, write_text
+from deploy.live.subscribers import ClockSubscriber, ReceivedSample, UntypedSubscriber
+from deploy.live.topics import TopicEndpoints, absolute_name, group_by_topic, is_latched, topic_type, wait_for_topic
+from deploy.network_address import NetworkAddress
 from services.runtime.errors import EleaError
 from services.runtime.graph import snapshot
 
-PERIOD_S = 1.0
+REPORT_PERIOD_S = 1.0
 """Wall time between two reports."""
-_CLOCK_S = 0.5
+_CLOCK_TIMEOUT_S = 0.5
 """Wall time that a sample without a stamp waits for the clock that tells when it was sent."""
 
 INTERRUPTED = 130
@@ -28,7 +26,7 @@ INTERRUPTED = 130
 
 
 @dataclass(frozen=True)
-class Terms:
+class MeasureOptions:
     """When to end (after ``count`` messages of each topic, 0 for never; after ``timeout`` [s]), whether to wait for a
     topic that nobody knows, and how to show it.
     """
@@ -47,11 +45,11 @@ class Meter(Protocol):
         """Messages so far."""
         ...
 
-    def take(self, heard: Heard, clock: SimClock) -> None:
+    def add(self, heard: ReceivedSample, clock: ClockSubscriber) -> None:
         """Take a sample; the clock has gone past the moment at which it was sent."""
         ...
 
-    def clear(self) -> None:
+    def reset(self) -> None:
         """Simulation time began anew."""
         ...
 
@@ -64,71 +62,75 @@ class Meter(Protocol):
         ...
 
 
-class _Channel:
+class _MeasuredTopic:
     """A topic, its meter, and the samples whose time is not known yet."""
 
-    def __init__(self, live: Session, name: str, meter: Meter, terms: Terms, graph: Mapping[str, Ends]) -> None:
-        ends = await_subject(live, name, terms.wait, graph)
+    def __init__(
+        self, live: CliNode, name: str, meter: Meter, terms: MeasureOptions, graph: Mapping[str, TopicEndpoints]
+    ) -> None:
+        ends = wait_for_topic(live, name, terms.wait, graph)
         latched = is_latched(ends)
         self.name, self.meter, self._count = name, meter, terms.count
-        self.listener = Listener(live.transport, name, latched)
-        live.reads(name, type_of(ends), "LATCHED" if latched else "SENSOR")
-        self._pending: deque[tuple[Heard, float]] = deque()
+        self.listener = UntypedSubscriber(live.transport, name, latched)
+        live.declare_subscription(name, topic_type(ends), "LATCHED" if latched else "SENSOR")
+        self._pending: deque[tuple[ReceivedSample, float]] = deque()
         self._epoch: int | None = None
-        self._told = -1
+        self._reported = -1
 
     @property
-    def full(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether it has what it was asked for."""
         return 0 < self._count <= self.meter.received
 
-    def follow(self, clock: SimClock, at_once: bool = False) -> None:
+    def update(self, clock: ClockSubscriber, at_once: bool = False) -> None:
         """Measure what has come, once the clock tells its time."""
         now = time.monotonic()
-        self._pending.extend((heard, now) for heard in self.listener.take())
-        while self._pending and not self.full:
+        self._pending.extend((heard, now) for heard in self.listener.drain())
+        while self._pending and not self.is_complete:
             heard, came = self._pending[0]
-            if not (at_once or clock.past(heard.sent) or now - came > _CLOCK_S):
+            if not (at_once or clock.covers(heard.sent_ns) or now - came > _CLOCK_TIMEOUT_S):
                 return
-            if clock.now is not None and clock.epoch != self._epoch and heard.sent >= clock.since:
+            if clock.now is not None and clock.epoch != self._epoch and heard.sent_ns >= clock.since:
                 if self._epoch is not None:
-                    self.meter.clear()
+                    self.meter.reset()
                 self._epoch = clock.epoch
             self._pending.popleft()
-            self.meter.take(heard, clock)
+            self.meter.add(heard, clock)
 
-    def news(self) -> bool:
+    def has_new(self) -> bool:
         """Whether something came since the last call."""
-        told, self._told = self._told, self.meter.received
-        return told != self._told and self._told > 0
+        told, self._reported = self._reported, self.meter.received
+        return told != self._reported and self._reported > 0
 
 
-def measure(place: Place, role: str, names: Sequence[str], make: Callable[[str], Meter], terms: Terms) -> int:
+def measure(
+    place: NetworkAddress, role: str, names: Sequence[str], make: Callable[[str], Meter], terms: MeasureOptions
+) -> int:
     """Measure the topics with a meter each; the exit status. Raises EleaError when nothing came within the timeout."""
-    wanted = list(dict.fromkeys(absolute(each) for each in names))
-    with session(place, role) as live:
-        graph = topics(snapshot(live.transport))
-        clock = SimClock(live.transport)
-        channels = [_Channel(live, name, make(name), terms, graph) for name in wanted]
-        epoch, due = None, time.monotonic() + PERIOD_S
-        for _ in live.turns(channels[0].listener.inlet, terms.timeout):
-            clock.follow()
+    wanted = list(dict.fromkeys(absolute_name(each) for each in names))
+    with cli_node(place, role) as live:
+        graph = group_by_topic(snapshot(live.transport))
+        clock = ClockSubscriber(live.transport)
+        channels = [_MeasuredTopic(live, name, make(name), terms, graph) for name in wanted]
+        epoch, due = None, time.monotonic() + REPORT_PERIOD_S
+        for _ in live.spin(channels[0].listener.inlet, terms.timeout):
+            clock.update()
             if clock.now is not None and clock.epoch != epoch:
                 if epoch is not None:
-                    note(f"simulation time began anew (epoch {clock.epoch})")
+                    write_note(f"simulation time began anew (epoch {clock.epoch})")
                 epoch = clock.epoch
             for each in channels:
-                each.follow(clock)
-            if all(each.full for each in channels):
+                each.update(clock)
+            if all(each.is_complete for each in channels):
                 break
             if time.monotonic() >= due:
-                due += PERIOD_S
-                _tell(channels, terms.as_json, len(channels) > 1)
-        clock.follow()
+                due += REPORT_PERIOD_S
+                _report(channels, terms.as_json, len(channels) > 1)
+        clock.update()
         for each in channels:
-            each.follow(clock, at_once=True)
-        _end(channels, terms)
-        complete = all(each.full for each in channels)
+            each.update(clock, at_once=True)
+        _report_final(channels, terms)
+        complete = all(each.is_complete for each in channels)
         if live.stopping and terms.count and not complete:
             return INTERRUPTED
     silent = [each.name for each in channels if not each.meter.received]
@@ -138,23 +140,23 @@ def measure(place: Place, role: str, names: Sequence[str], make: Callable[[str],
     return 0
 
 
-def _tell(channels: Sequence[_Channel], as_json: bool, named: bool) -> None:
+def _report(channels: Sequence[_MeasuredTopic], as_json: bool, named: bool) -> None:
     for each in channels:
-        if each.news():
+        if each.has_new():
             _show(each, as_json, named)
         elif not as_json:
-            say(f"no new messages{f' on {each.name}' if named else ''}\n", flush=True)
+            write_text(f"no new messages{f' on {each.name}' if named else ''}\n", flush=True)
 
 
-def _end(channels: Sequence[_Channel], terms: Terms) -> None:
+def _report_final(channels: Sequence[_MeasuredTopic], terms: MeasureOptions) -> None:
     """The last word on every topic, whether or not it was told already."""
     for each in channels:
         if each.meter.received:
             _show(each, terms.as_json, len(channels) > 1)
 
 
-def _show(channel: _Channel, as_json: bool, named: bool) -> None:
+def _show(channel: _MeasuredTopic, as_json: bool, named: bool) -> None:
     if as_json:
-        say_json(channel.meter.report(), lines=True)
+        write_json(channel.meter.report(), lines=True)
     else:
-        say((f"{channel.name}\n" if named else "") + channel.meter.text(), flush=True)
+        write_text((f"{channel.name}\n" if named else "") + channel.meter.text(), flush=True)

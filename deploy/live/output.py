@@ -22,29 +22,29 @@ def printable(text: str) -> str:
     return _CONTROL.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
-def say(text: str, *, flush: bool = False) -> None:
+def write_text(text: str, *, flush: bool = False) -> None:
     """Write text, with its control characters shown and not obeyed."""
-    with _quietly():
+    with _exit_on_output_errors():
         sys.stdout.write(printable(text))
         if flush:
             sys.stdout.flush()
 
 
-def say_json(value: Any, *, lines: bool = False) -> None:
+def write_json(value: Any, *, lines: bool = False) -> None:
     """Write a JSON document, on one line and at once for ``lines``. NaN and infinities are null, bytes are base64."""
     import msgspec
 
     written = msgspec.json.encode(value)
-    say((written if lines else msgspec.json.format(written, indent=2)).decode() + "\n", flush=lines)
+    write_text((written if lines else msgspec.json.format(written, indent=2)).decode() + "\n", flush=lines)
 
 
-def note(text: str) -> None:
+def write_note(text: str) -> None:
     """A remark beside the output, on standard error."""
     sys.stderr.write(printable(f"elea: {text}\n"))
     sys.stderr.flush()
 
 
-def reader_gone() -> bool:
+def is_pipe_closed() -> bool:
     """Whether nobody can read any more what would be written."""
     if sys.stdout.closed:
         return True
@@ -53,33 +53,33 @@ def reader_gone() -> bool:
     return any(event & (select.POLLERR | select.POLLNVAL) for _, event in poll.poll(0))
 
 
-def leave_quietly(status: int = 0) -> NoReturn:
+def exit_quietly(status: int = 0) -> NoReturn:
     """End the process after its reader."""
-    mute()
+    discard_output()
     raise SystemExit(status)
 
 
-def mute() -> None:
+def discard_output() -> None:
     """Write to nobody from now on: what is still in the buffers may not complain."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextmanager
-def unread() -> Iterator[None]:
+def ignore_output_errors() -> Iterator[None]:
     """For what is printed beside the real work: within, a reader that has closed the pipe, or a full disk, changes
     nothing of how the verb ends."""
     try:
         yield
     except OSError:
-        mute()
+        discard_output()
 
 
 @contextmanager
-def _quietly() -> Iterator[None]:
+def _exit_on_output_errors() -> Iterator[None]:
     try:
         yield
     except BrokenPipeError:
-        leave_quietly()
+        exit_quietly()
     except OSError as error:
-        note(f"the output cannot be written: {error.strerror}")
-        leave_quietly(1)
+        write_note(f"the output cannot be written: {error.strerror}")
+        exit_quietly(1)

@@ -1,33 +1,33 @@
-"""What the figures of a run mean where they are off by design, in words."""
+"""Notes of a report: what is off by design, and whether the machine kept up with real time."""
 
 from __future__ import annotations
 
 import math
 
-from deploy.fleet import Fleet, Robot
-from services.motion.planar import Motion
+from deploy.fleet import Fleet, RobotConfig
+from deploy.report.record import RunFigures
+from services.driving.planar import Twist2
 from services.runtime.errors import BadInput
-from services.runtime.parameters.record import build
+from services.runtime.parameters.validation import build
 from services.sim import BaseParameters
-from services.sim.base.settings import Settings, configured
-from services.sim.diffdrive.driver import AT_REST, Drive, advance, commanded
+from services.sim.drive.config import DriveConfig, robot_config
+from services.sim.drive.driver import AT_REST, Drive, commanded_velocity, step_drive
 from services.square import SquareParameters
-from services.square.expected import STEP_S, Base, expected, runs_on
-from services.square.seed import ANGLE_THRESHOLD
+from services.square.tutorial import ANGLE_THRESHOLD, STEP_S, BaseStep, overrun, predict
 
 
-def notes(fleet: Fleet) -> tuple[str, ...]:
+def fleet_notes(fleet: Fleet) -> tuple[str, ...]:
     """What the base driver warns of in its configuration, and one text for each square driven by the seed's law."""
     found = []
     for robot in fleet.robot:
-        found += _warnings(robot)
-        for member in (*robot.services, *(each for _, each in fleet.shared(robot))):
+        found += _base_warnings(robot)
+        for member in (*robot.services, *(each for _, each in fleet.shared_services(robot))):
             if member.kind == "square" and member.parameters.get("law") == "seed":
-                found.append(_seed(robot, build(SquareParameters, member.parameters)))
+                found.append(_tutorial_note(robot, build(SquareParameters, member.parameters)))
     return tuple(found)
 
 
-def _warnings(robot: Robot) -> list[str]:
+def _base_warnings(robot: RobotConfig) -> list[str]:
     try:
         settings = _settings(robot)
     except BadInput:
@@ -35,35 +35,61 @@ def _warnings(robot: Robot) -> list[str]:
     return [f"{robot.name}: {warning}" for warning in settings.warnings] if settings else []
 
 
-def _seed(robot: Robot, p: SquareParameters) -> str:
+def _tutorial_note(robot: RobotConfig, p: SquareParameters) -> str:
     settings = _settings(robot)
     if settings is None:
         return f"{robot.name} has no wheels: it drives no square."
     drive = settings.drive
-    ends = expected(p, _base(drive))
+    ends = predict(p, _ideal_base(drive))
     told = "it would not end"
     if ends is not None:
-        told = f"it would end {ends.closure:.3f} m and {abs(math.degrees(ends.turned)):.1f} deg from its start"
+        told = f"it would end {ends.closure:.3f} m and {abs(math.degrees(ends.excess_turn)):.1f} deg from its start"
     return (
         f"{robot.name} drives the seed's law, which is off by design. Ten times a second it acts on a pose that is up "
         f"to 0.1 s old; it takes a turn for done {math.degrees(ANGLE_THRESHOLD):.1f} deg before its end, but its base "
-        f"turns on by {math.degrees(runs_on(_base(drive), p.angular_speed)):.1f} deg and what the delay adds; the next "
-        "side counts from the place, and the next turn from the heading, at which it happens to be: the errors add up. "
+        f"turns on by {math.degrees(overrun(_ideal_base(drive), p.angular_speed)):.1f} deg and what the delay adds; "
+        "the next side counts from the place, and the next turn from the heading, at which it happens to be: "
+        "the errors add up. "
         f"On a base without any slip {told}."
     )
 
 
-def _settings(robot: Robot) -> Settings | None:
-    return configured(robot.model, build(BaseParameters, robot.parameters)).settings
+def _settings(robot: RobotConfig) -> DriveConfig | None:
+    return robot_config(robot.model, build(BaseParameters, robot.parameters)).drive_config
 
 
-def _base(drive: Drive) -> Base:
+def _ideal_base(drive: Drive) -> BaseStep:
     """The base driver of the simulation on wheels that follow exactly."""
     state = AT_REST
 
-    def move(command: Motion) -> Motion:
+    def move(command: Twist2) -> Twist2:
         nonlocal state
-        state = advance(drive, state, command.v, command.w, False, STEP_S)
-        return Motion(*commanded(drive, state))
+        state = step_drive(drive, state, command.v, command.w, False, STEP_S)
+        return Twist2(*commanded_velocity(drive, state))
 
     return move
+
+
+MAX_NAMED_NODES = 3
+"""Nodes named."""
+
+
+def real_time_notes(run: RunFigures, ok: bool) -> tuple[str, ...]:
+    """One note for a run in real time in which the simulation fell behind; or services, if its checks do not hold.
+
+    A tick now and then is missed on most machines, and harms nobody.
+    """
+    if run.mode != "real" or not (run.lag_s or (run.ticks_missed and not ok)):
+        return ()
+    parts = []
+    if run.lag_s:
+        parts.append(f"the simulation fell behind by {run.lag_s:.1f} s in all")
+    if run.ticks_missed:
+        worst = sorted(run.ticks_missed.items(), key=lambda each: -each[1])
+        named = ", ".join(f"{node} {missed}" for node, missed in worst[:MAX_NAMED_NODES])
+        rest = len(worst) - MAX_NAMED_NODES
+        parts.append(f"ticks were missed by {named}{f' and {rest} more' if rest > 0 else ''}")
+    return (
+        f"This machine did not keep up with real time at factor {run.factor:g}: {'; '.join(parts)}. What is missed may "
+        "be the machine's fault: let less run beside, take a lower --factor, or --mode lockstep, which waits.",
+    )

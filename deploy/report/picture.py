@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from io import BytesIO
 from pathlib import Path
 from textwrap import wrap
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -13,60 +14,227 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from PIL import Image
 
-from deploy.report.arm_picture import draw_arms, shown_arms
-from deploy.report.axes import FAINT, INK, Line, coloured, dress, shortened
 from deploy.report.record import Report
-from deploy.report.table import bases, squares
-from services.grader.records import TRAIL_COLUMNS, RobotFigures
+from deploy.report.table import format_fixed, format_number, square_lines, wheeled_robots
+from models import palette
+from services.grader.records import ARM_TRAIL_COLUMNS, ROBOT_TRAIL_COLUMNS, ArmFigures, RobotFigures, StepFigures
 
-WIDTH, HEIGHT, ARM_HEIGHT, EMPTY_HEIGHT, DPI = 13.5, 7.6, 3.4, 1.6, 130
-"""Inches; a run with robots that drive and arms is as high as both."""
+INK, FAINT, GRID = "#22272e", "#8a929c", "#e6e9ed"
 
-LEAST_SPEED, LEAST_DISTANCE = 0.01, 1e-5
-"""m/s and m that the axes reach at least: what lies far below is a rest of a calculation."""
+MAX_NAME_LENGTH = 28
+"""Characters of a name in a legend."""
 
-SHADES = 256
-"""Colours in the file: it looks the same, in a third of the bytes."""
+MAX_LINE_WIDTH, MIN_LINE_WIDTH = 2.5, 0.9
+"""Points; of lines that may lie on each other the first is the widest and lies below."""
+_DASHES: tuple[Any, ...] = ("-", (0, (7, 2)), (0, (4, 2)), (0, (2, 1.5)))
+
+
+class LineStyle(NamedTuple):
+    """How the line of one robot is drawn: where several lie on each other, each is still to be seen."""
+
+    colour: str
+    width: float
+    dash: Any
+    order: float
+
+    @property
+    def plot_options(self) -> dict[str, Any]:
+        """As Matplotlib takes it."""
+        return {"color": self.colour, "lw": self.width, "ls": self.dash, "zorder": 3 + self.order}
+
+
+def line_styles(names: Iterable[str]) -> dict[str, LineStyle]:
+    """A line for each of some robots; a robot alone has a solid one of the usual width."""
+    each = list(names)
+    if len(each) == 1:
+        return {each[0]: LineStyle("", 1.3, "-", 0.0)}
+    step = (MAX_LINE_WIDTH - MIN_LINE_WIDTH) / max(1, len(each) - 1)
+    return {
+        name: LineStyle("", MAX_LINE_WIDTH - step * index, _DASHES[index % len(_DASHES)], index / len(each))
+        for index, name in enumerate(each)
+    }
+
+
+def coloured_line_styles(names: Iterable[str], among: Iterable[str]) -> dict[str, LineStyle]:
+    """The lines of robots in the colours that they have ``among`` all robots of the fleet."""
+    colour = palette.colours(among)
+    return {name: line._replace(colour=palette.hexadecimal(colour[name])) for name, line in line_styles(names).items()}
+
+
+def shorten_name(name: str, most: int = MAX_NAME_LENGTH) -> str:
+    """A name of at most ``most`` characters: its end tells more than its beginning."""
+    return name if len(name) <= most else f"\N{HORIZONTAL ELLIPSIS}{name[1 - most :]}"
+
+
+def style_axes(axes: Any, title: str, x: str, y: str) -> None:
+    """Title, labels with units, numbers and grid."""
+    axes.set_title(title, loc="left", fontsize=10.5, color=INK, fontweight="bold")
+    axes.set_xlabel(x, fontsize=9, color=INK)
+    axes.set_ylabel(y, fontsize=9, color=INK)
+    axes.tick_params(labelsize=8.5, colors=INK, length=0)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter(lambda value, _, axis=axis: format_number(value, _largest_tick(axis)))
+    axes.grid(color=GRID, lw=0.8)
+    axes.set_axisbelow(True)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+
+
+def ensure_span(axes: Any, least: float) -> None:
+    """Let the y axis span ``least`` at least, in its unit: what lies far below is a rest of a calculation."""
+    low, high = axes.get_ylim()
+    if high - low < least:
+        middle = (low + high) / 2
+        axes.set_ylim(middle - least / 2, middle + least / 2)
+
+
+def _largest_tick(axis: Any) -> float:
+    """The largest number on an axis, without sign."""
+    low, high = axis.get_view_interval()
+    return float(max(abs(low), abs(high)))
+
+
+STEP_CLOSE_UP_S = 0.6
+"""Of a step, so much is shown from near, and a tenth of it before."""
+
+MIN_SPANS = (0.1, 0.01, 0.1)
+"""What the axes of angle [deg], error [deg] and effort [N m] span at least."""
 
 Trails = dict[str, np.ndarray]
 
 
-def picture(report: Report, trajectories: Path) -> bytes:
+def measured_arms(report: Report, arrays: Trails) -> dict[str, ArmFigures]:
+    """The arms of a run of which there is something to show."""
+    return {
+        name: each
+        for name, each in report.robots.items()
+        if isinstance(each, ArmFigures) and len(arrays[f"{name}.trail"])
+    }
+
+
+def draw_arms(
+    near: Any, over_time: tuple[Any, Any, Any], arms: dict[str, ArmFigures], arrays: Trails, line: dict[str, LineStyle]
+) -> None:
+    """Draw the largest steps into ``near``, None without any, and angle, error and effort into the axes of one time."""
+    angle, error, effort = over_time
+    error.sharex(angle)
+    effort.sharex(angle)
+    for name, figures in arms.items():
+        trail, drawn, label = arrays[f"{name}.trail"], line[name].plot_options, shorten_name(name)
+        time = _arm_column(trail, "time")
+        wanted, held = _arm_column(trail, "reference"), {"drawstyle": "steps-post"}
+        angle.plot(time, wanted, color=FAINT, lw=3.4, alpha=0.6, label=_arm_label("reference", label, arms), **held)
+        angle.plot(time, _arm_column(trail, "angle"), **drawn, label=label)
+        error.plot(time, _arm_column(trail, "error"), **drawn, label=_tracking_label(label, figures))
+        effort.plot(time, _arm_column(trail, "effort"), **drawn, **held, label=_effort_label(label, figures))
+        if near is not None and figures.steps:
+            largest = max(figures.steps, key=lambda each: abs(each.to_deg - each.from_deg))
+            _draw_step(near, trail, largest, drawn, label)
+    _limit_error_axis(error, arms)
+    if near is not None:
+        style_axes(near, "Arm: largest step", "time since the step [s]", "angle [deg]")
+        near.legend(loc="lower right", fontsize=8, frameon=False, labelcolor=INK)
+    style_axes(angle, "Arm: reference and true angle", "simulation time [s]", "angle [deg]")
+    style_axes(error, "Error, cut off at steps", "simulation time [s]", "error [deg]")
+    style_axes(effort, "Effort", "simulation time [s]", "effort [N m]")
+    for each, least in zip(over_time, MIN_SPANS, strict=True):
+        ensure_span(each, least)
+        low, high = each.get_ylim()
+        each.set_ylim(low, high + 0.3 * (high - low))
+        each.legend(loc="upper left", ncols=2, fontsize=8, frameon=False, labelcolor=INK)
+
+
+def _arm_label(what: str, name: str, arms: dict[str, ArmFigures]) -> str:
+    return what if len(arms) == 1 else f"{name}: {what}"
+
+
+def _arm_column(trail: np.ndarray, name: str) -> np.ndarray:
+    column: np.ndarray = trail[:, ARM_TRAIL_COLUMNS.index(name)]
+    return column
+
+
+def _limit_error_axis(axes: Any, arms: dict[str, ArmFigures]) -> None:
+    """A step's error is as large as the step; what is worth seeing is a hundredth of it."""
+    figures = (each for arm in arms.values() for each in (arm.tracking_max_deg, arm.step_steady_error_deg))
+    if worth := [each for each in figures if each is not None]:
+        reach = max(0.05, 1.6 * max(worth))
+        axes.set_ylim(-reach, reach)
+
+
+def _draw_step(axes: Any, trail: np.ndarray, step: StepFigures, drawn: dict[str, Any], name: str) -> None:
+    since = _arm_column(trail, "time") - step.at_s
+    shown = (since >= -STEP_CLOSE_UP_S / 10) & (since <= STEP_CLOSE_UP_S)
+    axes.step(since[shown], _arm_column(trail, "reference")[shown], where="post", color=FAINT, lw=2.4, alpha=0.7)
+    label = (
+        f"{name}: {format_fixed(step.final_deg, 2)} deg, rise {1000 * step.rise_s:.0f} ms,\n"
+        f"overshoot {step.overshoot_percent:.2f} %, settled in {1000 * step.settling_s:.0f} ms"
+    )
+    axes.plot(since[shown], _arm_column(trail, "angle")[shown], **drawn, marker=".", ms=3, label=label)
+    start, way = step.from_deg, step.final_deg - step.from_deg
+    for share in (0.1, 0.9):
+        axes.axhline(start + share * way, color=INK, lw=0.6, ls=(0, (1, 4)))
+    axes.axvline(step.settling_s, color=INK, lw=0.6, ls=(0, (1, 4)))
+
+
+def _tracking_label(name: str, figures: ArmFigures) -> str:
+    parts = []
+    if figures.tracking_rms_deg is not None:
+        parts.append(f"{figures.tracking_rms_deg:.3f} deg rms in motion")
+    if figures.step_steady_error_deg is not None:
+        parts.append(f"{figures.step_steady_error_deg:.3f} deg at rest")
+    return f"{name}: " + "\n".join(parts) if parts else name
+
+
+def _effort_label(name: str, figures: ArmFigures) -> str:
+    return f"{name}: saturated for {figures.saturated_s:.2f} s"
+
+
+WIDTH, HEIGHT, ARM_HEIGHT, EMPTY_HEIGHT, DPI = 13.5, 7.6, 3.4, 1.6, 130
+"""Inches; a run with robots that drive and arms is as high as both."""
+
+MIN_SPEED_SPAN, MIN_DISTANCE_SPAN = 0.01, 1e-5
+"""m/s and m that the axes reach at least: what lies far below is a rest of a calculation."""
+
+PALETTE_SIZE = 256
+"""Colours in the file: it looks the same, in a third of the bytes."""
+
+
+def render_png(report: Report, trajectories: Path) -> bytes:
     """The PNG's bytes; ``trajectories`` is what the grader stored. Only what has something to show gets a plot."""
-    figure = drawn(report, trajectories)
+    figure = draw_figure(report, trajectories)
     plain, out = BytesIO(), BytesIO()
     figure.savefig(plain, format="png", pil_kwargs={"compress_level": 1})
     with Image.open(plain) as whole:
-        shades = whole.convert("RGB").quantize(SHADES, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+        shades = whole.convert("RGB").quantize(PALETTE_SIZE, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     shades.save(out, "PNG", optimize=True)
     return out.getvalue()
 
 
-def drawn(report: Report, trajectories: Path) -> Figure:
+def draw_figure(report: Report, trajectories: Path) -> Figure:
     """The same as a figure of Matplotlib."""
     with np.load(trajectories) as stored:
         arrays: Trails = {name: stored[name] for name in stored.files}
-    driving = {name: each for name, each in bases(report).items() if len(arrays[f"{name}.trail"])}
-    arms = shown_arms(report, arrays)
+    driving = {name: each for name, each in wheeled_robots(report).items() if len(arrays[f"{name}.trail"])}
+    arms = measured_arms(report, arrays)
     height = (HEIGHT if driving or not arms else 0.0) + (ARM_HEIGHT if driving and arms else HEIGHT if arms else 0.0)
     height = height if driving or arms else EMPTY_HEIGHT
     figure = Figure(figsize=(WIDTH, height), dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
     if driving:
         bottom = ((ARM_HEIGHT if arms else 0.0) + 0.874) / height
-        _bases(figure, bottom, report, driving, arrays)
+        _draw_bases(figure, bottom, report, driving, arrays)
     if arms:
         near, *rest = _arm_axes(figure, bool(driving), any(each.steps for each in arms.values()))
-        draw_arms(near, (rest[0], rest[1], rest[2]), arms, arrays, coloured(arms, report.robots))
+        draw_arms(near, (rest[0], rest[1], rest[2]), arms, arrays, coloured_line_styles(arms, report.robots))
     if not driving and not arms:
         figure.text(0.055, 0.2, "Nothing was measured: no robot was seen.", fontsize=11, color=INK)
-    _head(figure, report)
+    _draw_header(figure, report)
     return figure
 
 
-def _bases(figure: Any, bottom: float, report: Report, driving: dict[str, RobotFigures], arrays: Trails) -> None:
+def _draw_bases(figure: Any, bottom: float, report: Report, driving: dict[str, RobotFigures], arrays: Trails) -> None:
     """The robots that drive, above ``bottom``, a share of the height; their legend lies below it."""
-    top, line = 1 - 1.102 / figure.get_figheight(), coloured(driving, report.robots)
+    top, line = 1 - 1.102 / figure.get_figheight(), coloured_line_styles(driving, report.robots)
     tracked = [name for name in driving if not np.isnan(_column(arrays[f"{name}.trail"], "cross_track")).all()]
     grid = figure.add_gridspec(
         2 if tracked else 1,
@@ -82,17 +250,17 @@ def _bases(figure: Any, bottom: float, report: Report, driving: dict[str, RobotF
     above, along = figure.add_subplot(grid[:, 0]), figure.add_subplot(grid[-1, 1])
     for name in driving:
         trail = arrays[f"{name}.trail"]
-        _paths(above, arrays[f"{name}.path"], trail, line[name].colour, shortened(name))
-        along.plot(_column(trail, "time"), _column(trail, "speed"), **line[name].drawn, label=shortened(name))
+        _draw_path(above, arrays[f"{name}.path"], trail, line[name].colour, shorten_name(name))
+        along.plot(_column(trail, "time"), _column(trail, "speed"), **line[name].plot_options, label=shorten_name(name))
     if tracked:
         across = figure.add_subplot(grid[0, 1], sharex=along)
-        _cross_track(across, {name: driving[name] for name in tracked}, arrays, line)
-    dress(above, "Paths seen from above", "x [m]", "y [m]")
+        _draw_cross_track(across, {name: driving[name] for name in tracked}, arrays, line)
+    style_axes(above, "Paths seen from above", "x [m]", "y [m]")
     above.set_aspect("equal", adjustable="datalim")
-    dress(along, "True speed", "simulation time [s]", "speed [m/s]")
-    _key(along, LEAST_SPEED)
-    _squares(above, report)
-    _legend(figure, above, bottom - 0.813 / figure.get_figheight(), bool(tracked))
+    style_axes(along, "True speed", "simulation time [s]", "speed [m/s]")
+    _add_line_legend(along, MIN_SPEED_SPAN)
+    _draw_square_notes(above, report)
+    _add_path_legend(figure, above, bottom - 0.813 / figure.get_figheight(), bool(tracked))
 
 
 def _arm_axes(figure: Any, beside: bool, steps: bool) -> list[Any]:
@@ -113,11 +281,11 @@ def _arm_axes(figure: Any, beside: bool, steps: bool) -> list[Any]:
 
 
 def _column(trail: np.ndarray, name: str) -> np.ndarray:
-    column: np.ndarray = trail[:, TRAIL_COLUMNS.index(name)]
+    column: np.ndarray = trail[:, ROBOT_TRAIL_COLUMNS.index(name)]
     return column
 
 
-def _paths(axes: Any, path: np.ndarray, trail: np.ndarray, colour: str, name: str) -> None:
+def _draw_path(axes: Any, path: np.ndarray, trail: np.ndarray, colour: str, name: str) -> None:
     axes.plot(path[:, 0], path[:, 1], color=colour, lw=5, alpha=0.16, solid_joinstyle="round", zorder=1)
     axes.plot(_column(trail, "x"), _column(trail, "y"), color=colour, lw=1.3, label=name, zorder=3)
     # Odometry may come less often than ground truth; between its samples the trail has none.
@@ -128,9 +296,9 @@ def _paths(axes: Any, path: np.ndarray, trail: np.ndarray, colour: str, name: st
     axes.plot(start[:, 0], start[:, 1], ls="", marker="s", ms=6, color=colour, zorder=6)
 
 
-def _squares(axes: Any, report: Report) -> None:
+def _draw_square_notes(axes: Any, report: Report) -> None:
     """How each square closed, and why it did not, below the title of the paths."""
-    lines = [line for line in squares(report) if "closed" in line]
+    lines = [line for line in square_lines(report) if "closed" in line]
     lines += [line for note in report.notes for line in wrap(note, 78)]
     if lines:
         axes.text(0.01, 0.985, "\n".join(lines), transform=axes.transAxes, va="top", fontsize=7.5, color=INK, zorder=7)
@@ -139,24 +307,28 @@ def _squares(axes: Any, report: Report) -> None:
         axes.plot([reach.x0], [reach.y1 + reach.height * (0.05 + 0.03 * len(lines))], ls="")
 
 
-def _cross_track(axes: Any, robots: dict[str, RobotFigures], arrays: Trails, line: dict[str, Line]) -> None:
+def _draw_cross_track(axes: Any, robots: dict[str, RobotFigures], arrays: Trails, line: dict[str, LineStyle]) -> None:
     largest = max((each.cross_track_max_m or 0.0 for each in robots.values()), default=0.0)
     factor, unit = (1000.0, "mm") if largest < 0.1 else (1.0, "m")
     for name, figures in robots.items():
         trail, rms = arrays[f"{name}.trail"], figures.cross_track_rms_m
-        label = shortened(name) if rms is None else f"{shortened(name)}: rms {rms * factor:.2f} {unit}"
-        axes.plot(_column(trail, "time"), factor * _column(trail, "cross_track"), **line[name].drawn, label=label)
-    dress(axes, "Distance of the true position from the reference path", "simulation time [s]", f"distance [{unit}]")
-    _key(axes, LEAST_DISTANCE * factor)
+        label = shorten_name(name) if rms is None else f"{shorten_name(name)}: rms {rms * factor:.2f} {unit}"
+        axes.plot(
+            _column(trail, "time"), factor * _column(trail, "cross_track"), **line[name].plot_options, label=label
+        )
+    style_axes(
+        axes, "Distance of the true position from the reference path", "simulation time [s]", f"distance [{unit}]"
+    )
+    _add_line_legend(axes, MIN_DISTANCE_SPAN * factor)
 
 
-def _key(axes: Any, least: float) -> None:
+def _add_line_legend(axes: Any, least: float) -> None:
     """A legend over the lines, which begin at 0 and make room for it; the axis reaches ``least`` at least."""
     axes.set_ylim(0, 1.3 * max(least, axes.get_ylim()[1]))
     axes.legend(loc="upper center", ncols=3, fontsize=8, frameon=False, labelcolor=INK, handlelength=3)
 
 
-def _legend(figure: Any, axes: Any, bottom: float, planned: bool) -> None:
+def _add_path_legend(figure: Any, axes: Any, bottom: float, planned: bool) -> None:
     reference = [Line2D([], [], color=FAINT, lw=5, alpha=0.4, label="reference")]
     points = [Line2D([], [], color=FAINT, ls="", marker="o", mfc="white", ms=5, label="point")]
     kinds = [
@@ -178,8 +350,8 @@ def _legend(figure: Any, axes: Any, bottom: float, planned: bool) -> None:
     )
 
 
-def _head(figure: Any, report: Report) -> None:
-    run, driving = report.run, bases(report).values()
+def _draw_header(figure: Any, report: Report) -> None:
+    run, driving = report.run, wheeled_robots(report).values()
     name_at, facts_at = (1 - inches / figure.get_figheight() for inches in (0.418, 0.699))
     figure.text(0.055, name_at, f"{run.fleet}", fontsize=17, fontweight="bold", color=INK)
     verdict, colour = ("all checks hold", "#1a7f37") if report.ok else ("checks missed", "#c1121f")

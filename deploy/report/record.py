@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from messages.parameters import Origin, Value
-from services.grader.records import Ended, Figures, Measurements
+from services.grader.records import EndReason, Figures, Measurements
 
 SCHEMA: Literal[1] = 1
 REPORT_FILE = "report.json"
@@ -23,7 +23,7 @@ def _positive(text: str, unit: str | None = None) -> Meta:
     return Meta(ge=0, description=text, extra_json_schema={"unit": unit} if unit else None)
 
 
-class Effective(msgspec.Struct, frozen=True, kw_only=True):
+class EffectiveParameter(msgspec.Struct, frozen=True, kw_only=True):
     """A parameter at the end of the run."""
 
     value: Annotated[Value, _text("its value")]
@@ -56,7 +56,7 @@ class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
     absent: tuple[str, ...] = ()
     lag_s: float = 0.0
     notes: tuple[str, ...] = ()
-    parameters: dict[str, dict[str, Effective]] = {}
+    parameters: dict[str, dict[str, EffectiveParameter]] = {}
     checks: tuple[Check, ...] = ()
 
 
@@ -65,7 +65,7 @@ class RunFigures(msgspec.Struct, frozen=True, kw_only=True):
 
     fleet: Annotated[str, _text("name of the fleet")]
     mode: Annotated[str, _text("lockstep or real; free in reports of earlier versions")]
-    ended: Annotated[Ended, _text("goals: all robots finished; duration: time was up; stopped: from outside")]
+    ended: Annotated[EndReason, _text("goals: all robots finished; duration: time was up; stopped: from outside")]
     started: Annotated[str, _text("wall-clock time of the start, ISO 8601; empty when not known")]
     sim_seconds: Annotated[float, _positive("simulation time measured", "s")]
     wall_seconds: Annotated[float, _positive("wall time that it took", "s")]
@@ -126,7 +126,8 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     robots: dict[str, Figures]
     checks: tuple[Check, ...]
     parameters: Annotated[
-        dict[str, dict[str, Effective]], _text("live parameters that are not at their defaults, by set and name")
+        dict[str, dict[str, EffectiveParameter]],
+        _text("live parameters that are not at their defaults, by set and name"),
     ]
     notes: Annotated[
         tuple[str, ...], _text("what is off by design, by its configuration or by the machine, and why, in words")

@@ -5,10 +5,24 @@ from __future__ import annotations
 import sys
 from typing import TextIO
 
-from deploy.report.numbers import fixed, plain
-from deploy.report.own_checks import is_own
+from deploy.report.checks import is_service_check
 from deploy.report.record import Check, Report
 from services.grader.records import ArmFigures, CornerFigures, RobotFigures
+
+ROUNDING_SHARE = 1e-6
+"""What is smaller than this share of the numbers beside it is zero."""
+
+
+def format_fixed(value: float, digits: int, sign: bool = False) -> str:
+    """With so many digits behind the point; with ``sign``, a plus before what is above zero."""
+    text = f"{value:{'+' if sign else ''}.{digits}f}"
+    return text if float(text) else f"{0:.{digits}f}"
+
+
+def format_number(value: float, scale: float) -> str:
+    """As short as it goes, beside numbers of the size ``scale``."""
+    return "0" if abs(value) < ROUNDING_SHARE * abs(scale) or value == 0 else f"{value:.6g}"
+
 
 _HEADINGS = (
     ("", "robot"),
@@ -26,14 +40,14 @@ _HEADINGS = (
 """Of two lines each, so that the table fits 80 columns; track is the cross-track error."""
 
 
-def show(report: Report, out: TextIO | None = None) -> None:
+def print_report(report: Report, out: TextIO | None = None) -> None:
     """Print the report to ``out``, standard output if None."""
     out = out or sys.stdout
-    rows = [_row(name, figures) for name, figures in bases(report).items()]
+    rows = [_row(name, figures) for name, figures in wheeled_robots(report).items()]
     if out.isatty():
-        _coloured(report, rows, out)
+        _print_coloured(report, rows, out)
     else:
-        _plain(report, rows, out)
+        _print_plain(report, rows, out)
 
 
 def summary(report: Report) -> str:
@@ -47,29 +61,29 @@ def summary(report: Report) -> str:
     )
 
 
-def missed(report: Report) -> list[str]:
+def missed_lines(report: Report) -> list[str]:
     """One line for each check that does not hold."""
     lines = []
     for each in report.checks:
         if not each.ok:
-            lines += [f"missed: {stated(each)}", *_named(each.name, report)]
+            lines += [f"missed: {describe_check(each)}", *_cause_lines(each.name, report)]
     return lines
 
 
-def stated(check: Check) -> str:
+def describe_check(check: Check) -> str:
     """A check in words."""
     sign = {"min": "at least", "max": "at most"}
-    value = "not measured" if check.value is None else plain(check.value, check.bound)
+    value = "not measured" if check.value is None else format_number(check.value, check.bound)
     reason = f": {check.reason}" if check.reason else ""
     return f"{check.name} is {value}, should be {sign[check.kind]} {check.bound:g}{reason}"
 
 
-def own(report: Report) -> list[str]:
+def service_check_lines(report: Report) -> list[str]:
     """The checks of the services' own that hold; those that do not are told as missed."""
-    return [f"holds: {stated(each)}" for each in report.checks if is_own(each) and each.ok]
+    return [f"holds: {describe_check(each)}" for each in report.checks if is_service_check(each) and each.ok]
 
 
-def _named(check: str, report: Report) -> list[str]:
+def _cause_lines(check: str, report: Report) -> list[str]:
     """What stands behind a count that is too high."""
     if check == "nodes_absent":
         return [f"  time began without {', '.join(report.run.absent)}"]
@@ -83,37 +97,37 @@ def _named(check: str, report: Report) -> list[str]:
     ]
 
 
-def told(report: Report) -> list[str]:
+def detail_lines(report: Report) -> list[str]:
     """What the table has no columns for."""
     return [
-        *squares(report),
-        *stops(report),
-        *arms(report),
-        *own(report),
+        *square_lines(report),
+        *stop_lines(report),
+        *arm_lines(report),
+        *service_check_lines(report),
         *report.notes,
-        *later(report),
-        *onlookers(report),
+        *pending_change_lines(report),
+        *observer_loss_lines(report),
     ]
 
 
-def later(report: Report) -> list[str]:
+def pending_change_lines(report: Report) -> list[str]:
     """The scheduled changes whose time the run did not reach."""
     left = [f"{each.set} at {each.at_s:g} s" for each in report.changes if each.made is None]
     return [f"not reached before the end: the scheduled changes of {', '.join(left)}"] if left else []
 
 
-def onlookers(report: Report) -> list[str]:
+def observer_loss_lines(report: Report) -> list[str]:
     """What those missed who only looked on: it is not the run's loss."""
     missed = ", ".join(f"{node} {count}" for node, count in report.run.onlookers_lost.items())
     return [f"messages missed by onlookers, which the run does not depend on: {missed}"] if missed else []
 
 
-def bases(report: Report) -> dict[str, RobotFigures]:
+def wheeled_robots(report: Report) -> dict[str, RobotFigures]:
     """The robots that drive."""
     return {name: each for name, each in report.robots.items() if isinstance(each, RobotFigures)}
 
 
-def arms(report: Report) -> list[str]:
+def arm_lines(report: Report) -> list[str]:
     """For each arm: how it took its largest step and how it followed, and how hard it had to work."""
     lines = []
     for name, each in report.robots.items():
@@ -121,9 +135,10 @@ def arms(report: Report) -> list[str]:
             continue
         for step in each.steps:
             lines.append(
-                f"{name}: step from {fixed(step.from_deg, 1)} to {fixed(step.to_deg, 1)} deg at {step.at_s:.2f} s: "
-                f"rise {step.rise_s:.3f} s, overshoot {step.overshoot_percent:.2f} %, settled in "
-                f"{step.settling_s:.3f} s at {fixed(step.final_deg, 3)} deg, error {step.steady_error_deg:.3f} deg"
+                f"{name}: step from {format_fixed(step.from_deg, 1)} to {format_fixed(step.to_deg, 1)} deg "
+                f"at {step.at_s:.2f} s: rise {step.rise_s:.3f} s, overshoot {step.overshoot_percent:.2f} %, settled in "
+                f"{step.settling_s:.3f} s at {format_fixed(step.final_deg, 3)} deg, "
+                f"error {step.steady_error_deg:.3f} deg"
             )
         if each.tracking_rms_deg is not None:
             most = _number(each.tracking_max_deg, 1, 3)
@@ -135,13 +150,13 @@ def arms(report: Report) -> list[str]:
     return lines
 
 
-def squares(report: Report) -> list[str]:
+def square_lines(report: Report) -> list[str]:
     """For each robot that drove a closed way: how it met the corners, and how the way closed."""
     lines = []
-    for name, each in bases(report).items():
+    for name, each in wheeled_robots(report).items():
         met = [corner for corner in each.corners if corner is not None]
         if met and len(met) <= 8:
-            off, turned = _each(met, "true_m", 1000, 1), _each(met, "true_deg", 1, 2, sign=True)
+            off, turned = _join_corners(met, "true_m", 1000, 1), _join_corners(met, "true_deg", 1, 2, sign=True)
             lines.append(f"{name}: off its corners by {off} mm, in heading {turned} deg")
         elif met:
             most, turn = max(corner.true_m for corner in met), max(abs(corner.true_deg) for corner in met)
@@ -154,13 +169,13 @@ def squares(report: Report) -> list[str]:
     return lines
 
 
-def stops(report: Report) -> list[str]:
+def stop_lines(report: Report) -> list[str]:
     """For each robot whose commander fell silent: how it came to rest, against the theory."""
     return [
         f"{name}: left without a command {each.stops} times; from {_number(each.stop_speed, 1, 2)} m/s to rest in "
         f"{_number(each.stop_time_s, 1, 2)} s and {_number(each.stop_distance_m, 1000, 0)} mm (theory "
         f"{_number(each.stop_time_theory_s, 1, 2)} s, {_number(each.stop_distance_theory_m, 1000, 0)} mm)"
-        for name, each in bases(report).items()
+        for name, each in wheeled_robots(report).items()
         if each.stops
     ]
 
@@ -187,24 +202,24 @@ def _row(name: str, figures: RobotFigures) -> tuple[str, ...]:
     )
 
 
-def _each(corners: list[CornerFigures], name: str, factor: float, digits: int, sign: bool = False) -> str:
-    return " ".join(fixed(factor * getattr(corner, name), digits, sign) for corner in corners)
+def _join_corners(corners: list[CornerFigures], name: str, factor: float, digits: int, sign: bool = False) -> str:
+    return " ".join(format_fixed(factor * getattr(corner, name), digits, sign) for corner in corners)
 
 
 def _number(value: float | None, factor: float, digits: int) -> str:
-    return "-" if value is None else fixed(value * factor, digits)
+    return "-" if value is None else format_fixed(value * factor, digits)
 
 
-def _plain(report: Report, rows: list[tuple[str, ...]], out: TextIO) -> None:
+def _print_plain(report: Report, rows: list[tuple[str, ...]], out: TextIO) -> None:
     lines = [*zip(*_HEADINGS, strict=True), *rows]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     for row in lines if rows or not report.robots else ():
         cells = [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
         out.write("  ".join(cells).rstrip() + "\n")
-    out.write("\n".join((*told(report), summary(report), *missed(report), verdict(report))) + "\n")
+    out.write("\n".join((*detail_lines(report), summary(report), *missed_lines(report), verdict(report))) + "\n")
 
 
-def _coloured(report: Report, rows: list[tuple[str, ...]], out: TextIO) -> None:
+def _print_coloured(report: Report, rows: list[tuple[str, ...]], out: TextIO) -> None:
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
@@ -219,9 +234,9 @@ def _coloured(report: Report, rows: list[tuple[str, ...]], out: TextIO) -> None:
         table.add_row(*row, style="red" if row[0] in bad else None)
     if rows or not report.robots:
         console.print(table)
-    for line in told(report):
+    for line in detail_lines(report):
         console.print(Text(line))
     console.print(Text(summary(report), style="dim"))
-    for line in missed(report):
+    for line in missed_lines(report):
         console.print(Text(line, style="red"))
     console.print(Text(verdict(report), style="bold green" if report.ok else "bold red"))

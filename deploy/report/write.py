@@ -6,11 +6,11 @@ from pathlib import Path
 
 import msgspec
 
-from deploy.report.bounds import Bounds, checks
-from deploy.report.lateness import lateness
+from deploy.report.checks import Bounds, check_figures
+from deploy.report.notes import real_time_notes
 from deploy.report.record import PICTURE_FILE, REPORT_FILE, SCHEMA, Report, RunFacts, member_notes, run_figures
-from services.grader.folder import write_whole
 from services.grader.records import MEASUREMENTS_FILE, TRAJECTORIES_FILE, Measurements
+from services.grader.results import write_atomic
 from services.runtime.errors import BadInput
 
 
@@ -25,10 +25,10 @@ def read_measurements(folder: Path) -> Measurements:
         raise BadInput(f"{path} cannot be read: {error}") from None
 
 
-def compose(measured: Measurements, facts: RunFacts, bounds: Bounds) -> Report:
+def build_report(measured: Measurements, facts: RunFacts, bounds: Bounds) -> Report:
     """The report of a run."""
     run = run_figures(facts, measured)
-    found = (*checks(run, measured.robots, bounds), *facts.checks)
+    found = (*check_figures(run, measured.robots, bounds), *facts.checks)
     ok = all(each.ok for each in found)
     return Report(
         schema=SCHEMA,
@@ -37,7 +37,7 @@ def compose(measured: Measurements, facts: RunFacts, bounds: Bounds) -> Report:
         robots=measured.robots,
         checks=found,
         parameters=facts.parameters,
-        notes=(*facts.notes, *member_notes(measured), *lateness(run, ok)),
+        notes=(*facts.notes, *member_notes(measured), *real_time_notes(run, ok)),
         changes=facts.changes,
     )
 
@@ -47,12 +47,12 @@ def write_report(folder: Path, facts: RunFacts, bounds: Bounds) -> Report:
 
     Raises BadInput when the folder cannot be written, or when the grader left nothing.
     """
-    report = compose(read_measurements(folder), facts, bounds)
-    write_whole(folder / REPORT_FILE, to_json(report))
+    report = build_report(read_measurements(folder), facts, bounds)
+    write_atomic(folder / REPORT_FILE, to_json(report))
     if (folder / TRAJECTORIES_FILE).exists():
-        from deploy.report.picture import picture
+        from deploy.report.picture import render_png
 
-        write_whole(folder / PICTURE_FILE, picture(report, folder / TRAJECTORIES_FILE))
+        write_atomic(folder / PICTURE_FILE, render_png(report, folder / TRAJECTORIES_FILE))
     return report
 
 

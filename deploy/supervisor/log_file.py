@@ -7,16 +7,16 @@ import queue
 import threading
 from pathlib import Path
 
-LARGEST = 8 << 20
+MAX_LOG_BYTES = 8 << 20
 """Bytes of a log file; it is then renamed to ``.1`` in place of an older one, and a new one begun."""
 
-LONGEST = 500
+MAX_LINE_LENGTH = 500
 """Characters of a process's last words."""
 
-MOST_WAITING = 64
+MAX_QUEUED_CHUNKS = 64
 """Chunks of at most 64 KiB that wait for a disk which does not answer, as a network drive may; what a process writes
 beyond them is dropped, and the lines are counted."""
-PATIENCE_S = 1.0
+WRITE_TIMEOUT_S = 1.0
 """Wall time that a process waits for the disk before its lines are dropped: a burst loses none on a disk that works."""
 
 _CHUNK = 1 << 16
@@ -28,19 +28,19 @@ def log_name(process: str) -> str:
     return f"{process.replace('/', '.')}.log"
 
 
-def pump(pipe: int, path: Path, largest: int = LARGEST) -> threading.Thread:
+def start_log_writer(pipe: int, path: Path, largest: int = MAX_LOG_BYTES) -> threading.Thread:
     """Read the file descriptor ``pipe`` to its end and close it; the thread that returns ends with the last write.
 
     One thread reads and one writes: a disk that hangs does not fill the pipe, on which the process would wait.
     """
-    waiting: queue.Queue[bytes | None] = queue.Queue(MOST_WAITING)
+    waiting: queue.Queue[bytes | None] = queue.Queue(MAX_QUEUED_CHUNKS)
     writer = threading.Thread(target=_write, args=(waiting, path, largest), name=f"log {path.name}", daemon=True)
     writer.start()
     threading.Thread(target=_read, args=(pipe, waiting), name=f"pipe {path.name}", daemon=True).start()
     return writer
 
 
-def note(path: Path, text: str) -> None:
+def append_note(path: Path, text: str) -> None:
     """Append a line of the supervisor's own; a disk that refuses it is not worth a fleet."""
     try:
         _append(path, f"{_NOTE}{text}\n".encode())
@@ -48,7 +48,7 @@ def note(path: Path, text: str) -> None:
         return
 
 
-def last_words(path: Path) -> str:
+def last_line(path: Path) -> str:
     """The last line that the process itself has written, at most LONGEST characters; empty when there is none."""
     try:
         with path.open("rb") as file:
@@ -57,7 +57,7 @@ def last_words(path: Path) -> str:
     except OSError:
         return ""
     own = (line.strip() for line in reversed(lines) if line.strip() and not line.startswith(_NOTE))
-    return next(own, "")[:LONGEST]
+    return next(own, "")[:MAX_LINE_LENGTH]
 
 
 def _read(pipe: int, waiting: queue.Queue[bytes | None]) -> None:
@@ -68,7 +68,7 @@ def _read(pipe: int, waiting: queue.Queue[bytes | None]) -> None:
                 waiting.put(_dropped(dropped))
                 dropped = 0
             try:
-                waiting.put(chunk, timeout=0.001 if dropped else PATIENCE_S)
+                waiting.put(chunk, timeout=0.001 if dropped else WRITE_TIMEOUT_S)
             except queue.Full:
                 dropped += chunk.count(b"\n")
     if dropped:

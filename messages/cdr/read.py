@@ -9,9 +9,19 @@ from typing import Any, NamedTuple, TypeVar
 
 import msgspec.inspect as kinds
 
-from messages.base import FAULTS, Array, Message, WrongPayload, bare_decoder, encode, pack36
-from messages.cdr.definition import SIZES, Definitions, Field, least
-from messages.cdr.derive import anything, bare, fields_of, optional, packed, record_of
+from messages.base import DECODE_ERRORS, Array, Message, WrongPayload, encode, pack36, raw_decoder
+from messages.cdr.definitions import (
+    SIZES,
+    Definitions,
+    Field,
+    anything,
+    fields_of,
+    minimum_size,
+    optional,
+    packed,
+    record_of,
+    unwrap,
+)
 
 M = TypeVar("M", bound=Message)
 
@@ -61,13 +71,13 @@ def record_reader(record: type[M], types: Definitions, name: str = "") -> Callab
     WrongPayload, also for values out of the record's bounds.
     """
     read = _guarded(name or record.ROS_TYPE, types, record)
-    check = bare_decoder(record)
+    check = raw_decoder(record)
 
     def checked(data: bytes) -> M:
         message: M = read(data)
         try:
             check(encode(message))
-        except (*FAULTS, RecursionError) as error:
+        except (*DECODE_ERRORS, RecursionError) as error:
             raise WrongPayload(str(error)) from None
         return message
 
@@ -134,7 +144,7 @@ class _Readers:
         for field in self._types[name]:
             known = own.get(field.name)
             target = known.name if known is not None else field.name if record is None else ""
-            parts.append((target, self._value(field, bare(known.type) if known is not None else None)))
+            parts.append((target, self._value(field, unwrap(known.type) if known is not None else None)))
         if not parts:
             # ROS 2 has a byte for a type without fields, "structure_needs_at_least_one_member".
             parts.append(("", self._number("uint8")))
@@ -155,18 +165,18 @@ class _Readers:
         if kind is None:
             return self._single(field.type, None) if field.extent is None else self._many(field, None, list)
         if anything(kind):
-            return _then(self._string, lambda text: _frozen(json.loads(text)))
+            return _converted(self._string, lambda text: _frozen(json.loads(text)))
         if (inner := optional(kind)) is not None:
-            return _then(self._many(field, inner, tuple), lambda found: found[0] if found else None)
+            return _converted(self._many(field, inner, tuple), lambda found: found[0] if found else None)
         if packed(kind):
-            return _then(self._many(field, None, tuple), pack36)
+            return _converted(self._many(field, None, tuple), pack36)
         match kind:
             case kinds.VarTupleType(item_type=item):
-                return self._many(field, bare(item), tuple)
+                return self._many(field, unwrap(item), tuple)
             case kinds.CustomType(cls=cls) if issubclass(cls, Array):
-                return _then(self._many(field, None, tuple), cls)
+                return _converted(self._many(field, None, tuple), cls)
             case kinds.BytesType():
-                return _then(self._many(field, None, tuple), bytes)
+                return _converted(self._many(field, None, tuple), bytes)
         if field.extent is not None:
             raise WrongPayload(f"{field} cannot be read into a single value")
         return self._single(field.type, kind)
@@ -206,7 +216,7 @@ class _Readers:
 
             return numbers
         read = self._single(field.type, target)
-        each = least(field.type, self._types)
+        each = minimum_size(field.type, self._types)
 
         def items(data: bytes, at: int) -> tuple[Any, int]:
             count, at = self._count(data, at, field, each) if fixed is None else (fixed, at)
@@ -255,7 +265,7 @@ class _Readers:
         return data[at : at + max(0, size - 1)].decode(), at + size
 
 
-def _then(read: Read, convert: Callable[[Any], Any]) -> Read:
+def _converted(read: Read, convert: Callable[[Any], Any]) -> Read:
     def converted(data: bytes, at: int) -> tuple[Any, int]:
         value, at = read(data, at)
         return convert(value), at

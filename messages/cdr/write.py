@@ -13,8 +13,18 @@ from typing import Any
 import msgspec.inspect as kinds
 
 from messages.base import Message
-from messages.cdr.definition import SIZES, Definitions, Field
-from messages.cdr.derive import anything, bare, definitions, fields_of, optional, packed, record_of
+from messages.cdr.definitions import (
+    SIZES,
+    Definitions,
+    Field,
+    anything,
+    definitions,
+    fields_of,
+    optional,
+    packed,
+    record_of,
+    unwrap,
+)
 
 HEADER = b"\x00\x01\x00\x00"
 """CDR, little-endian, no options."""
@@ -101,7 +111,7 @@ def _collect(ops: list[Op | _Numbers], name: str, types: Definitions, record: ty
         if (known := own.get(field.name)) is None:
             ops.append(_zero(field, types))
             continue
-        kind, path = bare(known.type), prefix + known.name
+        kind, path = unwrap(known.type), prefix + known.name
         if field.extent is None and field.type in SIZES and not anything(kind):
             if not ops or not isinstance(ops[-1], _Numbers):
                 ops.append(_Numbers())
@@ -131,7 +141,7 @@ def _value(field: Field, kind: kinds.Type, types: Definitions) -> Op:
         return _packed
     match kind:
         case kinds.VarTupleType(item_type=item):
-            return _items(field, bare(item), types)
+            return _items(field, unwrap(item), types)
         case kinds.CustomType() | kinds.BytesType():
             return _raw(field)
     return _string

@@ -9,7 +9,7 @@ from messages.sensor import JointState
 from services.runtime.service import STEP_NS
 
 
-class Reading(NamedTuple):
+class JointReading(NamedTuple):
     """Angle [deg], and rate [deg/s]: the mean over ``span`` [ns] until the angle was taken."""
 
     angle: float
@@ -17,7 +17,7 @@ class Reading(NamedTuple):
     span: int
 
 
-class Joint:
+class JointReader:
     """Takes the angle and the rate of one joint out of joint states.
 
     The rate is the change of the angle since the states that were read before: a mean over a control period, in which
@@ -28,30 +28,30 @@ class Joint:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self.trouble = ""
-        self._last: tuple[int, Reading] | None = None
-        self._told = 0.0
+        self.error = ""
+        self._last: tuple[int, JointReading] | None = None
+        self._reported_rate = 0.0
 
-    def read(self, state: JointState, longest: int) -> Reading | None:
+    def read(self, state: JointState, longest: int) -> JointReading | None:
         """The joint; None, with ``trouble``, when the states do not tell its angle.
 
         States that are read more than ``longest`` [ns] after those before make a gap.
         """
         if self.name not in state.name or not state.position:
             names = ", ".join(state.name) or "none"
-            self.trouble = f"the joint states tell no angle of {self.name!r} (they have: {names})"
+            self.error = f"the joint states tell no angle of {self.name!r} (they have: {names})"
             return None
         index, stamp = state.name.index(self.name), state.header.stamp.ns
         angle = math.degrees(state.position[index])
         told = math.degrees(state.velocity[index]) if state.velocity else None
         if self._last is None or stamp < self._last[0]:
-            reading = Reading(angle, told or 0.0, STEP_NS)
+            reading = JointReading(angle, told or 0.0, STEP_NS)
         elif stamp == self._last[0]:
             return self._last[1]
         elif (span := stamp - self._last[0]) <= longest or told is None:
             mean = (angle - self._last[1].angle) / (span * 1e-9)
-            reading = Reading(angle, mean if told is None else sorted((self._told, mean, told))[1], span)
+            reading = JointReading(angle, mean if told is None else sorted((self._reported_rate, mean, told))[1], span)
         else:
-            reading = Reading(angle, told, STEP_NS)
-        self._last, self._told = (stamp, reading), told or 0.0
+            reading = JointReading(angle, told, STEP_NS)
+        self._last, self._reported_rate = (stamp, reading), told or 0.0
         return reading

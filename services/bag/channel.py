@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from messages.base import Message
-from messages.cdr.definition import long, text_of
-from messages.cdr.derive import definitions
+from messages.cdr.definitions import definitions, long_type_name, text_of
 from messages.topics import Quality
 
 CDR, RAW = "cdr", "msgpack"
@@ -22,10 +21,10 @@ class Raw(Message, frozen=True, kw_only=True):
     data: bytes = b""
 
 
-BESIDE = "/_elea"
+SIDECAR = "/_elea"
 """Ends the topic on which is recorded what ROS 2's type of another one lacks; hidden from ROS's own tools."""
 
-SENDER = "/_sender"
+SENDER_SIDECAR = "/_sender"
 """Ends the topic on which is recorded who sent what is latched, where several nodes do; hidden like the other one."""
 
 
@@ -56,14 +55,14 @@ _QOS = """\
 class Channel:
     """A topic of a bag. ``type`` is written as ``nav_msgs/Odometry``; ``schema`` is its definition, if there is one.
 
-    ``form`` names the language of the schema: ``ros2msg``, or another one in bags of others.
+    ``schema_encoding`` names the language of the schema: ``ros2msg``, or another one in bags of others.
     """
 
     topic: str
     type: str
     encoding: str = CDR
     schema: str = ""
-    form: str = "ros2msg"
+    schema_encoding: str = "ros2msg"
     quality: Quality = Quality.SENSOR
 
     @property
@@ -74,7 +73,7 @@ class Channel:
     @property
     def ros_type(self) -> str:
         """The type as ROS 2 writes it: ``nav_msgs/msg/Odometry``."""
-        return long(self.type)
+        return long_type_name(self.type)
 
     @property
     def stored(self) -> Channel:
@@ -117,12 +116,12 @@ def quality_of(metadata: dict[str, str]) -> Quality:
     if name in Quality.__members__:
         return Quality[name]
     offered = metadata.get("offered_qos_profiles", "")
-    if _says(offered, "durability", "transient_local", "1"):
+    if _has_policy(offered, "durability", "transient_local", "1"):
         return Quality.LATCHED
-    return Quality.SENSOR if _says(offered, "reliability", "best_effort", "2") else Quality.EVENT
+    return Quality.SENSOR if _has_policy(offered, "reliability", "best_effort", "2") else Quality.EVENT
 
 
-def _says(offered: str, key: str, name: str, number: str) -> bool:
+def _has_policy(offered: str, key: str, name: str, number: str) -> bool:
     """rosbag2 writes the names since version 9, and the numbers before it."""
     lines = [line.strip(" -") for line in offered.splitlines()]
     return f"{key}: {name}" in lines or f"{key}: {number}" in lines

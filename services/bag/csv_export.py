@@ -11,17 +11,16 @@ from typing import Any, NamedTuple
 
 from messages.base import WrongPayload
 from services.bag.channel import Channel
-from services.bag.reading import Bag
-from services.bag.typed import plain_of
+from services.bag.reader import Bag, plain_decoder
 from services.runtime.errors import BadInput
 
-MOST = 1024
+MAX_LIST_COLUMNS = 1024
 """Columns that a list becomes, at most; of longer ones, pictures for instance, only the length is kept."""
-MOST_COLUMNS = 16_384
+MAX_COLUMNS = 16_384
 """Columns of a table, as spreadsheets have them at most; what a message has beyond them is left out, and told."""
 
 
-class Exported(NamedTuple):
+class ExportResult(NamedTuple):
     """What became of a topic: its file and rows, or the reason why there is none."""
 
     topic: str
@@ -30,76 +29,76 @@ class Exported(NamedTuple):
     reason: str = ""
 
 
-class _Sheet:
+class _Table:
     """One topic: the reader of its messages and the columns that they need."""
 
     def __init__(self, channel: Channel) -> None:
-        self.rows = self.unread = 0
-        self.cut = False
+        self.rows = self.undecodable = 0
+        self.truncated = False
         self.columns: dict[str, None] = {}
-        self._read: Callable[[bytes], Any] = plain_of(channel)
+        self._read: Callable[[bytes], Any] = plain_decoder(channel)
 
     def row(self, data: bytes) -> dict[str, Any] | None:
         """The values by column; None for what is no message of the topic's type."""
         try:
-            found = dict(islice(flattened(self._read(data)), MOST_COLUMNS + 1))
+            found = dict(islice(flatten(self._read(data)), MAX_COLUMNS + 1))
         except WrongPayload:
             return None
-        self.cut = self.cut or len(found) > MOST_COLUMNS
+        self.truncated = self.truncated or len(found) > MAX_COLUMNS
         return found
 
     def widen(self, row: Iterable[str]) -> None:
         """Have a column for each value of a row, as long as there is room."""
         for name in row:
             if name not in self.columns:
-                if len(self.columns) >= MOST_COLUMNS:
-                    self.cut = True
+                if len(self.columns) >= MAX_COLUMNS:
+                    self.truncated = True
                     return
                 self.columns[name] = None
 
 
-def export_csv(bag: Bag, folder: Path, wanted: Callable[[str], bool]) -> list[Exported]:
+def export_csv(bag: Bag, folder: Path, wanted: Callable[[str], bool]) -> list[ExportResult]:
     """Write ``folder``/TOPIC.csv for every topic that is ``wanted``; raises BadInput when it cannot be written.
 
     ``time`` and ``log_time`` [s] are the simulated time and that on the wall; names of fields are joined by dots.
     The bag is read twice: the columns are known only at its end, since lists may grow.
     """
-    sheets, refused = _sheets(bag, wanted)
+    sheets, refused = _read_tables(bag, wanted)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        names = _names(sheets)
+        names = _file_names(sheets)
         _write(bag, {channel: folder / name for channel, name in names.items()}, sheets)
     except (OSError, ValueError) as error:
         raise BadInput(f"the tables cannot be written to {folder}: {error}") from None
     told = list(refused.values())
     for channel, sheet in sheets.items():
-        reasons = [f"{sheet.unread} messages are not of their type"] if sheet.unread else []
-        reasons += [f"columns beyond {MOST_COLUMNS} are left out"] if sheet.cut else []
-        told.append(Exported(channel.topic, folder / names[channel], sheet.rows, "; ".join(reasons)))
+        reasons = [f"{sheet.undecodable} messages are not of their type"] if sheet.undecodable else []
+        reasons += [f"columns beyond {MAX_COLUMNS} are left out"] if sheet.truncated else []
+        told.append(ExportResult(channel.topic, folder / names[channel], sheet.rows, "; ".join(reasons)))
     return sorted(told, key=lambda each: (each.topic, str(each.file)))
 
 
-def _sheets(bag: Bag, wanted: Callable[[str], bool]) -> tuple[dict[Channel, _Sheet], dict[Channel, Exported]]:
+def _read_tables(bag: Bag, wanted: Callable[[str], bool]) -> tuple[dict[Channel, _Table], dict[Channel, ExportResult]]:
     """The topics with their columns, and those that cannot be had."""
-    sheets: dict[Channel, _Sheet] = {}
-    refused: dict[Channel, Exported] = {}
+    sheets: dict[Channel, _Table] = {}
+    refused: dict[Channel, ExportResult] = {}
     for entry in bag.entries():
         channel = entry.channel
         if not wanted(channel.name) or channel in refused:
             continue
         try:
-            sheet = sheets.get(channel) or sheets.setdefault(channel, _Sheet(channel))
+            sheet = sheets.get(channel) or sheets.setdefault(channel, _Table(channel))
         except WrongPayload as error:
-            refused[channel] = Exported(channel.topic, None, 0, str(error))
+            refused[channel] = ExportResult(channel.topic, None, 0, str(error))
             continue
         if (row := sheet.row(entry.data)) is None:
-            sheet.unread += 1
+            sheet.undecodable += 1
         else:
             sheet.widen(row)
     return sheets, refused
 
 
-def _write(bag: Bag, files: dict[Channel, Path], sheets: dict[Channel, _Sheet]) -> None:
+def _write(bag: Bag, files: dict[Channel, Path], sheets: dict[Channel, _Table]) -> None:
     with ExitStack() as stack:
         writers = {}
         for channel, sheet in sheets.items():
@@ -113,7 +112,7 @@ def _write(bag: Bag, files: dict[Channel, Path], sheets: dict[Channel, _Sheet]) 
                 each.rows += 1
 
 
-def _names(channels: Iterable[Channel]) -> dict[Channel, str]:
+def _file_names(channels: Iterable[Channel]) -> dict[Channel, str]:
     """A file for each channel, called like its topic; where the name is taken, as by another type, it is numbered."""
     names: dict[Channel, str] = {}
     for channel in channels:
@@ -123,15 +122,15 @@ def _names(channels: Iterable[Channel]) -> dict[Channel, str]:
     return names
 
 
-def flattened(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+def flatten(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
     """The leaves of nested dicts and lists, each with its path: ``pose.position.x``, ``ranges[3]``."""
     if isinstance(value, dict):
         for name, each in value.items():
-            yield from flattened(each, f"{path}.{name}" if path else name)
-    elif isinstance(value, list) and len(value) > MOST:
+            yield from flatten(each, f"{path}.{name}" if path else name)
+    elif isinstance(value, list) and len(value) > MAX_LIST_COLUMNS:
         yield f"{path}.length", len(value)
     elif isinstance(value, list):
         for index, each in enumerate(value):
-            yield from flattened(each, f"{path}[{index}]")
+            yield from flatten(each, f"{path}[{index}]")
     else:
         yield path, value

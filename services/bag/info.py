@@ -8,9 +8,7 @@ from collections.abc import Mapping
 import msgspec
 
 from services.bag.channel import Channel
-from services.bag.reading import Bag
-from services.bag.timeline import Timeline
-from services.bag.typed import beside, why_not_played
+from services.bag.reader import Bag, Timeline, is_sidecar, unplayable_reason
 
 
 class TopicInfo(msgspec.Struct, frozen=True, kw_only=True):
@@ -49,7 +47,7 @@ class BagInfo(msgspec.Struct, frozen=True, kw_only=True):
     unwritten: int
 
 
-class _Span:
+class _TimeSpan:
     """The time [ns] that messages cover, counted anew in each segment: where time began anew, as after a reset."""
 
     def __init__(self) -> None:
@@ -74,16 +72,16 @@ class _Span:
         return intervals / self.elapsed * 1e9 if self.elapsed else None
 
 
-def info(bag: Bag) -> BagInfo:
+def bag_info(bag: Bag) -> BagInfo:
     """Read the whole bag and tell of it; 100,000 messages take about half a second."""
-    spans: dict[Channel, _Span] = {}
-    whole, wall, timeline = _Span(), _Span(), Timeline()
+    spans: dict[Channel, _TimeSpan] = {}
+    whole, wall, timeline = _TimeSpan(), _TimeSpan(), Timeline()
     start: int | None = None
     for entry in bag.entries():
-        if beside(entry.channel):
+        if is_sidecar(entry.channel):
             continue
-        segment = timeline.place(entry.publish_time).segment
-        spans.setdefault(entry.channel, _Span()).add(segment, entry.publish_time)
+        segment = timeline.locate(entry.publish_time).segment
+        spans.setdefault(entry.channel, _TimeSpan()).add(segment, entry.publish_time)
         whole.add(segment, entry.publish_time)
         wall.add(0, entry.log_time)
         start = entry.log_time if start is None else min(start, entry.log_time)
@@ -97,14 +95,14 @@ def info(bag: Bag) -> BagInfo:
         messages=whole.messages,
         topics=tuple(_topic(channel, spans[channel]) for channel in topics),
         files=tuple(FileInfo(name=each.name, bytes=each.stat().st_size) for each in bag.files),
-        troubles=tuple(bag.troubles),
-        lost=_table(bag.notes, "lost"),
-        unwritten=_number(bag.notes, "unwritten"),
+        troubles=tuple(bag.problems),
+        lost=_metadata_counts(bag.metadata, "lost"),
+        unwritten=_metadata_int(bag.metadata, "unwritten"),
     )
 
 
-def _topic(channel: Channel, span: _Span) -> TopicInfo:
-    reason = why_not_played(channel)
+def _topic(channel: Channel, span: _TimeSpan) -> TopicInfo:
+    reason = unplayable_reason(channel)
     return TopicInfo(
         topic=channel.topic,
         type=channel.ros_type,
@@ -117,12 +115,12 @@ def _topic(channel: Channel, span: _Span) -> TopicInfo:
     )
 
 
-def _number(notes: Mapping[str, str], name: str) -> int:
+def _metadata_int(notes: Mapping[str, str], name: str) -> int:
     text = notes.get(name, "")
     return int(text) if text.isascii() and text.isdigit() and len(text) < 20 else 0
 
 
-def _table(notes: Mapping[str, str], name: str) -> dict[str, int]:
+def _metadata_counts(notes: Mapping[str, str], name: str) -> dict[str, int]:
     try:
         return msgspec.convert(json.loads(notes.get(name, "{}")), dict[str, int])
     except (ValueError, RecursionError):

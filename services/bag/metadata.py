@@ -12,12 +12,12 @@ from services.bag.channel import Channel, qos_text
 
 METADATA_FILE = "metadata.yaml"
 VERSION = 9
-LARGEST = 1 << 24
+MAX_METADATA_SIZE = 1 << 24
 """Bytes of a metadata.yaml that is read; one topic takes some 500."""
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
-class FileFacts(NamedTuple):
+class FileStats(NamedTuple):
     """One file of a bag; ``start`` and ``end`` are log times [ns]."""
 
     name: str
@@ -28,7 +28,7 @@ class FileFacts(NamedTuple):
     topics: Mapping[Channel, int]
 
 
-def metadata_text(files: Sequence[FileFacts]) -> str:
+def metadata_text(files: Sequence[FileStats]) -> str:
     """The text for these files, in their order."""
     counts: dict[Channel, int] = {}
     for file in files:
@@ -42,7 +42,7 @@ def metadata_text(files: Sequence[FileFacts]) -> str:
         "duration": {"nanoseconds": end - start},
         "starting_time": {"nanoseconds_since_epoch": start},
         "message_count": sum(file.messages for file in files),
-        "topics_with_message_count": [_topic(channel, count) for channel, count in counts.items()],
+        "topics_with_message_count": [_topic_entry(channel, count) for channel, count in counts.items()],
         "compression_format": "",
         "compression_mode": "",
         "relative_file_paths": [file.name for file in files],
@@ -61,36 +61,36 @@ def metadata_text(files: Sequence[FileFacts]) -> str:
     return yaml.safe_dump({"rosbag2_bagfile_information": tree}, sort_keys=False)
 
 
-class Listed(NamedTuple):
-    """The files that a metadata.yaml names, in order; None without one, or when it is damaged: ``trouble`` says how."""
+class FileList(NamedTuple):
+    """The files that a metadata.yaml names, in order; None without one, or when it is damaged: ``problem`` says how."""
 
     names: list[str] | None = None
-    trouble: str = ""
+    problem: str = ""
 
 
-def listed_files(folder: Path) -> Listed:
+def read_file_list(folder: Path) -> FileList:
     """What the metadata.yaml of a folder says of its files."""
     file = folder / METADATA_FILE
     if not file.exists():
-        return Listed()
+        return FileList()
     try:
-        if file.stat().st_size > LARGEST:
-            return Listed(None, f"{file} has {file.stat().st_size} bytes, the limit is {LARGEST}")
+        if file.stat().st_size > MAX_METADATA_SIZE:
+            return FileList(None, f"{file} has {file.stat().st_size} bytes, the limit is {MAX_METADATA_SIZE}")
         tree: Any = yaml.load(file.read_text(encoding="utf-8"), _LOADER)
         names = tree["rosbag2_bagfile_information"]["relative_file_paths"]
     except OSError as error:
-        return Listed(None, f"{file} cannot be read: {error.strerror}")
+        return FileList(None, f"{file} cannot be read: {error.strerror}")
     except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
-        return Listed(None, f"{file} is damaged: {' '.join(str(error).split())[:200]}")
+        return FileList(None, f"{file} is damaged: {' '.join(str(error).split())[:200]}")
     except (KeyError, TypeError):
-        return Listed(None, f"{file} is cut or damaged: it does not say which files the bag has")
+        return FileList(None, f"{file} is cut or damaged: it does not say which files the bag has")
     if not isinstance(names, list) or not all(isinstance(each, str) for each in names):
-        return Listed(None, f"{file} is damaged: relative_file_paths is not a list of names")
+        return FileList(None, f"{file} is damaged: relative_file_paths is not a list of names")
     # rosbag2 wrote them with the folder's own name before version 4 of the file.
-    return Listed([each.removeprefix(f"{folder.resolve().name}/") for each in names])
+    return FileList([each.removeprefix(f"{folder.resolve().name}/") for each in names])
 
 
-def _topic(channel: Channel, count: int) -> dict[str, Any]:
+def _topic_entry(channel: Channel, count: int) -> dict[str, Any]:
     return {
         "topic_metadata": {
             "name": channel.topic,

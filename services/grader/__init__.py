@@ -21,7 +21,7 @@ from messages.topics import (
 from services.runtime.service import Parameters, Service
 
 
-class Halting(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class BrakingSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How the base of robot ``name`` stops: ``timeout`` [s] after the last command it brakes, at ``brake`` [m/s2]."""
 
     name: str
@@ -29,7 +29,7 @@ class Halting(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     brake: Annotated[float, Meta(gt=0, extra={"unit": "m/s2"})]
 
 
-class Arm(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class ArmSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """An arm among the robots: ``name``, the joint that is controlled, and the largest effort [N m] of its controller.
 
     ``state`` is the topic on which the controller tells of each tick.
@@ -49,8 +49,8 @@ class GraderParameters(Parameters, frozen=True, kw_only=True):
     """Whom to watch, until when, and where the measurements go. When the run ends is live."""
 
     robots: Annotated[tuple[str, ...], Meta(description="namespaces of the robots to measure", extra=_FIXED)] = ()
-    halting: Annotated[tuple[Halting, ...], Meta(description="how their bases stop, for the theory of stops")] = ()
-    arms: Annotated[tuple[Arm, ...], Meta(description="those of the robots that are arms", extra=_FIXED)] = ()
+    halting: Annotated[tuple[BrakingSpec, ...], Meta(description="how their bases stop, for the theory of stops")] = ()
+    arms: Annotated[tuple[ArmSpec, ...], Meta(description="those of the robots that are arms", extra=_FIXED)] = ()
     ends: Annotated[
         Literal["goals", "duration", "never"],
         Meta(description="end the run when all robots have finished, after the duration, or only when stopped"),

@@ -134,13 +134,13 @@ class ArmFigures(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", ta
 Figures = RobotFigures | ArmFigures
 """What was measured of one robot; ``kind`` tells which of the two."""
 
-Ended = Literal["goals", "duration", "stopped"]
+EndReason = Literal["goals", "duration", "stopped"]
 
 
 class Measurements(msgspec.Struct, frozen=True, kw_only=True):
     """The whole run. ``ended``: all robots finished, the duration was over, or the grader was stopped before."""
 
-    ended: Ended
+    ended: EndReason
     sim_seconds: float
     trajectory_hash: str
     messages_lost: int
@@ -156,9 +156,9 @@ class Measurements(msgspec.Struct, frozen=True, kw_only=True):
 MEASUREMENTS_FILE = "measurements.json"
 TRAJECTORIES_FILE = "trajectories.npz"
 
-TRAIL_COLUMNS = ("time", "x", "y", "yaw", "odom_x", "odom_y", "cross_track", "speed")
+ROBOT_TRAIL_COLUMNS = ("time", "x", "y", "yaw", "odom_x", "odom_y", "cross_track", "speed")
 """Columns of ``<robot>.trail`` in the trajectories: s, m, m, rad, m, m, m, m/s; nan where unknown. The reference path
 is ``<robot>.path``, x and y in m."""
 
-ARM_COLUMNS = ("time", "reference", "angle", "error", "effort")
+ARM_TRAIL_COLUMNS = ("time", "reference", "angle", "error", "effort")
 """Columns of the ``<robot>.trail`` of an arm: s, deg, deg, deg, N m; it ends where the arm has finished."""

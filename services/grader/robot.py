@@ -1,20 +1,163 @@
-"""The meter of one robot: it takes the robot's messages in the order of their stamps and keeps sums, not samples."""
+"""The meter of one robot: reference path, progress along the plan, odometry error, and all its metrics."""
 
 from __future__ import annotations
 
 import math
 
 from messages.elea import BaseStatus, GoalStatus
+from messages.geometry import Pose
 from messages.nav import Odometry, Path
-from services.grader import Halting
-from services.grader.circuit import Circuit
-from services.grader.drift import Drift, planar
-from services.grader.progress import Progress
+from services.driving.planar import IDENTITY, Pose2, Transform2, wrap
+from services.grader import BrakingSpec
+from services.grader.corners import CornerMetrics
 from services.grader.records import RobotFigures
-from services.grader.reference import Point
-from services.grader.stops import Stops
+from services.grader.stops import StopMetrics
 from services.grader.trajectory import Fingerprint, Trail
-from services.motion.planar import HERE, Planar
+
+Point = tuple[float, float]
+
+
+def segment_distance(a: Point, b: Point, x: float, y: float) -> float:
+    """Distance [m] of (x, y) to the segment from ``a`` to ``b``, beyond its ends to the nearer end."""
+    ux, uy = b[0] - a[0], b[1] - a[1]
+    dx, dy = x - a[0], y - a[1]
+    square = ux * ux + uy * uy
+    share = max(0.0, min(1.0, (dx * ux + dy * uy) / square)) if square > 0 else 0.0
+    return math.hypot(dx - share * ux, dy - share * uy)
+
+
+class ReferencePath:
+    """``corners``: the start and then the goals, m. Leg k leads to goal k, from corner k to corner k + 1."""
+
+    def __init__(self, start: Point, goals: tuple[Point, ...]) -> None:
+        self.goals = goals
+        self.corners: tuple[Point, ...] = (start, *goals)
+
+    def cross_track(self, index: int, x: float, y: float) -> float:
+        """Distance [m] to the path for a robot on its way to goal ``index``.
+
+        Only the leg to that goal and the one before count, the nearer of the two: who cuts a corner or turns on a point
+        is measured against the corner, and a crossing with a later leg hides nothing.
+        """
+        here = segment_distance(self.corners[index], self.corners[index + 1], x, y)
+        if index == 0:
+            return here
+        return min(here, segment_distance(self.corners[index - 1], self.corners[index], x, y))
+
+
+class PlanProgress:
+    """Which goal is pursued, which were reached and when, and the distance from the reference path.
+
+    The robot's status says which goal it pursues. A robot that reports none is taken to pursue its goals in turn. That
+    a goal was reached is never taken from the robot: ground truth must come within ``tolerance`` [m].
+    """
+
+    def __init__(self, tolerance: float) -> None:
+        self._tolerance = tolerance
+        self._goals: tuple[Point, ...] = ()
+        self._position: Point | None = None
+        self._index = 0
+        self._has_status = False
+        self._squares, self._count = 0.0, 0
+        self.reference_path: ReferencePath | None = None
+        self.reached_at: list[float | None] = []
+        self.closest_distances: list[float] = []
+        self.max_cross_track = 0.0
+        self.finished_at: float | None = None
+
+    @property
+    def rms_cross_track(self) -> float | None:
+        """Root mean square of the cross-track error [m] from the plan's start to its end; None before."""
+        return math.sqrt(self._squares / self._count) if self._count else None
+
+    def set_plan(self, goals: tuple[Point, ...]) -> None:
+        """A new plan begins where the robot is; the same one again (its driver was restarted) changes nothing."""
+        if goals == self._goals:
+            return
+        self._goals, self._index, self.finished_at = goals, 0, None
+        self.reached_at, self.closest_distances = [None] * len(goals), [math.inf] * len(goals)
+        self.reference_path = ReferencePath(self._position, goals) if self._position and goals else None
+
+    def add_status(self, status: GoalStatus) -> None:
+        """The robot says which goal it pursues, or that it has finished."""
+        self._has_status = True
+        self._index = min(status.index, max(0, len(self._goals) - 1))
+        finished = status.state == "finished"
+        self.finished_at = (self.finished_at or status.header.stamp.ns / 1e9) if finished else None
+
+    def add_position(self, time: float, here: Point) -> float:
+        """The robot is truly ``here`` [m] at ``time`` [s]; returns the cross-track error [m], nan without a plan."""
+        self._position = here
+        if self.reference_path is None:
+            if not self._goals:
+                return math.nan
+            self.reference_path = ReferencePath(here, self._goals)
+        index = self._index
+        off = self.reference_path.cross_track(index, *here)
+        if self.finished_at is None:
+            self._squares, self._count = self._squares + off * off, self._count + 1
+            self.max_cross_track = max(self.max_cross_track, off)
+        self._check_reached(index, time, math.hypot(here[0] - self._goals[index][0], here[1] - self._goals[index][1]))
+        return off
+
+    def _check_reached(self, index: int, time: float, distance: float) -> None:
+        self.closest_distances[index] = min(self.closest_distances[index], distance)
+        if distance > self._tolerance:
+            return
+        if self.reached_at[index] is None:
+            self.reached_at[index] = time
+        if self._has_status:
+            return
+        if index + 1 < len(self._goals):
+            self._index = index + 1
+        elif self.finished_at is None:
+            self.finished_at = time
+
+
+UNKNOWN_POSE = Pose2(math.nan, math.nan, math.nan)
+
+
+class OdometryError:
+    """Places the frame of the odometry in the world where the first two samples of one stamp agree, then compares.
+
+    World odometry lies there already; wheel odometry starts wherever it was reset. Distances in m, headings in rad.
+    """
+
+    def __init__(self) -> None:
+        self.max_distance: float | None = None
+        self.last_distance: float | None = None
+        self.max_heading: float | None = None
+        self.last_heading: float | None = None
+        self._sample: Odometry | None = None
+        self._odom_to_world: Transform2 | None = None
+
+    @property
+    def odom_to_world(self) -> Transform2:
+        """Where the frame of the odometry lies in the world; the world itself as long as there is no odometry."""
+        return self._odom_to_world or IDENTITY
+
+    def add_odometry(self, sample: Odometry) -> None:
+        """Keep an odometry sample for the ground truth of its stamp."""
+        self._sample = sample
+
+    def compare(self, stamp: int, truth: Pose) -> Pose2:
+        """The pose in the world that odometry gives at ``stamp`` [ns]; NOWHERE when it has no sample of then."""
+        if self._sample is None or self._sample.header.stamp.ns != stamp:
+            return UNKNOWN_POSE
+        here, there = to_pose2(self._sample.pose.pose), to_pose2(truth)
+        if self._odom_to_world is None:
+            self._odom_to_world = Transform2.aligning(there, here)
+        world = self._odom_to_world.apply(here)
+        self.last_distance = math.hypot(world.x - there.x, world.y - there.y)
+        self.max_distance = max(self.max_distance or 0.0, self.last_distance)
+        self.last_heading = abs(wrap(world.yaw - there.yaw))
+        self.max_heading = max(self.max_heading or 0.0, self.last_heading)
+        return world
+
+
+def to_pose2(pose: Pose) -> Pose2:
+    """A pose on the ground."""
+    return Pose2(pose.position.x, pose.position.y, pose.orientation.yaw)
 
 
 class RobotMeter:
@@ -23,14 +166,14 @@ class RobotMeter:
     Plan and status wait for the next ground truth: a plan in the frame of odometry is placed in the world by it.
     """
 
-    def __init__(self, reach_tolerance: float, halting: Halting | None = None) -> None:
+    def __init__(self, reach_tolerance: float, halting: BrakingSpec | None = None) -> None:
         self.fingerprint, self.trail = Fingerprint(), Trail()
-        self.progress, self.circuit = Progress(reach_tolerance), Circuit()
-        self.stops = Stops(halting)
-        self.nearest = math.inf
-        self.drift = Drift()
+        self.progress, self.corner_metrics = PlanProgress(reach_tolerance), CornerMetrics()
+        self.stops = StopMetrics(halting)
+        self.min_distance = math.inf
+        self.odometry_error = OdometryError()
         self._base = BaseStatus()
-        self._told: list[Path | GoalStatus] = []
+        self._pending: list[Path | GoalStatus] = []
         self._samples = 0
         self._length = 0.0
         self._last: Point | None = None
@@ -40,51 +183,51 @@ class RobotMeter:
         """When the robot had finished its plan, s; None before."""
         return self.progress.finished_at
 
-    def tell(self, message: Path | GoalStatus) -> None:
+    def add_message(self, message: Path | GoalStatus) -> None:
         """Take a plan or a status."""
-        self._told.append(message)
+        self._pending.append(message)
 
-    def base(self, status: BaseStatus) -> None:
+    def add_base_status(self, status: BaseStatus) -> None:
         """Take the state of the base, whose counts grow from spawn on."""
         self._base = status
-        self.stops.status(status)
+        self.stops.add_status(status)
 
-    def truth(self, sample: Odometry) -> Point:
+    def add_truth(self, sample: Odometry) -> Point:
         """Take a ground-truth sample; returns where the robot is, m."""
         stamp, pose = sample.header.stamp.ns, sample.pose.pose
-        there = planar(pose)
+        there = to_pose2(pose)
         here = there.x, there.y
         self.fingerprint.add(stamp, pose)
         self._samples += 1
         if self._last is not None:
             self._length += math.hypot(here[0] - self._last[0], here[1] - self._last[1])
         self._last = here
-        odom = self.drift.compare(stamp, pose)
-        self._pass_on()
-        off = self.progress.at(stamp / 1e9, here)
-        self.circuit.at(stamp / 1e9, there, odom)
+        odom = self.odometry_error.compare(stamp, pose)
+        self._process_pending()
+        off = self.progress.add_position(stamp / 1e9, here)
+        self.corner_metrics.add_poses(stamp / 1e9, there, odom)
         velocity = sample.twist.twist.linear
         speed = math.hypot(velocity.x, velocity.y)
-        self.stops.at(stamp, self._length, speed)
+        self.stops.add_sample(stamp, self._length, speed)
         self.trail.add((stamp / 1e9, *here, there.yaw, odom.x, odom.y, off, speed))
         return here
 
-    def figures(self, messages_lost: int) -> RobotFigures:
+    def result(self, messages_lost: int) -> RobotFigures:
         """All figures so far."""
-        progress, drift, base = self.progress, self.drift, self._base
-        closure, stop = self.circuit.closure, self.stops.hardest
+        progress, drift, base = self.progress, self.odometry_error, self._base
+        closure, stop = self.corner_metrics.closure, self.stops.longest
         return RobotFigures(
             points=len(progress.reached_at),
             points_reached=sum(at is not None for at in progress.reached_at),
             points_reached_at=tuple(progress.reached_at),
-            points_closest_m=tuple(None if math.isinf(each) else each for each in progress.closest),
-            cross_track_rms_m=progress.rms,
-            cross_track_max_m=progress.largest if progress.rms is not None else None,
-            odometry_error_max_m=drift.largest,
-            odometry_error_final_m=drift.last,
-            odometry_heading_error_max_deg=_degrees(drift.turned_most),
-            odometry_heading_error_final_deg=_degrees(drift.turned),
-            corners=tuple(self.circuit.corners),
+            points_closest_m=tuple(None if math.isinf(each) else each for each in progress.closest_distances),
+            cross_track_rms_m=progress.rms_cross_track,
+            cross_track_max_m=progress.max_cross_track if progress.rms_cross_track is not None else None,
+            odometry_error_max_m=drift.max_distance,
+            odometry_error_final_m=drift.last_distance,
+            odometry_heading_error_max_deg=_degrees(drift.max_heading),
+            odometry_heading_error_final_deg=_degrees(drift.last_heading),
+            corners=tuple(self.corner_metrics.corners),
             closure_m=closure.true_m,
             closure_heading_deg=closure.true_deg,
             closure_odometry_m=closure.odometry_m,
@@ -97,7 +240,7 @@ class RobotMeter:
             stop_distance_theory_m=stop.theory_distance,
             path_length_m=self._length,
             time_s=progress.finished_at,
-            min_distance_m=None if math.isinf(self.nearest) else self.nearest,
+            min_distance_m=None if math.isinf(self.min_distance) else self.min_distance,
             collisions=base.collisions,
             commands_timed_out=base.commands_timed_out,
             stale_dropped=base.stale_dropped,
@@ -106,18 +249,18 @@ class RobotMeter:
             samples=self._samples,
         )
 
-    def _pass_on(self) -> None:
-        for message in self._told:
+    def _process_pending(self) -> None:
+        for message in self._pending:
             match message:
                 case Path(header=header, poses=poses):
-                    frame = HERE if header.frame_id in ("", "world") else self.drift.frame
-                    goals: tuple[Planar, ...] = tuple(frame.apply(planar(each.pose)) for each in poses)
-                    self.progress.plan(tuple((each.x, each.y) for each in goals))
-                    self.circuit.plan(goals)
+                    frame = IDENTITY if header.frame_id in ("", "world") else self.odometry_error.odom_to_world
+                    goals: tuple[Pose2, ...] = tuple(frame.apply(to_pose2(each.pose)) for each in poses)
+                    self.progress.set_plan(tuple((each.x, each.y) for each in goals))
+                    self.corner_metrics.set_plan(goals)
                 case GoalStatus():
-                    self.progress.status(message)
-                    self.circuit.status(message)
-        self._told = []
+                    self.progress.add_status(message)
+                    self.corner_metrics.add_status(message)
+        self._pending = []
 
 
 def _degrees(angle: float | None) -> float | None:

@@ -6,12 +6,12 @@ from collections import deque
 from dataclasses import dataclass
 
 from messages.elea import BaseStatus
-from models.stopping import stopping
-from services.grader import Halting
+from models.dynamics import predict_stop
+from services.grader import BrakingSpec
 
-KEPT = 4096
+MAX_SAMPLES = 4096
 """Samples since the last command, at most: 80 s at 50 Hz, longer than any time-out of a base."""
-RESTING = 1e-3
+REST_SPEED = 1e-3
 """True speed [m/s] below which a base rests; a jolt of the physics stays below it."""
 
 
@@ -35,65 +35,65 @@ class Stop:
     theory_distance: float | None = None
 
 
-class Stops:
+class StopMetrics:
     """Measures each stop on ground truth. The status of the base tells of it up to 0.2 s late, so samples are kept.
 
     ``halting`` is how the base stops at present, as far as it is known.
     """
 
-    def __init__(self, halting: Halting | None = None) -> None:
+    def __init__(self, halting: BrakingSpec | None = None) -> None:
         self.count = 0
-        self.hardest = Stop()
-        self.halting = halting
-        self._samples: deque[Sample] = deque(maxlen=KEPT)
+        self.longest = Stop()
+        self.braking = halting
+        self._samples: deque[Sample] = deque(maxlen=MAX_SAMPLES)
         self._timed_out = 0
-        self._since: int | None = None
+        self._last_command: int | None = None
 
-    def status(self, status: BaseStatus) -> None:
+    def add_status(self, status: BaseStatus) -> None:
         """The base tells how often it was left without a command, and when it got its last one."""
         last = status.last_command.ns
         if status.commands_timed_out > self._timed_out and status.timed_out:
-            self._since = last
-        elif last != self._since:
-            self._since = None
+            self._last_command = last
+        elif last != self._last_command:
+            self._last_command = None
         self._timed_out = status.commands_timed_out
         while len(self._samples) > 1 and self._samples[1].stamp <= last:
             self._samples.popleft()
-        self._look()
+        self._check_stop()
 
-    def at(self, stamp: int, length: float, speed: float) -> None:
+    def add_sample(self, stamp: int, length: float, speed: float) -> None:
         """The robot has truly covered ``length`` [m] by ``stamp`` [ns] and moves at ``speed`` [m/s]."""
         self._samples.append(Sample(stamp, length, speed))
-        if speed < RESTING:
-            self._look()
+        if speed < REST_SPEED:
+            self._check_stop()
 
-    def _look(self) -> None:
+    def _check_stop(self) -> None:
         """Note the stop once the samples hold it whole, from the last command to rest."""
-        if self._since is None or not self._samples:
+        if self._last_command is None or not self._samples:
             return
         begin = self._samples[0]
-        end = next((i for i, each in enumerate(self._samples) if each.speed < RESTING), None)
+        end = next((i for i, each in enumerate(self._samples) if each.speed < REST_SPEED), None)
         if end is None:
             return
-        since, self._since = self._since, None
+        since, self._last_command = self._last_command, None
         if end == 0 or begin.stamp > since:
             return  # it stood already, or the command is older than all samples
         samples = list(self._samples)[: end + 1]
-        distance = samples[-1].length - _covered(begin, samples[1], since)
+        distance = samples[-1].length - _length_at(begin, samples[1], since)
         self.count += 1
-        if self.hardest.distance is None or distance > self.hardest.distance:
-            base = self.halting
-            theory = stopping(begin.speed, base.timeout, base.brake) if base else (None, None)
-            self.hardest = Stop(begin.speed, _end(samples) - since / 1e9, distance, *theory)
+        if self.longest.distance is None or distance > self.longest.distance:
+            base = self.braking
+            theory = predict_stop(begin.speed, base.timeout, base.brake) if base else (None, None)
+            self.longest = Stop(begin.speed, _rest_time(samples) - since / 1e9, distance, *theory)
 
 
-def _covered(before: Sample, after: Sample, stamp: int) -> float:
+def _length_at(before: Sample, after: Sample, stamp: int) -> float:
     """The way covered by ``stamp`` [ns], m, between two samples: evenly, also where those between them were lost."""
     share = (stamp - before.stamp) / (after.stamp - before.stamp)
     return before.length + share * (after.length - before.length)
 
 
-def _end(samples: list[Sample]) -> float:
+def _rest_time(samples: list[Sample]) -> float:
     """When the last of the samples came to rest, s: between the last two, where the brake of the two before ends."""
     rest = samples[-1].stamp / 1e9
     if len(samples) < 3:

@@ -8,25 +8,25 @@ from collections.abc import Set as AbstractSet
 import rerun as rr
 import rerun.blueprint as rrb
 
-from services.logger import paths
-from services.logger.paths import (
+from services.logger import entity_paths
+from services.logger.entity_paths import (
     COMMANDED,
     CROSS_TRACK,
     DISTANCE,
     LOG,
     ODOMETRY_ERROR,
     SPEED,
-    belief,
     collisions,
+    odometry_trail,
     trail,
 )
 
 Extent = tuple[float, float, float, float]
 
-MOST_ARMS = 2
+MAX_ARM_PLOTS = 2
 """Arms that have a plot beside those of the fleet; every one has its own page."""
 
-DARK = (18, 20, 24)
+BACKGROUND = (18, 20, 24)
 
 
 def blueprint(
@@ -70,11 +70,11 @@ def _world(robots: Sequence[tuple[str, str]], extent: Extent, timelines: Sequenc
         name="World",
         contents=["+ /**", *(f"- {collisions(name, model)}/**" for name, model in robots)],
         spatial_information=rrb.SpatialInformation(target_frame="world"),
-        background=DARK,
+        background=BACKGROUND,
         line_grid=rrb.LineGrid3D(spacing=0.5, stroke_width=0.75, color=(90, 96, 106, 110)),
         eye_controls=_eye(extent),
         defaults=[shape.from_fields(fill_mode="solid") for shape in (rr.Boxes3D, rr.Cylinders3D, rr.Ellipsoids3D)],
-        overrides={each(name): rrb.VisibleTimeRanges(past) for name, _ in robots for each in (trail, belief)},
+        overrides={each(name): rrb.VisibleTimeRanges(past) for name, _ in robots for each in (trail, odometry_trail)},
     )
 
 
@@ -94,7 +94,10 @@ def _fleet(arms: Sequence[str]) -> rrb.Vertical:
         _plot("Speed [m/s], in the colours of the trails", SPEED),
         _plot("Cross-track error [m]", CROSS_TRACK),
         _plot("Odometry against ground truth [m]", ODOMETRY_ERROR),
-        *(_plot(f"{name}: angle, and reference (darker) [deg]", paths.angle(name)) for name in arms[:MOST_ARMS]),
+        *(
+            _plot(f"{name}: angle, and reference (darker) [deg]", entity_paths.angle(name))
+            for name in arms[:MAX_ARM_PLOTS]
+        ),
         *([] if arms else [_plot("Distance to the goal [m]", DISTANCE)]),
         name="fleet",
     )
@@ -112,9 +115,9 @@ def _robot(name: str, only: list[bool]) -> rrb.Vertical:
 
 def _arm(name: str) -> rrb.Vertical:
     return rrb.Vertical(
-        _plot("Angle, and reference (darker) [deg]", paths.angle(name)),
-        _plot("Error [deg]", paths.error(name)),
-        _plot("Effort [N m]", paths.effort(name)),
+        _plot("Angle, and reference (darker) [deg]", entity_paths.angle(name)),
+        _plot("Error [deg]", entity_paths.error(name)),
+        _plot("Effort [N m]", entity_paths.effort(name)),
         name=name,
     )
 

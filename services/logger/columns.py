@@ -1,8 +1,9 @@
-"""What came from one robot since the last batch, as columns ready to be recorded."""
+"""One robot's messages since the last batch, as numpy columns ready to be recorded."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,20 +13,107 @@ from messages.elea import GoalStatus
 from messages.geometry import Twist
 from messages.nav import Odometry, Path
 from messages.sensor import JointState, LaserScan
-from services.logger.alignment import Alignment
-from services.logger.batch import Batch
-from services.logger.buffer import LIMIT, Buffer
-from services.logger.course import Course
-from services.logger.fixed import lies_in_world
-from services.logger.scans import Scans
-from services.logger.trail import Trail
-from services.runtime.frames.buffer import FrameBuffer
-
-BENEATH = -0.001
-"""Height of the trail by odometry, m: as long as it agrees with the true one, it lies hidden under it."""
+from services.logger.reference_path import ReferencePath
+from services.logger.scans import ScanBuffer
+from services.logger.static_frames import Transform2, world_transform
+from services.runtime.tf.buffer import TransformBuffer
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Batch:
+    """One robot's columns. Times are simulation time [ns]; positions [m] lie in the world.
+
+    At ``times`` (n,): ``positions`` (n, 3), ``quaternions`` (n, 4) as x, y, z, w, and ``scalars`` (n, 4), which are
+    speed and command [m/s], cross-track error and distance to the goal [m]; NaN where there is nothing to tell.
+    ``odometry_error`` (k, 1) [m] stands at ``odometry_times``, the segments ``trail`` (m, 2, 3) at ``trail_times``,
+    those of the odometry's estimate, ``odometry_trail`` (b, 2, 3), at ``odometry_trail_times``, ``angles`` (j, joints)
+    [rad] at ``joint_times``, ``control`` (c, 4) at ``control_times``: what a joint's controller wants, sees, misses and
+    does, deg, deg, deg, N m. ``plan`` (p, 3) is a new reference path, from ``plan_time`` on; ``goals`` (g, 3) tells
+    from ``goal_times`` on where the robot heads for, NaN for nowhere. ``scans`` holds for each of ``scan_times`` the
+    echoes (e, 3) of its laser.
+    """
+
+    times: Stamps
+    positions: Floats
+    quaternions: Floats
+    scalars: Floats
+    odometry_times: Stamps
+    odometry_error: Floats
+    trail_times: Stamps
+    trail: Floats
+    joints: tuple[str, ...]
+    joint_times: Stamps
+    angles: Floats
+    control_times: Stamps
+    control: Floats
+    odometry_trail_times: Stamps
+    odometry_trail: Floats
+    plan_time: int
+    plan: Floats | None
+    goal_times: Stamps
+    goals: Floats
+    scan_times: Stamps
+    scans: list[Floats]
+
+
+MAX_ROWS = 20_000
+"""Rows kept between two batches: more than six minutes of a 50 Hz topic."""
+
+
+class RowBuffer:
+    """Collects rows of ``width`` numbers, the first of them a time [ns]; beyond ``limit`` the oldest are dropped.
+
+    Times pass through doubles: exact below 104 days.
+    """
+
+    def __init__(self, width: int, limit: int = MAX_ROWS) -> None:
+        self.width, self.limit = width, limit
+        self.dropped = 0
+        self._rows: list[tuple[float, ...]] = []
+
+    def extend(self, rows: Sequence[tuple[float, ...]]) -> None:
+        """Add rows, newest last."""
+        self._rows += rows
+        excess = len(self._rows) - self.limit
+        if excess > 0:
+            del self._rows[:excess]
+            self.dropped += excess
+
+    def drain(self) -> NDArray[np.float64]:
+        """All rows as an array of shape (n, width); the buffer is empty afterwards."""
+        rows, self._rows = self._rows, []
+        return np.array(rows, dtype=np.float64).reshape(-1, self.width)
+
+
+SPACING = 0.02
+"""Metres between the corners of a trail: finer than it is drawn, and a tenth of the rows of a slow robot."""
+
+
+class Trail:
+    """Thins out a path as it comes; the last corner joins one batch to the next."""
+
+    def __init__(self, spacing: float = SPACING) -> None:
+        self.spacing = spacing
+        self._corner: Floats | None = None
+
+    def extend(self, times: Stamps, positions: Floats) -> tuple[Stamps, Floats]:
+        """Segments (m, 2, 3) [m] that positions (n, 3) at ``times`` (n,) [ns] add, and the time (m,) that each ends."""
+        if not len(positions):
+            return times, np.empty((0, 2, 3))
+        corner = positions[0] if self._corner is None else self._corner
+        steps = np.diff(np.vstack((corner, positions)), axis=0)
+        covered = np.floor(np.cumsum(np.linalg.norm(steps, axis=1)) / self.spacing)
+        new = np.flatnonzero(np.diff(covered, prepend=0.0) > 0)
+        corners = np.vstack((corner, positions[new]))
+        self._corner = corners[-1]
+        return times[new], np.stack((corners[:-1], corners[1:]), axis=1)
+
+
+ODOMETRY_TRAIL_Z = -0.001
+"""Height of the trail by odometry, m: as long as it agrees with the true one, it lies hidden under it."""
 
 
 class RobotColumns:
@@ -35,29 +123,29 @@ class RobotColumns:
     the first true pose.
     """
 
-    def __init__(self, limit: int = LIMIT, frames: FrameBuffer | None = None) -> None:
-        self._frames = frames or FrameBuffer()
-        self._scans = Scans(self._frames)
-        self._truth, self._odometry, self._commands = Buffer(9, limit), Buffer(5, limit), Buffer(2, limit)
+    def __init__(self, limit: int = MAX_ROWS, frames: TransformBuffer | None = None) -> None:
+        self._frames = frames or TransformBuffer()
+        self._scans = ScanBuffer(self._frames)
+        self._truth, self._odometry, self._commands = RowBuffer(9, limit), RowBuffer(5, limit), RowBuffer(2, limit)
         self._limit = limit
         self._joint_names: tuple[str, ...] = ()
-        self._joints, self._control = Buffer(1, limit), Buffer(5, limit)
+        self._joints, self._control = RowBuffer(1, limit), RowBuffer(5, limit)
         self.clear()
 
     def clear(self) -> None:
         """Forget everything but the count of dropped rows."""
         for buffer in self._buffers:
-            buffer.take()
+            buffer.drain()
         self._scans.clear()
         self._last_truth: Floats = np.empty((0, 9))
         self._last_command = np.nan
-        self._trail, self._belief = Trail(), Trail()
+        self._trail, self._odometry_trail = Trail(), Trail()
         self._base = self._odometry_frame = ""
-        self._alignment: Alignment | None = None
+        self._alignment: Transform2 | None = None
         self._plan: Path | None = None
-        self._course: Course | None = None
-        self._turns: list[tuple[int, int, bool]] = []
-        self._heading: tuple[int, bool] | None = None
+        self._reference: ReferencePath | None = None
+        self._goal_changes: list[tuple[int, int, bool]] = []
+        self._current_goal: tuple[int, bool] | None = None
 
     @property
     def dropped(self) -> int:
@@ -65,7 +153,7 @@ class RobotColumns:
         return sum(each.dropped for each in self._buffers) + self._scans.dropped
 
     @property
-    def _buffers(self) -> tuple[Buffer, ...]:
+    def _buffers(self) -> tuple[RowBuffer, ...]:
         return self._truth, self._odometry, self._commands, self._joints, self._control
 
     def add_truth(self, messages: Sequence[Odometry]) -> None:
@@ -97,7 +185,7 @@ class RobotColumns:
         """Joint angles. The first message fixes which joints; others are not recorded."""
         if messages and not self._joint_names:
             self._joint_names = messages[0].name
-            self._joints = Buffer(1 + len(self._joint_names), self._limit)
+            self._joints = RowBuffer(1 + len(self._joint_names), self._limit)
         rows: list[tuple[float, ...]] = []
         for m in messages:
             if m.name == self._joint_names and len(m.position) == len(m.name):
@@ -119,36 +207,36 @@ class RobotColumns:
         later = known is not None and known.header.stamp.ns <= plan.header.stamp.ns
         same = known is not None and _goals(known).tolist() == _goals(plan).tolist()
         if plan.poses and not (later and same):
-            self._plan, self._course, self._turns, self._heading = plan, None, [], None
+            self._plan, self._reference, self._goal_changes, self._current_goal = plan, None, [], None
 
     def add_status(self, status: GoalStatus) -> None:
         """Which goal the robot heads for."""
         if status.count:
-            self._turns.append((status.header.stamp.ns, status.index, status.state in ("driving", "reached")))
+            self._goal_changes.append((status.header.stamp.ns, status.index, status.state in ("driving", "reached")))
 
     def flush(self) -> Batch:
         """Everything since the last call, as columns."""
-        truth, joints, control = self._truth.take(), self._joints.take(), self._control.take()
+        truth, joints, control = self._truth.drain(), self._joints.drain(), self._control.drain()
         times = _stamps(truth)
         known = np.vstack((self._last_truth, truth))
-        odometry_times, odometry_error, believed = self._compare(known, self._odometry.take())
-        belief_times, belief = self._belief.extend(odometry_times, believed)
-        scan_times, scans = self._scans.place(self._base, known)
-        plan = self._begin_course(known)
-        goal_times, goals = self._head()
+        odometry_times, odometry_error, odometry_positions = self._compare(known, self._odometry.drain())
+        odometry_trail_times, odometry_trail = self._odometry_trail.extend(odometry_times, odometry_positions)
+        scan_times, scans = self._scans.to_world(self._base, known)
+        plan = self._start_reference(known)
+        goal_times, goals = self._drain_goals()
         cross_track = distance = np.full(len(truth), np.nan)
-        if self._course is not None:
-            cross_track, distance = self._course.errors(times, truth[:, 1:3])
+        if self._reference is not None:
+            cross_track, distance = self._reference.errors(times, truth[:, 1:3])
         trail_times, trail = self._trail.extend(times, truth[:, 1:4])
         if len(truth):
             self._last_truth = truth[-1:]
-            if self._course is not None:
-                self._course.forget(int(times[-1]))
+            if self._reference is not None:
+                self._reference.trim(int(times[-1]))
         return Batch(
             times=times,
             positions=truth[:, 1:4],
             quaternions=truth[:, 4:8],
-            gauges=np.column_stack((truth[:, 8], self._hold_commands(times), cross_track, distance)),
+            scalars=np.column_stack((truth[:, 8], self._hold_commands(times), cross_track, distance)),
             odometry_times=odometry_times,
             odometry_error=odometry_error,
             trail_times=trail_times,
@@ -158,8 +246,8 @@ class RobotColumns:
             angles=joints[:, 1:],
             control_times=_stamps(control),
             control=control[:, 1:],
-            belief_times=belief_times,
-            belief=belief,
+            odometry_trail_times=odometry_trail_times,
+            odometry_trail=odometry_trail,
             goal_times=goal_times,
             goals=goals,
             scan_times=scan_times,
@@ -182,46 +270,46 @@ class RobotColumns:
         if not len(met):
             return _stamps(met), met[:, :1], met[:, :3]
         x, y = (np.interp(met[:, 0], truth[:, 0], truth[:, column]) for column in (1, 2))
-        told = lies_in_world(self._frames, self._odometry_frame) if self._odometry_frame else None
+        told = world_transform(self._frames, self._odometry_frame) if self._odometry_frame else None
         if told is not None:
             self._alignment = told
         elif self._alignment is None:
             nearest = truth[np.argmin(np.abs(truth[:, 0] - met[0, 0]))]
-            self._alignment = Alignment.of(
+            self._alignment = Transform2.from_poses(
                 (float(x[0]), float(y[0]), _yaw(nearest[4:8])), (met[0, 1], met[0, 2], _yaw((0.0, 0.0, *met[0, 3:5])))
             )
-        believed = self._alignment.apply(met[:, 1:3])
-        off = np.hypot(believed[:, 0] - x, believed[:, 1] - y)[:, None]
-        return _stamps(met), off, np.column_stack((believed, np.full(len(met), BENEATH)))
+        odometry_positions = self._alignment.apply(met[:, 1:3])
+        off = np.hypot(odometry_positions[:, 0] - x, odometry_positions[:, 1] - y)[:, None]
+        return _stamps(met), off, np.column_stack((odometry_positions, np.full(len(met), ODOMETRY_TRAIL_Z)))
 
-    def _begin_course(self, truth: Floats) -> Floats | None:
+    def _start_reference(self, truth: Floats) -> Floats | None:
         """The reference path (p, 3), once a new plan and the place where it began are both known in the world."""
         begun = None
-        if self._plan is not None and self._course is None and len(truth):
-            here = lies_in_world(self._frames, self._plan.header.frame_id) or self._alignment
+        if self._plan is not None and self._reference is None and len(truth):
+            here = world_transform(self._frames, self._plan.header.frame_id) or self._alignment
             if here is not None:
                 since = self._plan.header.stamp.ns
                 start = truth[min(int(np.searchsorted(truth[:, 0], since)), len(truth) - 1), 1:3]
-                self._course = Course(since, start, here.apply(_goals(self._plan)))
-                begun = np.column_stack((self._course.points, np.zeros(len(self._course.points))))
+                self._reference = ReferencePath(since, start, here.apply(_goals(self._plan)))
+                begun = np.column_stack((self._reference.points, np.zeros(len(self._reference.points))))
         return begun
 
-    def _head(self) -> tuple[Stamps, Floats]:
+    def _drain_goals(self) -> tuple[Stamps, Floats]:
         """Follow the robot from goal to goal: times (g,) and the goals (g, 3) that it heads for from then on."""
         times, goals = [], []
-        if self._course is not None:
-            for time, index, under_way in self._turns:
-                self._course.head_for(time, index)
-                if self._heading != (index, under_way):
-                    self._heading = index, under_way
+        if self._reference is not None:
+            for time, index, under_way in self._goal_changes:
+                self._reference.set_goal(time, index)
+                if self._current_goal != (index, under_way):
+                    self._current_goal = index, under_way
                     times.append(time)
-                    goals.append((*self._course.goal(index), 0.0) if under_way else (np.nan, np.nan, np.nan))
-            self._turns = []
+                    goals.append((*self._reference.goal(index), 0.0) if under_way else (np.nan, np.nan, np.nan))
+            self._goal_changes = []
         return np.array(times, np.int64), np.array(goals, np.float64).reshape(-1, 3)
 
     def _hold_commands(self, times: Stamps) -> Floats:
         """The command in force at each time; NaN before the first."""
-        commands = self._commands.take()
+        commands = self._commands.drain()
         values = np.concatenate(([self._last_command], commands[:, 1]))
         self._last_command = values[-1]
         held: Floats = values[np.searchsorted(commands[:, 0], times, side="right")]

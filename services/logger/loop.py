@@ -8,16 +8,16 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from messages.topics import ROSOUT
-from models.figures import read_model
+from models.model import read_model
 from services.logger import LoggerParameters
-from services.logger.ear import Ear
-from services.logger.earlier import set_aside
+from services.logger.file_rotation import rotate
+from services.logger.subscriptions import RobotSubscriptions
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 
 try:
     from services.logger.recording import Recording
-    from services.logger.viewer import open_viewer, wanted
+    from services.logger.viewer import open_viewer, should_open
 except ImportError as error:
     raise BadInput(f"rerun cannot be loaded ({error}): is rerun-sdk installed in this environment?") from None
 
@@ -27,16 +27,18 @@ def run(ctx: Context[LoggerParameters]) -> None:
     p = ctx.params
     file = Path(p.file or "run.rrd").absolute()
     port = p.port if p.serve else None
-    robots = crew(p.robots, p.models)
-    if aside := set_aside(file):
+    robots = pair_models(p.robots, p.models)
+    if aside := rotate(file):
         ctx.log.warn(f"{file.name} was there already, as after a crash: what it holds is kept as {aside.name}")
     with Recording(file, robots, p.extent, ctx.log.warn, port, p.memory, p.footer) as recording:
         ctx.log.info(f"recording to {file}" + (f", live at {recording.url}" if recording.url else ""))
-        show(ctx, recording)
+        show_live(ctx, recording)
         states = dict(zip((robot for robot, _ in robots), p.states, strict=False))
         frames = ctx.transforms(moving=False)
-        ears = [
-            Ear(ctx, robot, frames.buffer, states.get(robot, ""), p.scans and read_model(model).laser is not None)
+        subscriptions = [
+            RobotSubscriptions(
+                ctx, robot, frames.buffer, states.get(robot, ""), p.scans and read_model(model).laser is not None
+            )
             for robot, model in robots
         ]
         lines = ctx.stream(ROSOUT)
@@ -44,28 +46,28 @@ def run(ctx: Context[LoggerParameters]) -> None:
         try:
             for tick in ctx.ticks():
                 if tick.reset:
-                    write(ctx, recording, ears, last=True)
+                    write_batches(ctx, recording, subscriptions, last=True)
                     recording.restart()
-                    for ear in ears:
-                        ear.columns.clear()
-                for ear in ears:
-                    ear.collect(tick.time, tick.dt)
+                    for each in subscriptions:
+                        each.columns.clear()
+                for each in subscriptions:
+                    each.collect(tick.time, tick.dt)
                 if time.monotonic() >= due:
-                    recording.write_log(lines.take())
-                    write(ctx, recording, ears)
+                    recording.write_log(lines.drain())
+                    write_batches(ctx, recording, subscriptions)
                     recording.commit()
                     due = time.monotonic() + ctx.params.window
         finally:
-            ctx.kernel.admit()
+            ctx.node.update_subscribers()
             lines.refresh()
             frames.refresh()
-            for ear in ears:
-                ear.collect_rest(ctx.now)
-            recording.write_log(lines.take())
-            write(ctx, recording, ears, last=True)
+            for each in subscriptions:
+                each.collect_remaining(ctx.now)
+            recording.write_log(lines.drain())
+            write_batches(ctx, recording, subscriptions, last=True)
 
 
-def crew(robots: Sequence[str], models: Sequence[str]) -> list[tuple[str, str]]:
+def pair_models(robots: Sequence[str], models: Sequence[str]) -> list[tuple[str, str]]:
     """Each robot with its model; raises BadInput when their counts do not fit or a robot comes twice."""
     names = [robot.strip("/") for robot in robots]
     if len(set(names)) != len(names):
@@ -77,16 +79,21 @@ def crew(robots: Sequence[str], models: Sequence[str]) -> list[tuple[str, str]]:
     return list(zip(names, models if len(models) > 1 else (*models,) * len(robots), strict=True))
 
 
-def write(ctx: Context[LoggerParameters], recording: Recording, ears: Sequence[Ear], last: bool = False) -> None:
+def write_batches(
+    ctx: Context[LoggerParameters],
+    recording: Recording,
+    subscriptions: Sequence[RobotSubscriptions],
+    last: bool = False,
+) -> None:
     """Write what the robots have brought, and tell what was lost."""
-    recording.write({ear.robot: ear.columns.flush() for ear in ears}, last)
-    if lost := sum(ear.columns.dropped for ear in ears):
+    recording.write({each.robot: each.columns.flush() for each in subscriptions}, last)
+    if lost := sum(each.columns.dropped for each in subscriptions):
         ctx.log.warn(f"{lost} rows were not recorded: more comes than is written, is the disk slow?", every=5.0)
 
 
-def show(ctx: Context[LoggerParameters], recording: Recording) -> None:
+def show_live(ctx: Context[LoggerParameters], recording: Recording) -> None:
     """Open a viewer where one is wanted; the recording goes on without it."""
-    if recording.url and wanted(ctx.params.view, os.environ):
+    if recording.url and should_open(ctx.params.view, os.environ):
         try:
             open_viewer(recording.url, os.environ, recording.file.with_suffix(".viewer.log"))
         except OSError as error:

@@ -17,17 +17,17 @@ from messages.rosgraph import Clock, Log
 from messages.sensor import JointState, LaserScan
 from messages.tf import TFMessage
 from messages.topics import CMD_VEL, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, SCAN, STATUS, TF_STATIC
-from models.figures import read_model
+from models.model import read_model
 from services.logger.blueprint import Extent
 from services.logger.columns import RobotColumns
 from services.logger.recording import Recording
-from services.runtime.frames.buffer import FrameBuffer
+from services.runtime.tf.buffer import TransformBuffer
 
 BATCH_NS = 1_000_000_000
 """Simulated time in one batch."""
 
 
-class Rebuild:
+class RecordingBuilder:
     """Writes ``file`` as the logger would have done; ``with`` opens and closes it.
 
     ``robots`` are (namespace, model). A joint controller's state does not say whose it is, and counts as that of the
@@ -39,7 +39,7 @@ class Rebuild:
     ) -> None:
         names = [(_name(namespace), model) for namespace, model in robots]
         self._recording = Recording(file, names, extent, warn)
-        self._frames = FrameBuffer()
+        self._frames = TransformBuffer()
         self._columns = {namespace: RobotColumns(frames=self._frames) for namespace, _ in robots}
         arms = [namespace for namespace, model in robots if read_model(model).wheels is None]
         self._arm = self._columns[arms[0]] if len(arms) == 1 else None
@@ -56,10 +56,10 @@ class Rebuild:
         self._flush(last=True)
         self._recording.__exit__(kind, error, trace)
 
-    def take(self, topic: str, message: Message, time_ns: int) -> None:
+    def add(self, topic: str, message: Message, time_ns: int) -> None:
         """One message of the absolute name ``topic``, at a simulated time; those of other topics are left out."""
         if isinstance(message, Clock):
-            self._follow(message)
+            self._on_clock(message)
         elif isinstance(message, Log):
             self._lines.append(message)
         elif isinstance(message, TFMessage):
@@ -76,7 +76,7 @@ class Rebuild:
             self._flush()
             self._due = time_ns + BATCH_NS
 
-    def _follow(self, clock: Clock) -> None:
+    def _on_clock(self, clock: Clock) -> None:
         """After a reset, time begins anew, on a timeline of its own."""
         if self._epoch not in (-1, clock.epoch):
             self._flush(last=True)

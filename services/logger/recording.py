@@ -1,7 +1,8 @@
-"""A recording in the making: bodies and styles once, then batches of columns."""
+"""A rerun recording: its sinks, the robots' scenes and styles once, then batches of columns."""
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -10,16 +11,114 @@ from typing import Self
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
+from rerun.blueprint import Blueprint
 
 from messages.rosgraph import DEBUG, ERROR, FATAL, INFO, WARN, Log
 from models.palette import colours
-from services.logger import paths
-from services.logger.batch import Batch
+from services.logger import entity_paths
 from services.logger.blueprint import Extent, blueprint
-from services.logger.body import Body
-from services.logger.palette import dimmed
-from services.logger.sinks import PATIENCE_S, open_sinks
-from services.logger.table import Table
+from services.logger.columns import Batch
+from services.logger.scene import RobotScene, darkened
+from services.runtime.errors import BadInput
+
+HOST = "127.0.0.1"
+
+FLUSH_TIMEOUT_S = 5.0
+"""Wall time given to the disk and the server to take what was sent."""
+
+
+def open_sinks(
+    stream: rr.RecordingStream, file: Path, footer: bool, port: int | None, memory_mib: int, layout: Blueprint
+) -> tuple[str, str]:
+    """Connect ``stream`` to ``file`` and, with a ``port``, to a server for viewers.
+
+    Returns the viewer's URL and what is wrong with the live view; one of the two is empty, both without a port.
+    Raises BadInput when the file cannot be written.
+    """
+    url, trouble = "", ""
+    if port is not None and (trouble := _port_error(port)) == "":
+        server = rr.GrpcServerSink(HOST, port, server_memory_limit=f"{memory_mib}MiB")
+        _connect(stream, layout, server, _file_sink(file, footer))
+        try:
+            stream.flush(timeout_sec=FLUSH_TIMEOUT_S)
+            url = server.uri
+        except RuntimeError as error:
+            trouble = f"the server for viewers on {HOST}:{port} did not start: {error}"
+    if not url:
+        _connect(stream, layout, _file_sink(file, footer))
+    return url, trouble
+
+
+def _file_sink(file: Path, footer: bool) -> rr.FileSink:
+    return rr.FileSink(file, write_footer=footer)
+
+
+def _connect(stream: rr.RecordingStream, layout: Blueprint, *sinks: rr.GrpcServerSink | rr.FileSink) -> None:
+    try:
+        stream.set_sinks(*sinks, default_blueprint=layout)
+    except RuntimeError as error:
+        raise BadInput(f"the recording cannot be written: {error}") from None
+
+
+def _port_error(port: int) -> str:
+    """Why the port cannot be had; empty when it can. Asked first, since rerun's server fails later and unseen."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((HOST, port))
+        except OSError as error:
+            return f"no live view: port {port} of {HOST} is not free ({error.strerror}); is another logger running?"
+    return ""
+
+
+Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+STALE_NS = 500_000_000
+"""A robot that has been silent for longer is not waited for, and has no value."""
+
+
+class FleetSeries:
+    """Joins the rows of ``robots``, each of ``width`` values; a robot holds its value until its next row.
+
+    A time is given out once, when every robot that speaks has reached it.
+    """
+
+    def __init__(self, robots: int, width: int) -> None:
+        self._width = width
+        self._times: list[Stamps] = [np.empty(0, np.int64)] * robots
+        self._values: list[Floats] = [np.empty((0, width))] * robots
+        self._drained_upto = -1
+
+    def add(self, robot: int, times: Stamps, values: Floats) -> None:
+        """Rows of one robot: ``times`` (n,) [ns], ``values`` (n, width)."""
+        self._times[robot] = np.concatenate((self._times[robot], times))
+        self._values[robot] = np.concatenate((self._values[robot], values))
+
+    def drain(self, everything: bool = False) -> tuple[Stamps, Floats]:
+        """New times (n,) [ns] and values (n, robots, width), NaN where a robot has none."""
+        ends = [int(each[-1]) for each in self._times if len(each)]
+        if not ends:
+            return np.empty(0, np.int64), np.empty((0, len(self._times), self._width))
+        reached = max(ends) if everything else min(end for end in ends if end > max(ends) - STALE_NS)
+        pending = np.unique(np.concatenate(self._times))
+        times = pending[(pending > self._drained_upto) & (pending <= reached)]
+        values = np.stack([self._values_at(robot, times) for robot in range(len(self._times))], axis=1)
+        self._drained_upto = max(self._drained_upto, reached)
+        for robot, own in enumerate(self._times):
+            used = max(0, int(np.searchsorted(own, reached, side="right")) - 1)
+            self._times[robot], self._values[robot] = own[used:], self._values[robot][used:]
+        return times, values
+
+    def _values_at(self, robot: int, times: Stamps) -> Floats:
+        own, values = self._times[robot], self._values[robot]
+        held = np.full((len(times), self._width), np.nan)
+        at = np.searchsorted(own, times, side="right") - 1
+        known = at >= 0
+        known[known] = times[known] - own[at[known]] <= STALE_NS
+        held[known] = values[at[known]]
+        return held
+
 
 APPLICATION = "elea"
 
@@ -27,9 +126,6 @@ LEVELS = {DEBUG: "DEBUG", INFO: "INFO", WARN: "WARN", ERROR: "ERROR", FATAL: "CR
 
 REFERENCE_WIDTH = -0.7
 """Radius of a reference path; rerun reads a negative one as points on the screen instead of metres."""
-
-Floats = NDArray[np.float64]
-Stamps = NDArray[np.int64]
 
 
 class Recording:
@@ -53,13 +149,13 @@ class Recording:
         self._robots, self._extent, self._warn = robots, extent, warn
         self._port, self._memory_mib, self._footer = port, memory_mib, footer
         self._resets = 0
-        self._begun = False
+        self._has_data = False
 
     def __enter__(self) -> Self:
         colour = colours(name for name, _ in self._robots)
-        bodies = [Body(name, model, colour[name]) for name, model in self._robots]
-        self._bodies = {body.name: body for body in bodies}
-        self._new_tables()
+        scenes = [RobotScene(name, model, colour[name]) for name, model in self._robots]
+        self._scenes = {scene.name: scene for scene in scenes}
+        self._reset_series()
         self._stream = rr.RecordingStream(APPLICATION)
         self.url, trouble = open_sinks(
             self._stream, self.file, self._footer, self._port, self._memory_mib, self._layout()
@@ -67,8 +163,8 @@ class Recording:
         if trouble:
             self._warn(f"{trouble}; the recording goes on in {self.file}")
         self._stream.log("/", rr.CoordinateFrame("world"), rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        for body in bodies:
-            body.log_to(self._stream)
+        for scene in scenes:
+            scene.log_to(self._stream)
         self._log_styles()
         return self
 
@@ -81,31 +177,33 @@ class Recording:
     def commit(self) -> None:
         """Block until what was written is in the file: a killed process loses none of it, and nothing piles up."""
         try:
-            self._stream.flush(timeout_sec=PATIENCE_S)
+            self._stream.flush(timeout_sec=FLUSH_TIMEOUT_S)
         except (RuntimeError, ValueError) as failure:
             self._warn(f"a part of the recording {self.file} may be missing: {failure}")
 
     def restart(self) -> None:
         """Begin a new timeline: after a reset, simulation time starts again."""
-        if self._begun:
-            self._resets, self._begun = self._resets + 1, False
-            self._new_tables()
+        if self._has_data:
+            self._resets, self._has_data = self._resets + 1, False
+            self._reset_series()
             self._stream.send_blueprint(self._layout())
 
     def write(self, batches: Mapping[str, Batch], last: bool = False) -> None:
         """Append the robots' batches; plots wait for the slowest robot, unless it is the ``last`` time."""
-        for body in self._bodies.values():
-            if (batch := batches.get(body.name)) is not None:
-                self._write_body(body, batch)
-        for index, body in enumerate(self._driving):
-            if (batch := batches.get(body.name)) is not None:
-                self._gauges.add(index, batch.times, batch.gauges)
+        for scene in self._scenes.values():
+            if (batch := batches.get(scene.name)) is not None:
+                self._write_robot(scene, batch)
+        for index, scene in enumerate(self._driving):
+            if (batch := batches.get(scene.name)) is not None:
+                self._scalars.add(index, batch.times, batch.scalars)
                 self._odometry.add(index, batch.odometry_times, batch.odometry_error)
-        times, gauges = self._gauges.take(last)
-        for number, plot in enumerate((paths.SPEED, paths.COMMANDED, paths.CROSS_TRACK, paths.DISTANCE)):
-            self._plot(plot, times, gauges[:, :, number])
-        times, error = self._odometry.take(last)
-        self._plot(paths.ODOMETRY_ERROR, times, error[:, :, 0])
+        times, scalars = self._scalars.drain(last)
+        for number, plot in enumerate(
+            (entity_paths.SPEED, entity_paths.COMMANDED, entity_paths.CROSS_TRACK, entity_paths.DISTANCE)
+        ):
+            self._plot(plot, times, scalars[:, :, number])
+        times, error = self._odometry.drain(last)
+        self._plot(entity_paths.ODOMETRY_ERROR, times, error[:, :, 0])
 
     def write_log(self, lines: Sequence[Log]) -> None:
         """Append lines of the nodes' logs, each under its node."""
@@ -117,30 +215,32 @@ class Recording:
                 text=[f"{line.name.strip('/')}: {line.msg}" for line in said],
                 level=[LEVELS.get(line.level, "INFO") for line in said],
             )
-            self._send(f"{paths.LOG}/{node.strip('/')}", np.array([line.header.stamp.ns for line in said]), columns)
+            self._send(
+                f"{entity_paths.LOG}/{node.strip('/')}", np.array([line.header.stamp.ns for line in said]), columns
+            )
 
-    def _write_body(self, body: Body, batch: Batch) -> None:
+    def _write_robot(self, scene: RobotScene, batch: Batch) -> None:
         if batch.plan is not None:
             strip = rr.LineStrips3D.columns(
-                strips=[batch.plan.astype(np.float32)], radii=[REFERENCE_WIDTH], colors=[dimmed(body.colour)]
+                strips=[batch.plan.astype(np.float32)], radii=[REFERENCE_WIDTH], colors=[darkened(scene.colour)]
             )
-            self._send(paths.reference(body.name), np.array([batch.plan_time]), strip)
-            self._send(paths.goals(body.name), np.array([batch.plan_time]), _clouds([batch.plan[1:]]))
-        times, transforms = body.transforms(batch)
+            self._send(entity_paths.reference(scene.name), np.array([batch.plan_time]), strip)
+            self._send(entity_paths.goals(scene.name), np.array([batch.plan_time]), _point_columns([batch.plan[1:]]))
+        times, transforms = scene.transforms(batch)
         if len(times):
-            self._send(paths.transforms(body.name), times, transforms)
+            self._send(entity_paths.transforms(scene.name), times, transforms)
         if len(batch.control):
-            self._send(paths.angle(body.name), batch.control_times, _series(batch.control[:, :2]))
-            self._send(paths.error(body.name), batch.control_times, _series(batch.control[:, 2:3]))
-            self._send(paths.effort(body.name), batch.control_times, _series(batch.control[:, 3:]))
+            self._send(entity_paths.angle(scene.name), batch.control_times, _scalar_columns(batch.control[:, :2]))
+            self._send(entity_paths.error(scene.name), batch.control_times, _scalar_columns(batch.control[:, 2:3]))
+            self._send(entity_paths.effort(scene.name), batch.control_times, _scalar_columns(batch.control[:, 3:]))
         if len(batch.goals):
             known = [each[~np.isnan(each).any(axis=1)] for each in batch.goals[:, None]]
-            self._send(paths.goal(body.name), batch.goal_times, _clouds(known))
+            self._send(entity_paths.goal(scene.name), batch.goal_times, _point_columns(known))
         if len(batch.scans):
-            self._send(paths.scan(body.name), batch.scan_times, _clouds(batch.scans))
+            self._send(entity_paths.scan(scene.name), batch.scan_times, _point_columns(batch.scans))
         for entity, ends, segments in (
-            (paths.trail(body.name), batch.trail_times, batch.trail),
-            (paths.belief(body.name), batch.belief_times, batch.belief),
+            (entity_paths.trail(scene.name), batch.trail_times, batch.trail),
+            (entity_paths.odometry_trail(scene.name), batch.odometry_trail_times, batch.odometry_trail),
         ):
             if len(segments):
                 self._send(entity, ends, rr.LineStrips3D.columns(strips=segments.astype(np.float32)))
@@ -148,55 +248,57 @@ class Recording:
     def _plot(self, entity: str, times: Stamps, values: Floats) -> None:
         """Rows of one value for each robot; a plot of which nothing is known yet is not begun."""
         if not np.isnan(values).all():
-            self._send(entity, times, _series(values))
+            self._send(entity, times, _scalar_columns(values))
 
     def _send(self, entity: str, times: Stamps, columns: rr.ComponentColumnList) -> None:
-        index = rr.TimeColumn(paths.timeline(self._resets), duration=times.astype("timedelta64[ns]"))
+        index = rr.TimeColumn(entity_paths.timeline(self._resets), duration=times.astype("timedelta64[ns]"))
         self._stream.send_columns(entity, [index], columns)
-        self._begun = True
+        self._has_data = True
 
     def _log_styles(self) -> None:
-        names, colours = [body.name for body in self._driving], [body.colour for body in self._driving]
-        for plot in (paths.SPEED, paths.CROSS_TRACK, paths.ODOMETRY_ERROR, paths.DISTANCE):
+        names, colours = [scene.name for scene in self._driving], [scene.colour for scene in self._driving]
+        for plot in (entity_paths.SPEED, entity_paths.CROSS_TRACK, entity_paths.ODOMETRY_ERROR, entity_paths.DISTANCE):
             lines = rr.SeriesLines(colors=colours, names=names, widths=[1.5] * len(names))
             self._stream.log(plot, lines, static=True)
         commands = rr.SeriesLines(
-            colors=[dimmed(each) for each in colours],
+            colors=[darkened(each) for each in colours],
             names=[f"{name} command" for name in names],
             widths=[1.5] * len(names),
         )
-        self._stream.log(paths.COMMANDED, commands, static=True)
-        for body in self._arms:
-            name, shades = body.name, [dimmed(body.colour), body.colour]
+        self._stream.log(entity_paths.COMMANDED, commands, static=True)
+        for scene in self._arms:
+            name, shades = scene.name, [darkened(scene.colour), scene.colour]
             lines = rr.SeriesLines(colors=shades, names=["reference", "angle"], widths=[1.5, 1.5])
-            self._stream.log(paths.angle(name), lines, static=True)
-            for single, said in ((paths.error(name), "error"), (paths.effort(name), "effort")):
+            self._stream.log(entity_paths.angle(name), lines, static=True)
+            for single, said in ((entity_paths.error(name), "error"), (entity_paths.effort(name), "effort")):
                 line = rr.SeriesLines(colors=shades[1:], names=[said], widths=[1.5])
                 self._stream.log(single, line, static=True)
 
     @property
-    def _driving(self) -> list[Body]:
-        return [body for body in self._bodies.values() if not body.stands]
+    def _driving(self) -> list[RobotScene]:
+        return [scene for scene in self._scenes.values() if not scene.is_arm]
 
     @property
-    def _arms(self) -> list[Body]:
-        return [body for body in self._bodies.values() if body.stands]
+    def _arms(self) -> list[RobotScene]:
+        return [scene for scene in self._scenes.values() if scene.is_arm]
 
-    def _new_tables(self) -> None:
-        self._gauges, self._odometry = Table(len(self._driving), 4), Table(len(self._driving), 1)
+    def _reset_series(self) -> None:
+        self._scalars, self._odometry = FleetSeries(len(self._driving), 4), FleetSeries(len(self._driving), 1)
 
     def _layout(self) -> rr.blueprint.Blueprint:
-        robots = [(body.name, body.tree_name) for body in self._bodies.values()]
-        arms = {body.name for body in self._arms}
-        return blueprint(robots, arms, self._extent, [paths.timeline(reset) for reset in range(self._resets + 1)])
+        robots = [(scene.name, scene.tree_name) for scene in self._scenes.values()]
+        arms = {scene.name for scene in self._arms}
+        return blueprint(
+            robots, arms, self._extent, [entity_paths.timeline(reset) for reset in range(self._resets + 1)]
+        )
 
 
-def _clouds(clouds: Sequence[Floats]) -> rr.ComponentColumnList:
+def _point_columns(clouds: Sequence[Floats]) -> rr.ComponentColumnList:
     """A cloud of points, each (n, 3), for each time."""
     every = np.concatenate(clouds).astype(np.float32)
     return rr.Points3D.columns(positions=every).partition([len(each) for each in clouds])
 
 
-def _series(values: Floats) -> rr.ComponentColumnList:
+def _scalar_columns(values: Floats) -> rr.ComponentColumnList:
     """A row of values (n, series) for each time."""
     return rr.Scalars.columns(scalars=values.ravel()).partition([values.shape[1]] * len(values))

@@ -7,25 +7,25 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from messages.se3 import SE3
 from messages.sensor import LaserScan
-from services.logger.fixed import mounted
-from services.runtime.frames.buffer import FrameBuffer
-from services.runtime.frames.rigid import Rigid
+from services.logger.static_frames import mount_transform
+from services.runtime.tf.buffer import TransformBuffer
 
-LIMIT = 200
+MAX_SCANS = 200
 """Scans kept between two batches: 40 s of a laser of 5 Hz."""
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 
-class Scans:
+class ScanBuffer:
     """Keeps a robot's scans until the true pose at their stamps is known; beyond ``limit`` the oldest are dropped.
 
     Points in the laser's own frame would ride along with the robot until its next scan, and smear as it turns.
     """
 
-    def __init__(self, frames: FrameBuffer, limit: int = LIMIT) -> None:
+    def __init__(self, frames: TransformBuffer, limit: int = MAX_SCANS) -> None:
         self.dropped = 0
         self._frames, self._limit = frames, limit
         self._waiting: list[LaserScan] = []
@@ -41,7 +41,7 @@ class Scans:
         """Forget what waits."""
         self._waiting = []
 
-    def place(self, base: str, truth: Floats) -> tuple[Stamps, list[Floats]]:
+    def to_world(self, base: str, truth: Floats) -> tuple[Stamps, list[Floats]]:
         """Times [ns] and echoes, each (n, 3) [m] in the world, of the scans whose pose is now known.
 
         ``truth`` has rows of time [ns], position [m] and quaternion (x, y, z, w) of the frame ``base``. Scans from
@@ -53,14 +53,14 @@ class Scans:
         self._waiting = self._waiting[len(due) :]
         times, points = [], []
         for scan in due:
-            mount = mounted(self._frames, base, scan.header.frame_id)
+            mount = mount_transform(self._frames, base, scan.header.frame_id)
             if mount is not None and scan.header.stamp.ns >= truth[0, 0]:
                 times.append(scan.header.stamp.ns)
-                points.append(_moved(_pose(truth, scan.header.stamp.ns).then(mount), echoes(scan)))
+                points.append(_transformed(_pose(truth, scan.header.stamp.ns).compose(mount), scan_points(scan)))
         return np.array(times, np.int64), points
 
 
-def echoes(scan: LaserScan) -> Floats:
+def scan_points(scan: LaserScan) -> Floats:
     """Where the laser saw something, (n, 3) [m] in its own frame; rays without an echo are left out."""
     ranges = scan.ranges.numpy().astype(np.float64)
     angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
@@ -69,23 +69,23 @@ def echoes(scan: LaserScan) -> Floats:
     return np.column_stack((near * np.cos(turn), near * np.sin(turn), np.zeros(len(near))))
 
 
-def _pose(truth: Floats, time: int) -> Rigid:
+def _pose(truth: Floats, time: int) -> SE3:
     """The pose at a time within ``truth``."""
     after = int(np.searchsorted(truth[:, 0], time))
     late = truth[after]
     early = late if late[0] == time else truth[after - 1]
     span = late[0] - early[0]
-    return _rigid(early).toward(_rigid(late), float((time - early[0]) / span) if span else 0.0)
+    return _rigid_from_row(early).interpolate(_rigid_from_row(late), float((time - early[0]) / span) if span else 0.0)
 
 
-def _rigid(row: Floats) -> Rigid:
+def _rigid_from_row(row: Floats) -> SE3:
     x, y, z, i, j, k, w = (float(each) for each in row[1:8])
-    return Rigid((x, y, z), (i, j, k, w))
+    return SE3((x, y, z), (i, j, k, w))
 
 
-def _moved(pose: Rigid, points: Floats) -> Floats:
+def _transformed(pose: SE3, points: Floats) -> Floats:
     """Points p as R(turn) p + place."""
-    turn, w = np.array(pose.turn[:3]), pose.turn[3]
+    turn, w = np.array(pose.rotation[:3]), pose.rotation[3]
     twice = 2 * np.cross(turn, points)
-    moved: Floats = points + w * twice + np.cross(turn, twice) + np.array(pose.place)
+    moved: Floats = points + w * twice + np.cross(turn, twice) + np.array(pose.translation)
     return moved

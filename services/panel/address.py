@@ -7,9 +7,9 @@ from pathlib import Path
 
 import msgspec
 
-from services.runtime.files import write_whole
+from services.runtime.atomic_file import write_atomic
 
-FILE = "panel.json"
+ADDRESS_FILE = "panel.json"
 """Its name in the folder of a run."""
 
 
@@ -26,12 +26,12 @@ class Address(msgspec.Struct, frozen=True, kw_only=True):
         return f"http://127.0.0.1:{self.port}/?token={self.token}"
 
 
-def write(path: Path, address: Address) -> None:
+def write_address(path: Path, address: Address) -> None:
     """Put the file there, whole or not at all; raises OSError."""
-    write_whole(path, msgspec.json.encode(address), mode=0o600)
+    write_atomic(path, msgspec.json.encode(address), mode=0o600)
 
 
-def read(path: Path) -> Address | None:
+def read_address(path: Path) -> Address | None:
     """The address in a file, None when there is none."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=Address)
@@ -44,12 +44,12 @@ def token_for(path: Path | None, port: int) -> str:
 
     On another port it is a new one: who has taken the old port is shown the cookies of the pages that return there.
     """
-    earlier = read(path) if path is not None else None
+    earlier = read_address(path) if path is not None else None
     kept = earlier is not None and earlier.port == port and len(earlier.token) >= 32
     return earlier.token if earlier is not None and kept else secrets.token_urlsafe(24)
 
 
-def once(address: Address, within: float = 5.0) -> str:
+def one_time_url(address: Address, within: float = 5.0) -> str:
     """An address that lets one browser in, once: it holds no token. Raises OSError when the page does not answer."""
     from http.client import HTTPConnection, HTTPException
 

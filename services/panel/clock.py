@@ -1,4 +1,8 @@
-"""The channel of time: where the simulation stands, and how fast it runs."""
+"""Simulation time in the panel: the time of a message, and the clock channel of the page.
+
+The sender's system clock stands beside every sample, the simulation's beside every ``/clock``. On one machine, and on
+several with clocks kept together, the first is looked up among the second.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +10,14 @@ from collections import deque
 
 from messages.rosgraph import Clock
 from messages.topics import CLOCK
-from services.panel.channel import as_json
-from services.panel.feeds import Feeds, Hold
-from services.panel.sim_time import SimTime
+from services.panel.protocol import as_json
+from services.panel.subscriptions import SharedSubscriptions, SubscriptionGroup
+from services.runtime.clock_map import ClockMap
+from services.runtime.transport.wire import SampleInfo
 
-WINDOW_S = 2.0
+FACTOR_WINDOW_S = 2.0
 """Wall time over which the speed is taken."""
-SILENCE_S = 1.0
+CLOCK_TIMEOUT_S = 1.0
 """Wall time without a clock after which there is none."""
 
 
@@ -21,49 +26,83 @@ class ClockChannel:
 
     period, streams = 0.1, False
 
-    def __init__(self, feeds: Feeds, time: SimTime) -> None:
+    def __init__(self, subscriptions: SharedSubscriptions, time: SimTimeMap) -> None:
         self.version = 0
-        self._hold, self._time = Hold(feeds), time
-        self._place = (CLOCK.name, Clock.ROS_TYPE)
+        self._subscriptions, self._time = SubscriptionGroup(subscriptions), time
+        self._topic = (CLOCK.name, Clock.ROS_TYPE)
         self._seen: deque[tuple[float, int]] = deque()
-        self._heard = 0.0
-        self._told = False
+        self._last_received = 0.0
+        self._silent = False
 
-    def follow(self, wanted: bool) -> None:
-        self._hold.want({self._place: CLOCK.quality.name} if wanted else {})
+    def set_enabled(self, wanted: bool) -> None:
+        self._subscriptions.set_topics({self._topic: CLOCK.quality.name} if wanted else {})
         if not wanted:
             self._seen.clear()
 
-    def turn(self, now: float) -> None:
-        batch = self._hold.batch(*self._place)
-        era = self._time.era
+    def update(self, now: float) -> None:
+        batch = self._subscriptions.messages(*self._topic)
+        era = self._time.epoch
         for clock, origin in batch:
             self._time.add(clock, origin)
         if batch:
-            if era != self._time.era:
+            if era != self._time.epoch:
                 self._seen.clear()
-            self._heard = now
+            self._last_received = now
             self._seen.append((now, self._time.now))
-            while self._seen[0][0] < now - WINDOW_S and len(self._seen) > 2:
+            while self._seen[0][0] < now - FACTOR_WINDOW_S and len(self._seen) > 2:
                 self._seen.popleft()
-        silent = now - self._heard > SILENCE_S
-        if batch or silent != self._told:
+        silent = now - self._last_received > CLOCK_TIMEOUT_S
+        if batch or silent != self._silent:
             self.version += 1
-            self._told = silent
+            self._silent = silent
 
-    def news(self, since: int) -> str | None:
+    def delta(self, since: int) -> str | None:
         return as_json(
             "clock",
             t=self._time.now / 1e9,
-            era=self._time.era,
+            era=self._time.epoch,
             paused=self._time.paused,
-            alive=self._time.known and not self._told,
+            alive=self._time.known and not self._silent,
             factor=self._factor(),
         )
 
     def _factor(self) -> float | None:
         """Simulated per wall-clock second, lately."""
-        if len(self._seen) < 2 or self._time.paused or self._told:
+        if len(self._seen) < 2 or self._time.paused or self._silent:
             return None
         (wall, sim), (wall_now, sim_now) = self._seen[0], self._seen[-1]
         return round((sim_now - sim) / 1e9 / (wall_now - wall), 2) if wall_now - wall > 0.2 else None
+
+
+MAX_CLOCKS = 512
+"""Clocks remembered: 10 s at 50 Hz."""
+
+
+class SimTimeMap:
+    """``epoch`` grows whenever time begins anew: a reset, or another simulation."""
+
+    def __init__(self) -> None:
+        self.now = 0
+        self.epoch = 0
+        self.paused = False
+        self.known = False
+        self._clock_epoch = -1
+        self._map = ClockMap(MAX_CLOCKS)
+
+    def add(self, clock: Clock, origin: SampleInfo | None) -> None:
+        """Take a clock."""
+        now = clock.clock.ns
+        if self.known and (clock.epoch != self._clock_epoch or now < self.now):
+            self.epoch += 1
+            self._map.clear()
+        self.now, self.paused, self.known, self._clock_epoch = now, clock.paused, True, clock.epoch
+        if origin is not None:
+            self._map.add(origin.source_ns, now)
+
+    def at(self, origin: SampleInfo | None) -> int:
+        """Simulation time [ns] when a sample was sent; between two clocks by proportion, after the last one the last.
+
+        A sample without origin was sent just now.
+        """
+        time = None if origin is None else self._map.between(origin.source_ns)
+        return self.now if time is None else time

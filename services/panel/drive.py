@@ -1,4 +1,4 @@
-"""Driving from a page, with a dead-man's switch on this side: what the page does not say again stops the robot.
+"""Driving robots from the page: velocity with a dead-man's switch, and goals.
 
 A page says what it wants for as long as a hand is on the stick. When it falls silent, hides, loses its connection or
 hangs, the hand counts as gone after ``silence`` of wall time, whatever the page believes. Zero is then held for
@@ -10,124 +10,156 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from messages.geometry import Twist, TwistStamped, Vector3
+from messages.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from messages.std import Header, Time
-from messages.topics import CMD_VEL, Quality, Topic
-from services.motion.voice import Voice
+from messages.topics import CMD_VEL, GOAL_POSE, Quality, Topic
+from services.driving.command_repeater import CommandRepeater
 from services.panel import PanelParameters
-from services.panel.page import Page
-from services.panel.robots import Robot, Robots
-from services.panel.words import Drive
-from services.runtime.errors import BadInput, unknown
+from services.panel.pages import Page
+from services.panel.protocol import Drive, Goal
+from services.panel.robots import Pose2, RobotState, RobotTracker
+from services.runtime.errors import BadInput, unknown_name
 from services.runtime.node import Node
-from services.runtime.outputs import Output
+from services.runtime.publisher import Publisher
 
-RATE = 20.0
+COMMAND_RATE = 20.0
 """Commands per second of wall time while a hand is on the stick."""
 
-STAMPED = Topic(CMD_VEL.name, TwistStamped, CMD_VEL.rate, Quality.COMMAND, CMD_VEL.about)
+CMD_VEL_STAMPED = Topic(CMD_VEL.name, TwistStamped, CMD_VEL.rate, Quality.COMMAND, CMD_VEL.about)
 """``cmd_vel`` of bases that take it with its time."""
 
 
-class Motion(NamedTuple):
+class DriveCommand(NamedTuple):
     """Speed ahead [m/s] and turn rate to the left [rad/s]."""
 
     v: float = 0.0
     w: float = 0.0
 
 
-STILL = Motion()
+ZERO_COMMAND = DriveCommand()
 
 
 @dataclass
-class _Seat:
+class _DriveSession:
     """Who drives a robot, and what was last wanted, at ``heard`` [s of wall time]."""
 
     page: Page | None
-    output: Output[Any]
-    record: str
-    voice: Voice[Motion]
-    wanted: Motion = STILL
-    heard: float = 0.0
+    output: Publisher[Any]
+    type_name: str
+    repeater: CommandRepeater[DriveCommand]
+    command: DriveCommand = ZERO_COMMAND
+    last_message: float = 0.0
 
 
-class Driver:
+class DriveController:
     """One seat for each robot that is driven from a page."""
 
-    def __init__(self, node: Node, robots: Robots, params: PanelParameters) -> None:
+    def __init__(self, node: Node, robots: RobotTracker, params: PanelParameters) -> None:
         self.params = params
         self._node, self._robots = node, robots
-        self._seats: dict[str, _Seat] = {}
-        self._era = self._sim_ns = 0
+        self._sessions: dict[str, _DriveSession] = {}
+        self._epoch = self._sim_ns = 0
 
     @property
     def busy(self) -> bool:
         """Whether any robot is driven, or still told to stand."""
-        return bool(self._seats)
+        return bool(self._sessions)
 
     def drive(self, page: Page, said: Drive, now: float) -> None:
         """A hand is on the stick; raises BadInput when it may not be."""
         p = self.params
-        robot = self._robots.found.get(said.robot)
+        robot = self._robots.by_namespace.get(said.robot)
         if robot is None:
-            raise unknown("robot", said.robot, self._robots.found)
-        if not robot.drives:
+            raise unknown_name("robot", said.robot, self._robots.by_namespace)
+        if not robot.cmd_vel_type:
             raise BadInput(f"{said.robot} takes no commands on {CMD_VEL.name}")
         if abs(said.v) > p.max_linear or abs(said.w) > p.max_angular:
             raise BadInput(
                 f"{said.v:g} m/s and {said.w:g} rad/s: no page drives faster than {p.max_linear:g} m/s and "
                 f"{p.max_angular:g} rad/s (parameters max_linear, max_angular of the panel)"
             )
-        seat = self._seats.get(said.robot)
-        if seat is None:
-            seat = self._seats[said.robot] = self._sit(robot)
-        if seat.page is not None and seat.page is not page:
+        session = self._sessions.get(said.robot)
+        if session is None:
+            session = self._sessions[said.robot] = self._open_session(robot)
+        if session.page is not None and session.page is not page:
             raise BadInput(f"another page drives {said.robot}: it has to let go first")
-        seat.page, seat.wanted, seat.heard = page, Motion(said.v, said.w), now
+        session.page, session.command, session.last_message = page, DriveCommand(said.v, said.w), now
 
     def release(self, page: Page) -> None:
         """The hand is off the stick, or the page is gone."""
-        for seat in self._seats.values():
-            if seat.page is page:
-                seat.page = None
+        for session in self._sessions.values():
+            if session.page is page:
+                session.page = None
 
-    def turn(self, now: float, sim_ns: int, era: int) -> None:
+    def update(self, now: float, sim_ns: int, epoch: int) -> None:
         """Send what is due; ``now`` is wall time [s]."""
         self._sim_ns = sim_ns
-        if era != self._era:
-            self._era = era
-            for seat in self._seats.values():
-                seat.voice.restart()
-        for name, seat in list(self._seats.items()):
-            if name not in self._robots.found:
-                self._leave(name)
+        if epoch != self._epoch:
+            self._epoch = epoch
+            for session in self._sessions.values():
+                session.repeater.reset()
+        for name, session in list(self._sessions.items()):
+            if name not in self._robots.by_namespace:
+                self._close_session(name)
                 continue
-            if seat.page is not None and now - seat.heard > self.params.silence:
-                seat.page = None
-            motion = seat.wanted if seat.page is not None else None
-            said = seat.voice.say(motion, now, sim_ns / 1e9)
+            if session.page is not None and now - session.last_message > self.params.silence:
+                session.page = None
+            motion = session.command if session.page is not None else None
+            said = session.repeater.update(motion, now, sim_ns / 1e9)
             if said is not None:
-                self._send(seat, said, sim_ns)
-            if seat.voice.state == "silent":
-                self._leave(name)
+                self._publish(session, said, sim_ns)
+            if session.repeater.state == "silent":
+                self._close_session(name)
 
     def close(self) -> None:
         """The panel ends: robots that it drives are told to stand."""
-        for seat in self._seats.values():
-            self._send(seat, STILL, self._sim_ns)
+        for session in self._sessions.values():
+            self._publish(session, ZERO_COMMAND, self._sim_ns)
 
-    def _sit(self, robot: Robot) -> _Seat:
-        name, record = f"{robot.namespace}/{CMD_VEL.name}", robot.drives
-        topic: Topic[Any] = STAMPED if record == TwistStamped.ROS_TYPE else CMD_VEL
-        voice = Voice(RATE, self.params.give_way, STILL)
-        return _Seat(None, self._node.write(topic, name), record, voice)
+    def _open_session(self, robot: RobotState) -> _DriveSession:
+        name, record = f"{robot.namespace}/{CMD_VEL.name}", robot.cmd_vel_type
+        topic: Topic[Any] = CMD_VEL_STAMPED if record == TwistStamped.ROS_TYPE else CMD_VEL
+        repeater = CommandRepeater(COMMAND_RATE, self.params.give_way, ZERO_COMMAND)
+        return _DriveSession(None, self._node.advertise(topic, name), record, repeater)
 
-    def _leave(self, name: str) -> None:
-        self._node.forget(self._seats.pop(name).output)
+    def _close_session(self, name: str) -> None:
+        self._node.unregister(self._sessions.pop(name).output)
 
-    def _send(self, seat: _Seat, motion: Motion, sim_ns: int) -> None:
+    def _publish(self, session: _DriveSession, motion: DriveCommand, sim_ns: int) -> None:
         twist = Twist(linear=Vector3(x=motion.v), angular=Vector3(z=motion.w))
-        if seat.record == TwistStamped.ROS_TYPE:
-            seat.output.publish(TwistStamped(header=Header(stamp=Time.of(sim_ns)), twist=twist))
+        if session.type_name == TwistStamped.ROS_TYPE:
+            session.output.publish(TwistStamped(header=Header(stamp=Time.of(sim_ns)), twist=twist))
         else:
-            seat.output.publish(twist)
+            session.output.publish(twist)
+
+
+class GoalPublisher:
+    """Publishes goals, each on its robot's topic."""
+
+    def __init__(self, node: Node, robots: RobotTracker) -> None:
+        self._node, self._robots = node, robots
+        self._publishers: dict[str, Publisher[PoseStamped]] = {}
+
+    def send(self, said: Goal, sim_ns: int) -> str:
+        """Send a goal of the world; raises BadInput when nobody would take it."""
+        robot = self._robots.by_namespace.get(said.robot)
+        if robot is None:
+            raise unknown_name("robot", said.robot, self._robots.by_namespace)
+        if not robot.accepts_goals:
+            raise BadInput(
+                f"nobody takes goals on {said.robot}/{GOAL_POSE.name}: does a waypoint service run for this robot?"
+            )
+        if robot.estimate is None:
+            raise BadInput(f"no odometry from {said.robot} yet, so its frame is not known: is the simulation running?")
+        output = self._publishers.get(said.robot)
+        if output is None:
+            output = self._publishers[said.robot] = self._node.advertise(GOAL_POSE, f"{said.robot}/{GOAL_POSE.name}")
+        at = robot.origin.between(Pose2(said.x, said.y, said.yaw))
+        header = Header(stamp=Time.of(sim_ns), frame_id=robot.frame)
+        output.publish(PoseStamped(header=header, pose=Pose.planar(at.x, at.y, at.yaw)))
+        return f"{said.robot} is sent to ({said.x:.2f} m, {said.y:.2f} m)"
+
+    def close_unused(self) -> None:
+        """Robots that have left take no goals."""
+        for robot in [each for each in self._publishers if each not in self._robots.by_namespace]:
+            self._node.unregister(self._publishers.pop(robot))

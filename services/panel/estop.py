@@ -5,17 +5,17 @@ from __future__ import annotations
 from messages.elea import EmergencyStops
 from messages.std import Bool
 from messages.topics import E_STOP, STOPS
-from services.panel.robots import Robots
-from services.runtime.errors import BadInput, unknown
-from services.runtime.network.wire import MEMBER_BYTES, Origin, node_id
+from services.panel.robots import RobotTracker
+from services.runtime.errors import BadInput, unknown_name
 from services.runtime.node import Node
-from services.runtime.outputs import Output
+from services.runtime.publisher import Publisher
+from services.runtime.transport.wire import MEMBER_BYTES, SampleInfo, node_id
 
-ALL = ""
+ALL_ROBOTS = ""
 """Stands for all robots: ``/e_stop``, which every base follows, those too that are spawned later."""
 
 
-class Stops:
+class EmergencyStopClient:
     """Publishes this panel's stops, and follows on ``/sim/stops`` who holds which.
 
     The simulation keeps stops through a crash of either side. A panel that returns is the same holder: it takes up the
@@ -23,52 +23,52 @@ class Stops:
     was deleted, or the stop released by request. That a robot, or the simulation, is out of sight ends none.
     """
 
-    def __init__(self, node: Node, robots: Robots) -> None:
+    def __init__(self, node: Node, robots: RobotTracker) -> None:
         self.version = 0
         self._node, self._robots = node, robots
-        self._outputs: dict[str, Output[Bool]] = {}
-        self._on: set[str] = set()
+        self._outputs: dict[str, Publisher[Bool]] = {}
+        self._requested: set[str] = set()
         self._reset: set[str] = set()
         """What this panel has reset: what the simulation tells of it may be older than the reset."""
-        self._told = node.read(STOPS)
-        self._me = node_id(node.identity.node)
-        self._life = b""
+        self._status = node.subscribe(STOPS)
+        self._own_id = node_id(node.identity.node)
+        self._simulation_id = b""
         self._confirmed: set[str] = set()
         """The stops of this panel that the simulation has told of, in the life of it that told last."""
         self._holders: dict[str, dict[str, str]] | None = None
         """By robot, each holder's id and name; None until the simulation has told."""
 
-    def asked(self, robot: str) -> bool:
+    def is_requested(self, robot: str) -> bool:
         """Whether this panel has stopped the robot, or all of them, and not reset it."""
-        return robot in self._on or ALL in self._on
+        return robot in self._requested or ALL_ROBOTS in self._requested
 
-    def stopped(self, robot: str) -> bool | None:
+    def is_stopped(self, robot: str) -> bool | None:
         """Whether anybody's stop holds the robot; None while the simulation has not told."""
-        return None if self._holders is None else bool({**self._held(robot), **self._held(ALL)})
+        return None if self._holders is None else bool({**self._holders_of(robot), **self._holders_of(ALL_ROBOTS)})
 
-    def others(self, robot: str) -> list[str]:
+    def other_holders(self, robot: str) -> list[str]:
         """The names of the other nodes whose stops hold the robot."""
-        held = {**self._held(robot), **self._held(ALL)}
-        return sorted(name for holder, name in held.items() if holder != self._me)
+        held = {**self._holders_of(robot), **self._holders_of(ALL_ROBOTS)}
+        return sorted(name for holder, name in held.items() if holder != self._own_id)
 
-    def order(self, robot: str, on: bool) -> str:
-        """Stop, or reset, a robot or ALL; what was done. Raises BadInput for a robot that is not there."""
-        if robot != ALL and robot not in self._robots.found and robot not in self._on:
-            raise unknown("robot", robot, self._robots.found)
+    def set_stop(self, robot: str, on: bool) -> str:
+        """Stop, or reset, a robot or ALL_ROBOTS; what was done. Raises BadInput for a robot that is not there."""
+        if robot != ALL_ROBOTS and robot not in self._robots.by_namespace and robot not in self._requested:
+            raise unknown_name("robot", robot, self._robots.by_namespace)
         self.version += 1
-        self._say(robot, on)
-        if robot != ALL:
+        self._publish(robot, on)
+        if robot != ALL_ROBOTS:
             if on:
                 return f"{robot} is stopped until it is reset"
-            if ALL in self._on:
+            if ALL_ROBOTS in self._requested:
                 raise BadInput(f"all robots are stopped: {robot} moves again when that is reset")
-            others = self.others(robot)
+            others = self.other_holders(robot)
         else:
             if on:
                 return "all robots are stopped until they are reset"
-            for each in sorted({*self._robots.found, *self._on}):
-                self._say(each, False)
-            others = sorted({name for each in self._holders or () for name in self.others(each)})
+            for each in sorted({*self._robots.by_namespace, *self._requested}):
+                self._publish(each, False)
+            others = sorted({name for each in self._holders or () for name in self.other_holders(each)})
         if others:
             return (
                 f"this panel's stop is reset; {robot or 'robots'} may move when {', '.join(others)} "
@@ -76,46 +76,46 @@ class Stops:
             )
         return f"{robot or 'all robots'} may move again"
 
-    def turn(self) -> None:
+    def update(self) -> None:
         """Take in what the simulation tells."""
-        for message, origin in self._told.batch:
-            self._learn(message, origin)
+        for message, origin in self._status.messages:
+            self._on_status(message, origin)
 
-    def _held(self, robot: str) -> dict[str, str]:
+    def _holders_of(self, robot: str) -> dict[str, str]:
         return (self._holders or {}).get(robot, {})
 
-    def _learn(self, told: EmergencyStops, origin: Origin | None) -> None:
+    def _on_status(self, told: EmergencyStops, origin: SampleInfo | None) -> None:
         self.version += 1
         self._holders = {}
         for stop in told.stops:
             robot = stop.topic.removesuffix(f"/{E_STOP.name}")
             self._holders.setdefault(robot, {})[stop.id] = stop.holder
-        mine = {robot for robot, holders in self._holders.items() if self._me in holders}
+        mine = {robot for robot, holders in self._holders.items() if self._own_id in holders}
         life = origin.publisher[:MEMBER_BYTES] if origin is not None else b""
-        if life == self._life:
+        if life == self._simulation_id:
             for robot in self._confirmed - mine:
-                self._let_go(robot)
-        self._life, self._confirmed = life, mine - self._reset
-        for robot in self._confirmed - self._on:
-            self._say(robot, True)
+                self._drop(robot)
+        self._simulation_id, self._confirmed = life, mine - self._reset
+        for robot in self._confirmed - self._requested:
+            self._publish(robot, True)
 
-    def _let_go(self, robot: str) -> None:
+    def _drop(self, robot: str) -> None:
         """The simulation holds a stop no more that was not reset here.
 
         False is not published: it would end a stop that was given this very moment and is still under way.
         """
-        self._on.discard(robot)
+        self._requested.discard(robot)
         if robot in self._outputs:
-            self._node.forget(self._outputs.pop(robot))
+            self._node.unregister(self._outputs.pop(robot))
 
-    def _say(self, robot: str, on: bool) -> None:
+    def _publish(self, robot: str, on: bool) -> None:
         if on:
-            self._on.add(robot)
+            self._requested.add(robot)
             self._reset.discard(robot)
         else:
-            self._on.discard(robot)
+            self._requested.discard(robot)
             self._confirmed.discard(robot)
             self._reset.add(robot)
         if robot not in self._outputs:
-            self._outputs[robot] = self._node.write(E_STOP, f"{robot}/{E_STOP.name}")
+            self._outputs[robot] = self._node.advertise(E_STOP, f"{robot}/{E_STOP.name}")
         self._outputs[robot].publish(Bool(data=on))

@@ -1,4 +1,4 @@
-"""The channels of the graph: nodes and topics, and how much passes between them."""
+"""The node graph as liveliness tokens describe it, and its channels: nodes, topics and rates."""
 
 from __future__ import annotations
 
@@ -8,27 +8,73 @@ from typing import Any
 
 from messages.elea import Health, InputHealth
 from messages.topics import HEALTH, TOPICS
-from services.panel.channel import as_json
-from services.panel.feeds import Feeds, Hold
-from services.panel.network import Network
-from services.panel.sim_time import SimTime
+from services.panel.clock import SimTimeMap
+from services.panel.protocol import as_json
+from services.panel.subscriptions import SharedSubscriptions, SubscriptionGroup
+from services.runtime.graph import EVERYTHING, Entity
+from services.runtime.transport.api import Transport
 
-BEATS = 4
+
+class NodeGraph:
+    """Follows the tokens; ``version`` grows with each change. What dies is gone from here as soon as it is noticed."""
+
+    def __init__(self, transport: Transport) -> None:
+        self._watch = transport.watch(EVERYTHING)
+        self._entities: dict[str, Entity] = {}
+        self.version = 0
+
+    def update(self) -> None:
+        """Take what has come and gone."""
+        changed = False
+        while (event := self._watch.poll()) is not None:
+            entity = Entity.parse(event.key)
+            if entity is None or entity.kind in ("step", "ready"):
+                continue
+            changed = True
+            if event.alive:
+                self._entities[event.key] = entity
+            else:
+                self._entities.pop(event.key, None)
+        self.version += changed
+
+    @property
+    def entities(self) -> list[Entity]:
+        """All there is, in the order of nodes, kinds and names."""
+        return sorted(self._entities.values(), key=lambda e: (e.node, e.kind, e.name))
+
+    def publication(self, name: str) -> Entity | None:
+        """A publication of a topic: it tells type and quality."""
+        return next((each for each in self._entities.values() if each.kind == "pub" and each.name == name), None)
+
+    def subscription(self, name: str) -> Entity | None:
+        """A subscription of a topic."""
+        return next((each for each in self._entities.values() if each.kind == "sub" and each.name == name), None)
+
+    def find_topics(self, kind: str, last: str) -> list[Entity]:
+        """Publications (``pub``), or subscriptions, of all topics whose last part is ``last``."""
+        end = f"/{last}"
+        found = [each for each in self._entities.values() if each.kind == kind and each.name.endswith(end)]
+        return sorted(found, key=lambda e: e.name)
+
+
+RATE_HEARTBEATS = 4
 """Heartbeats over which a rate is taken."""
 
-MOST_NODES = 4096
+MAX_NODES = 4096
 """Nodes whose heartbeats are followed."""
 
-_PROMISED = {topic.name.lstrip("/"): topic.rate for topic in TOPICS}
+_EXPECTED_RATES = {topic.name.lstrip("/"): topic.rate for topic in TOPICS}
 
 
-def promised(name: str) -> float:
+def expected_rate(name: str) -> float:
     """The rate [Hz of simulation time] that the table of topics promises for a topic, 0 for none.
 
     A name ends as the table has it: ``/tb3_0/sonar/range`` as ``sonar/range``.
     """
     parts = name.lstrip("/").split("/")
-    return next((_PROMISED[end] for i in range(len(parts)) if (end := "/".join(parts[i:])) in _PROMISED), 0.0)
+    return next(
+        (_EXPECTED_RATES[end] for i in range(len(parts)) if (end := "/".join(parts[i:])) in _EXPECTED_RATES), 0.0
+    )
 
 
 class GraphChannel:
@@ -36,25 +82,25 @@ class GraphChannel:
 
     period, streams = 0.2, False
 
-    def __init__(self, network: Network) -> None:
-        self._network = network
+    def __init__(self, graph: NodeGraph) -> None:
+        self._graph = graph
 
     @property
     def version(self) -> int:
         """The network's."""
-        return self._network.version
+        return self._graph.version
 
-    def follow(self, wanted: bool) -> None:
+    def set_enabled(self, wanted: bool) -> None:
         """Tokens are followed in any case."""
 
-    def turn(self, now: float) -> None:
+    def update(self, now: float) -> None:
         """The hub turns the network."""
 
-    def news(self, since: int) -> str | None:
+    def delta(self, since: int) -> str | None:
         nodes: dict[str, str] = {}
         topics: dict[str, dict[str, Any]] = {}
         services = []
-        for each in self._network.entities:
+        for each in self._graph.entities:
             nodes.setdefault(each.node, "")
             if each.kind == "node":
                 nodes[each.node] = each.name
@@ -67,12 +113,12 @@ class GraphChannel:
                     topic["types"].append(each.record)
                 if each.kind == "pub" or not topic["quality"]:
                     topic["quality"] = each.detail.lower()
-        listed = [{"name": name, "promised": promised(name), **topic} for name, topic in sorted(topics.items())]
+        listed = [{"name": name, "promised": expected_rate(name), **topic} for name, topic in sorted(topics.items())]
         return as_json("graph", nodes=[{"name": n, "kind": k} for n, k in nodes.items()], topics=listed, srvs=services)
 
 
 @dataclass
-class _Heard:
+class _NodeHealth:
     """What a node's heartbeats have told, each of which may list a part of its topics.
 
     ``sent`` are, of each publication, the beats that listed it: the sender's clock and simulation time [s], and how
@@ -84,9 +130,9 @@ class _Heard:
     inputs: dict[str, InputHealth] = field(default_factory=dict)
     last: Health = field(default_factory=Health)
     at: float = 0.0
-    grew: dict[str, float] = field(default_factory=dict)
+    last_growth: dict[str, float] = field(default_factory=dict)
 
-    def take(self, health: Health, wall: float, sim: float, now: float) -> None:
+    def add(self, health: Health, wall: float, sim: float, now: float) -> None:
         """Take a beat, sent at ``wall`` and ``sim`` [s]."""
         first = health.pid != self.last.pid
         if first:
@@ -95,20 +141,20 @@ class _Heard:
         for each in health.outputs:
             beats = self.sent.get(each.topic)
             if beats is None:
-                beats = self.sent[each.topic] = deque(maxlen=BEATS + 1)
+                beats = self.sent[each.topic] = deque(maxlen=RATE_HEARTBEATS + 1)
                 grown = each.sent > 0 and not first and len(health.outputs) == health.writes
             else:
                 grown = each.sent != beats[-1][2]
             if grown:
-                self.grew[each.topic] = now
+                self.last_growth[each.topic] = now
             beats.append((wall, sim, each.sent))
         self.inputs |= {each.topic: each for each in health.inputs}
         self.last, self.at = health, now
 
-    def forget(self, ends: set[tuple[str, str]]) -> None:
+    def prune(self, ends: set[tuple[str, str]]) -> None:
         """Keep only what is still there, by kind and topic."""
         self.sent = {topic: beats for topic, beats in self.sent.items() if ("pub", topic) in ends}
-        self.grew = {topic: when for topic, when in self.grew.items() if ("pub", topic) in ends}
+        self.last_growth = {topic: when for topic, when in self.last_growth.items() if ("pub", topic) in ends}
         self.inputs = {topic: each for topic, each in self.inputs.items() if ("sub", topic) in ends}
 
 
@@ -117,37 +163,37 @@ class RatesChannel:
 
     period, streams = 1.0, False
 
-    def __init__(self, feeds: Feeds, network: Network, time: SimTime) -> None:
+    def __init__(self, subscriptions: SharedSubscriptions, graph: NodeGraph, time: SimTimeMap) -> None:
         self.version = 0
-        self._hold, self._network, self._time = Hold(feeds), network, time
-        self._place = (HEALTH.name, Health.ROS_TYPE)
-        self._heard: dict[str, _Heard] = {}
+        self._subscriptions, self._graph, self._time = SubscriptionGroup(subscriptions), graph, time
+        self._topic = (HEALTH.name, Health.ROS_TYPE)
+        self._nodes: dict[str, _NodeHealth] = {}
         self._now = 0.0
 
-    def follow(self, wanted: bool) -> None:
-        self._hold.want({self._place: HEALTH.quality.name} if wanted else {})
-        self._heard = {}
+    def set_enabled(self, wanted: bool) -> None:
+        self._subscriptions.set_topics({self._topic: HEALTH.quality.name} if wanted else {})
+        self._nodes = {}
 
-    def turn(self, now: float) -> None:
+    def update(self, now: float) -> None:
         self._now = now
         self.version += 1
-        for health, origin in self._hold.batch(*self._place):
-            if health.node not in self._heard and len(self._heard) >= MOST_NODES:
+        for health, origin in self._subscriptions.messages(*self._topic):
+            if health.node not in self._nodes and len(self._nodes) >= MAX_NODES:
                 continue
-            heard = self._heard.setdefault(health.node, _Heard())
+            heard = self._nodes.setdefault(health.node, _NodeHealth())
             wall = origin.source_ns / 1e9 if origin is not None else now
-            heard.take(health, wall, self._time.at(origin) / 1e9, now)
+            heard.add(health, wall, self._time.at(origin) / 1e9, now)
 
-    def news(self, since: int) -> str | None:
+    def delta(self, since: int) -> str | None:
         ends: dict[str, set[tuple[str, str]]] = {}
-        for each in self._network.entities:
+        for each in self._graph.entities:
             ends.setdefault(each.node, set()).add((each.kind, each.name))
-        self._heard = {node: heard for node, heard in self._heard.items() if node in ends}
+        self._nodes = {node: heard for node, heard in self._nodes.items() if node in ends}
         nodes: dict[str, Any] = {}
         topics: dict[str, Any] = {}
-        for node, heard in self._heard.items():
+        for node, heard in self._nodes.items():
             health = heard.last
-            heard.forget(ends[node])
+            heard.prune(ends[node])
             nodes[node] = {
                 "state": health.state,
                 "note": health.note,
@@ -173,12 +219,12 @@ class RatesChannel:
                 known["hz"] += by_sim
                 known["wall"] += by_wall
                 known["sent"] += heard.sent[topic][-1][2]
-                if topic in heard.grew:
-                    age = round(self._now - heard.grew[topic], 1)
+                if topic in heard.last_growth:
+                    age = round(self._now - heard.last_growth[topic], 1)
                     known["age"] = age if known["age"] is None else min(known["age"], age)
         return as_json("rates", nodes=nodes, topics=topics)
 
-    def _rates(self, heard: _Heard) -> dict[str, tuple[float, float]]:
+    def _rates(self, heard: _NodeHealth) -> dict[str, tuple[float, float]]:
         """Of each publication: samples per second of simulation time and of wall time; none before two heartbeats."""
         rates = {}
         for topic, beats in heard.sent.items():

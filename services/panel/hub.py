@@ -3,152 +3,160 @@
 from __future__ import annotations
 
 from services.panel import PanelParameters
-from services.panel.answers import answer, tell_error
-from services.panel.asks import Asker
-from services.panel.board import Board, Gone
-from services.panel.channel import Channel, as_json
-from services.panel.clock import ClockChannel
-from services.panel.drive import Driver
-from services.panel.estop import Stops
-from services.panel.feeds import Feeds
-from services.panel.fleet import FleetChannel
-from services.panel.goals import Goals
-from services.panel.graph import GraphChannel, RatesChannel
-from services.panel.log_lines import LogChannel
-from services.panel.map import PosesChannel, RobotsChannel
-from services.panel.network import Network
-from services.panel.page import Page
+from services.panel.channels import (
+    FleetChannel,
+    LogChannel,
+    ParameterSetsChannel,
+    ParameterValuesChannel,
+    PosesChannel,
+    RobotsChannel,
+)
+from services.panel.clock import ClockChannel, SimTimeMap
+from services.panel.drive import DriveController, GoalPublisher
+from services.panel.estop import EmergencyStopClient
+from services.panel.graph import GraphChannel, NodeGraph, RatesChannel
+from services.panel.pages import Disconnected, Page, PageRegistry, send_error, send_reply
 from services.panel.plots import Plots
-from services.panel.robots import Robots
-from services.panel.sets import SetsChannel, ValuesChannel
-from services.panel.sim_time import SimTime
-from services.panel.words import Ask, Drive, Estop, Goal, Release, Said, Want
+from services.panel.protocol import (
+    ClientMessage,
+    ClientRequest,
+    Drive,
+    Estop,
+    Goal,
+    PageChannel,
+    Release,
+    Subscribe,
+    as_json,
+)
+from services.panel.requests import RequestClient
+from services.panel.robots import RobotTracker
+from services.panel.subscriptions import SharedSubscriptions
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
 
-HEALTH_PERIOD_S = 1.0
+STATUS_PERIOD_S = 1.0
 """Wall time between two words to a page about itself."""
 
 
 class Hub:
-    """``time`` is the simulation's. ``turn`` is called some 25 times a second while pages are open, else ten."""
+    """``time`` is the simulation's. ``update`` is called some 25 times a second while pages are open, else ten."""
 
-    def __init__(self, node: Node, board: Board, params: PanelParameters) -> None:
-        self.time = SimTime()
-        self._board, self._asker = board, Asker(node.transport, node.identity)
-        self._feeds, self._network = Feeds(node), Network(node.transport)
-        feeds, network = self._feeds, self._network
-        self._robots = Robots(feeds, network)
-        self._stops, self._goals = Stops(node, self._robots), Goals(node, self._robots)
-        self.driver = Driver(node, self._robots, params)
-        self._plots = Plots(feeds, network, self.time)
-        self._log = LogChannel(feeds)
-        self._channels: dict[str, Channel] = {
-            "clock": ClockChannel(feeds, self.time),
-            "fleet": FleetChannel(feeds, network),
-            "graph": GraphChannel(network),
-            "rates": RatesChannel(feeds, network, self.time),
+    def __init__(self, node: Node, pages: PageRegistry, params: PanelParameters) -> None:
+        self.time = SimTimeMap()
+        self._pages, self._requests = pages, RequestClient(node.transport, node.identity)
+        self._subscriptions, self._graph = SharedSubscriptions(node), NodeGraph(node.transport)
+        subscriptions, graph = self._subscriptions, self._graph
+        self._robots = RobotTracker(subscriptions, graph)
+        self._stops, self._goals = EmergencyStopClient(node, self._robots), GoalPublisher(node, self._robots)
+        self.drive_controller = DriveController(node, self._robots, params)
+        self._plots = Plots(subscriptions, graph, self.time)
+        self._log = LogChannel(subscriptions)
+        self._channels: dict[str, PageChannel] = {
+            "clock": ClockChannel(subscriptions, self.time),
+            "fleet": FleetChannel(subscriptions, graph),
+            "graph": GraphChannel(graph),
+            "rates": RatesChannel(subscriptions, graph, self.time),
             "log": self._log,
             "poses": PosesChannel(self._robots),
             "robots": RobotsChannel(self._robots, self._stops),
-            "sets": SetsChannel(feeds, network),
-            "values": ValuesChannel(feeds, network),
+            "sets": ParameterSetsChannel(subscriptions, graph),
+            "values": ParameterValuesChannel(subscriptions, graph),
         }
-        self._wants: dict[Page, frozenset[str]] = {}
-        self._told: dict[tuple[Page, str], tuple[int, float]] = {}
-        self._followed: frozenset[str] = frozenset()
+        self._wanted: dict[Page, frozenset[str]] = {}
+        self._sent: dict[tuple[Page, str], tuple[int, float]] = {}
+        self._enabled: frozenset[str] = frozenset()
         self._due = 0.0
 
     @property
     def period(self) -> float:
         """Wall time to the next turn [s]: short while somebody drives, long when nobody looks."""
-        if self.driver.busy or self._asker.busy:
+        if self.drive_controller.busy or self._requests.busy:
             return 0.02
-        return 0.04 if self._wants else 1.0
+        return 0.04 if self._wanted else 1.0
 
-    def turn(self, now: float) -> None:
+    def update(self, now: float) -> None:
         """Take in everything, then tell the pages; ``now`` is wall time [s]."""
-        self._network.turn()
-        self._feeds.admit()
-        self._log.turn(now)
-        self._robots.turn()
-        self._stops.turn()
-        self._goals.forget_gone()
+        self._graph.update()
+        self._subscriptions.update()
+        self._log.update(now)
+        self._robots.update()
+        self._stops.update()
+        self._goals.close_unused()
         for name, channel in self._channels.items():  # the clock first: the others count by it
-            if name in self._followed and name != "log":
-                channel.turn(now)
-        for page, said in self._board.heard():
-            self._hear(page, said, now)
-        self._follow()
-        self._asker.turn()
-        self.driver.turn(now, self.time.now, self.time.era)
-        self._plots.turn(now)
-        self._tell(now)
+            if name in self._enabled and name != "log":
+                channel.update(now)
+        for page, said in self._pages.drain():
+            self._handle(page, said, now)
+        self._enable_channels()
+        self._requests.poll()
+        self.drive_controller.update(now, self.time.now, self.time.epoch)
+        self._plots.update(now)
+        self._publish(now)
 
-    def _hear(self, page: Page, said: Said | Gone, now: float) -> None:
+    def _handle(self, page: Page, said: ClientMessage | Disconnected, now: float) -> None:
         try:
             match said:
-                case Gone():
-                    self._forget(page)
-                case Want():
-                    self._wants[page] = frozenset((*said.channels, "clock"))
-                    self._plots.want(page, said)
+                case Disconnected():
+                    self._disconnect(page)
+                case Subscribe():
+                    self._wanted[page] = frozenset((*said.channels, "clock"))
+                    self._plots.set_subscription(page, said)
                 case Drive():
-                    self.driver.drive(page, said, now)
+                    self.drive_controller.drive(page, said, now)
                 case Release():
-                    self.driver.release(page)
+                    self.drive_controller.release(page)
                 case Goal():
-                    answer(page, said.id, True, self._goals.send(said, self.time.now))
+                    send_reply(page, said.id, True, self._goals.send(said, self.time.now))
                 case Estop():
-                    answer(page, said.id, True, self._stops.order(said.robot, said.on))
-                case Ask():
-                    self._asker.ask(page, said, self.driver.params.deadline)
+                    send_reply(page, said.id, True, self._stops.set_stop(said.robot, said.on))
+                case ClientRequest():
+                    self._requests.send(page, said, self.drive_controller.params.deadline)
         except BadInput as error:
-            if isinstance(said, Ask):
-                answer(page, said.id, False, str(error))
+            if isinstance(said, ClientRequest):
+                send_reply(page, said.id, False, str(error))
             else:
-                tell_error(page, str(error))
+                send_error(page, str(error))
 
-    def _forget(self, page: Page) -> None:
-        self.driver.release(page)
-        self._wants.pop(page, None)
-        self._plots.want(page, None)
-        self._told = {place: told for place, told in self._told.items() if place[0] is not page}
+    def _disconnect(self, page: Page) -> None:
+        self.drive_controller.release(page)
+        self._wanted.pop(page, None)
+        self._plots.set_subscription(page, None)
+        self._sent = {place: told for place, told in self._sent.items() if place[0] is not page}
 
-    def _follow(self) -> None:
+    def _enable_channels(self) -> None:
         """Open the channels that any page wants, close the others. Who drives needs the time, page or not."""
-        wanted = frozenset[str]({"clock"} if self.driver.busy else ()).union(*self._wants.values())
-        if wanted == self._followed:
+        wanted = frozenset[str]({"clock"} if self.drive_controller.busy else ()).union(*self._wanted.values())
+        if wanted == self._enabled:
             return
-        self._robots.follow("poses" in wanted, "robots" in wanted)
+        self._robots.set_enabled("poses" in wanted, "robots" in wanted)
         for name, channel in self._channels.items():
-            if (name in wanted) != (name in self._followed):
-                channel.follow(name in wanted)
-        self._followed = wanted
+            if (name in wanted) != (name in self._enabled):
+                channel.set_enabled(name in wanted)
+        self._enabled = wanted
 
-    def _tell(self, now: float) -> None:
+    def _publish(self, now: float) -> None:
         """Give each page what is new to it and due."""
         about = now >= self._due
-        self._due = now + HEALTH_PERIOD_S if about else self._due
+        self._due = now + STATUS_PERIOD_S if about else self._due
         made: dict[tuple[str, int], str | None] = {}
-        for page, names in self._wants.items():
+        for page, names in self._wanted.items():
             for name in names:
-                self._tell_one(page, name, now, made)
+                self._publish_channel(page, name, now, made)
             if about:
-                counts = {"dropped": page.dropped, "refused": page.refused, "pages": len(self._wants)}
-                limits = {"v": self.driver.params.max_linear, "w": self.driver.params.max_angular}
-                page.tell("about", as_json("about", limits=limits, **counts))
+                counts = {"dropped": page.dropped, "refused": page.rejected, "pages": len(self._wanted)}
+                limits = {"v": self.drive_controller.params.max_linear, "w": self.drive_controller.params.max_angular}
+                page.set_state("about", as_json("about", limits=limits, **counts))
             page.flush()
 
-    def _tell_one(self, page: Page, name: str, now: float, made: dict[tuple[str, int], str | None]) -> None:
+    def _publish_channel(self, page: Page, name: str, now: float, made: dict[tuple[str, int], str | None]) -> None:
         channel = self._channels[name]
-        since, at = self._told.get((page, name), (-1, -1e9))
+        since, at = self._sent.get((page, name), (-1, -1e9))
         if channel.version == since or now - at < channel.period * 0.9:
             return
-        self._told[page, name] = channel.version, now
+        self._sent[page, name] = channel.version, now
         key = name, since if channel.streams else 0
         if key not in made:
-            made[key] = channel.news(since)
-        news = made[key]
-        if news is not None:
-            page.stream(news) if channel.streams else page.tell(name, news)
+            made[key] = channel.delta(since)
+        delta = made[key]
+        if delta is not None:
+            page.enqueue(delta) if channel.streams else page.set_state(name, delta)

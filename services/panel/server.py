@@ -1,4 +1,4 @@
-"""The web server, in a thread of its own."""
+"""The web server in its own thread, its routes, and the WebSocket of a page."""
 
 from __future__ import annotations
 
@@ -8,26 +8,34 @@ import socket
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Self
 
 import uvicorn
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import FileResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
+from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from services.panel.door import behind
-from services.panel.guard import Pass
-from services.panel.words import LARGEST
+from services.panel.auth import Authenticator, AuthMiddleware, guarded_protocol
+from services.panel.pages import Page, PageRegistry, send_error
+from services.panel.protocol import MAX_MESSAGE_SIZE, decode_message
 from services.runtime.errors import BadInput
 
 HOST = "127.0.0.1"
-TRIES = 20
+PORT_TRIES = 20
 """Ports that are tried after the one that was asked for."""
-START_S = 10.0
-STOP_S = 2.0
+START_TIMEOUT_S = 10.0
+STOP_TIMEOUT_S = 2.0
 
 
 def listen(port: int) -> socket.socket:
     """A socket that listens on the loopback, on ``port`` or the next that is free; raises BadInput without any."""
-    last = min(port + TRIES - 1, 65535)
+    last = min(port + PORT_TRIES - 1, 65535)
     for candidate in range(port, last + 1) if port else (0,):
         made = socket.socket()
         made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -52,12 +60,12 @@ class Server:
     def __init__(
         self,
         app: ASGIApp,
-        gate: Pass,
+        auth: Authenticator,
         listening: socket.socket,
         pulse: Callable[[], None],
         period: Callable[[], float],
     ) -> None:
-        self._listening, self._pulse, self._period = listening, pulse, period
+        self._listening, self._wake, self._period = listening, pulse, period
         config = uvicorn.Config(
             app,
             log_config=None,
@@ -65,9 +73,9 @@ class Server:
             server_header=False,
             lifespan="off",
             loop="asyncio",
-            http=behind(gate),
+            http=guarded_protocol(auth),
             ws="websockets-sansio",
-            ws_max_size=LARGEST,
+            ws_max_size=MAX_MESSAGE_SIZE,
             ws_ping_interval=2.0,
             ws_ping_timeout=5.0,
             ws_per_message_deflate=False,
@@ -79,29 +87,148 @@ class Server:
 
     def __enter__(self) -> Self:
         self._thread.start()
-        deadline = time.monotonic() + START_S
+        deadline = time.monotonic() + START_TIMEOUT_S
         while not self._server.started:
             if time.monotonic() > deadline or not self._thread.is_alive():
-                raise BadInput(f"the web server did not start within {START_S:g} s")
+                raise BadInput(f"the web server did not start within {START_TIMEOUT_S:g} s")
             time.sleep(0.01)
         return self
 
     def __exit__(self, *exception: object) -> None:
         self._server.should_exit = True
-        self._thread.join(STOP_S)
+        self._thread.join(STOP_TIMEOUT_S)
 
     def _serve(self) -> None:
-        asyncio.run(self._both())
+        asyncio.run(self._run())
 
-    async def _both(self) -> None:
-        beating = asyncio.create_task(self._beat())
+    async def _run(self) -> None:
+        beating = asyncio.create_task(self._wake_periodically())
         try:
             await self._server.serve(sockets=[self._listening])
         finally:
             beating.cancel()
 
-    async def _beat(self) -> None:
+    async def _wake_periodically(self) -> None:
         """The loop's pace: faster while pages are open, so that it needs none of its own when nobody looks."""
         while True:
             await asyncio.sleep(self._period())
-            self._pulse()
+            self._wake()
+
+
+STATIC = Path(__file__).with_name("static")
+MAX_MESSAGES_PER_S = 200
+"""Of a page; a hand on the stick says 20."""
+MAX_REJECTED = 50
+"""Senseless words after which a page is closed."""
+
+
+def create_app(auth: Authenticator, pages: PageRegistry) -> Starlette:
+    """The routes behind the guard."""
+
+    async def home(request: Request) -> Response:
+        if auth.query_is_valid(request.scope) or auth.redeem_ticket(request.query_params.get("once", "")):
+            # Neither stays in the history of the browser, nor in its bar.
+            response = RedirectResponse("/", 303)
+            response.set_cookie(auth.cookie, auth.token, httponly=True, samesite="strict", path="/")
+            return response
+        if auth.cookie_is_valid(request.headers):
+            return FileResponse(STATIC / "index.html")
+        return FileResponse(STATIC / "locked.html", status_code=401)
+
+    async def session(request: Request) -> Response:
+        """Whether the token still counts: a browser does not tell a page why its socket was refused."""
+        known = auth.cookie_is_valid(request.headers)
+        return PlainTextResponse("known" if known else "unknown", 200 if known else 401)
+
+    async def ticket(request: Request) -> Response:
+        """For ``./elea panel``: what it may show on the command line of a browser."""
+        known = auth.cookie_is_valid(request.headers)
+        return PlainTextResponse(auth.issue_ticket() if known else "unknown", 200 if known else 401)
+
+    async def socket(ws: WebSocket) -> None:
+        await handle_socket(ws, pages)
+
+    return Starlette(
+        routes=[
+            Route("/", home),
+            Route("/session", session),
+            Route("/ticket", ticket, methods=["POST"]),
+            WebSocketRoute("/socket", socket),
+            Mount("/static", StaticFiles(directory=STATIC)),
+        ],
+        middleware=[Middleware(AuthMiddleware, auth=auth)],
+    )
+
+
+async def handle_socket(ws: WebSocket, pages: PageRegistry) -> None:
+    """Serve one page until it goes."""
+    loop, wakened = asyncio.get_running_loop(), asyncio.Event()
+    try:
+        await ws.accept()
+    except OSError:
+        return  # it went before it was let in, and has no place to give back
+    page = pages.open_page(_waker(loop, wakened))
+    if page is None:
+        await ws.close(1013, "too many pages are open")
+        return
+    sender = asyncio.create_task(_send(ws, page, wakened))
+    pace = RateLimit()
+    try:
+        while True:
+            message = await ws.receive()
+            if message["type"] == "websocket.disconnect":
+                return
+            try:
+                text = message.get("text")
+                if text is None:
+                    raise BadInput("only text is understood")
+                if not pace.allows(loop.time()):
+                    raise BadInput(f"more than {MAX_MESSAGES_PER_S} messages a second")
+                said = decode_message(text)
+                if not pages.submit(page, said):
+                    raise BadInput("too much is said at once")
+            except BadInput as error:
+                pages.reject(page)
+                send_error(page, str(error))
+                if page.rejected > MAX_REJECTED:
+                    await ws.close(1008, "too much that makes no sense")
+                    return
+    except WebSocketDisconnect:
+        return
+    finally:
+        pages.close_page(page)
+        sender.cancel()
+
+
+class RateLimit:
+    """How much a page says: MAX_MESSAGES_PER_S, in any second that begins with a word."""
+
+    def __init__(self) -> None:
+        self._since, self._count = 0.0, 0
+
+    def allows(self, now: float) -> bool:
+        """Whether another word is taken at ``now`` [s]."""
+        if now - self._since > 1.0:
+            self._since, self._count = now, 0
+        self._count += 1
+        return self._count <= MAX_MESSAGES_PER_S
+
+
+def _waker(loop: asyncio.AbstractEventLoop, wakened: asyncio.Event) -> Callable[[], None]:
+    def wake() -> None:
+        if not loop.is_closed():
+            loop.call_soon_threadsafe(wakened.set)
+
+    return wake
+
+
+async def _send(ws: WebSocket, page: Page, wakened: asyncio.Event) -> None:
+    """Send what waits, no faster than the page takes it."""
+    try:
+        while True:
+            await wakened.wait()
+            wakened.clear()
+            for payload in page.drain():
+                await (ws.send_text(payload) if isinstance(payload, str) else ws.send_bytes(payload))
+    except (WebSocketDisconnect, RuntimeError, OSError):
+        return  # the reader hears of it too

@@ -21,22 +21,22 @@ class Schedule:
         """A new run: everything is to come again, but for what this run has had before the service was restarted."""
         self.done = frozenset(done)
 
-    def due(self, now_ns: int, sets: Container[str]) -> dict[int, Scheduled]:
+    def pop_due(self, now_ns: int, sets: Container[str]) -> dict[int, Scheduled]:
         """Take what is due at simulation time ``now_ns`` for ``sets`` that are there, by its number in the order of the
         times; the rest waits for its set."""
-        ready = {i: each for i, each in self._left().items() if each.set in sets and round(each.at * 1e9) <= now_ns}
+        ready = {i: each for i, each in self._pending().items() if each.set in sets and round(each.at * 1e9) <= now_ns}
         self.done |= ready.keys()
         return ready
 
-    def late(self, now_ns: int, patience_ns: int) -> list[Scheduled]:
+    def overdue(self, now_ns: int, patience_ns: int) -> list[Scheduled]:
         """What has waited for its set for longer than ``patience_ns``."""
-        return [each for each in self._left().values() if round(each.at * 1e9) + patience_ns <= now_ns]
+        return [each for each in self._pending().values() if round(each.at * 1e9) + patience_ns <= now_ns]
 
-    def _left(self) -> dict[int, Scheduled]:
+    def _pending(self) -> dict[int, Scheduled]:
         return {i: each for i, each in enumerate(self._all) if i not in self.done}
 
 
-def this_run() -> str:
+def run_id() -> str:
     """What tells one run of a supervisor from all others, or nothing for a service that was started by hand."""
     parent = os.environ.get(PARENT, "")
     try:

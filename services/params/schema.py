@@ -1,4 +1,4 @@
-"""The schema of a set: what its nodes have announced, checked and merged."""
+"""The schema of a parameter set, merged from its nodes' announcements, and its layers of values."""
 
 from __future__ import annotations
 
@@ -11,19 +11,28 @@ import msgspec
 
 from messages.names import BadName
 from messages.names import key as checked_key
-from messages.parameters import Announcement, Assignment, ParameterDescription, ParameterSchema, Value
-from services.params.check import fit, shown, taken_apart
-from services.runtime.errors import BadInput, unknown
+from messages.parameters import (
+    Announcement,
+    Assignment,
+    Origin,
+    Parameter,
+    ParameterDescription,
+    ParameterSchema,
+    ParameterValues,
+    Value,
+)
+from services.params.value_check import fit, format_value, parse_type
+from services.runtime.errors import BadInput, unknown_name
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z0-9_]+)*")
 
 
-class Conflict(BadInput):
+class ParameterConflict(BadInput):
     """Two nodes contradict each other about a parameter; ``other`` announced it first."""
 
     def __init__(self, other: str, text: str) -> None:
         super().__init__(text)
-        self.other = other
+        self.other_node = other
 
 
 @dataclass(frozen=True)
@@ -39,25 +48,25 @@ class Schema:
         """The schema after a node has announced, in place of what it said before; raises Conflict."""
         others = {node: each for node, each in self.announced.items() if node != announcement.node}
         for other in others.values():
-            _agree(announcement, other)
-        return merged((*others.values(), announcement))
+            _check_agreement(announcement, other)
+        return merge_announcements((*others.values(), announcement))
 
-    def without(self, node: str) -> Schema:
+    def without_node(self, node: str) -> Schema:
         """The schema without what a node has said."""
-        return merged(each for name, each in self.announced.items() if name != node)
+        return merge_announcements(each for name, each in self.announced.items() if name != node)
 
-    def record(self, name: str) -> ParameterSchema:
+    def to_message(self, name: str) -> ParameterSchema:
         """As it is published for the set ``name``."""
         return ParameterSchema(set=name, nodes=tuple(self.announced), parameters=tuple(self.parameters.values()))
 
     def description(self, name: str, where: str) -> ParameterDescription:
         """The description of a parameter; raises BadInput with the nearest name."""
         if name not in self.parameters:
-            raise unknown("parameter", name, self.parameters, where)
+            raise unknown_name("parameter", name, self.parameters, where)
         return self.parameters[name]
 
 
-def merged(announcements: Iterable[Announcement]) -> Schema:
+def merge_announcements(announcements: Iterable[Announcement]) -> Schema:
     """The schema of announcements that agree."""
     ordered = sorted(announcements, key=lambda each: each.node)
     return Schema(
@@ -68,7 +77,7 @@ def merged(announcements: Iterable[Announcement]) -> Schema:
     )
 
 
-def checked(announcement: Announcement) -> Announcement:
+def validate_announcement(announcement: Announcement) -> Announcement:
     """The announcement with its values in their parameters' types; raises BadInput for what contradicts itself."""
     where = f"announcement of {announcement.node or 'nobody'}"
     for what, name in (("set", announcement.set), ("node", announcement.node)):
@@ -80,7 +89,7 @@ def checked(announcement: Announcement) -> Announcement:
     for each in announcement.parameters:
         if each.name in described:
             raise BadInput(f"{where}: parameter {each.name} is described twice")
-        described[each.name] = _sound(each, where)
+        described[each.name] = _validate_description(each, where)
     for each in described.values():
         _check_relations(each, described, where)
     return msgspec.structs.replace(
@@ -91,13 +100,13 @@ def checked(announcement: Announcement) -> Announcement:
     )
 
 
-def _sound(described: ParameterDescription, where: str) -> ParameterDescription:
+def _validate_description(described: ParameterDescription, where: str) -> ParameterDescription:
     name = described.name
     if not _NAME.fullmatch(name) or len(name) > 255:
         raise BadInput(
             f"{where}: {name[:80]!r} is no name of a parameter: letters, digits and '_', parts joined by '.'"
         )
-    parts = taken_apart(described.type)
+    parts = parse_type(described.type)
     if parts is None:
         raise BadInput(
             f"{where}: {name} has the type {described.type[:80]!r}; known are bool, int, float, str, and [] behind them"
@@ -105,7 +114,11 @@ def _sound(described: ParameterDescription, where: str) -> ParameterDescription:
     bounded = described.low is not None or described.high is not None
     if bounded and parts[0] not in ("int", "float"):
         raise BadInput(f"{where}: {name} has bounds, but {described.type} has none")
-    if described.low is not None and described.high is not None and _empty(described, described.low, described.high):
+    if (
+        described.low is not None
+        and described.high is not None
+        and _excludes_all(described, described.low, described.high)
+    ):
         raise BadInput(f"{where}: the bounds of {name} exclude everything: {described.low} to {described.high}")
     lengths = (*described.shortest, *described.longest)
     if len(described.shortest) != len(described.longest) or len(described.shortest) > parts[1] + (parts[0] == "str"):
@@ -120,7 +133,7 @@ def _sound(described: ParameterDescription, where: str) -> ParameterDescription:
         raise BadInput(f"{where}: the default does not fit: {error}") from None
 
 
-def _empty(described: ParameterDescription, low: float, high: float) -> bool:
+def _excludes_all(described: ParameterDescription, low: float, high: float) -> bool:
     """Whether no value lies between the bounds, no whole one for an int."""
     if described.type.startswith("int"):
         first = math.floor(low) + 1 if described.above else math.ceil(low)
@@ -132,7 +145,7 @@ def _empty(described: ParameterDescription, low: float, high: float) -> bool:
 def _check_relations(one: ParameterDescription, described: Mapping[str, ParameterDescription], where: str) -> None:
     for other in (one.at_most, *one.excludes):
         if other and other not in described:
-            raise unknown("parameter", other, described, f"{where}: {one.name} is bound to another")
+            raise unknown_name("parameter", other, described, f"{where}: {one.name} is bound to another")
     if one.at_most and {one.type, described[one.at_most].type} - {"int", "float"}:
         raise BadInput(f"{where}: {one.name} cannot be at most {one.at_most}: only numbers have an order")
 
@@ -143,7 +156,7 @@ def _fitted(
     fitted = []
     for each in given:
         if each.name not in described:
-            raise unknown("parameter", each.name, described, where)
+            raise unknown_name("parameter", each.name, described, where)
         try:
             fitted.append(Assignment(name=each.name, value=fit(described[each.name], each.value).value))
         except BadInput as error:
@@ -151,14 +164,16 @@ def _fitted(
     return tuple(fitted)
 
 
-def _agree(new: Announcement, old: Announcement) -> None:
+def _check_agreement(new: Announcement, old: Announcement) -> None:
     known = {each.name: each for each in old.parameters}
     for each in new.parameters:
         other = known.get(each.name)
         if other is not None and other != each:
             fields = [f for f in each.__struct_fields__ if getattr(each, f) != getattr(other, f)]
-            differs = ", ".join(f"{f} {shown(getattr(each, f))} and {shown(getattr(other, f))}" for f in fields)
-            raise Conflict(
+            differs = ", ".join(
+                f"{f} {format_value(getattr(each, f))} and {format_value(getattr(other, f))}" for f in fields
+            )
+            raise ParameterConflict(
                 old.node,
                 f"{new.node} and {old.node} describe {new.set} {each.name} differently: {differs}. "
                 "Nodes that share a set must agree on it",
@@ -170,8 +185,77 @@ def _agree(new: Announcement, old: Announcement) -> None:
         said = {each.name: each.value for each in theirs}
         for one in mine:
             if one.name in said and said[one.name] != one.value:
-                raise Conflict(
+                raise ParameterConflict(
                     old.node,
-                    f"the {what} {new.set} {one.name} as {shown(one.value)} for {new.node} and as "
-                    f"{shown(said[one.name])} for {old.node}, which share it: say it once",
+                    f"the {what} {new.set} {one.name} as {format_value(one.value)} for {new.node} and as "
+                    f"{format_value(said[one.name])} for {old.node}, which share it: say it once",
                 )
+
+
+MOST_NOTES = 20
+"""Of what was clamped, migrated or left out, as many are told."""
+ALL_LEVELS = 2**32 - 1
+"""The level of what is told for the first time."""
+
+
+@dataclass(frozen=True)
+class SetState:
+    """A set at one revision. ``saved`` may hold values of parameters that nobody has announced yet."""
+
+    name: str
+    schema: Schema = field(default_factory=Schema)
+    saved: Mapping[str, Value] = field(default_factory=dict)
+    run: Mapping[str, Value] = field(default_factory=dict)
+    revision: int = 0
+
+    def parameter(self, name: str) -> Parameter:
+        """The value of a parameter that counts: the latest of default, fleet, saved, command line and run."""
+        layers: tuple[tuple[Origin, Mapping[str, Value]], ...] = (
+            ("run", self.run),
+            ("command line", self.schema.command_line),
+            ("saved", self.saved),
+            ("fleet", self.schema.fleet),
+        )
+        for origin, layer in layers:
+            if name in layer:
+                return Parameter(name=name, value=layer[name], origin=origin)
+        described = self.schema.parameters.get(name)
+        return Parameter(name=name, value=None if described is None else described.default)
+
+    def effective_values(self) -> dict[str, Parameter]:
+        """All effective values; of a set that nobody has announced, the saved ones."""
+        return {name: self.parameter(name) for name in self.schema.parameters or self.saved}
+
+    def unannounced(self) -> tuple[str, ...]:
+        """Names with a saved value that nobody has announced."""
+        return tuple(name for name in self.saved if name not in self.schema.parameters)
+
+    def to_message(self, level: int = ALL_LEVELS, notes: Iterable[str] = ()) -> ParameterValues:
+        """As it is told, with what listeners should know."""
+        return ParameterValues(
+            set=self.name,
+            revision=self.revision,
+            level=level,
+            values=tuple(self.effective_values().values()),
+            note=_join_notes(tuple(notes)),
+        )
+
+
+def _join_notes(notes: tuple[str, ...]) -> str:
+    more = (f"{len(notes) - MOST_NOTES} more notes",) if len(notes) > MOST_NOTES else ()
+    return "; ".join((*notes[:MOST_NOTES], *more))
+
+
+def changed_levels(before: SetState, after: SetState) -> int:
+    """The union of the levels of what has changed; what is new counts as changed."""
+    old, level = before.effective_values(), 0
+    for name, now in after.effective_values().items():
+        if name not in old or not same_value(old[name].value, now.value):
+            described = after.schema.parameters.get(name)
+            level |= described.level if described is not None else 0
+    return level
+
+
+def same_value(one: Value, other: Value) -> bool:
+    """Equality of values and their types: 1, 1.0 and true are three."""
+    return repr(one) == repr(other)

@@ -8,134 +8,144 @@ from typing import Any
 
 from messages.rosgraph import Clock
 from messages.topics import CLOCK
-from services.bag.reading import Bag, open_bag
+from services.bag.reader import Bag, open_bag
 from services.player import PlayerParameters
-from services.player.choice import Choice, choose, is_clock
-from services.player.clockwork import RATE, Clockwork
-from services.player.latency import SETTINGS, recorded_latency
-from services.player.pace import Following, Pace, Wall
-from services.player.playback import Playback
-from services.player.stage import Stage
-from services.player.steps import Steps
+from services.player.clocks import CLOCK_RATE, ClockPublisher, LockstepClock, PlaybackClock, SimClock, WallClock
+from services.player.playback import SIM_PARAMETER_UPDATES, Playback, Selection, is_clock, recorded_latency, select
+from services.player.publishers import Publishers
 from services.runtime.context import Context
 from services.runtime.errors import BadInput, EleaError
-from services.runtime.graph import Entity, pattern
+from services.runtime.graph import Entity, token_pattern
 from services.runtime.node import Node
-from services.runtime.outputs import Output
+from services.runtime.publisher import Publisher
 
-_LINGER = 3
+_FLUSH_CYCLES = 3
 """Tenths of a second that the last messages have to leave."""
 
 
-_LOOK_S = 1.5
+_DISCOVERY_S = 1.5
 """Wall time in which a simulation that runs must have come in sight: two clocks would tear time apart for everybody."""
 
 
-class NotPlayed(EleaError):
+class PlaybackIncomplete(EleaError):
     """Something of the bag was not played, or nobody listened."""
 
 
 def run(ctx: Context[PlayerParameters]) -> None:
-    """Play the bag; raises NotPlayed at the end when a part of it could not be played."""
-    p, node = ctx.params, ctx.kernel
+    """Play the bag; raises PlaybackIncomplete at the end when a part of it could not be played."""
+    p, node = ctx.params, ctx.node
     bag = open_bag(Path(p.bag))
-    choice = choose(bag.channels(), p)
-    for trouble in bag.troubles:
+    selection = select(bag.channels(), p)
+    for trouble in bag.problems:
         ctx.log.warn(f"{trouble}; what can be read is played")
-    for topic, reason in sorted(choice.refused.items()):
+    for topic, reason in sorted(selection.rejected.items()):
         ctx.log.warn(f"{topic} is not played: {reason}")
-    theirs = _clock_of_others(node)
+    theirs = _other_clock_publisher(node)
     if theirs and p.members:
         raise BadInput(f"{theirs} publishes /clock: a bag in lockstep is the simulation itself; end the other one")
     if theirs:
         ctx.log.info(f"{theirs} publishes /clock: the bag is played on its time, and its own clock is left out")
-    recorded = any(is_clock(channel) for channel in choice.played)
-    clockwork = Clockwork(node, not theirs, p.clock or (0.0 if recorded else RATE))
-    stage = Stage(node, [channel for channel in choice.played if not is_clock(channel)])
-    pace = _pace(ctx, bag, bool(theirs), clockwork)
-    _await_subscribers(ctx, stage)
-    playback = Playback(bag, choice, p.start, p.duration)
-    _play(ctx, playback, pace, clockwork, stage)
-    _account(ctx, bag, choice, playback, pace.lost if isinstance(pace, Steps) else ())
+    recorded = any(is_clock(channel) for channel in selection.played)
+    clock_publisher = ClockPublisher(node, not theirs, p.clock or (0.0 if recorded else CLOCK_RATE))
+    publishers = Publishers(node, [channel for channel in selection.played if not is_clock(channel)])
+    playback_clock = _playback_clock(ctx, bag, bool(theirs), clock_publisher)
+    _await_subscribers(ctx, publishers)
+    playback = Playback(bag, selection, p.start, p.duration)
+    _play(ctx, playback, playback_clock, clock_publisher, publishers)
+    _check_complete(
+        ctx, bag, selection, playback, playback_clock.lost if isinstance(playback_clock, LockstepClock) else ()
+    )
 
 
-def _play(ctx: Context[PlayerParameters], playback: Playback, pace: Pace, clockwork: Clockwork, stage: Stage) -> None:
-    ctx.kernel.heart.state = "running"
+def _play(
+    ctx: Context[PlayerParameters],
+    playback: Playback,
+    playback_clock: PlaybackClock,
+    clock_publisher: ClockPublisher,
+    publishers: Publishers,
+) -> None:
+    ctx.node.heartbeat.state = "running"
     while True:
         played = 0
-        pace.begin()
-        for cue in playback.cues():
-            pace.reach(cue.moment)
-            ctx.now, played = clockwork.now.time, played + 1
-            if isinstance(cue.message, Clock) and cue.channel not in stage:
-                clockwork.play(cue.message, cue.moment)
+        playback_clock.start()
+        for timed in playback.messages():
+            playback_clock.wait_until(timed.bag_time)
+            ctx.now, played = clock_publisher.now.time, played + 1
+            if isinstance(timed.message, Clock) and timed.channel not in publishers:
+                clock_publisher.publish_recorded(timed.message, timed.bag_time)
             else:
-                stage.play(cue)
+                publishers.publish(timed)
         if not played:
             raise BadInput(f"{ctx.params.bag}: no message of the chosen topics lies in the span that is asked for")
         ctx.log.info(f"played {played} messages")
         if not ctx.params.loop:
             break
-        clockwork.again()
-    pace.finish()
-    for _ in range(_LINGER):
+        clock_publisher.restart()
+    playback_clock.finish()
+    for _ in range(_FLUSH_CYCLES):
         ctx.idle()
 
 
-def _pace(ctx: Context[PlayerParameters], bag: Bag, follows: bool, clockwork: Clockwork) -> Pace:
+def _playback_clock(
+    ctx: Context[PlayerParameters], bag: Bag, follows: bool, clock_publisher: ClockPublisher
+) -> PlaybackClock:
     p = ctx.params
     if p.members:
         latency = p.latency if p.latency is not None else recorded_latency(bag)
         if latency is None:
             latency = 0
-            ctx.log.info(f"{p.bag} does not hold {SETTINGS}, which tells the latency of its run: 0 is taken")
-        return Steps(ctx.kernel, p.members, p.rate, clockwork, latency)
-    return Following(ctx, p.rate) if follows else Wall(ctx.kernel, p.rate, clockwork)
+            ctx.log.info(
+                f"{p.bag} does not hold {SIM_PARAMETER_UPDATES}, which tells the latency of its run: 0 is taken"
+            )
+        return LockstepClock(ctx.node, p.members, p.rate, clock_publisher, latency)
+    return SimClock(ctx, p.rate) if follows else WallClock(ctx.node, p.rate, clock_publisher)
 
 
-def _clock_of_others(node: Node) -> str:
-    """The node that publishes simulation time already; empty when none does within _LOOK_S."""
-    deadline = time.monotonic() + _LOOK_S
+def _other_clock_publisher(node: Node) -> str:
+    """The node that publishes simulation time already; empty when none does within _DISCOVERY_S."""
+    deadline = time.monotonic() + _DISCOVERY_S
     while True:
-        found = (Entity.parse(key) for key in node.transport.tokens(pattern("pub", name=CLOCK.name)))
+        found = (Entity.parse(key) for key in node.transport.tokens(token_pattern("pub", name=CLOCK.name)))
         others = [each.node for each in found if each is not None and each.session != node.transport.session]
         if others or time.monotonic() > deadline:
             return next(iter(others), "")
-        node.turn()
+        node.spin_once()
         time.sleep(0.05)
 
 
-def _await_subscribers(ctx: Context[PlayerParameters], stage: Stage) -> None:
+def _await_subscribers(ctx: Context[PlayerParameters], publishers: Publishers) -> None:
     """Wait until every topic that was named has a subscriber, or, when none was, any topic has."""
-    p, node = ctx.params, ctx.kernel
+    p, node = ctx.params, ctx.node
     if not p.wait:
         return
     deadline = time.monotonic() + p.wait
     while True:
-        found = (Entity.parse(key) for key in node.transport.tokens(pattern("sub")))
+        found = (Entity.parse(key) for key in node.transport.tokens(token_pattern("sub")))
         heard = {each.name for each in found if each is not None and each.session != node.transport.session}
-        lonely = [each.name for each in stage.outputs if each.name not in heard and not _wanted(each)]
-        if not lonely or (not p.topics and len(lonely) < len(stage.outputs)):
+        lonely = [each.name for each in publishers.publishers if each.name not in heard and not _has_subscriber(each)]
+        if not lonely or (not p.topics and len(lonely) < len(publishers.publishers)):
             return
         if time.monotonic() > deadline:
-            raise NotPlayed(f"nobody has subscribed to {', '.join(lonely[:5])} within {p.wait:g} s")
+            raise PlaybackIncomplete(f"nobody has subscribed to {', '.join(lonely[:5])} within {p.wait:g} s")
         ctx.idle()
 
 
-def _wanted(output: Output[Any]) -> bool:
+def _has_subscriber(output: Publisher[Any]) -> bool:
     """What is latched counts as wanted always, so it says nothing."""
-    return output.wanted and output.topic.quality.name != "LATCHED"
+    return output.has_subscribers and output.topic.quality.name != "LATCHED"
 
 
-def _account(
-    ctx: Context[PlayerParameters], bag: Bag, choice: Choice, playback: Playback, lost: tuple[str, ...]
+def _check_complete(
+    ctx: Context[PlayerParameters], bag: Bag, selection: Selection, playback: Playback, lost: tuple[str, ...]
 ) -> None:
-    troubles = list(bag.troubles)
+    troubles = list(bag.problems)
     if lost:
         troubles.append(f"lockstep went on without {', '.join(lost)}")
-    troubles += [f"{count} messages of {topic} were not of their type" for topic, count in playback.unread.items()]
-    troubles += [f"{count} messages of {topic} bear no time before 2038" for topic, count in playback.untimed.items()]
-    if choice.refused:
-        troubles.append(f"not played: {', '.join(sorted(choice.refused))}")
+    troubles += [f"{count} messages of {topic} were not of their type" for topic, count in playback.undecodable.items()]
+    troubles += [
+        f"{count} messages of {topic} bear no time before 2038" for topic, count in playback.out_of_range.items()
+    ]
+    if selection.rejected:
+        troubles.append(f"not played: {', '.join(sorted(selection.rejected))}")
     if troubles:
-        raise NotPlayed("; ".join(troubles))
+        raise PlaybackIncomplete("; ".join(troubles))

@@ -1,33 +1,124 @@
-"""The messages of a bag as they are to be played: decoded, placed in time, cut to the span that is asked for."""
+"""The messages of a bag to be played: selected by topic, decoded, placed in time, cut to the requested span."""
 
 from __future__ import annotations
 
+import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from messages.base import Message, WrongPayload
+from messages.elea import FleetState, Health
+from messages.geometry import TransformStamped
+from messages.parameters import ParameterSchema, ParameterValues
 from messages.rosgraph import Clock
 from messages.tf import TFMessage
-from messages.topics import TF_STATIC
+from messages.topics import CLOCK, TF_STATIC
 from services.bag.channel import RAW, Channel
-from services.bag.reading import Bag
-from services.bag.timeline import Moment, Timeline
-from services.bag.typed import Typed
-from services.player.choice import Choice
-from services.player.fixed import FixedFrames
+from services.bag.reader import Bag, BagTime, MessageDecoder, Timeline, is_sidecar, unplayable_reason, unreadable_reason
+from services.player import PlayerParameters
+from services.runtime.errors import BadInput, unknown_name
 
-LATEST_NS = (2**31 - 1) * 10**9
+PROCESS_TYPES = frozenset(each.ROS_TYPE for each in (Health, FleetState, ParameterSchema, ParameterValues))
+"""Types that tell of processes which are gone: played only when their topics are named."""
+
+
+class Selection(NamedTuple):
+    """Channels to play, and reasons by topic why others cannot be; ``is_sidecar`` complete the played ones."""
+
+    played: tuple[Channel, ...]
+    sidecars: tuple[Channel, ...]
+    rejected: dict[str, str]
+
+
+def select(channels: Iterable[Channel], params: PlayerParameters) -> Selection:
+    """What to play of a bag; raises BadInput for names that are not in it, and when nothing is left."""
+    channels = list(channels)
+    if not channels:
+        raise BadInput(f"{params.bag} holds no messages")
+    known = {channel.name for channel in channels if not is_sidecar(channel)}
+    names = {name if name.startswith("/") else f"/{name}" for name in params.topics}
+    for name in sorted(names - known):
+        raise unknown_name("topic", name, known, params.bag)
+    excluded = _compile(params.exclude)
+    played: list[Channel] = []
+    types: dict[str, str] = {}
+    refused: dict[str, str] = {}
+    for channel in channels:
+        topic = channel.name
+        if is_sidecar(channel) or (names and topic not in names) or (excluded and excluded.search(topic)):
+            continue
+        if not names and channel.type in PROCESS_TYPES:
+            continue
+        if reason := unplayable_reason(channel):
+            refused[topic] = reason
+        elif types.setdefault(topic, channel.type) != channel.type:
+            refused[topic] = f"it is played as {types[topic]}, and not as {channel.type} besides: a topic has one type"
+        else:
+            played.append(channel)
+    if not played:
+        reasons = "; ".join(f"{topic}: {reason}" for topic, reason in sorted(refused.items()))
+        raise BadInput(f"nothing of {params.bag} can be played: {reasons or 'no topic is chosen'}")
+    return Selection(tuple(played), tuple(channel for channel in channels if is_sidecar(channel)), refused)
+
+
+def is_clock(channel: Channel) -> bool:
+    """Whether a channel is simulation time."""
+    return channel.name == CLOCK.name and channel.type == CLOCK.record.ROS_TYPE
+
+
+def _compile(text: str) -> re.Pattern[str] | None:
+    try:
+        return re.compile(text) if text else None
+    except re.error as error:
+        raise BadInput(f"player, exclude: {text!r} is not a regular expression: {error}") from None
+
+
+class StaticTransforms:
+    """Joins ``/tf_static`` by the frames that it places, as everybody knows them who has heard it from the start."""
+
+    def __init__(self) -> None:
+        self._by_child: dict[str, TransformStamped] = {}
+
+    def merge(self, message: TFMessage) -> TFMessage:
+        """The message with all frames of those before it; what it says of a frame itself counts."""
+        self._by_child |= {each.child_frame_id.removeprefix("/"): each for each in message.transforms}
+        return TFMessage(transforms=tuple(self._by_child.values()))
+
+
+SIM_PARAMETER_UPDATES = "/sim/parameter_updates"
+"""Where a simulation's parameters are told; a fleet's recording holds it, unless it was left out."""
+
+
+def recorded_latency(bag: Bag) -> int | None:
+    """The latency, 0 or 1; None when the bag does not tell. A run that was not in lockstep had none."""
+    if not any(each.name == SIM_PARAMETER_UPDATES and not unreadable_reason(each) for each in bag.channels()):
+        return None
+    decoder = MessageDecoder()
+    for entry in bag.entries():
+        if entry.channel.name != SIM_PARAMETER_UPDATES:
+            continue
+        try:
+            message = decoder.decode(entry)
+        except WrongPayload:
+            continue
+        if isinstance(message, ParameterValues):
+            told = {each.name: each.value for each in message.values}
+            return int(told.get("mode") == "lockstep" and told.get("latency") == 1)
+    return None
+
+
+MAX_TIME_NS = (2**31 - 1) * 10**9
 """The last time that a ``builtin_interfaces/Time`` has, in the year 2038."""
 
 
-class Cue(NamedTuple):
+class TimedMessage(NamedTuple):
     """A message and its moment; of a type that is unknown here, it is the payload itself.
 
     ``sender`` tells the nodes apart that sent on one latched topic; it is empty for the first of them.
     """
 
-    moment: Moment
+    bag_time: BagTime
     channel: Channel
     message: Message | bytes
     sender: bytes = b""
@@ -36,55 +127,55 @@ class Cue(NamedTuple):
 class Playback:
     """Reads ``bag`` again and again.
 
-    ``unread`` counts what was no message of its type, ``untimed`` what bears a time that ``/clock`` cannot tell.
+    ``undecodable`` counts messages that do not match their type, ``out_of_range`` those after the last valid time.
     """
 
-    def __init__(self, bag: Bag, choice: Choice, start: float, duration: float) -> None:
-        self._bag, self._choice = bag, choice
+    def __init__(self, bag: Bag, selection: Selection, start: float, duration: float) -> None:
+        self._bag, self._selection = bag, selection
         self._start, self._end = round(start * 1e9), round((start + duration) * 1e9) if duration else None
-        self._passed = False
-        self.unread: Counter[str] = Counter()
-        self.untimed: Counter[str] = Counter()
+        self._start_passed = False
+        self.undecodable: Counter[str] = Counter()
+        self.out_of_range: Counter[str] = Counter()
 
-    def cues(self) -> Iterator[Cue]:
+    def messages(self) -> Iterator[TimedMessage]:
         """The chosen messages from ``start`` on, with what was latched until then before them."""
-        latched: dict[tuple[Channel, bytes], Cue] = {}
-        first: Moment | None = None
-        for cue in self._all():
-            if self._end is not None and cue.moment.position > self._end:
+        latched: dict[tuple[Channel, bytes], TimedMessage] = {}
+        first: BagTime | None = None
+        for timed in self._all():
+            if self._end is not None and timed.bag_time.position > self._end:
                 break
-            if cue.moment.position < self._start:
-                if cue.channel.quality.name == "LATCHED":
-                    latched[cue.channel, cue.sender] = cue
+            if timed.bag_time.position < self._start:
+                if timed.channel.quality.name == "LATCHED":
+                    latched[timed.channel, timed.sender] = timed
                 continue
             if first is None:
-                first = cue.moment
-                yield from (each._replace(moment=first) for each in latched.values())
-            yield cue
-        if first is None and self._passed:
+                first = timed.bag_time
+                yield from (each._replace(bag_time=first) for each in latched.values())
+            yield timed
+        if first is None and self._start_passed:
             yield from latched.values()
 
-    def _all(self) -> Iterator[Cue]:
-        timeline, typed, fixed = Timeline(), Typed(), FixedFrames()
-        chosen, needed = set(self._choice.played), {*self._choice.played, *self._choice.beside}
+    def _all(self) -> Iterator[TimedMessage]:
+        timeline, decoder, static_transforms = Timeline(), MessageDecoder(), StaticTransforms()
+        chosen, needed = set(self._selection.played), {*self._selection.played, *self._selection.sidecars}
         for entry in self._bag.entries():
-            if entry.publish_time > LATEST_NS:
-                self.untimed[entry.channel.name] += 1
+            if entry.publish_time > MAX_TIME_NS:
+                self.out_of_range[entry.channel.name] += 1
                 continue
             if entry.channel not in needed:
-                self._passed = timeline.place(entry.publish_time).position >= self._start
+                self._start_passed = timeline.locate(entry.publish_time).position >= self._start
                 continue
             message: Message | bytes | None = entry.data
             if entry.channel.encoding != RAW:
                 try:
-                    message = typed.message(entry)
+                    message = decoder.decode(entry)
                 except WrongPayload:
-                    self.unread[entry.channel.name] += 1
+                    self.undecodable[entry.channel.name] += 1
                     continue
             epoch = message.epoch if isinstance(message, Clock) else None
-            moment = timeline.place(entry.publish_time, epoch)
+            bag_time = timeline.locate(entry.publish_time, epoch)
             if message is None or entry.channel not in chosen:
                 continue
-            if isinstance(message, TFMessage) and entry.channel.name == TF_STATIC.name and not self._bag.ours:
-                message = fixed.joined(message)
-            yield Cue(moment, entry.channel, message, typed.sender(entry))
+            if isinstance(message, TFMessage) and entry.channel.name == TF_STATIC.name and not self._bag.from_elea:
+                message = static_transforms.merge(message)
+            yield TimedMessage(bag_time, entry.channel, message, decoder.sender(entry))

@@ -7,21 +7,20 @@ from pathlib import Path
 from messages.std import Float32
 from messages.topics import REFERENCE
 from services.reference import ReferenceParameters
-from services.reference.forms import Forms
-from services.reference.table import Table, read_table
+from services.reference.waveforms import ReferenceTable, WaveformGenerator, read_table
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 
 
 def run(ctx: Context[ReferenceParameters]) -> None:
     """Publish until told to stop. After a reset the form begins anew."""
-    table = opened(ctx.params)
-    out = ctx.writer(REFERENCE)
-    forms, told = Forms(table), ""
+    table = open_table(ctx.params)
+    out = ctx.advertise(REFERENCE)
+    forms, told = WaveformGenerator(table), ""
     for tick in ctx.ticks():
         p = ctx.params
         if tick.reset:
-            forms = Forms(table)
+            forms = WaveformGenerator(table)
         wanted = forms.step(p, tick.dt)
         if p.reference_type != told:
             told = p.reference_type
@@ -37,7 +36,7 @@ def run(ctx: Context[ReferenceParameters]) -> None:
         out.publish(Float32(data=bounded))
 
 
-def opened(p: ReferenceParameters) -> Table | None:
+def open_table(p: ReferenceParameters) -> ReferenceTable | None:
     """The table of the file, if one is stated; raises BadInput for what cannot be followed."""
     if not p.lower < p.upper:
         raise BadInput(f"lower = {p.lower:g} deg is not below upper = {p.upper:g} deg")

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from services.router import RouterParameters
 from services.runtime.context import Context
-from services.runtime.network.zenoh_config import OPEN_TO_ALL, default_router, endpoint, is_local
-from services.runtime.register import Register
+from services.runtime.discovery import NodeDirectory
+from services.runtime.transport.zenoh_config import OPEN_TO_ALL, default_router, endpoint, is_local
 
 
 def run(ctx: Context[RouterParameters]) -> None:
     """Beat until the process is asked to end."""
-    ctx.kernel.heart.state = "running"
+    ctx.node.heartbeat.state = "running"
     listen = (ctx.params.listen or default_router(), *ctx.params.also)
     ctx.log.info(f"listening on {', '.join(listen)}")
     for each in listen:
         if not is_local(endpoint(each)):
             ctx.log.warn(f"listening on {each}: {OPEN_TO_ALL}")
-    register = Register(ctx.kernel.transport)
+    register = NodeDirectory(ctx.node.transport)
     while True:
         register.answer()
         ctx.idle()

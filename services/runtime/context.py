@@ -10,29 +10,29 @@ from messages.base import Message
 from messages.elea import Checks
 from messages.requests import Request
 from messages.topics import CHECKS, Topic
-from services.runtime.calls import DEADLINE_S
-from services.runtime.checks import OwnChecks
 from services.runtime.errors import BadInput
-from services.runtime.frames.buffer import CACHE_S
-from services.runtime.frames.transforms import Transforms
 from services.runtime.log import Log
-from services.runtime.network.transport import Inlet, resting
 from services.runtime.node import Node
-from services.runtime.outputs import Output
 from services.runtime.pacing import ClockPacer, Instant, LockstepPacer, Pacer
-from services.runtime.parameters.followed import Followed
-from services.runtime.parameters.record import ALL
+from services.runtime.parameters.subscription import ParameterSubscription
+from services.runtime.parameters.validation import ALL_LEVELS
+from services.runtime.publisher import Publisher
+from services.runtime.requests import DEADLINE_S
 from services.runtime.service import Parameters, period_of
-from services.runtime.views import Latest, Stream
+from services.runtime.service_checks import ServiceChecks
+from services.runtime.subscriber import Latest, Stream
+from services.runtime.tf.buffer import CACHE_S
+from services.runtime.tf.listener import TransformListener
+from services.runtime.transport.api import RawSubscriber, idle_subscriber
 
 M = TypeVar("M", bound=Message)
 Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)
 P = TypeVar("P", bound=Parameters)
 
-ANSWER_S = 30.0
+PARAMETER_ANSWER_S = 30.0
 """Wall time that a node which is about to begin waits for the parameter service's answer to what it announced."""
-LOOK_S = 0.1
+PARAMETER_POLL_S = 0.1
 """Wall time between two looks at the parameters where no tick asks for one."""
 
 
@@ -58,18 +58,18 @@ class Context(Generic[P]):
         rate: float | None,
         lockstep: bool = False,
         observer: bool = False,
-        followed: Followed[P] | None = None,
+        followed: ParameterSubscription[P] | None = None,
     ) -> None:
-        self.params_changed = ALL
+        self.params_changed = ALL_LEVELS
         self.now = 0
-        self._params, self._followed = params, followed
-        self._looked = 0.0
+        self._params, self._subscription = params, followed
+        self._polled = 0.0
         self._node = node
         self._rate, self._lockstep, self._observer = rate, lockstep, observer
-        self._views: list[Latest[Any] | Stream[Any] | Transforms] = []
-        self._writing: dict[str, Output[Any]] = {}
-        self._resting: Inlet | None = None
-        self._checks = OwnChecks()
+        self._views: list[Latest[Any] | Stream[Any] | TransformListener] = []
+        self._publishers: dict[str, Publisher[Any]] = {}
+        self._idle_subscriber: RawSubscriber | None = None
+        self._checks = ServiceChecks()
         node.log.now = lambda: self.now
 
     @property
@@ -82,7 +82,7 @@ class Context(Generic[P]):
         return self._params
 
     @property
-    def node(self) -> str:
+    def node_name(self) -> str:
         """The node's full name."""
         return self._node.identity.node
 
@@ -97,41 +97,41 @@ class Context(Generic[P]):
         return self._node.log
 
     @property
-    def kernel(self) -> Node:
+    def node(self) -> Node:
         """The node itself, for the few services that pace themselves."""
         return self._node
 
     def latest(self, topic: Topic[M], name: str | None = None) -> Latest[M]:
         """The newest message of a topic."""
-        view = Latest(self._node.read(topic, name), lambda: self.now)
+        view = Latest(self._node.subscribe(topic, name), lambda: self.now)
         self._views.append(view)
         return view
 
     def stream(self, topic: Topic[M], name: str | None = None) -> Stream[M]:
         """Every message of a topic."""
-        view = Stream(self._node.read(topic, name))
+        view = Stream(self._node.subscribe(topic, name))
         self._views.append(view)
         return view
 
-    def transforms(self, cache: float = CACHE_S, moving: bool = True) -> Transforms:
+    def transforms(self, cache: float = CACHE_S, moving: bool = True) -> TransformListener:
         """Where any frame lies in any other, over the last ``cache`` seconds, as told on ``/tf`` and ``/tf_static``.
 
         Without ``moving``, as told on ``/tf_static`` alone.
         """
-        view = Transforms(self._node, cache, moving)
+        view = TransformListener(self._node, cache, moving)
         self._views.append(view)
         return view
 
-    def writer(self, topic: Topic[M], name: str | None = None) -> Output[M]:
+    def advertise(self, topic: Topic[M], name: str | None = None) -> Publisher[M]:
         """A publication, declared now; what lists itself in the graph before its first message."""
-        return self._node.write(topic, name)
+        return self._node.advertise(topic, name)
 
     def publish(self, topic: Topic[M], message: M, name: str | None = None) -> None:
         """Send a message; raises TypeError when it is not the topic's record."""
         wanted = name or topic.name
-        output = self._writing.get(wanted)
+        output = self._publishers.get(wanted)
         if output is None:
-            output = self._writing[wanted] = self._node.write(topic, name)
+            output = self._publishers[wanted] = self._node.advertise(topic, name)
         output.publish(message)
 
     def check(
@@ -161,7 +161,7 @@ class Context(Generic[P]):
             BadInput: a bad name, no bound, a bound that is not finite, a check too many.
         """
         if (stated := self._checks.state(name, value, min, max, reason)) is not None:
-            self.publish(CHECKS, Checks(node=self.node, checks=stated))
+            self.publish(CHECKS, Checks(node=self.node_name, checks=stated))
         return self._checks.holds(name)
 
     def call(self, request: Request[Q, R], message: Q, timeout: float = DEADLINE_S, name: str | None = None) -> R:
@@ -188,50 +188,50 @@ class Context(Generic[P]):
             raise BadInput("a service without a rate has no ticks")
         period = period_of(chosen, self._lockstep)
         pacer: Pacer = (LockstepPacer if self._lockstep else ClockPacer)(self._node, period)
-        if self._node.following is not None:
-            self._node.following.marks = pacer.marks
+        if self._node.parameter_client is not None:
+            self._node.parameter_client.watermarks = pacer.watermarks
         self._await_parameters()
         pacer.start()
         try:
-            yield from self._follow(pacer, meanwhile)
+            yield from self._ticks(pacer, meanwhile)
         finally:
-            pacer.leave()
+            pacer.close()
 
     def messages(self, topic: Topic[M], name: str | None = None) -> Iterator[M]:
         """Every message of a topic as it arrives, for services that answer to messages instead of time.
 
         ``params`` is followed between two messages, ten times a second.
         """
-        source = self._node.read(topic, name)
-        self._node.show_ready()
-        self._node.heart.state = "running"
+        source = self._node.subscribe(topic, name)
+        self._node.declare_ready()
+        self._node.heartbeat.state = "running"
         while True:
-            if (message := source.next()) is not None:
+            if (message := source.recv()) is not None:
                 yield message
             else:
-                self._look()
-                self._node.wait(source.inlet)
+                self._poll_parameters()
+                self._node.wait(source.raw)
 
     def idle(self) -> None:
         """Turn once and rest for a tenth of a second, for services that follow neither time nor messages."""
         if self._rate is None:
-            self._node.show_ready()
-        if self._resting is None:
-            self._resting = resting(self._node.transport)
-        self._look()
-        self._node.wait(self._resting)
-        self._resting.take()
+            self._node.declare_ready()
+        if self._idle_subscriber is None:
+            self._idle_subscriber = idle_subscriber(self._node.transport)
+        self._poll_parameters()
+        self._node.wait(self._idle_subscriber)
+        self._idle_subscriber.recv()
 
-    def follow(self, admitted: bool = False) -> int:
+    def update_params(self, admitted: bool = False) -> int:
         """For loops without ticks: let ``params`` be what the parameter service says by now.
 
         Returns ``params_changed``. ``admitted`` tells that a snapshot of all inputs has just been taken.
         """
-        followed = self._followed
+        followed = self._subscription
         if followed is None:
             return 0
         if not admitted:
-            followed.admit()
+            followed.update()
         self.params_changed = followed.refresh()
         self._params = followed.params
         return self.params_changed
@@ -239,32 +239,32 @@ class Context(Generic[P]):
     def _await_parameters(self) -> None:
         """Wait up to ANSWER_S for a parameter service that is expected, is there and has not answered yet: a node is
         ready when its set is known."""
-        following, deadline = self._node.following, time.monotonic() + ANSWER_S
+        following, deadline = self._node.parameter_client, time.monotonic() + PARAMETER_ANSWER_S
         if following is None or not self._node.expects_params:
             return
         while following.unanswered and time.monotonic() < deadline:
-            self._node.heart.note = "waiting for the answer of the parameter service"
+            self._node.heartbeat.detail = "waiting for the answer of the parameter service"
             self.idle()
-        self._node.heart.note = ""
+        self._node.heartbeat.detail = ""
 
-    def _look(self) -> None:
+    def _poll_parameters(self) -> None:
         """Follow the parameters now and then; in lockstep that is for the ticks alone."""
-        if self._followed is None or self._lockstep:
+        if self._subscription is None or self._lockstep:
             return
         now = time.monotonic()
-        if now - self._looked >= LOOK_S:
-            self._looked = now
-            self.follow()
+        if now - self._polled >= PARAMETER_POLL_S:
+            self._polled = now
+            self.update_params()
 
-    def _follow(self, pacer: Pacer, meanwhile: Callable[[], None] | None) -> Iterator[Tick]:
+    def _ticks(self, pacer: Pacer, meanwhile: Callable[[], None] | None) -> Iterator[Tick]:
         last: Instant | None = None
         while True:
-            self._node.turn()
+            self._node.spin_once()
             instant = pacer.next()
             if instant is None:
                 if meanwhile is not None:
                     meanwhile()
-                self._node.transport.wait(pacer.inlet)
+                self._node.transport.wait(pacer.raw)
                 continue
             reset = last is not None and (instant.epoch, instant.simulation) != (last.epoch, last.simulation)
             dt = 0.0 if reset or last is None else (instant.time - last.time) / 1e9
@@ -272,8 +272,8 @@ class Context(Generic[P]):
             self.now, last = instant.time, instant
             self._snapshot(pacer, reset)
             if first:
-                self.params_changed = ALL
-            self._node.heart.ticks += 1
+                self.params_changed = ALL_LEVELS
+            self._node.heartbeat.ticks += 1
             if self._observer:
                 pacer.finish()
             yield Tick(instant.time, dt, instant.epoch, reset)
@@ -281,9 +281,9 @@ class Context(Generic[P]):
                 pacer.finish()
 
     def _snapshot(self, pacer: Pacer, reset: bool) -> None:
-        self._node.admit(pacer.marks)
+        self._node.update_subscribers(pacer.watermarks)
         self.params_changed = 0
-        self.follow(admitted=True)
+        self.update_params(admitted=True)
         for view in self._views:
             if reset and not view.latched:
                 view.clear()

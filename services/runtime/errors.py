@@ -78,7 +78,7 @@ class Stopped(EleaError):
     """The process was asked to end."""
 
 
-def unknown(kind: str, name: str, known: Iterable[str], where: str = "") -> BadInput:
+def unknown_name(kind: str, name: str, known: Iterable[str], where: str = "") -> BadInput:
     """The error for a name that does not exist, with the nearest right one and the alternatives."""
     names = sorted(known)
     near = nearest(name, names)

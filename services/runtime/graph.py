@@ -8,9 +8,9 @@ from typing import Literal, get_args
 
 from messages.names import BadName, mangle, unmangle
 from messages.names import key as absolute
-from services.runtime.network.transport import KERNEL, Transport
+from services.runtime.transport.api import ADMIN_SPACE, Transport
 
-EVERYTHING = f"{KERNEL}/*/*/*/*/*/*"
+EVERYTHING = f"{ADMIN_SPACE}/*/*/*/*/*/*"
 
 _SESSION = re.compile(r"[0-9a-f]{1,32}")
 _PERIOD = re.compile(r"[1-9][0-9]{0,17}")
@@ -38,7 +38,7 @@ class Entity:
     def key(self) -> str:
         """The Zenoh key of the token."""
         chunks = (self.session, self.kind, mangle(self.node), mangle(self.name), mangle(self.record), self.detail)
-        return "/".join((KERNEL, *chunks))
+        return "/".join((ADMIN_SPACE, *chunks))
 
     @classmethod
     def parse(cls, key: str) -> Entity | None:
@@ -47,7 +47,7 @@ class Entity:
         Nor is one with a control character in any part: it would reach terminals and logs.
         """
         chunks = key.split("/")
-        if len(chunks) != 7 or chunks[0] != KERNEL or chunks[2] not in get_args(Kind):
+        if len(chunks) != 7 or chunks[0] != ADMIN_SPACE or chunks[2] not in get_args(Kind):
             return None
         _, session, kind, node, name, record, detail = chunks
         if not _SESSION.fullmatch(session) or (kind == "step" and not _PERIOD.fullmatch(detail)):
@@ -62,15 +62,15 @@ class Entity:
         return cls(session, kind, *parts) if all(map(str.isprintable, parts)) else None  # type: ignore[arg-type]
 
 
-def pattern(kind: Kind | Literal["*"] = "*", node: str = "*", name: str = "*") -> str:
+def token_pattern(kind: Kind | Literal["*"] = "*", node: str = "*", name: str = "*") -> str:
     """The key expression of all tokens of a kind, a node, or a topic."""
     chunks = [each if each == "*" else mangle(each) for each in (node, name)]
-    return "/".join((KERNEL, "*", kind, *chunks, "*", "*"))
+    return "/".join((ADMIN_SPACE, "*", kind, *chunks, "*", "*"))
 
 
 def ping_key(session: str, node: str) -> str:
     """Where a node answers a ping, in its own loop."""
-    return "/".join((KERNEL, "ping", session, mangle(node)))
+    return "/".join((ADMIN_SPACE, "ping", session, mangle(node)))
 
 
 def snapshot(transport: Transport) -> list[Entity]:

@@ -14,15 +14,15 @@ import click
 import msgspec
 
 from services.runtime.errors import TRY_AGAIN, BadInput, EleaError, Stopped, TryAgain
-from services.runtime.parameters.allowed import beside, within
-from services.runtime.parameters.record import build, describe, read_assignments, stated
+from services.runtime.parameters.schema import describe_range, describe_relations
+from services.runtime.parameters.validation import build, describe_parameters, read_assignments, stated
 from services.runtime.service import Parameters, Service
 
-_declaring = ContextVar("declaring", default=False)
+_capturing = ContextVar("declaring", default=False)
 
 
-class Declared(BaseException):
-    """What ``main`` raises within ``declaring``: the service that it was to run. No ``except Exception`` stops it."""
+class ServiceCaptured(BaseException):
+    """Raised by ``main`` within ``capture_service`` with the service it would run; no ``except Exception`` stops it."""
 
     def __init__(self, service: Service) -> None:
         super().__init__(service.name)
@@ -30,13 +30,13 @@ class Declared(BaseException):
 
 
 @contextmanager
-def declaring() -> Iterator[None]:
+def capture_service() -> Iterator[None]:
     """Within, ``main`` tells what it would run instead of running it."""
-    token = _declaring.set(True)
+    token = _capturing.set(True)
     try:
         yield
     finally:
-        _declaring.reset(token)
+        _capturing.reset(token)
 
 
 def main(service: Service) -> None:
@@ -44,13 +44,13 @@ def main(service: Service) -> None:
 
     Its status is 0, 1 after an error, 2 for bad input, and TRY_AGAIN when the same may work later.
     """
-    if _declaring.get():
-        raise Declared(service)
+    if _capturing.get():
+        raise ServiceCaptured(service)
     from services.runtime import process
 
     process.lossy_stderr()
     try:
-        process.refuse_shadows()
+        process.check_import_roots()
         called = os.environ.pop(process.PROGRAM, None)
         options = _command(service).main(prog_name=called, standalone_mode=False)
     except click.ClickException as error:
@@ -65,10 +65,10 @@ def main(service: Service) -> None:
         sys.exit(0)
     process.die_with_parent()
     process.die_with_threads()
-    process.end(_run(service, options))
+    process.exit_now(_run(service, options))
 
 
-def _leave() -> None:
+def _stop_at_start() -> None:
     """End what a process waits for while it starts: nothing of it is worth an orderly end yet."""
     raise Stopped("the process was asked to end")
 
@@ -79,10 +79,10 @@ def _run(service: Service, options: dict[str, Any]) -> int:
 
     status = 1
     try:
-        process.on_stop(_leave)
-        from services.runtime.start import serve
+        process.install_signal_handlers(_stop_at_start)
+        from services.runtime.start import run_service
 
-        serve(service, options)
+        run_service(service, options)
         status = 0
     except Stopped:
         status = 0
@@ -91,7 +91,7 @@ def _run(service: Service, options: dict[str, Any]) -> int:
         status = TRY_AGAIN if isinstance(error, TryAgain) else 2
     except EleaError as error:
         sys.stderr.write(f"{service.name}: {error}\n")
-    process.end_within(process.CLOSE_S, status)
+    process.exit_within(process.CLOSE_S, status)
     return status
 
 
@@ -149,8 +149,8 @@ def _command(service: Service) -> click.Command:
 def _epilog(record: type[Parameters]) -> str:
     """The parameters, one paragraph each."""
     lines = []
-    for each in describe(record):
-        facts = f"{each.default!r} by default", within(each) or each.unit, beside(each)
+    for each in describe_parameters(record):
+        facts = f"{each.default!r} by default", describe_range(each) or each.unit, describe_relations(each)
         lines.append(f"  {each.name} ({', '.join(part for part in facts if part)}): {each.text}")
     return "\b\nParameters:\n" + "\n".join(lines) if lines else ""
 

@@ -12,22 +12,19 @@ from messages.elea import Health
 from messages.requests import Request
 from messages.rosgraph import Log as LogLine
 from messages.topics import HEALTH, ROSOUT, Topic
-from services.runtime.calls import DEADLINE_S, call
-from services.runtime.counts import Counts
+from services.runtime.discovery import ReachabilityCheck, known_nodes
 from services.runtime.errors import Stopped, TryAgain
-from services.runtime.graph import Entity, Kind, pattern, ping_key
-from services.runtime.health import Heart
+from services.runtime.graph import Entity, Kind, ping_key, token_pattern
+from services.runtime.heartbeat import Heartbeat
 from services.runtime.identity import Identity
-from services.runtime.inputs import PATIENCE_S, Input, Patience
-from services.runtime.lockstep.marks import Marks
+from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.log import Log
-from services.runtime.network.transport import Inlet, Token, Transport
-from services.runtime.outbox import Outbox
-from services.runtime.outputs import Output
-from services.runtime.parameters.following import Following
-from services.runtime.reach import Reach
-from services.runtime.register import present
-from services.runtime.serving import Serving
+from services.runtime.parameters.client import ParameterClient
+from services.runtime.publisher import Publisher, SendBuffer
+from services.runtime.refusal_counter import RefusalCounter
+from services.runtime.requests import DEADLINE_S, RequestServer, call
+from services.runtime.subscriber import WAIT_BUDGET_S, Subscriber, WaitBudget
+from services.runtime.transport.api import RawSubscriber, Token, Transport
 
 M = TypeVar("M", bound=Message)
 Q = TypeVar("Q", bound=Message)
@@ -35,7 +32,7 @@ R = TypeVar("R", bound=Message)
 
 TAKEOVER_S = 1.5
 """Wall time in which the token of a predecessor that was killed must have gone."""
-MOST_NUMBERS = 4096
+MAX_KEPT_NUMBERS = 4096
 """Publications that ended, whose numbers are kept in case they begin again; the oldest are forgotten."""
 CLOCK_PATIENCE_S = 2.0
 """Wall time without a first clock after which a node says so."""
@@ -49,29 +46,29 @@ class Node:
 
     def __init__(self, transport: Transport, identity: Identity, kind: str, log: Log) -> None:
         self.transport, self.identity, self.kind, self.log = transport, identity, kind, log
-        self.heart = Heart(identity.node, log)
-        self.outbox = Outbox()
-        self.inputs: list[Input[Any]] = []
-        self.outputs: list[Output[Any]] = []
-        self.counts: list[Counts] = []
+        self.heartbeat = Heartbeat(identity.node, log)
+        self.send_buffer = SendBuffer()
+        self.subscribers: list[Subscriber[Any]] = []
+        self.publishers: list[Publisher[Any]] = []
+        self.refusal_counters: list[RefusalCounter] = []
         """Of keys that no input reads; the health lists those that refused something."""
-        self.serving = Serving(transport, log)
-        self.served = self.serving.served
-        self.following: Following | None = None
+        self.request_server = RequestServer(transport, log)
+        self.request_handlers = self.request_server.served
+        self.parameter_client: ParameterClient | None = None
         self.expects_params = False
         self.clock_patience_s = CLOCK_PATIENCE_S
         self.stopping = self.calling = False
         self._tokens: dict[tuple[Kind, str], Token] = {}
         self._numbers: dict[str, int] = {}
-        self._reach = Reach(transport, log)
+        self._reachability = ReachabilityCheck(transport, log)
 
     def __enter__(self) -> Self:
-        self._claim()
-        self._health: Output[Health] = Output(
-            HEALTH, HEALTH.name, self.identity.key(HEALTH.name), self.identity.node, self.transport, self.outbox
+        self._claim_name()
+        self._health: Publisher[Health] = Publisher(
+            HEALTH, HEALTH.name, self.identity.key(HEALTH.name), self.identity.node, self.transport, self.send_buffer
         )
         self._declare("pub", HEALTH.name, Health.ROS_TYPE, HEALTH.quality.name)
-        self._rosout: Output[LogLine] = self.write(ROSOUT)
+        self._rosout: Publisher[LogLine] = self.advertise(ROSOUT)
         self.log.publish = self._rosout.publish
         self._pings = self.transport.serve(ping_key(self.transport.session, self.identity.node))
         return self
@@ -79,129 +76,131 @@ class Node:
     def __exit__(self, *exception: object) -> None:
         self.log.publish = None
 
-    def read(self, topic: Topic[M], name: str | None = None, raw: bool = False) -> Input[M]:
+    def subscribe(self, topic: Topic[M], name: str | None = None, raw: bool = False) -> Subscriber[M]:
         """Subscribe to a topic, under another name if one is given; one subscription serves all its readers.
 
         A ``raw`` input gives the payloads themselves.
         """
         absolute = self.identity.resolve(name or topic.name)
-        for known in self.inputs:
+        for known in self.subscribers:
             if known.name == absolute and known.topic.record is topic.record:
                 return known
-        made = Input(topic, absolute, self.identity.key(name or topic.name), self.transport, raw)
-        self.inputs.append(made)
+        made = Subscriber(topic, absolute, self.identity.key(name or topic.name), self.transport, raw)
+        self.subscribers.append(made)
         self._declare("sub", absolute, topic.record.ROS_TYPE, topic.quality.name)
         return made
 
-    def write(self, topic: Topic[M], name: str | None = None) -> Output[M]:
+    def advertise(self, topic: Topic[M], name: str | None = None) -> Publisher[M]:
         """Publish on a topic, under another name if one is given.
 
         One that was forgotten and begins again goes on with its numbers: its readers would drop the old ones.
         """
         absolute = self.identity.resolve(name or topic.name)
-        for known in self.outputs:
+        for known in self.publishers:
             if known.name == absolute:
                 return known
-        made = Output(
-            topic, absolute, self.identity.key(name or topic.name), self.identity.node, self.transport, self.outbox
+        made = Publisher(
+            topic, absolute, self.identity.key(name or topic.name), self.identity.node, self.transport, self.send_buffer
         )
-        made.sent = made.marked = self._numbers.pop(absolute, 0)
-        self.outputs.append(made)
+        made.sent = made.reported = self._numbers.pop(absolute, 0)
+        self.publishers.append(made)
         self._declare("pub", absolute, topic.record.ROS_TYPE, topic.quality.name)
         return made
 
-    def forget(self, *ends: Input[Any] | Output[Any]) -> None:
+    def unregister(self, *ends: Subscriber[Any] | Publisher[Any]) -> None:
         """End subscriptions and publications, as when a robot leaves the world."""
-        self.outbox.release()
+        self.send_buffer.flush()
         for end in ends:
-            if isinstance(end, Input):
-                self.inputs.remove(end)
+            if isinstance(end, Subscriber):
+                self.subscribers.remove(end)
                 self._tokens.pop(("sub", end.name)).close()
             else:
-                self.outputs.remove(end)
+                self.publishers.remove(end)
                 self._tokens.pop(("pub", end.name)).close()
                 self._numbers[end.name] = end.sent
-                if len(self._numbers) > MOST_NUMBERS:
+                if len(self._numbers) > MAX_KEPT_NUMBERS:
                     del self._numbers[next(iter(self._numbers))]
             end.close()
 
     def serve(self, request: Request[Q, R], handler: Callable[[Q], R], name: str | None = None) -> None:
         """Answer a request in this node's loop; the handler raises BadInput to refuse with a reason."""
         absolute = self.identity.resolve(name or request.name)
-        self.serving.add(request, self.identity.key(name or request.name), handler)
-        self._declare("srv", absolute, request.asks.ROS_TYPE, "-")
+        self.request_server.add(request, self.identity.key(name or request.name), handler)
+        self._declare("srv", absolute, request.request_type.ROS_TYPE, "-")
 
     def call(self, request: Request[Q, R], message: Q, timeout: float = DEADLINE_S, name: str | None = None) -> R:
         """Ask another node; raises CallFailed. The caller's loop stands still until the reply or the deadline, or until
         the process is asked to end (Stopped).
         """
-        self.outbox.release()
+        self.send_buffer.flush()
         self.calling = True
         try:
             return call(self.transport, request, self.identity.key(name or request.name), message, timeout)
         finally:
             self.calling = False
 
-    def show_step(self, period_ns: int) -> None:
+    def declare_stepping(self, period_ns: int) -> None:
         """Show that the node's ticks may begin: its inputs are declared."""
         entity = Entity(self.transport.session, "step", self.identity.node, detail=str(period_ns))
-        self._tokens["step", self.identity.node] = self.transport.token(entity.key)
+        self._tokens["step", self.identity.node] = self.transport.declare_token(entity.key)
 
-    def show_ready(self) -> None:
+    def declare_ready(self) -> None:
         """Show, once, that the node is at work: for those that take no ticks."""
         if ("ready", self.identity.node) not in self._tokens and ("step", self.identity.node) not in self._tokens:
             entity = Entity(self.transport.session, "ready", self.identity.node)
-            self._tokens["ready", self.identity.node] = self.transport.token(entity.key)
+            self._tokens["ready", self.identity.node] = self.transport.declare_token(entity.key)
 
-    def turn(self) -> None:
+    def spin_once(self) -> None:
         """What every loop does again and again: end when asked, answer requests, beat."""
         if self.stopping:
             raise Stopped("the process was asked to end")
-        self.serving.turn()
-        for query in islice(iter(self._pings.take, None), _PINGS):
+        self.request_server.spin_once()
+        for query in islice(iter(self._pings.recv, None), _PINGS):
             query.reply(b"")
-        if self.following is not None:
-            self.following.turn()
-        self._reach.turn()
-        self._beat()
+        if self.parameter_client is not None:
+            self.parameter_client.spin_once()
+        self._reachability.update()
+        self._publish_heartbeat()
 
-    def wait(self, inlet: Inlet) -> None:
+    def wait(self, inlet: RawSubscriber) -> None:
         """Turn, then block until the inlet, a nudge or a tenth of a second; what was held back leaves first."""
-        self.turn()
-        self.outbox.release()
+        self.spin_once()
+        self.send_buffer.flush()
         self.transport.wait(inlet)
 
-    def admit(self, marks: Marks | None = None) -> None:
+    def update_subscribers(self, marks: Watermarks | None = None) -> None:
         """Take the snapshot of all inputs. With ``marks``, PATIENCE_S is all that the tick waits for what they name."""
         if marks is None:
-            for each in self.inputs:
-                each.admit()
+            for each in self.subscribers:
+                each.update()
             return
-        patience = Patience(self._beat_in_burst)
-        for each in self.inputs:
-            each.admit(marks, patience)
-        marks.settle()
+        patience = WaitBudget(self._publish_heartbeat_in_burst)
+        for each in self.subscribers:
+            each.update(marks, patience)
+        marks.clear_required()
         if patience.missed:
             missed = ", ".join(patience.missed)
-            self.log.warn(f"announced, and not here within {PATIENCE_S:g} s, so it counts as lost: {missed}", every=5.0)
+            self.log.warn(
+                f"announced, and not here within {WAIT_BUDGET_S:g} s, so it counts as lost: {missed}", every=5.0
+            )
 
-    def _beat(self) -> None:
-        refusing = [each for each in self.counts if each.refused]
-        inputs: list[Input[Any] | Counts] = [*self.inputs, *refusing]
-        self.heart.beat(self._health, inputs, self.outputs, self.serving.refusals)
+    def _publish_heartbeat(self) -> None:
+        refusing = [each for each in self.refusal_counters if each.refused]
+        inputs: list[Subscriber[Any] | RefusalCounter] = [*self.subscribers, *refusing]
+        self.heartbeat.publish_if_due(self._health, inputs, self.publishers, self.request_server.refusals)
 
-    def _beat_in_burst(self) -> None:
+    def _publish_heartbeat_in_burst(self) -> None:
         """Beat while a tick waits for samples: its burst has begun, and what is put into it would leave too late."""
-        held = self.outbox.held is not None
-        self.outbox.release()
-        self._beat()
+        held = self.send_buffer.held is not None
+        self.send_buffer.flush()
+        self._publish_heartbeat()
         if held:
-            self.outbox.hold()
+            self.send_buffer.begin()
 
-    def _claim(self) -> None:
+    def _claim_name(self) -> None:
         """Take the node's name; raises TryAgain when another process holds it and does not go."""
         mine = Entity(self.transport.session, "node", self.identity.node, self.kind)
-        self._tokens["node", self.identity.node] = self.transport.token(mine.key)
+        self._tokens["node", self.identity.node] = self.transport.declare_token(mine.key)
         settle = self.transport.settle_s
         if self._sees_everybody():
             if not self._sessions("node") - {mine.session}:
@@ -225,8 +224,8 @@ class Node:
     def _sees_everybody(self) -> bool:
         """Wait until everybody is in sight of whom the router knows; False when that cannot be told, or takes long."""
         deadline = time.monotonic() + self.transport.settle_s
-        while (expected := present(self.transport)) is not None and time.monotonic() < deadline:
-            if expected <= set(self.transport.tokens(pattern("node"))):
+        while (expected := known_nodes(self.transport)) is not None and time.monotonic() < deadline:
+            if expected <= set(self.transport.tokens(token_pattern("node"))):
                 return True
             time.sleep(0.01)
         return False
@@ -237,9 +236,9 @@ class Node:
         return sorted(at_work) or sorted(each for each in self._sessions("node") if each < mine)
 
     def _sessions(self, kind: Kind) -> set[str]:
-        found = (Entity.parse(key) for key in self.transport.tokens(pattern(kind, self.identity.node)))
+        found = (Entity.parse(key) for key in self.transport.tokens(token_pattern(kind, self.identity.node)))
         return {each.session for each in found if each}
 
     def _declare(self, kind: Kind, name: str, record: str, detail: str) -> None:
         entity = Entity(self.transport.session, kind, self.identity.node, name, record, detail)
-        self._tokens[kind, name] = self.transport.token(entity.key)
+        self._tokens[kind, name] = self.transport.declare_token(entity.key)

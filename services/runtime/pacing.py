@@ -10,16 +10,16 @@ from typing import NamedTuple, Protocol
 from messages.base import WrongPayload, decoder
 from messages.rosgraph import Clock
 from messages.topics import CLOCK
-from services.runtime.counts import Counts
-from services.runtime.fleets import listed, running
-from services.runtime.graph import Entity, pattern
-from services.runtime.lockstep.follower import LINK_S, Follower
-from services.runtime.lockstep.marks import Marks
-from services.runtime.lockstep.protocol import SIMULATION, Go, numbers, told_numbers
+from services.runtime.fleet_instances import describe_fleets, running_fleets
+from services.runtime.graph import Entity, token_pattern
+from services.runtime.lockstep.member import LINK_S, LockstepMember
+from services.runtime.lockstep.protocol import SIMULATION, StepGrant, last_reported, sequence_numbers
+from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.log import Log
-from services.runtime.network.transport import Inlet
-from services.runtime.network.wire import detach, encoding, publisher_id
 from services.runtime.node import Node
+from services.runtime.refusal_counter import RefusalCounter
+from services.runtime.transport.api import RawSubscriber
+from services.runtime.transport.wire import encoding, publisher_id, unpack_attachment
 
 SILENCE_S = 0.5
 """Wall time without a clock after which the loop calls itself waiting."""
@@ -46,8 +46,8 @@ class Instant(NamedTuple):
 class Pacer(Protocol):
     """Gives the loop its next tick."""
 
-    inlet: Inlet
-    marks: Marks | None
+    raw: RawSubscriber
+    watermarks: Watermarks | None
 
     def start(self) -> None:
         """All inputs are declared; ticks may begin."""
@@ -61,16 +61,16 @@ class Pacer(Protocol):
         """The tick's work is done."""
         ...
 
-    def leave(self) -> None:
+    def close(self) -> None:
         """There will be no more ticks."""
         ...
 
 
-class Silence:
+class ClockWatchdog:
     """Notices that no time arrives, and says it once."""
 
     def __init__(self, node: Node, log: Log) -> None:
-        self._heart, self._log, self._patience = node.heart, log, node.clock_patience_s
+        self._heart, self._log, self._patience = node.heartbeat, log, node.clock_patience_s
         self._heard = time.monotonic()
         self._ever = self._said = False
 
@@ -78,7 +78,7 @@ class Silence:
         """Time has arrived."""
         self._heard, self._ever = time.monotonic(), True
         self._heart.state = "paused" if paused else "running"
-        self._heart.note = ""
+        self._heart.detail = ""
 
     def check(self) -> None:
         """Nothing has arrived since the last look."""
@@ -86,7 +86,7 @@ class Silence:
             return
         silence = time.monotonic() - self._heard
         if silence > SILENCE_S:
-            self._heart.state, self._heart.note = "waiting", "no clock"
+            self._heart.state, self._heart.detail = "waiting", "no clock"
         if silence > self._patience and not self._ever and not self._said:
             self._said = True
             self._log.warn(f"no clock for {silence:.1f} s: {_where()}")
@@ -94,12 +94,12 @@ class Silence:
 
 def _where() -> str:
     """Why there may be no clock: a fleet runs elsewhere on this machine, or none does."""
-    there = running()
+    there = running_fleets()
     if not there:
         return "is the simulation running? No fleet of yours runs on this machine"
     return (
-        f"is the simulation running, on this node's port and in its domain? Fleets that run here: {listed(there)}; "
-        "./elea run --port joins one of them"
+        "is the simulation running, on this node's port and in its domain? Fleets that run here: "
+        f"{describe_fleets(there)}; ./elea run --port joins one of them"
     )
 
 
@@ -113,12 +113,12 @@ class ClockSource:
     def __init__(self, node: Node) -> None:
         self._log = node.log
         self._name, self._key = node.identity.resolve(CLOCK.name), node.identity.key(CLOCK.name)
-        self._watch = node.transport.watch(pattern("pub", name=self._name))
+        self._watch = node.transport.watch(token_pattern("pub", name=self._name))
         self._nodes: dict[bytes, str] = {}
         """By publisher id, the nodes that hold a token for it."""
         self._source: bytes | None = None
         self._heard = -math.inf
-        self.counts = Counts("pacing: " + self._name)
+        self.counts = RefusalCounter("pacing: " + self._name)
 
     def follows(self, publisher: bytes) -> bool:
         """Whether a sample that this publisher sent just now tells the time; empty is one that is not ours."""
@@ -127,7 +127,7 @@ class ClockSource:
             self._look()
             silent = now - self._heard > CLOCK_SILENCE_S
             if self._source is not None and not silent and self._rank(publisher) <= self._rank(self._source):
-                self.counts.refuse(f"{self._called(publisher)} tells another time than {self._called(self._source)}")
+                self.counts.reject(f"{self._called(publisher)} tells another time than {self._called(self._source)}")
                 self._log.warn(f"a second {self._name} is not followed: {self.counts.reason}", every=30.0)
                 return False
             self._source = publisher
@@ -136,7 +136,7 @@ class ClockSource:
         return True
 
     def _look(self) -> None:
-        for token in iter(self._watch.take, None):
+        for token in iter(self._watch.poll, None):
             entity = Entity.parse(token.key)
             if entity is None or entity.name != self._name:
                 continue
@@ -157,35 +157,35 @@ class ClockSource:
 class ClockPacer:
     """Ticks when ``/clock`` reaches a multiple of the period; what was missed is not made up for."""
 
-    marks: Marks | None = None
+    watermarks: Watermarks | None = None
 
     def __init__(self, node: Node, period_ns: int) -> None:
         transport = node.transport
         self._key, self._encoding = node.identity.key(CLOCK.name), encoding(Clock.ROS_TYPE)
-        self.inlet = transport.subscribe(self._key, _CLOCKS)
-        self._read = decoder(Clock)
+        self.raw = transport.subscribe(self._key, _CLOCKS)
+        self._decode = decoder(Clock)
         self._period_ns = period_ns
         self._node = node
         self._source = ClockSource(node)
-        node.counts.append(self._source.counts)
-        self._silence = Silence(node, node.log)
+        node.refusal_counters.append(self._source.counts)
+        self._silence = ClockWatchdog(node, node.log)
         self._next = self._jumps = 0
         self._epoch, self._simulation = -1, b""
 
     def start(self) -> None:
-        self._node.show_step(self._period_ns)
+        self._node.declare_stepping(self._period_ns)
 
     def next(self) -> Instant | None:
         clock, simulation = None, b""
         passed: list[int] = []
-        for payload, attachment, source in islice(iter(self.inlet.take, None), _CLOCKS):
-            if self.inlet.key(source) != self._key or self.inlet.encoding(source) not in ("", self._encoding):
+        for payload, attachment, source in islice(iter(self.raw.recv, None), _CLOCKS):
+            if self.raw.key(source) != self._key or self.raw.encoding(source) not in ("", self._encoding):
                 continue
             try:
-                newer = self._read(payload)
+                newer = self._decode(payload)
             except WrongPayload:
                 continue
-            origin = detach(attachment)
+            origin = unpack_attachment(attachment)
             publisher = origin.publisher if origin is not None else b""
             if self._source.follows(publisher):
                 passed += [] if clock is None else [clock.clock.ns]
@@ -197,7 +197,7 @@ class ClockPacer:
         now = clock.clock.ns
         restarted = clock.epoch != self._epoch or simulation != self._simulation
         if not restarted:
-            self._node.heart.missed += self._missed(passed, now)
+            self._node.heartbeat.missed += self._missed(passed, now)
         if restarted or now < self._next - self._period_ns:
             self._epoch, self._simulation = clock.epoch, simulation
             self._next, self._jumps = now, self._jumps + 1
@@ -217,7 +217,7 @@ class ClockPacer:
     def finish(self) -> None:
         pass
 
-    def leave(self) -> None:
+    def close(self) -> None:
         pass
 
 
@@ -226,71 +226,71 @@ class LockstepPacer:
 
     def __init__(self, node: Node, period_ns: int) -> None:
         self._node = node
-        self._follower = Follower(node.transport, node.identity.node, period_ns)
-        node.counts.append(self._follower.counts)
-        self.inlet = self._follower.inlet
-        self.marks: Marks | None = self._follower.marks
-        self._silence = Silence(node, node.log)
-        self._greeting: Go | None = None
-        self._introduced = False
+        self._member = LockstepMember(node.transport, node.identity.node, period_ns)
+        node.refusal_counters.append(self._member.refusals)
+        self.raw = self._member.raw
+        self.watermarks: Watermarks | None = self._member.watermarks
+        self._silence = ClockWatchdog(node, node.log)
+        self._joining: StepGrant | None = None
+        self._join_sent = False
         self._deadline = self._looked = 0.0
-        self._step: Go | None = None
+        self._step: StepGrant | None = None
 
     def start(self) -> None:
-        self._follower.join()
+        self._member.join()
 
     def next(self) -> Instant | None:
-        refused = self._follower.counts.refused
-        go = self._follower.take()
-        if self._follower.counts.refused != refused:
-            self._node.log.warn(f"a Go is refused: {self._follower.counts.reason}", every=10.0)
+        refused = self._member.refusals.refused
+        go = self._member.poll()
+        if self._member.refusals.refused != refused:
+            self._node.log.warn(f"a Go is refused: {self._member.refusals.reason}", every=10.0)
         if go is None:
             self._link()
             self._silence.check()
             return None
         if go.roster:
-            self._greeted(go)
+            self._joined(go)
             return None
         self._silence.heard(go.paused)
         if go.paused:
             return None
         self._step = go
         # The simulation waits for commands and Done; all else that the step tells leaves behind them, in one go.
-        self._node.outbox.hold()
+        self._node.send_buffer.begin()
         return Instant(go.time, go.epoch, go.simulation)
 
     def finish(self) -> None:
         assert self._step is not None
-        self._follower.finish(self._step.tick, numbers(self._node.outputs), {})
-        self._node.outbox.release()
+        self._member.finish(self._step.tick, sequence_numbers(self._node.publishers), {})
+        self._node.send_buffer.flush()
 
-    def leave(self) -> None:
-        self._node.outbox.release()
-        self._follower.leave()
+    def close(self) -> None:
+        self._node.send_buffer.flush()
+        self._member.close()
 
-    def _greeted(self, greeting: Go) -> None:
+    def _joined(self, greeting: StepGrant) -> None:
         """Answer at once if all fellows are in sight, else when they are; one greeting at a time waits for that."""
-        if self._greeting is not None and self._greeting.simulation != greeting.simulation:
+        if self._joining is not None and self._joining.simulation != greeting.simulation:
             self._link()
         self._silence.heard(greeting.paused)
-        if self._greeting is None:
+        if self._joining is None:
             self._deadline = time.monotonic() + LINK_S
-        self._greeting, self._looked = greeting, 0.0
+        self._joining, self._looked = greeting, 0.0
         self._link()
 
     def _link(self) -> None:
         """Answer the greeting once all fellows are in sight, or after LINK_S without some."""
         now = time.monotonic()
-        if self._greeting is None or now - self._looked < LOOK_S:
+        if self._joining is None or now - self._looked < LOOK_S:
             return
         self._looked = now
-        if absent := self._follower.absent(self._greeting.roster):
+        if absent := self._member.absent(self._joining.roster):
             if now < self._deadline:
                 return
             told = ", ".join(absent)[:500]
             self._node.log.warn(f"{told} not in sight after {LINK_S:g} s: it goes on without", every=10.0)
-        greeting, self._greeting = self._greeting, None
-        if not self._introduced:
-            self._introduced = True
-            numbers(self._node.outputs)
-        self._follower.greet(greeting, *told_numbers(self._node.outputs))
+        greeting, self._joining = self._joining, None
+        if not self._join_sent:
+            self._join_sent = True
+            sequence_numbers(self._node.publishers)
+        self._member.send_join(greeting, *last_reported(self._node.publishers))

@@ -36,7 +36,7 @@ _PR_SET_PDEATHSIG = 1
 _DEAD_THREAD = 70
 
 
-def refuse_shadows() -> None:
+def check_import_roots() -> None:
     """End when another package has taken the name of one of ours; raises BadInput."""
     for name in ("messages", "services", "models"):
         module = __import__(name)
@@ -54,7 +54,7 @@ def die_with_parent() -> None:
         os._exit(_DEAD_THREAD)
 
 
-def give_way() -> None:
+def set_batch_scheduling() -> None:
     """Let the simulation keep its core: from now on, waking this process and its threads interrupts no other."""
     os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
 
@@ -71,7 +71,7 @@ def die_with_threads() -> None:
 
     def report_main(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
         traceback.print_exception(kind, error, trace)
-        end(1)
+        exit_now(1)
 
     threading.excepthook = report
     sys.excepthook = report_main
@@ -98,7 +98,7 @@ class _Lossy(io.FileIO):
             return memoryview(data).nbytes
 
 
-def on_stop(stop: Callable[[], None]) -> None:
+def install_signal_handlers(stop: Callable[[], None]) -> None:
     """Call ``stop`` at SIGINT, SIGTERM and SIGHUP."""
 
     def handler(number: int, frame: FrameType | None) -> None:
@@ -108,7 +108,7 @@ def on_stop(stop: Callable[[], None]) -> None:
         signal.signal(number, handler)
 
 
-def end(status: int) -> None:
+def exit_now(status: int) -> None:
     """Leave at once; what is left of native threads cannot hold the process."""
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):  # nobody reads it any more
@@ -116,8 +116,8 @@ def end(status: int) -> None:
     os._exit(status)
 
 
-def end_within(seconds: float, status: int) -> None:
+def exit_within(seconds: float, status: int) -> None:
     """Leave after ``seconds`` if leaving in an orderly way hangs."""
-    timer = threading.Timer(seconds, end, (status,))
+    timer = threading.Timer(seconds, exit_now, (status,))
     timer.daemon = True
     timer.start()

@@ -9,25 +9,25 @@ from services.runtime.context import Context
 from services.runtime.errors import Stopped
 from services.runtime.identity import Identity
 from services.runtime.log import Log
-from services.runtime.network.zenoh_config import Role, check_listen, configuration, default_router
-from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
-from services.runtime.parameters.followed import Followed
-from services.runtime.parameters.record import stated
-from services.runtime.process import CLOSE_S, end_within, give_way, on_stop
+from services.runtime.parameters.subscription import ParameterSubscription
+from services.runtime.parameters.validation import stated
+from services.runtime.process import CLOSE_S, exit_within, install_signal_handlers, set_batch_scheduling
 from services.runtime.service import Service
+from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh_config import Role, check_listen, configuration, default_router
 
-FIRST_PATIENCE_S = 20.0
+PARAMS_CLOCK_PATIENCE_S = 20.0
 """Wall time for which the parameter service waits for a first clock in silence."""
 
 
-def serve(service: Service, options: dict[str, Any]) -> None:
+def run_service(service: Service, options: dict[str, Any]) -> None:
     """Open the transport, declare the node, run the loop; raises what ends it."""
     run = service.entry()
     identity: Identity = options["identity"]
     log = Log(identity.node, options["log_level"])
     if (options["lockstep"] and service.holds_lockstep) or service.observer:
-        give_way()
+        set_batch_scheduling()
     tree = _configuration(service, options)
     # Before a router nobody is there, unless it is to join others.
     settle = {"settle_s": 0.0} if service.routes and not options["params"].link else {}
@@ -35,31 +35,31 @@ def serve(service: Service, options: dict[str, Any]) -> None:
 
         def stop() -> None:
             node.stopping = True
-            transport.nudge()
+            transport.wake()
             if node.calling:
                 raise Stopped("the process was asked to end while it waited for an answer")
 
-        followed = _followed(service, node, options)
+        followed = _parameter_subscription(service, node, options)
         params = followed.params if followed is not None else options["params"]
         context = Context(node, params, service.rate, options["lockstep"], service.observer, followed)
         for topic in service.writes:
-            context.writer(topic)
-        on_stop(stop)  # so far a signal ended whatever was waited for
+            context.advertise(topic)
+        install_signal_handlers(stop)  # so far a signal ended whatever was waited for
         try:
             run(context)
         finally:
-            end_within(CLOSE_S + 10.0, 1)
+            exit_within(CLOSE_S + 10.0, 1)
 
 
-def _followed(service: Service, node: Node, options: dict[str, Any]) -> Followed[Any] | None:
+def _parameter_subscription(service: Service, node: Node, options: dict[str, Any]) -> ParameterSubscription[Any] | None:
     """The service's set, as the parameter service has it; None without parameters, and for that service itself."""
     if PARAMS_ANNOUNCE in service.serves:
-        node.clock_patience_s = FIRST_PATIENCE_S  # it starts before the simulation
+        node.clock_patience_s = PARAMS_CLOCK_PATIENCE_S  # it starts before the simulation
     if PARAMS_ANNOUNCE in service.serves or not options["params"].__struct_fields__:
         return None
     node.expects_params = options["await_params"]
     name = node.identity.resolve(service.parameter_set or node.identity.node)
-    followed: Followed[Any] = Followed(
+    followed: ParameterSubscription[Any] = ParameterSubscription(
         node,
         name,
         options["params"],
@@ -67,7 +67,7 @@ def _followed(service: Service, node: Node, options: dict[str, Any]) -> Followed
         command_line=stated(service.parameters, options["command_line"]),
         quiet=service.routes,
     )
-    followed.begin()
+    followed.start()
     return followed
 
 

@@ -7,10 +7,10 @@ from msgspec import Meta
 
 from messages.requests import SIM_REQUESTS
 from messages.topics import CLOCK, FLEET_STATE, LINK_STATES, MODEL_STATES, SIM_STATUS, STOPS, TF, TF_STATIC
-from services.runtime.roster import PATIENCE_S
+from services.runtime.discovery import START_PATIENCE_S
 from services.runtime.service import Parameters, Service
-from services.sim.base.parameters import BaseParameters as BaseParameters
-from services.sim.joints.parameters import JointParameters as JointParameters
+from services.sim.parameters import BaseParameters as BaseParameters
+from services.sim.parameters import JointParameters as JointParameters
 
 Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
 
@@ -76,7 +76,7 @@ class SimParameters(Parameters, frozen=True, kw_only=True):
             description="wall time without a further node becoming ready after which time begins without, or fails",
             extra={"unit": "s", "live": False},
         ),
-    ] = PATIENCE_S
+    ] = START_PATIENCE_S
 
 
 SERVICE = Service(

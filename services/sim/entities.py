@@ -6,19 +6,19 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 from messages.geometry import Point, Pose, Quaternion, Twist, Vector3
-from services.runtime.errors import BadInput, unknown
-from services.runtime.frames.rigid import product
-from services.sim.physics.rotation import into_body, into_world
-from services.sim.physics.world import ORIGIN, BodyState, Placement, World
+from messages.se3 import quaternion_multiply
+from services.runtime.errors import BadInput, unknown_name
+from services.sim.physics.rotation import to_body_frame, to_world_frame
+from services.sim.physics.world import ORIGIN, BodyState, Pose3, World
 
 WORLD_FRAMES = ("", "world", "map", "/map", "/world")
 """The names of the world as a frame."""
 
-AT_REST = BodyState(ORIGIN.position, ORIGIN.orientation, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+WORLD_STATE = BodyState(ORIGIN.position, ORIGIN.orientation, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 """The world, seen from itself."""
 
 
-class Part(NamedTuple):
+class ScopedName(NamedTuple):
     """A link or joint of a body."""
 
     body: str
@@ -28,51 +28,51 @@ class Part(NamedTuple):
         return f"{self.body}::{self.name}"
 
 
-def link_named(world: World, name: str) -> Part:
+def find_link(world: World, name: str) -> ScopedName:
     """The link that ``name`` means: ``model::link``, ``model/link``, a model's root, or a link that one model only has.
 
     Raises BadInput with the alternatives.
     """
     if name in world.names:
-        return Part(name, world.links(name)[0])
-    return _part("link", name, world.names, world.links)
+        return ScopedName(name, world.links(name)[0])
+    return _find("link", name, world.names, world.links)
 
 
-def joint_named(world: World, model: str, name: str) -> Part:
-    """The movable joint ``name`` of ``model``; with an empty model as ``link_named``, of which this is the twin."""
+def find_joint(world: World, model: str, name: str) -> ScopedName:
+    """The movable joint ``name`` of ``model``; with an empty model as ``find_link``, of which this is the twin."""
     if model:
         if model not in world.names:
-            raise unknown("model", model, world.names)
+            raise unknown_name("model", model, world.names)
         for prefix in (f"{model}::", f"{model}/"):
             name = name.removeprefix(prefix)
         if name not in world.joints(model):
-            raise unknown("joint", name, world.joints(model), model)
-        return Part(model, name)
-    return _part("joint", name, world.names, world.joints)
+            raise unknown_name("joint", name, world.joints(model), model)
+        return ScopedName(model, name)
+    return _find("joint", name, world.names, world.joints)
 
 
 def frame_state(world: World, name: str) -> BodyState:
     """Where the frame ``name`` is in the world and how it moves; raises BadInput."""
-    return AT_REST if name in WORLD_FRAMES else world.link_state(*link_named(world, name))
+    return WORLD_STATE if name in WORLD_FRAMES else world.link_state(*find_link(world, name))
 
 
-def seen_from(frame: BodyState, state: BodyState) -> BodyState:
+def relative_state(frame: BodyState, state: BodyState) -> BodyState:
     """A state in the axes of a frame; its velocities are the differences, as Gazebo has them."""
     turn = frame.orientation
     i, j, k, w = turn
     return BodyState(
-        into_body(turn, _less(state.position, frame.position)),
-        product((-i, -j, -k, w), state.orientation),
-        into_body(turn, _less(state.linear, frame.linear)),
-        into_body(turn, _less(state.angular, frame.angular)),
+        to_body_frame(turn, _difference(state.position, frame.position)),
+        quaternion_multiply((-i, -j, -k, w), state.orientation),
+        to_body_frame(turn, _difference(state.linear, frame.linear)),
+        to_body_frame(turn, _difference(state.angular, frame.angular)),
     )
 
 
-def placed_in(frame: BodyState, place: Placement) -> Placement:
+def to_world_pose(frame: BodyState, place: Pose3) -> Pose3:
     """Where in the world something is that has ``place`` in a frame."""
-    x, y, z = into_world(frame.orientation, place.position)
+    x, y, z = to_world_frame(frame.orientation, place.position)
     a, b, c = frame.position
-    return Placement((a + x, b + y, c + z), product(frame.orientation, place.orientation))
+    return Pose3((a + x, b + y, c + z), quaternion_multiply(frame.orientation, place.orientation))
 
 
 def pose_and_twist(state: BodyState) -> tuple[Pose, Twist]:
@@ -85,22 +85,22 @@ def pose_and_twist(state: BodyState) -> tuple[Pose, Twist]:
     )
 
 
-def _part(kind: str, name: str, bodies: Iterable[str], parts: Callable[[str], tuple[str, ...]]) -> Part:
+def _find(kind: str, name: str, bodies: Iterable[str], parts: Callable[[str], tuple[str, ...]]) -> ScopedName:
     for scope in ("::", "/"):
         body, found, part = name.rpartition(scope)
         if found and body in bodies:
             if part not in parts(body):
-                raise unknown(kind, part, parts(body), body)
-            return Part(body, part)
+                raise unknown_name(kind, part, parts(body), body)
+            return ScopedName(body, part)
         if found and scope == "::":
-            raise unknown("model", body, bodies)
-    owners = [Part(body, name) for body in bodies if name in parts(body)]
+            raise unknown_name("model", body, bodies)
+    owners = [ScopedName(body, name) for body in bodies if name in parts(body)]
     if len(owners) == 1:
         return owners[0]
     if owners:
         raise BadInput(f"{len(owners)} models have a {kind} {name!r}: say which, {' or '.join(map(str, owners))}")
-    raise unknown(kind, name, [f"{body}::{part}" for body in bodies for part in parts(body)])
+    raise unknown_name(kind, name, [f"{body}::{part}" for body in bodies for part in parts(body)])
 
 
-def _less(one: tuple[float, float, float], other: tuple[float, float, float]) -> tuple[float, float, float]:
+def _difference(one: tuple[float, float, float], other: tuple[float, float, float]) -> tuple[float, float, float]:
     return one[0] - other[0], one[1] - other[1], one[2] - other[2]

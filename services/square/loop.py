@@ -13,40 +13,38 @@ from messages.nav import Odometry
 from messages.nav import Path as Plan
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, GROUND_TRUTH, ODOM, PLAN, STATUS
-from services.motion.planar import Motion, Planar, wrap
+from services.driving.planar import Pose2, Twist2, wrap
 from services.runtime.context import Context
 from services.square import SquareParameters
-from services.square.corners import SIDES, Square
-from services.square.move import Move
-from services.square.pilot import Pilot
-from services.square.record import Record
-from services.square.truths import Truths
+from services.square.controller import SquareController
+from services.square.corners import SIDES, Square, StepResult
+from services.square.csv_log import CsvLog, TruthBuffer
 
 
 def run(ctx: Context[SquareParameters]) -> None:
     """Drive the square, then hold the robot until told to stop; the last command is STOP."""
-    with _record(ctx.params) as record:
+    with _open_log(ctx.params) as record:
         _drive(ctx, record)
 
 
-def _drive(ctx: Context[SquareParameters], record: Record | None) -> None:
+def _drive(ctx: Context[SquareParameters], record: CsvLog | None) -> None:
     odom, truth = ctx.latest(ODOM), ctx.stream(GROUND_TRUTH)
-    commands, plans, states = ctx.writer(CMD_VEL), ctx.writer(PLAN), ctx.writer(STATUS)
+    commands, plans, states = ctx.advertise(CMD_VEL), ctx.advertise(PLAN), ctx.advertise(STATUS)
     frame = f"{ctx.namespace.strip('/')}/odom".lstrip("/")
-    pilot, truths = Pilot(ctx.params), Truths()
+    controller, truth_buffer = SquareController(ctx.params), TruthBuffer()
     shown: tuple[str, int] | None = None
     silence = 0.0
     try:
         for tick in ctx.ticks():
             header = Header(stamp=Time.of(tick.time), frame_id=frame)
             if tick.reset:
-                pilot, truths, shown, silence = Pilot(ctx.params), Truths(), None, 0.0
+                controller, truth_buffer, shown, silence = SquareController(ctx.params), TruthBuffer(), None, 0.0
                 if record is not None:
-                    record.restart()
+                    record.reset()
             elif ctx.params_changed:
-                pilot.retune(ctx.params)
-            for sample in truth.take():
-                truths.add(sample.header.stamp.ns, seen(sample)[0])
+                controller.reconfigure(ctx.params)
+            for sample in truth.drain():
+                truth_buffer.add(sample.header.stamp.ns, pose_and_twist(sample)[0])
 
             now = odom.fresh(ctx.params.odometry_timeout)
             silence = silence + tick.dt if now is None else 0.0
@@ -56,75 +54,77 @@ def _drive(ctx: Context[SquareParameters], record: Record | None) -> None:
                     "is the robot in the simulation?",
                     every=5,
                 )
-            latched = pilot.square
-            move = pilot.wait() if now is None else pilot.step(tick.time, *seen(now), tick.dt)
-            if pilot.square is not None and pilot.square is not latched:
-                plans.publish(path(pilot.square, header))
-                start = pilot.square.start
+            latched = controller.square
+            move = controller.hold() if now is None else controller.step(tick.time, *pose_and_twist(now), tick.dt)
+            if controller.square is not None and controller.square is not latched:
+                plans.publish(path_message(controller.square, header))
+                start = controller.square.start
                 ctx.log.info(f"start latched at ({start.x:.3f}, {start.y:.3f}) m, {math.degrees(start.yaw):.2f} deg")
             if move.command is not None:
                 commands.publish(Twist.planar(move.command.v, move.command.w))
             # As the tutorial's, the log ends with the square.
             if now is not None and record is not None and move.state != "finished":
-                actual, stamp = seen(now)[0], now.header.stamp.ns
-                record.add(tick.time, move.desired, actual, truths.at(stamp), move.index, move.doing)
-                if record.trouble is not None:
-                    ctx.log.error(f"the log {record.path} ends here, it cannot be written: {record.trouble}")
+                actual, stamp = pose_and_twist(now)[0], now.header.stamp.ns
+                record.add_row(tick.time, move.desired, actual, truth_buffer.at(stamp), move.index, move.phase)
+                if record.error is not None:
+                    ctx.log.error(f"the log {record.path} ends here, it cannot be written: {record.error}")
                     record = None
-            if move.doing == "astray":
+            if move.phase == "astray":
                 ctx.log.warn("the robot is far from its square, standing still: who has moved it?", every=5)
-            elif move.late:
+            elif move.timed_out:
                 ctx.log.warn(
                     f"corner {move.index} not met within the tolerances for {ctx.params.patience:g} s, going on: "
                     "is the robot held up, or does its base not move so slowly?"
                 )
-            if shown != (move.state, move.index) and pilot.square is not None:
+            if shown != (move.state, move.index) and controller.square is not None:
                 shown = move.state, move.index
-                states.publish(status(move, pilot.square, None if now is None else seen(now)[0], header))
+                states.publish(
+                    status_message(move, controller.square, None if now is None else pose_and_twist(now)[0], header)
+                )
                 if move.state == "finished" and now is not None:
-                    ctx.log.info(_closure(pilot.square, seen(now)[0]))
+                    ctx.log.info(_closure_text(controller.square, pose_and_twist(now)[0]))
     finally:
         commands.publish(STOP)
 
 
 @contextmanager
-def _record(p: SquareParameters) -> Iterator[Record | None]:
+def _open_log(p: SquareParameters) -> Iterator[CsvLog | None]:
     if not p.log:
         yield None
         return
-    with Record(Path(p.log).absolute()) as record:
+    with CsvLog(Path(p.log).absolute()) as record:
         yield record
 
 
-def seen(odometry: Odometry) -> tuple[Planar, Motion]:
+def pose_and_twist(odometry: Odometry) -> tuple[Pose2, Twist2]:
     """The pose on the ground and the velocity that an odometry message tells."""
     pose, twist = odometry.pose.pose, odometry.twist.twist
-    return Planar(pose.position.x, pose.position.y, pose.orientation.yaw), Motion(twist.linear.x, twist.angular.z)
+    return Pose2(pose.position.x, pose.position.y, pose.orientation.yaw), Twist2(twist.linear.x, twist.angular.z)
 
 
-def path(square: Square, header: Header) -> Plan:
+def path_message(square: Square, header: Header) -> Plan:
     """The corners in order, each with the heading of the side that follows."""
     return Plan(header=header, poses=tuple(PoseStamped(header=header, pose=_pose(each)) for each in square.corners()))
 
 
-def status(move: Move, square: Square, here: Planar | None, header: Header) -> GoalStatus:
+def status_message(move: StepResult, square: Square, here: Pose2 | None, header: Header) -> GoalStatus:
     """The progress as a message; on an endless drive the index begins anew with every round."""
     corner = square.corner(move.index)
     return GoalStatus(
         header=header,
         state=move.state,
-        index=move.index if square.turns else move.index % SIDES,
-        count=square.turns or SIDES,
+        index=move.index if square.corner_count else move.index % SIDES,
+        count=square.corner_count or SIDES,
         goal=_pose(corner),
         distance=0.0 if here is None else math.hypot(corner.x - here.x, corner.y - here.y),
     )
 
 
-def _pose(pose: Planar) -> Pose:
+def _pose(pose: Pose2) -> Pose:
     return Pose.planar(pose.x, pose.y, wrap(pose.yaw))
 
 
-def _closure(square: Square, here: Planar) -> str:
+def _closure_text(square: Square, here: Pose2) -> str:
     start = square.start
     off, turned = math.hypot(here.x - start.x, here.y - start.y), math.degrees(wrap(here.yaw - start.yaw))
     return f"square completed, by odometry {1000 * off:.1f} mm and {turned:+.2f} deg from its start"

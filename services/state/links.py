@@ -7,25 +7,25 @@ from typing import NamedTuple
 
 from messages.base import LARGEST
 from messages.geometry import TransformStamped
+from messages.se3 import SE3
 from messages.sensor import JointState
 from messages.std import Header, Time
-from models.description import DescribedJoint, Description
-from services.runtime.frames.rigid import Rigid
+from models.robot_description import DescribedJoint, RobotDescription
 
-OLD_NS = 30_000_000_000
+MAX_AGE_NS = 30_000_000_000
 """A joint state older than this is warned of."""
-AHEAD_NS = 1_000_000_000
+MAX_AHEAD_NS = 1_000_000_000
 """How far ahead of time a stamp may keep a joint from being told again."""
 
 
-class Told(NamedTuple):
+class TransformResult(NamedTuple):
     """What a joint state yields: transforms, and a sentence about what is odd with it."""
 
     transforms: tuple[TransformStamped, ...]
-    complaint: str = ""
+    warning: str = ""
 
 
-class Links:
+class LinkTransforms:
     """One robot's links. ``refused`` counts joint states that were not used.
 
     A joint's transform is told at most once in ``period_ns`` [ns] by the stamps of the joint states, which become those
@@ -33,19 +33,23 @@ class Links:
     A joint that mimics another one is told with it.
     """
 
-    def __init__(self, description: Description, prefix: str, period_ns: int, ignore_timestamp: bool = False) -> None:
-        self.description, self.refused = description, 0
+    def __init__(
+        self, description: RobotDescription, prefix: str, period_ns: int, ignore_timestamp: bool = False
+    ) -> None:
+        self.description, self.rejected = description, 0
         self._prefix, self._period_ns, self._ignore = prefix, period_ns, ignore_timestamp
-        self._moving = {each.name: each for each in description.joints if each.told}
-        self._followers = {name: each.mimic for name, each in self._moving.items() if each.mimic is not None}
+        self._moving = {each.name: each for each in description.joints if each.single_dof}
+        self._mimics = {name: each.mimic for name, each in self._moving.items() if each.mimic is not None}
         self._last: dict[str, int] = {}
 
     @property
     def frames(self) -> frozenset[str]:
         """The frames that are told here: those of all links with a parent, but of floating and planar joints."""
-        return frozenset(self.frame(j.frame.child) for j in self.description.joints if j.told or j.kind == "fixed")
+        return frozenset(
+            self.frame(j.frame.child) for j in self.description.joints if j.single_dof or j.kind == "fixed"
+        )
 
-    def restart(self) -> None:
+    def reset(self) -> None:
         """Time has gone back: whatever comes next is told."""
         self._last.clear()
 
@@ -53,41 +57,41 @@ class Links:
         """The frame of a link; a leading slash keeps the prefix away."""
         return link[1:] if link.startswith("/") else f"{self._prefix}{link}"
 
-    def fixed(self, now: int) -> tuple[TransformStamped, ...]:
+    def fixed_transforms(self, now: int) -> tuple[TransformStamped, ...]:
         """The transforms of all fixed joints."""
         return tuple(self._transform(each, 0.0, now) for each in self.description.joints if each.kind == "fixed")
 
-    def moving(self, state: JointState, now: int) -> Told:
+    def moving_transforms(self, state: JointState, now: int) -> TransformResult:
         """The transforms that a joint state tells of, those of them that are due; ``now`` [ns] tells its age."""
-        if fault := _fault(state):
-            self.refused += 1
-            return Told((), f"a joint state is refused: {fault}")
+        if fault := _invalid_reason(state):
+            self.rejected += 1
+            return TransformResult((), f"a joint state is refused: {fault}")
         stamp = state.header.stamp.ns
-        positions = self._with_followers(dict(zip(state.name, state.position, strict=True)))
+        positions = self._with_mimics(dict(zip(state.name, state.position, strict=True)))
         due = [each for name, each in self._moving.items() if name in positions and self._is_due(name, stamp)]
         for each in due:
-            self._last[each.name] = min(stamp, now + AHEAD_NS)
+            self._last[each.name] = min(stamp, now + MAX_AHEAD_NS)
         complaint = ""
-        if stamp < now - OLD_NS:
+        if stamp < now - MAX_AGE_NS:
             complaint = f"the joint state is {(now - stamp) / 1e9:.1f} s old: does its sender follow simulation time?"
-        return Told(tuple(self._transform(each, positions[each.name], stamp) for each in due), complaint)
+        return TransformResult(tuple(self._transform(each, positions[each.name], stamp) for each in due), complaint)
 
     def _is_due(self, name: str, stamp: int) -> bool:
         last = self._last.get(name)
         return last is None or self._ignore or stamp >= last + self._period_ns
 
-    def _with_followers(self, positions: dict[str, float]) -> Mapping[str, float]:
+    def _with_mimics(self, positions: dict[str, float]) -> Mapping[str, float]:
         """The positions with those of the joints that mimic one of them; what a joint state says itself counts more."""
-        for name in self._followers:
-            if (position := self._follow(name, positions)) is not None:
+        for name in self._mimics:
+            if (position := self._mimic_position(name, positions)) is not None:
                 positions[name] = position
         return positions
 
-    def _follow(self, name: str, positions: Mapping[str, float]) -> float | None:
+    def _mimic_position(self, name: str, positions: Mapping[str, float]) -> float | None:
         """The position of a joint, through a chain of mimicry, which is known to end; None without its source."""
         chain = []
         while name not in positions:
-            if (mimic := self._followers.get(name)) is None:
+            if (mimic := self._mimics.get(name)) is None:
                 return None
             chain.append(mimic)
             name = mimic.joint
@@ -100,11 +104,11 @@ class Links:
         return TransformStamped(
             header=Header(stamp=Time.of(stamp), frame_id=self.frame(joint.frame.parent)),
             child_frame_id=self.frame(joint.frame.child),
-            transform=Rigid(*joint.frame.placement(position)).message,
+            transform=SE3(*joint.frame.transform(position)).to_msg,
         )
 
 
-def _fault(state: JointState) -> str:
+def _invalid_reason(state: JointState) -> str:
     """Why a joint state cannot be used; a wrong number of positions is refused as it is read."""
     if not state.position:
         return "it has no positions"

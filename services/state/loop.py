@@ -1,55 +1,87 @@
-"""The loop of the state service: descriptions and joint states in; transforms, and merged joint states, out."""
+"""The loop of the state service: descriptions and joint states in; transforms and merged joint states out."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import models
 from messages.names import BadName, absolute_namespace
 from messages.tf import TFMessage, split
 from messages.topics import TF, TF_STATIC
-from models.description import LARGEST, BadDescription
+from models.robot_description import MAX_CHARACTERS, BadUrdf
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
+from services.runtime.transport.wire import SampleInfo
 from services.state import StateParameters
-from services.state.neighbours import Neighbours
-from services.state.robot import Robot
+from services.state.robot import RobotStatePublisher
+
+MAX_OTHER_PUBLISHERS = 256
+"""Publishers that are remembered; beyond that, the first of them is forgotten."""
+
+
+class OtherPublishers:
+    """The fixed frames of the other publishers.
+
+    Only these are looked at: who subscribes to /tf lets the simulation make it, 25 times a second for all robots.
+    """
+
+    def __init__(self, own: bytes) -> None:
+        self._own = own
+        self._frames: dict[bytes, frozenset[str]] = {}
+        self._reported: set[str] = set()
+
+    def update(self, batch: Iterable[tuple[TFMessage, SampleInfo | None]]) -> None:
+        """Take what came on /tf_static."""
+        for message, origin in batch:
+            who = origin.publisher if origin is not None else b""
+            if who != self._own:
+                self._frames[who] = frozenset(each.child_frame_id for each in message.transforms)
+                if len(self._frames) > MAX_OTHER_PUBLISHERS:
+                    del self._frames[next(iter(self._frames))]
+
+    def new_conflicts(self, frames: frozenset[str]) -> list[str]:
+        """Those of our frames that another publisher tells of, each once."""
+        found = sorted({name for told in self._frames.values() for name in frames & told} - self._reported)
+        self._reported.update(found)
+        return found
 
 
 def run(ctx: Context[StateParameters]) -> None:
     """Tell where the links are until told to stop."""
-    robots = crew(ctx)
-    moving, fixed = ctx.writer(TF), ctx.writer(TF_STATIC)
-    others, neighbours = ctx.kernel.read(TF_STATIC), Neighbours(fixed.publisher)
+    robots = make_robots(ctx)
+    moving, fixed = ctx.advertise(TF), ctx.advertise(TF_STATIC)
+    others, neighbours = ctx.node.subscribe(TF_STATIC), OtherPublishers(fixed.publisher)
     stale = any(robot.links for robot in robots)
     for tick in ctx.ticks():
         for robot in robots:
             if tick.reset:
-                robot.restart()
-            stale = robot.renew() or stale
+                robot.reset()
+            stale = robot.update_description() or stale
         if stale or tick.reset:
             fixed.publish(
                 TFMessage(
-                    transforms=tuple(each for robot in robots if robot.links for each in robot.links.fixed(tick.time))
+                    transforms=tuple(
+                        each for robot in robots if robot.links for each in robot.links.fixed_transforms(tick.time)
+                    )
                 )
             )
             stale = False
-        transforms = [each for robot in robots for each in robot.moved(tick.time)]
+        transforms = [each for robot in robots for each in robot.transforms(tick.time)]
         for message in split(transforms):
             moving.publish(message)
-        neighbours.hear(others.batch)
+        neighbours.update(others.messages)
         for robot in robots:
-            if twice := neighbours.twice(robot.links.frames if robot.links else frozenset()):
+            if twice := neighbours.new_conflicts(robot.links.frames if robot.links else frozenset()):
                 ctx.log.error(
-                    f"{robot.who}: frames {_some(twice)} are published by another node, too; a frame has one "
+                    f"{robot.label}: frames {_listed(twice)} are published by another node, too; a frame has one "
                     "publisher: for a robot of the simulation, set enable_link_tf = false among its parameters, "
                     "or end this service"
                 )
-        ctx.kernel.heart.note = note(robots)
+        ctx.node.heartbeat.detail = heartbeat_detail(robots)
 
 
-def crew(ctx: Context[StateParameters]) -> list[Robot]:
+def make_robots(ctx: Context[StateParameters]) -> list[RobotStatePublisher]:
     """The robots that the parameters name; raises BadInput for a name, a model or a URDF that is wrong."""
     p = ctx.params
     if p.model and p.urdf:
@@ -60,20 +92,20 @@ def crew(ctx: Context[StateParameters]) -> list[Robot]:
             raise BadInput(f"state: robots {', '.join(p.robots)}: a name comes twice")
         if p.frame_prefix is not None and len(namespaces) > 1:
             raise BadInput("state: frame_prefix is for one robot; several have their namespaces for prefixes")
-        urdf = description(p.model, p.urdf)
-        return [Robot(ctx, each, urdf) for each in namespaces]
-    except (BadName, BadDescription) as error:
+        urdf = read_urdf(p.model, p.urdf)
+        return [RobotStatePublisher(ctx, each, urdf) for each in namespaces]
+    except (BadName, BadUrdf) as error:
         where = p.urdf or p.model
         raise BadInput(f"state{f', {where}' if where else ''}: {error}") from None
 
 
-def description(model: str, urdf: str) -> str:
+def read_urdf(model: str, urdf: str) -> str:
     """The text of the URDF of a model or in a file; empty when none is named. Raises BadInput."""
     if not model and not urdf:
         return ""
     try:
-        path = models.model_path(model) if model else Path(urdf)
-        if path.stat().st_size > 4 * LARGEST:
+        path = models.urdf_path(model) if model else Path(urdf)
+        if path.stat().st_size > 4 * MAX_CHARACTERS:
             raise BadInput(f"state: {path} has {path.stat().st_size} bytes: it is no URDF")
         return path.read_text(encoding="utf-8")
     except models.UnknownModel as error:
@@ -82,14 +114,14 @@ def description(model: str, urdf: str) -> str:
         raise BadInput(f"state: the URDF {urdf} cannot be read: {getattr(error, 'strerror', None) or error}") from None
 
 
-def note(robots: Sequence[Robot]) -> str:
+def heartbeat_detail(robots: Sequence[RobotStatePublisher]) -> str:
     """What a heartbeat says."""
-    waiting = [robot.who for robot in robots if robot.links is None]
-    refused = sum(robot.refused for robot in robots)
+    waiting = [robot.label for robot in robots if robot.links is None]
+    refused = sum(robot.rejected for robot in robots)
     parts = [f"no description of {', '.join(waiting)}"] if waiting else []
     parts += [f"{refused} messages refused"] if refused else []
     return "; ".join(parts)
 
 
-def _some(names: Sequence[str]) -> str:
+def _listed(names: Sequence[str]) -> str:
     return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")

@@ -9,57 +9,57 @@ from collections.abc import Iterable
 from messages.base import LARGEST
 from messages.sensor import JointState
 from messages.std import Header, Time
-from models.description import BadDescription, DescribedJoint, Description, Mimic
+from models.robot_description import BadUrdf, DescribedJoint, Mimic, RobotDescription
 from services.state import StateParameters
 
 _NUMBER = r"[0-9]*\.?[0-9]+(?:[eE][+-]?[0-9]+)?"
 _DEPENDENT = re.compile(rf"([^=*\s]+)=([^=*+\s]+?)(?:\*([+-]?{_NUMBER}))?([+-]{_NUMBER})?")
 
 
-class Reading:
+class FreeJoint:
     """What is known of one free joint; None where nobody has told it. ``forward`` is the way that ``delta`` takes."""
 
     def __init__(self, low: float, high: float, turns: bool) -> None:
-        self.low, self.high, self.turns = low, high, turns
+        self.low, self.high, self.continuous = low, high, turns
         self.position: float | None = None
         self.velocity: float | None = None
         self.effort: float | None = None
-        self.told = False
+        self.reported = False
         self.forward = True
 
 
-class Merger:
+class JointStateMerger:
     """All joints of a robot. Raises BadDescription for a zero or a dependency that its joints do not allow."""
 
-    def __init__(self, description: Description, params: StateParameters) -> None:
+    def __init__(self, description: RobotDescription, params: StateParameters) -> None:
         self._params, self._description = params, description
-        joints = [each for each in description.joints if each.told]
+        joints = [each for each in description.joints if each.single_dof]
         self._names = tuple(each.name for each in joints)
-        self._depends = _dependencies(joints, params)
-        zeros = dict(_zero(each, self._names) for each in params.zeros)
-        self._free: dict[str, Reading] = {}
+        self._dependencies = _dependencies(joints, params)
+        zeros = dict(_parse_zero(each, self._names) for each in params.zeros)
+        self._free: dict[str, FreeJoint] = {}
         for each in joints:
-            if each.name in self._depends:
+            if each.name in self._dependencies:
                 if each.name in zeros:
-                    raise BadDescription(f"zeros: joint {each.name!r} follows {self._depends[each.name].joint!r}")
+                    raise BadUrdf(f"zeros: joint {each.name!r} follows {self._dependencies[each.name].joint!r}")
                 continue
-            reading = self._free[each.name] = Reading(*limits(each, params.use_smallest_joint_limits))
+            reading = self._free[each.name] = FreeJoint(*joint_limits(each, params.use_smallest_joint_limits))
             zero = zeros.get(each.name)
             if zero is not None and not reading.low <= zero <= reading.high:
-                raise BadDescription(f"zeros: {each.name} = {zero:g} lies outside {reading.low:g} to {reading.high:g}")
-            self._begin(reading, zero)
+                raise BadUrdf(f"zeros: {each.name} = {zero:g} lies outside {reading.low:g} to {reading.high:g}")
+            self._set_defaults(reading, zero)
 
     @property
-    def free(self) -> tuple[str, ...]:
+    def free_joints(self) -> tuple[str, ...]:
         """The joints that follow no other one."""
         return tuple(self._free)
 
-    def take(self, state: JointState) -> None:
+    def add(self, state: JointState) -> None:
         """Merge what a source says; the last word on a joint counts, names that are not the robot's are ignored."""
         for index, name in enumerate(state.name):
             if (reading := self._free.get(name)) is None:
                 continue
-            reading.told = True
+            reading.reported = True
             if state.position:
                 reading.position = state.position[index]
             if state.velocity:
@@ -67,7 +67,7 @@ class Merger:
             if state.effort:
                 reading.effort = state.effort[index]
 
-    def state(self, now: int) -> JointState | None:
+    def merged(self, now: int) -> JointState | None:
         """The merged joint state at ``now`` [ns]; None while no position is known.
 
         Joints of which no position is known are left out. Velocities are there when all those joints have one, 0 where
@@ -85,20 +85,20 @@ class Merger:
             effort=efforts if None not in efforts else (),
         )
 
-    def move(self) -> None:
+    def step_defaults(self) -> None:
         """Let the joints that no source tells of go on by ``delta``, to their limits and back."""
         step = self._params.delta
         for reading in self._free.values():
-            if reading.told or reading.position is None or not step:
+            if reading.reported or reading.position is None or not step:
                 continue
             reading.position += step if reading.forward else -step
-            if reading.turns:
+            if reading.continuous:
                 reading.position = math.remainder(reading.position, math.tau)
             elif not reading.low < reading.position < reading.high:
                 reading.position = min(max(reading.position, reading.low), reading.high)
                 reading.forward = not reading.forward
 
-    def _begin(self, reading: Reading, zero: float | None) -> None:
+    def _set_defaults(self, reading: FreeJoint, zero: float | None) -> None:
         p = self._params
         if p.publish_default_positions:
             middle = (reading.low + reading.high) / 2 if reading.low > 0 or reading.high < 0 else 0.0
@@ -109,7 +109,7 @@ class Merger:
     def _row(self, name: str) -> tuple[str, float, float | None, float | None] | None:
         """Name, position, velocity and effort of a joint, through the joints that it follows."""
         factor, offset, source = 1.0, 0.0, name
-        while (mimic := self._depends.get(source)) is not None:
+        while (mimic := self._dependencies.get(source)) is not None:
             offset, factor, source = offset + factor * mimic.offset, factor * mimic.factor, mimic.joint
         reading = self._free[source]
         if reading.position is None:
@@ -121,7 +121,7 @@ class Merger:
         return name, position, velocity, reading.effort
 
 
-def limits(joint: DescribedJoint, smallest: bool) -> tuple[float, float, bool]:
+def joint_limits(joint: DescribedJoint, smallest: bool) -> tuple[float, float, bool]:
     """Lower and upper bound [rad or m] of a joint, those of its safety controller if narrower; whether it turns."""
     if joint.kind == "continuous":
         return -math.pi, math.pi, True
@@ -132,19 +132,19 @@ def limits(joint: DescribedJoint, smallest: bool) -> tuple[float, float, bool]:
         low = low if joint.soft_lower is None else max(low, joint.soft_lower)
         high = high if joint.soft_upper is None else min(high, joint.soft_upper)
     if low > high:
-        raise BadDescription(f"joint {joint.name!r}: its soft limits leave no room, {low:g} lies above {high:g}")
+        raise BadUrdf(f"joint {joint.name!r}: its soft limits leave no room, {low:g} lies above {high:g}")
     return low, high, False
 
 
-def _zero(text: str, names: Iterable[str]) -> tuple[str, float]:
+def _parse_zero(text: str, names: Iterable[str]) -> tuple[str, float]:
     name, _, value = text.partition("=")
     try:
         zero = float(value)
     except ValueError:
         zero = math.nan
     if not math.isfinite(zero):
-        raise BadDescription(f"zeros: {text!r} is not joint=number, as elbow=0.5")
-    return _own(name, names, "zeros"), zero
+        raise BadUrdf(f"zeros: {text!r} is not joint=number, as elbow=0.5")
+    return _check_joint(name, names, "zeros"), zero
 
 
 def _dependencies(joints: list[DescribedJoint], params: StateParameters) -> dict[str, Mimic]:
@@ -154,22 +154,22 @@ def _dependencies(joints: list[DescribedJoint], params: StateParameters) -> dict
     for text in params.dependent_joints:
         parts = _DEPENDENT.fullmatch(text.replace(" ", ""))
         if parts is None:
-            raise BadDescription(f"dependent_joints: {text!r} is not joint=other, joint=other*factor+offset")
+            raise BadUrdf(f"dependent_joints: {text!r} is not joint=other, joint=other*factor+offset")
         name, other, factor, offset = parts.groups()
-        _own(name, names, "dependent_joints")
-        _own(other, names, "dependent_joints")
+        _check_joint(name, names, "dependent_joints")
+        _check_joint(other, names, "dependent_joints")
         found[name] = Mimic(other, float(factor or 1), float(offset or 0))
     for first in found:
         name, seen = first, {first}
         while (mimic := found.get(name)) is not None:
             name = mimic.joint
             if name in seen:
-                raise BadDescription(f"joints follow each other in a circle, {name!r} for one")
+                raise BadUrdf(f"joints follow each other in a circle, {name!r} for one")
             seen.add(name)
     return found
 
 
-def _own(name: str, names: Iterable[str], where: str) -> str:
+def _check_joint(name: str, names: Iterable[str], where: str) -> str:
     if name not in names:
-        raise BadDescription(f"{where}: the robot has no joint {name!r} that moves (known: {', '.join(names)})")
+        raise BadUrdf(f"{where}: the robot has no joint {name!r} that moves (known: {', '.join(names)})")
     return name

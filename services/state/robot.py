@@ -8,112 +8,114 @@ from messages.geometry import TransformStamped
 from messages.sensor import JointState
 from messages.std import String
 from messages.topics import JOINT_STATES, ROBOT_DESCRIPTION
-from models.description import BadDescription, describe
+from models.robot_description import BadUrdf, parse_urdf
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 from services.state import StateParameters
-from services.state.links import Links
-from services.state.merger import Merger
+from services.state.links import LinkTransforms
+from services.state.merger import JointStateMerger
 
 
-class Robot:
+class RobotStatePublisher:
     """The robot in a namespace. Until its description is there and is good, nothing is told of it."""
 
     def __init__(self, ctx: Context[StateParameters], namespace: str, urdf: str) -> None:
-        self._ctx, self._namespace, self._given = ctx, namespace.strip("/"), urdf
-        self.links: Links | None = None
-        self.refused = 0
+        self._ctx, self._namespace, self._urdf = ctx, namespace.strip("/"), urdf
+        self.links: LinkTransforms | None = None
+        self.rejected = 0
         p = ctx.params
         self.prefix = p.frame_prefix if p.frame_prefix is not None else f"{self._namespace}/".removeprefix("/")
         self._merges = bool(p.source_list) or p.publish_default_positions
-        self._merger: Merger | None = None
-        self._next = 0
+        self._merger: JointStateMerger | None = None
+        self._next_merge = 0
         if urdf:
-            ctx.writer(ROBOT_DESCRIPTION, self._name(ROBOT_DESCRIPTION.name)).publish(String(data=urdf))
-            self.describe(urdf)
+            ctx.advertise(ROBOT_DESCRIPTION, self._name(ROBOT_DESCRIPTION.name)).publish(String(data=urdf))
+            self.set_description(urdf)
         else:
             self._description = ctx.stream(ROBOT_DESCRIPTION, self._name(ROBOT_DESCRIPTION.name))
         if self._merges:
-            self._out = ctx.writer(JOINT_STATES, self._name(JOINT_STATES.name))
-            if self._out.name in [ctx.kernel.identity.resolve(self._name(each)) for each in p.source_list]:
-                raise BadInput(f"state: source_list holds {self._out.name}, which is what it merges them to")
+            self._publisher = ctx.advertise(JOINT_STATES, self._name(JOINT_STATES.name))
+            if self._publisher.name in [ctx.node.identity.resolve(self._name(each)) for each in p.source_list]:
+                raise BadInput(f"state: source_list holds {self._publisher.name}, which is what it merges them to")
             self._sources = [ctx.stream(JOINT_STATES, self._name(each)) for each in p.source_list]
         else:
             self._sources = [ctx.stream(JOINT_STATES, self._name(JOINT_STATES.name))]
 
     @property
-    def who(self) -> str:
+    def label(self) -> str:
         """The robot, for the log."""
         return f"/{self._namespace}"
 
-    def describe(self, urdf: str) -> None:
+    def set_description(self, urdf: str) -> None:
         """Take a description; raises BadDescription and keeps the one before."""
-        p, description = self._ctx.params, describe(urdf)
-        merger = Merger(description, p) if self._merges else None
-        self.links = Links(description, self.prefix, round(1e9 / p.publish_frequency), p.ignore_timestamp)
+        p, description = self._ctx.params, parse_urdf(urdf)
+        merger = JointStateMerger(description, p) if self._merges else None
+        self.links = LinkTransforms(description, self.prefix, round(1e9 / p.publish_frequency), p.ignore_timestamp)
         self._merger = merger
         kinds = [each.kind for each in description.joints]
         self._ctx.log.info(
-            f"{self.who}: {description.name or 'a robot'} with {kinds.count('fixed')} fixed joints and "
-            f"{sum(each.told for each in description.joints)} that move, from {self.prefix}{description.root} on"
+            f"{self.label}: {description.name or 'a robot'} with {kinds.count('fixed')} fixed joints and "
+            f"{sum(each.single_dof for each in description.joints)} that move, from {self.prefix}{description.root} on"
         )
-        for remark in description.remarks:
-            self._ctx.log.warn(f"{self.who}: {remark}")
+        for remark in description.warnings:
+            self._ctx.log.warn(f"{self.label}: {remark}")
         if odd := [each.name for each in description.joints if each.kind in ("floating", "planar")]:
-            self._ctx.log.warn(f"{self.who}: joints {', '.join(odd)} float: no joint state tells where their links are")
+            self._ctx.log.warn(
+                f"{self.label}: joints {', '.join(odd)} float: no joint state tells where their links are"
+            )
 
-    def renew(self) -> bool:
+    def update_description(self) -> bool:
         """Follow the topic of the description; whether it has changed."""
         changed = False
-        for text in [] if self._given else self._description.take():
+        for text in [] if self._urdf else self._description.drain():
             try:
-                self.describe(text.data)
+                self.set_description(text.data)
                 changed = True
-            except BadDescription as error:
-                self._refuse(f"its robot_description is refused: {error}")
+            except BadUrdf as error:
+                self._reject(f"its robot_description is refused: {error}")
         return changed
 
-    def restart(self) -> None:
+    def reset(self) -> None:
         """Time has begun anew."""
-        self._next = 0
+        self._next_merge = 0
         if self.links is not None:
-            self.links.restart()
+            self.links.reset()
 
-    def moved(self, now: int) -> Iterable[TransformStamped]:
+    def transforms(self, now: int) -> Iterable[TransformStamped]:
         """The transforms of what has moved, from the joint states that came; merged ones are published besides."""
         links = self.links
         if links is None:
             return
         for state in self._states(now):
-            told = links.moving(state, now)
-            if told.complaint:
-                self._ctx.log.warn(f"{self.who}: {told.complaint}", every=10.0)
+            told = links.moving_transforms(state, now)
+            if told.warning:
+                self._ctx.log.warn(f"{self.label}: {told.warning}", every=10.0)
             yield from told.transforms
-        self.refused += links.refused
-        links.refused = 0
+        self.rejected += links.rejected
+        links.rejected = 0
 
     def _states(self, now: int) -> list[JointState]:
         """The joint states to tell of: what came, or what was merged of it when it is time."""
-        came = [state for source in self._sources for state in source.take()]
+        came = [state for source in self._sources for state in source.drain()]
         if self._merger is None:
             return came
         for state in came:
-            self._merger.take(state)
-        if now < self._next:
+            self._merger.add(state)
+        if now < self._next_merge:
             return []
         period = round(1e9 / self._ctx.params.rate)
-        self._next = now - now % period + period
-        merged = self._merger.state(now)
-        self._merger.move()
+        self._next_merge = now - now % period + period
+        merged = self._merger.merged(now)
+        self._merger.step_defaults()
         if merged is None:
             return []
-        self._out.publish(merged)
+        self._publisher.publish(merged)
         return [merged]
 
     def _name(self, topic: str) -> str:
         """A topic of this robot; one with a leading slash is taken as it is."""
         return topic if topic.startswith("/") else f"/{self._namespace}/{topic}".replace("//", "/")
 
-    def _refuse(self, text: str) -> None:
-        self.refused += 1
-        self._ctx.log.error(f"{self.who}: {text}")
+    def _reject(self, text: str) -> None:
+        self.rejected += 1
+        self._ctx.log.error(f"{self.label}: {text}")

@@ -10,7 +10,7 @@ from messages.geometry import FASTEST_ANGULAR, FASTEST_LINEAR
 from messages.topics import BASE_STATUS, CLOCK, CMD_VEL, ODOM
 from services.runtime.service import Parameters, Service
 
-SLOWEST = 1e-3
+MIN_SPEED = 1e-3
 """m/s and rad/s; scaling goes no lower, so that it can always go up again."""
 
 
@@ -25,10 +25,12 @@ def _number(low: float, high: float, unit: str, text: str, live: bool = True) ->
 class TeleopParameters(Parameters, frozen=True, kw_only=True):
     """Speeds, limits, and how a key counts as held. The first eight are teleop_twist_keyboard's."""
 
-    speed: Annotated[float, _number(SLOWEST, FASTEST_LINEAR, "m/s", "linear speed at the start")] = 0.5
-    turn: Annotated[float, _number(SLOWEST, FASTEST_ANGULAR, "rad/s", "turn rate at the start")] = 1.0
-    speed_limit: Annotated[float, _number(SLOWEST, FASTEST_LINEAR, "m/s", "scaling goes no higher")] = FASTEST_LINEAR
-    turn_limit: Annotated[float, _number(SLOWEST, FASTEST_ANGULAR, "rad/s", "scaling goes no higher")] = FASTEST_ANGULAR
+    speed: Annotated[float, _number(MIN_SPEED, FASTEST_LINEAR, "m/s", "linear speed at the start")] = 0.5
+    turn: Annotated[float, _number(MIN_SPEED, FASTEST_ANGULAR, "rad/s", "turn rate at the start")] = 1.0
+    speed_limit: Annotated[float, _number(MIN_SPEED, FASTEST_LINEAR, "m/s", "scaling goes no higher")] = FASTEST_LINEAR
+    turn_limit: Annotated[float, _number(MIN_SPEED, FASTEST_ANGULAR, "rad/s", "scaling goes no higher")] = (
+        FASTEST_ANGULAR
+    )
     repeat_rate: Annotated[
         float, _number(0, 200, "Hz", "a command is sent so often while a key is held; 0 sends at key events only")
     ] = 20.0

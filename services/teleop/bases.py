@@ -11,31 +11,31 @@ from messages.topics import CMD_VEL
 from services.runtime.errors import BadInput
 from services.runtime.graph import Entity
 
-_LAST = f"/{CMD_VEL.name}"
+_SUFFIX = f"/{CMD_VEL.name}"
 
 
-class Base(NamedTuple):
+class BaseInfo(NamedTuple):
     """The namespace of a base, the topic of its commands and their ROS type."""
 
     namespace: str
     topic: str
-    record: str
+    type_name: str
 
 
-def bases(entities: Iterable[Entity]) -> dict[str, Base]:
+def find_bases(entities: Iterable[Entity]) -> dict[str, BaseInfo]:
     """The bases by namespace: who takes ``cmd_vel`` there and publishes there too, which those who look on do not."""
     known = tuple(entities)
     found = {}
     for each in known:
-        if each.kind != "sub" or not each.name.endswith(_LAST):
+        if each.kind != "sub" or not each.name.endswith(_SUFFIX):
             continue
-        above = each.name.removesuffix(_LAST)
+        above = each.name.removesuffix(_SUFFIX)
         if any(e.kind == "pub" and e.node == each.node and e.name.rpartition("/")[0] == above for e in known):
-            found[above or "/"] = Base(above or "/", each.name, each.record)
+            found[above or "/"] = BaseInfo(above or "/", each.name, each.record)
     return dict(sorted(found.items()))
 
 
-def choose(asked: str, found: Mapping[str, Base], where: str) -> Base:
+def choose_base(asked: str, found: Mapping[str, BaseInfo], where: str) -> BaseInfo:
     """The base in the namespace ``asked``, or the only one when nothing is asked; raises BadInput.
 
     ``where`` is the network that was looked at.
@@ -54,5 +54,5 @@ def choose(asked: str, found: Mapping[str, Base], where: str) -> Base:
     if namespace not in found:
         near = difflib.get_close_matches(namespace, found, 1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise BadInput(f"no robot takes commands on {namespace.rstrip('/')}{_LAST}{hint} (known: {listed})")
+        raise BadInput(f"no robot takes commands on {namespace.rstrip('/')}{_SUFFIX}{hint} (known: {listed})")
     return found[namespace]

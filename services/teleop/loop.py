@@ -15,89 +15,89 @@ import time
 
 from services.runtime.context import Context
 from services.teleop import TeleopParameters
-from services.teleop.display import Screen, View
-from services.teleop.hand import Hand, retuned, stops, strike
-from services.teleop.keys import Keyboard
-from services.teleop.mouth import Mouth
-from services.teleop.outlook import Outlook
-from services.teleop.script import Script, presses
+from services.teleop.keys import Keyboard, KeyState, is_stop, on_key, reconfigured
+from services.teleop.robot import CommandPublisher, RobotMonitor
+from services.teleop.screen import Screen, View
+from services.teleop.script import KeyScript, script_events
 from services.teleop.terminal import Terminal, require_terminal
 
-TURN_S = 0.02
+LOOP_PERIOD_S = 0.02
 """Wall time of a turn without keys: how late a released key is noticed."""
-REST_S = 1.0
+EXIT_DELAY_S = 1.0
 """Simulation time for which a script stays when it has fallen silent. So the base forgets its last command by time-out,
 and not when the process leaves, which no two runs do at the same simulation time."""
 
 
 def run(ctx: Context[TeleopParameters]) -> None:
     """Drive until the person, the script or the supervisor ends it; the last command is zero, unless others drive."""
-    script = Script(presses(ctx.params))
+    script = KeyScript(script_events(ctx.params))
     if script.done:
         require_terminal()
-    mouth = Mouth(ctx)
-    mouth.await_base()
+    commands = CommandPublisher(ctx)
+    commands.wait_for_base()
     try:
         if script.done:
             with Terminal() as keyboard:
-                by_hand(ctx, keyboard, Screen(), mouth)
+                run_keyboard(ctx, keyboard, Screen(), commands)
         else:
-            by_script(ctx, script, mouth)
+            run_script(ctx, script, commands)
     finally:
-        mouth.close()
+        commands.close()
 
 
-def by_script(ctx: Context[TeleopParameters], script: Script, mouth: Mouth) -> None:
+def run_script(ctx: Context[TeleopParameters], script: KeyScript, commands: CommandPublisher) -> None:
     """Play the script from the first tick on, and again when time begins anew, until the robot has been let go."""
     p = ctx.params
-    hand, start, spoke = Hand.of(p), -1, 0.0
+    keys, start, spoke = KeyState.initial(p), -1, 0.0
     for tick in ctx.ticks():
         if ctx.params_changed:
-            hand, p = retuned(hand, p, ctx.params), ctx.params
-            mouth.voice.retune(p.repeat_rate, p.give_way)
+            keys, p = reconfigured(keys, p, ctx.params), ctx.params
+            commands.repeater.reconfigure(p.repeat_rate, p.give_way)
         if start < 0 or tick.reset:
-            hand, start, spoke = Hand.of(p), tick.time, 0.0
+            keys, start, spoke = KeyState.initial(p), tick.time, 0.0
             script.rewind()
-            mouth.voice.restart()
+            commands.repeater.reset()
         now = (tick.time - start) / 1e9
-        struck = script.take(now)
-        for press in struck:
-            hand = strike(hand, press, p)
-        mouth.say(hand.wants(now), now, now, bool(struck), any(map(stops, struck)))
-        spoke = spoke if mouth.voice.state == "silent" else now
-        if script.done and now - spoke > REST_S:
+        events = script.pop_due(now)
+        for event in events:
+            keys = on_key(keys, event, p)
+        commands.update(keys.command(now), now, now, bool(events), any(map(is_stop, events)))
+        spoke = spoke if commands.repeater.state == "silent" else now
+        if script.done and now - spoke > EXIT_DELAY_S:
             return
 
 
-def by_hand(ctx: Context[TeleopParameters], keyboard: Keyboard, screen: Screen, mouth: Mouth) -> None:
+def run_keyboard(
+    ctx: Context[TeleopParameters], keyboard: Keyboard, screen: Screen, commands: CommandPublisher
+) -> None:
     """Follow the keyboard until it is gone or the process is asked to end."""
-    p, node, voice = ctx.params, ctx.kernel, mouth.voice
-    hand, outlook = Hand.of(p), Outlook(ctx, time.monotonic())
-    screen.open(mouth.topic)
+    p, node, repeater = ctx.params, ctx.node, commands.repeater
+    keys, monitor = KeyState.initial(p), RobotMonitor(ctx, time.monotonic())
+    screen.print_header(commands.topic)
     while True:
-        due = time.monotonic() + TURN_S
-        struck = keyboard.take(TURN_S)
+        due = time.monotonic() + LOOP_PERIOD_S
+        events = keyboard.read_events(LOOP_PERIOD_S)
         wall = time.monotonic()
-        if ctx.follow():
-            hand, p = retuned(hand, p, ctx.params), ctx.params
-            voice.retune(p.repeat_rate, p.give_way)
-        if outlook.look(wall):
-            voice.restart()
-        for press in struck:
-            hand = strike(hand, press, p)
-        # Up to ``due`` nothing else was struck; of the time since, when this loop was held up, nobody has looked.
-        wanted = hand.wants(min(wall, due))
-        mouth.say(wanted, wall, outlook.seconds, bool(struck), any(map(stops, struck)))
-        node.heart.state, node.heart.ticks = outlook.state, node.heart.ticks + 1
-        node.turn()
+        if ctx.update_params():
+            keys, p = reconfigured(keys, p, ctx.params), ctx.params
+            repeater.reconfigure(p.repeat_rate, p.give_way)
+        if monitor.update(wall):
+            repeater.reset()
+        for event in events:
+            keys = on_key(keys, event, p)
+        # Up to ``due`` no other key event came; of the time since, when this loop was held up, nobody has looked.
+        wanted = keys.command(min(wall, due))
+        commands.update(wanted, wall, monitor.sim_seconds, bool(events), any(map(is_stop, events)))
+        node.heartbeat.state, node.heartbeat.ticks = monitor.state, node.heartbeat.ticks + 1
+        node.spin_once()
         view = View(
-            node=ctx.node,
-            speed=hand.speed,
-            turn=hand.turn,
-            at_limit=hand.speed >= p.speed_limit or hand.turn >= p.turn_limit,
-            sent=None if voice.state == "silent" else voice.sent,
-            moving=outlook.moving,
-            base=outlook.base,
-            trouble=outlook.trouble,
+            node=ctx.node_name,
+            speed=keys.speed,
+            turn=keys.turn,
+            at_limit=keys.speed >= p.speed_limit or keys.turn >= p.turn_limit,
+            sent=None if repeater.state == "silent" else repeater.sent,
+            odometry_twist=monitor.odometry_twist,
+            base_status=monitor.base_status,
+            error=monitor.error,
         )
-        screen.show(view, wall)
+        screen.update(view, wall)

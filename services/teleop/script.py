@@ -7,34 +7,34 @@ import re
 
 from services.runtime.errors import BadInput
 from services.teleop import TeleopParameters
-from services.teleop.keys import Press
+from services.teleop.keys import KeyEvent
 
-LATEST_S = 1e5
+MAX_TIME_S = 1e5
 """No key is held until later than this."""
-MOST_PRESSES = 100_000
+MAX_EVENTS = 100_000
 """Of one script, repeats included."""
 
 _ROUNDING_S = 1e-6
 _ENTRY = re.compile(r"(?P<key>space|[!-~])@(?P<start>\d+(?:\.\d+)?)(?:-(?P<end>\d+(?:\.\d+)?))?")
 
 
-def presses(p: TeleopParameters) -> tuple[Press, ...]:
+def script_events(p: TeleopParameters) -> tuple[KeyEvent, ...]:
     """The events of ``p.keys``, in order, at times [s] from the start of the script; raises BadInput.
 
     ``i@0.5`` is a tap, ``i@0.5-2`` a key held from 0.5 to 2 s: it comes at 0.5, again after ``key_delay``, and then
     every ``key_interval``. As on a keyboard, a key repeats no more once another one is struck.
     """
     holds = sorted(_hold(entry) for entry in p.keys.split())
-    found: list[Press] = []
+    found: list[KeyEvent] = []
     for index, (start, end, key) in enumerate(holds):
         following = holds[index + 1][0] if index + 1 < len(holds) else math.inf
-        found.append(Press(key, start))
+        found.append(KeyEvent(key, start))
         # Rounding neither costs the repeat at the end nor brings one after the next key.
         last = min(end + _ROUNDING_S, following - _ROUNDING_S)
         repeats = math.floor((last - start - p.key_delay) / p.key_interval) + 1
-        if len(found) + repeats > MOST_PRESSES:
-            raise BadInput(f"keys: a script has at most {MOST_PRESSES} events, repeats included")
-        found += [Press(key, start + p.key_delay + number * p.key_interval) for number in range(max(0, repeats))]
+        if len(found) + repeats > MAX_EVENTS:
+            raise BadInput(f"keys: a script has at most {MAX_EVENTS} events, repeats included")
+        found += [KeyEvent(key, start + p.key_delay + number * p.key_interval) for number in range(max(0, repeats))]
     return tuple(found)
 
 
@@ -47,23 +47,23 @@ def _hold(entry: str) -> tuple[float, float, str]:
         )
     start = float(found["start"])
     end = float(found["end"] or start)
-    if not start <= end <= LATEST_S:
-        raise BadInput(f"keys: {entry!r}: a key goes up no earlier than down, and no later than {LATEST_S:g} s")
+    if not start <= end <= MAX_TIME_S:
+        raise BadInput(f"keys: {entry!r}: a key goes up no earlier than down, and no later than {MAX_TIME_S:g} s")
     return start, end, " " if found["key"] == "space" else found["key"]
 
 
-class Script:
+class KeyScript:
     """Hands the presses out as their time comes."""
 
-    def __init__(self, presses: tuple[Press, ...]) -> None:
-        self._presses, self._next = presses, 0
+    def __init__(self, presses: tuple[KeyEvent, ...]) -> None:
+        self._events, self._next = presses, 0
 
-    def take(self, now: float) -> list[Press]:
+    def pop_due(self, now: float) -> list[KeyEvent]:
         """Those that are due at ``now`` [s], as far as they were not taken."""
         first = self._next
-        while not self.done and self._presses[self._next].at <= now:
+        while not self.done and self._events[self._next].time <= now:
             self._next += 1
-        return list(self._presses[first : self._next])
+        return list(self._events[first : self._next])
 
     def rewind(self) -> None:
         """Begin anew."""
@@ -72,4 +72,4 @@ class Script:
     @property
     def done(self) -> bool:
         """Whether nothing is left."""
-        return self._next == len(self._presses)
+        return self._next == len(self._events)

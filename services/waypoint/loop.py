@@ -7,11 +7,10 @@ from messages.geometry import STOP, Pose, PoseStamped, Twist
 from messages.nav import Odometry, Path
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, GOAL_POSE, ODOM, PLAN, STATUS
-from services.motion.planar import Motion, Planar
+from services.driving.planar import Pose2, Twist2
 from services.runtime.context import Context
 from services.waypoint import PLAN_LEVEL, WaypointParameters
-from services.waypoint.pilot import Pilot, Progress
-from services.waypoint.plan import Goal, Plan
+from services.waypoint.controller import Goal, Plan, Progress, WaypointController
 
 
 def run(ctx: Context[WaypointParameters]) -> None:
@@ -20,9 +19,9 @@ def run(ctx: Context[WaypointParameters]) -> None:
     Commands go on at every tick after the end too: zero holds the robot, silence would count as a timeout.
     """
     odom, goals = ctx.latest(ODOM), ctx.stream(GOAL_POSE)
-    commands, plans, states = ctx.writer(CMD_VEL), ctx.writer(PLAN), ctx.writer(STATUS)
+    commands, plans, states = ctx.advertise(CMD_VEL), ctx.advertise(PLAN), ctx.advertise(STATUS)
     frame = f"{ctx.namespace.strip('/')}/odom".lstrip("/")
-    pilot = Pilot(ctx.params)
+    controller = WaypointController(ctx.params)
     begun = False
     published: Plan | None = None
     shown: tuple[str, int] | None = None
@@ -31,21 +30,21 @@ def run(ctx: Context[WaypointParameters]) -> None:
         for tick in ctx.ticks():
             header = Header(stamp=Time.of(tick.time), frame_id=frame)
             if tick.reset or not begun:
-                pilot, published, silence, begun = Pilot(ctx.params), None, 0.0, True
+                controller, published, silence, begun = WaypointController(ctx.params), None, 0.0, True
             elif ctx.params_changed:
-                pilot.retune(ctx.params)
+                controller.reconfigure(ctx.params)
                 if ctx.params_changed & PLAN_LEVEL:
-                    pilot.follow(Plan.of(ctx.params))
-            for asked in goals.take():
+                    controller.set_plan(Plan.from_parameters(ctx.params))
+            for asked in goals.drain():
                 if asked.header.frame_id in ("", "world", frame):
-                    pilot.follow(Plan((goal_of(asked),)))
+                    controller.set_plan(Plan((goal_from_pose(asked),)))
                 else:
                     ctx.log.warn(
                         f"goal refused: its frame {asked.header.frame_id!r} is neither 'world' nor {frame!r}", every=1
                     )
-            if pilot.plan is not published:
-                published, shown = pilot.plan, None
-                plans.publish(path(pilot.plan, header))
+            if controller.plan is not published:
+                published, shown = controller.plan, None
+                plans.publish(path_message(controller.plan, header))
 
             now = odom.fresh(ctx.params.odometry_timeout)
             silence = silence + tick.dt if now is None else 0.0
@@ -53,34 +52,34 @@ def run(ctx: Context[WaypointParameters]) -> None:
                 ctx.log.warn(
                     f"no odometry for {silence:.1f} s, standing still: is the robot in the simulation?", every=5
                 )
-            progress = pilot.wait() if now is None else pilot.step(*seen(now), tick.dt)
+            progress = controller.hold() if now is None else controller.step(*pose_and_twist(now), tick.dt)
             if progress.command is not None:
                 commands.publish(Twist.planar(progress.command.v, progress.command.w))
             if shown != (progress.state, progress.index):
                 shown = progress.state, progress.index
-                states.publish(status(progress, header))
+                states.publish(status_message(progress, header))
     finally:
-        if pilot.plan.goals:
+        if controller.plan.goals:
             commands.publish(STOP)
 
 
-def seen(odometry: Odometry) -> tuple[Planar, Motion]:
+def pose_and_twist(odometry: Odometry) -> tuple[Pose2, Twist2]:
     """The pose on the ground and the velocity that an odometry message tells."""
     pose, twist = odometry.pose.pose, odometry.twist.twist
-    return Planar(pose.position.x, pose.position.y, pose.orientation.yaw), Motion(twist.linear.x, twist.angular.z)
+    return Pose2(pose.position.x, pose.position.y, pose.orientation.yaw), Twist2(twist.linear.x, twist.angular.z)
 
 
-def goal_of(asked: PoseStamped) -> Goal:
+def goal_from_pose(asked: PoseStamped) -> Goal:
     """The goal that a pose asks for, heading included."""
     return Goal(asked.pose.position.x, asked.pose.position.y, asked.pose.orientation.yaw)
 
 
-def path(plan: Plan, header: Header) -> Path:
+def path_message(plan: Plan, header: Header) -> Path:
     """A plan as ROS shows it; a goal with a free heading has yaw 0."""
     return Path(header=header, poses=tuple(PoseStamped(header=header, pose=_pose(goal)) for goal in plan.goals))
 
 
-def status(progress: Progress, header: Header) -> GoalStatus:
+def status_message(progress: Progress, header: Header) -> GoalStatus:
     """The progress as a message."""
     return GoalStatus(
         header=header,

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from services.runtime.process import ROOT
-from tests.tree import PACKAGES, files
+from tests.harness.project_files import PACKAGES, project_files
 
-SOURCES = [path for package in PACKAGES for path in files(".py", under=ROOT / package)]
+SOURCES = [path for package in PACKAGES for path in project_files(".py", under=ROOT / package)]
 NAMES = [str(path.relative_to(ROOT)) for path in SOURCES]
 LEFTOVER = re.compile(r"\b(?:T[O]DO|F[I]XME|X[X]X|H[A]CK)\b")
 
@@ -29,7 +29,9 @@ def test_every_folder_of_code_is_a_package() -> None:
 
 
 def test_nothing_is_left_for_later() -> None:
-    assert [str(path) for path in files(".py", ".md", ".toml", ".sh") if LEFTOVER.search(path.read_text())] == []
+    assert [
+        str(path) for path in project_files(".py", ".md", ".toml", ".sh") if LEFTOVER.search(path.read_text())
+    ] == []
 
 
 def touches_messagepack(source: str) -> bool:

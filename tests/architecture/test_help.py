@@ -8,9 +8,9 @@ import sys
 
 import pytest
 
-from deploy.catalogue import kinds
+from deploy.service_catalog import service_kinds
 from services.runtime.process import ROOT
-from tests.verbs import every_verb
+from tests.harness.cli_commands import all_commands
 
 PROGRAM = """
 import runpy, sys
@@ -23,15 +23,15 @@ heavy = {"zenoh", "numpy", "pybullet", "rerun", "rerun_cli", "matplotlib", "psut
 print("status", status, *sorted(heavy & {name.partition(".")[0] for name in sys.modules}))
 """
 
-OWN_HELP = [verb for verb in every_verb() if verb != ("test",)]
+OWN_HELP = [verb for verb in all_commands() if verb != ("test",)]
 """The help of ``test`` is pytest's."""
 
 QUICK_S = 0.3
 """What a person waits for help and does not notice."""
 
 COMMANDS = [
-    *((f"services.{kind}", "--help") for kind in kinds()),
-    *((f"services.{kind}", "--print-config") for kind in kinds()),
+    *((f"services.{kind}", "--help") for kind in service_kinds()),
+    *((f"services.{kind}", "--print-config") for kind in service_kinds()),
     ("deploy", "--help"),
     ("deploy", "--version"),
     *(("deploy", *verb, "--help") for verb in OWN_HELP),

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from services.runtime.process import ROOT
-from tests.tree import PACKAGES
+from tests.harness.project_files import PACKAGES
 
 
 def run(*arguments: str, at: Path = ROOT) -> tuple[int, str]:

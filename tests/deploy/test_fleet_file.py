@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from deploy.fleet_file import find_fleet, fleet_names, parse_fleet, read_fleet
-from deploy.wiring import Nodes, Terms, wired
+from deploy.service_parameters import NodeGroups, RunOptions, service_parameters
 from services.runtime.errors import BadInput
 
 FILE = """\
@@ -133,9 +133,9 @@ def test_contradiction(old: str, new: str, place: int, what: str) -> None:
 def test_bounds_of_a_mode_take_the_place_of_those_of_all() -> None:
     text = FILE.replace("[bounds]", "[bounds]\nrestarts = 0\n[bounds.real]\nrestarts = 2\n[bounds.lockstep]")
     fleet = parse_fleet(Path("pair.toml"), text)
-    assert (fleet.run.mode, fleet.judged_by()) == ("real", {"restarts": 2})
+    assert (fleet.run.mode, fleet.active_bounds()) == ("real", {"restarts": 2})
     stepped = msgspec.structs.replace(fleet, run=msgspec.structs.replace(fleet.run, mode="lockstep"))
-    assert stepped.judged_by() == {"restarts": 0, "cross_track_max_m": 0.1}
+    assert stepped.active_bounds() == {"restarts": 0, "cross_track_max_m": 0.1}
 
 
 CHANGE = """[[change]]
@@ -152,7 +152,7 @@ values = { "linear.max_velocity" = 0.2, brake = 1 }
 def test_changes_arrive_and_become_the_schedule_of_the_parameter_service() -> None:
     fleet = parse_fleet(Path("pair.toml"), FILE.replace("[bounds]", CHANGE))
     assert [(each.at, each.set) for each in fleet.change] == [(2.5, "/b/driver"), (3.0, "/a/base")]
-    assert wired("params", fleet, Terms(folder=Path("/tmp/run")), Nodes()) == {
+    assert service_parameters("params", fleet, RunOptions(folder=Path("/tmp/run")), NodeGroups()) == {
         "file": "",
         "schedule": [
             {"at": 2.5, "set": "/b/driver", "values": {"max_linear": 0.2, "goals": [[1, 1]]}},

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import msgspec
 
-from deploy.fleet import Change, Fleet, Member, Robot, Run
+from deploy.fleet import ChangeConfig, Fleet, RobotConfig, RunConfig, ServiceConfig
 from deploy.fleet_file import FLEETS, fleet_names, parse_fleet
-from deploy.policy import Policy
+from deploy.restart_policy import RestartPolicy
 
 README = (FLEETS / "README.md").read_text()
 
@@ -24,7 +24,9 @@ def test_its_example_is_a_fleet() -> None:
 
 def test_it_names_every_key_and_every_fleet() -> None:
     keys = {
-        each.name for record in (Fleet, Run, Robot, Member, Change, Policy) for each in msgspec.structs.fields(record)
+        each.name
+        for record in (Fleet, RunConfig, RobotConfig, ServiceConfig, ChangeConfig, RestartPolicy)
+        for each in msgspec.structs.fields(record)
     }
     keys = keys - {"mode_bounds"} | {"bounds.real", "bounds.lockstep"}  # what the file calls them
     missing = [name for name in (*keys, *fleet_names()) if not re.search(rf"(`|\[){name}\b|{name} = ", README)]

@@ -12,17 +12,17 @@ from pathlib import Path
 
 import pytest
 
-from deploy.detach import up_detached
-from deploy.run_folder import ROOM, make_folder
-from deploy.supervisor.log_file import MOST_WAITING, pump
-from services.grader.folder import write_whole
+from deploy.detach import start_detached
+from deploy.run_folder import MIN_FREE_BYTES, make_run_folder
+from deploy.supervisor.log_file import MAX_QUEUED_CHUNKS, start_log_writer
+from services.grader.results import write_atomic
 from services.runtime.errors import BadInput
-from tests.deploy.test_run import Desk
-from tests.waiting import until
+from tests.deploy.test_run import FleetCommandLine
+from tests.harness.waiting import wait_until
 
 
 def test_closed_pipe_ends_no_run_and_does_not_change_its_status(tmp_path: Path) -> None:
-    desk = Desk(tmp_path)
+    desk = FleetCommandLine(tmp_path)
     fleet = desk.fleet("lockstep", "goals", "[0.1, 0]")
     command = [sys.executable, "-P", "-m", "deploy", "up", fleet, "--no-saved", "--report", str(desk.results)]
     out, into = os.pipe()
@@ -41,7 +41,7 @@ def test_verbs_whose_reader_is_gone_end_quietly(tmp_path: Path) -> None:
         out, into = os.pipe()
         os.close(out)
         command = [sys.executable, "-P", "-m", "deploy", *arguments]
-        environment = Desk(tmp_path).environment
+        environment = FleetCommandLine(tmp_path).environment
         assert subprocess.run(command, env=environment, stdout=into, stderr=into, timeout=60).returncode == status
         os.close(into)
 
@@ -50,7 +50,7 @@ def test_full_disk_is_told_before_a_run_in_the_background(tmp_path: Path) -> Non
     def full() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
 
-    desk = Desk(tmp_path)
+    desk = FleetCommandLine(tmp_path)
     command = [sys.executable, "-P", "-m", "deploy", "up", desk.fleet("real", "never", ""), "--detach"]
     command += ["--report", str(desk.results)]
     done = subprocess.run(command, env=desk.environment, preexec_fn=full, capture_output=True, text=True, timeout=60)
@@ -62,7 +62,7 @@ def test_full_disk_is_told_before_a_run_in_the_background(tmp_path: Path) -> Non
 def test_supervisor_that_ends_without_a_word_is_told_of(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "mute.py").write_text("raise SystemExit(1)\n")
     folder = tmp_path / "run"
-    assert up_detached("one", str(folder), as_json=False, argv=["run", str(tmp_path / "mute.py")]) == 1
+    assert start_detached("one", str(folder), as_json=False, argv=["run", str(tmp_path / "mute.py")]) == 1
     said = f"the supervisor ended with exit status 1 and has written nothing to {folder / 'supervisor.log'}"
     assert said in capfd.readouterr().err
 
@@ -71,8 +71,8 @@ def test_hanging_disk_blocks_nobody_who_logs(tmp_path: Path) -> None:
     log = tmp_path / "a.log"
     os.mkfifo(log)  # to open it hangs until somebody reads, as a network drive hangs that is out of reach
     out, into = os.pipe()
-    writer = pump(out, log, largest=1 << 40)
-    line, lines = b"x" * 1023 + b"\n", 3 * MOST_WAITING * 64
+    writer = start_log_writer(out, log, largest=1 << 40)
+    line, lines = b"x" * 1023 + b"\n", 3 * MAX_QUEUED_CHUNKS * 64
     with os.fdopen(into, "wb") as end:
         for _ in range(lines):
             end.write(line)
@@ -86,7 +86,7 @@ def test_hanging_disk_blocks_nobody_who_logs(tmp_path: Path) -> None:
                 came.extend(chunk)
         return ended
 
-    until(drained, 60, "the disk is back, and all that was kept is written")
+    wait_until(drained, 60, "the disk is back, and all that was kept is written")
     os.close(reader)
     told = [int(each.split()[1]) for each in bytes(came).split(b"\n") if b"were dropped" in each]
     assert sum(told) == lines - came.count(line) > 0
@@ -103,17 +103,17 @@ def test_planted_links_lead_nowhere(tmp_path: Path) -> None:
         folder.mkdir()
         (folder / name).symlink_to(victim)
         with pytest.raises(BadInput, match=f"{name} is a symbolic link"):
-            make_folder("lab", str(folder))
-    folder = make_folder("lab", str(tmp_path / "run"))
+            make_run_folder("lab", str(folder))
+    folder = make_run_folder("lab", str(tmp_path / "run"))
     for link in (folder / f".report.json.{os.getpid()}", folder / "logs" / "a.log", folder / "report.json"):
         link.symlink_to(precious)
-    write_whole(folder / "report.json", b"{}")
+    write_atomic(folder / "report.json", b"{}")
     assert json.loads((folder / "report.json").read_text()) == {}
     out, into = os.pipe()
-    writer = pump(out, folder / "logs" / "a.log")
+    writer = start_log_writer(out, folder / "logs" / "a.log")
     os.write(into, b"hello\n")
     os.close(into)
-    until(lambda: not writer.is_alive())
+    wait_until(lambda: not writer.is_alive())
     assert precious.read_text() == "mine"
     assert not list(folder.glob("tmp*"))
-    assert sum(each.stat().st_size for each in folder.rglob("*") if each.is_file()) < ROOM
+    assert sum(each.stat().st_size for each in folder.rglob("*") if each.is_file()) < MIN_FREE_BYTES

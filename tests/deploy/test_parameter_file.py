@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
-from deploy.parameter_file import check_unused
+from deploy.instance_lock import check_parameter_file_unused
 from services.runtime.errors import BadInput
 
 
 def test_one_that_is_free_or_not_there_yet_is_taken(tmp_path: Path) -> None:
-    check_unused(tmp_path / "new.db")
+    check_parameter_file_unused(tmp_path / "new.db")
     (tmp_path / "old.db").touch()
-    check_unused(tmp_path / "old.db")
+    check_parameter_file_unused(tmp_path / "old.db")
 
 
 def test_one_that_another_parameter_service_holds_is_refused(tmp_path: Path) -> None:
@@ -24,7 +24,7 @@ def test_one_that_another_parameter_service_holds_is_refused(tmp_path: Path) -> 
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX)
         with pytest.raises(BadInput, match=r"another parameter service uses .*held\.db.*--params FILE, or --no-saved"):
-            check_unused(file)
+            check_parameter_file_unused(file)
     finally:
         os.close(descriptor)
-    check_unused(file)
+    check_parameter_file_unused(file)

@@ -7,23 +7,23 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from deploy.catalogue import declaration
-from deploy.fleet import Change, Fleet, Member, Robot, Run
+from deploy.fleet import ChangeConfig, Fleet, RobotConfig, RunConfig, ServiceConfig
 from deploy.fleet_file import find_fleet, fleet_names, read_fleet
-from deploy.policy import Policy
-from deploy.process import SUPERVISOR, Process, processes
-from deploy.wiring import Terms
-from services.runtime.network.sockets import router_endpoint
-from services.runtime.parameters.record import build, read_assignments
+from deploy.processes import SUPERVISOR, ProcessSpec, plan_processes
+from deploy.restart_policy import RestartPolicy
+from deploy.service_catalog import load_service
+from deploy.service_parameters import RunOptions
+from services.runtime.parameters.validation import build, read_assignments
+from services.runtime.transport.unix_sockets import router_endpoint
 
-TERMS = Terms(folder=Path("/tmp/run"))
-
-
-def expand(fleet: Fleet) -> dict[str, Process]:
-    return {each.name: each for each in processes(fleet, TERMS)}
+TERMS = RunOptions(folder=Path("/tmp/run"))
 
 
-def options(process: Process, name: str) -> list[str]:
+def expand(fleet: Fleet) -> dict[str, ProcessSpec]:
+    return {each.name: each for each in plan_processes(fleet, TERMS)}
+
+
+def options(process: ProcessSpec, name: str) -> list[str]:
     """The values of an option on a command line."""
     return [value for option, value in zip(process.argv, process.argv[1:], strict=False) if option == name]
 
@@ -31,7 +31,7 @@ def options(process: Process, name: str) -> list[str]:
 @pytest.mark.parametrize("name", fleet_names())
 def test_every_service_accepts_its_parameters(name: str) -> None:
     for process in expand(read_fleet(find_fleet(name))).values():
-        build(declaration(process.kind).parameters, read_assignments(options(process, "--fleet-param")))
+        build(load_service(process.kind).parameters, read_assignments(options(process, "--fleet-param")))
 
 
 def test_lab_is_the_seed_shifted_by_each_start() -> None:
@@ -53,12 +53,12 @@ def test_lab_starts_in_order_and_steps_together() -> None:
     members = read_assignments(options(plan["sim"], "--fleet-param"))["members"]
     assert {"/grader", "/params", *(f"/{each}" for each in drivers)} <= set(members)
     assert {each.node for each in plan.values() if "--lockstep" in each.argv} == {*members, "/sim"}
-    assert {each.node for each in plan.values() if each.begins} == {*members, "/sim"}
+    assert {each.node for each in plan.values() if each.awaited} == {*members, "/sim"}
 
 
 def test_losses_of_every_process_count_but_for_the_panel() -> None:
     fleet = read_fleet(find_fleet("lab"))
-    recorded = msgspec.structs.replace(fleet, service=(*fleet.service, Member(kind="recorder")))
+    recorded = msgspec.structs.replace(fleet, service=(*fleet.service, ServiceConfig(kind="recorder")))
     plan = expand(recorded)
     assert {"panel", "recorder", "logger", "tb3_0/waypoint"} <= set(plan)
     readers = read_assignments(options(plan["grader"], "--fleet-param"))["readers"]
@@ -67,7 +67,7 @@ def test_losses_of_every_process_count_but_for_the_panel() -> None:
 
 def test_nobody_steps_together_on_the_wall_clock() -> None:
     fleet = read_fleet(find_fleet("lab"))
-    plan = expand(msgspec.structs.replace(fleet, run=Run(mode="real")))
+    plan = expand(msgspec.structs.replace(fleet, run=RunConfig(mode="real")))
     assert not any("--lockstep" in each.argv for each in plan.values())
     assert read_assignments(options(plan["sim"], "--fleet-param"))["members"] == []
 
@@ -75,24 +75,24 @@ def test_nobody_steps_together_on_the_wall_clock() -> None:
 def test_lasers_are_recorded_where_nobody_waits_for_the_simulation() -> None:
     fleet = read_fleet(find_fleet("lab"))
     for mode, recorded in (("lockstep", False), ("real", True)):
-        plan = expand(msgspec.structs.replace(fleet, run=Run(mode=mode)))
+        plan = expand(msgspec.structs.replace(fleet, run=RunConfig(mode=mode)))
         assert read_assignments(options(plan["logger"], "--fleet-param"))["scans"] is recorded
-    asked = Member(kind="logger", parameters={"scans": True})
+    asked = ServiceConfig(kind="logger", parameters={"scans": True})
     plan = expand(msgspec.structs.replace(fleet, service=(asked,)))
     assert read_assignments(options(plan["logger"], "--fleet-param"))["scans"] is True
 
 
 def test_in_every_mode_time_begins_with_all_but_onlookers() -> None:
     fleet = read_fleet(find_fleet("lab"))
-    needed = Member(kind="logger", name="needed", required=True)
-    service = (*fleet.service, Member(kind="recorder"), needed)
+    needed = ServiceConfig(kind="logger", name="needed", required=True)
+    service = (*fleet.service, ServiceConfig(kind="recorder"), needed)
     for mode in ("real", "lockstep"):
-        plan = expand(msgspec.structs.replace(fleet, service=service, run=Run(mode=mode)))
+        plan = expand(msgspec.structs.replace(fleet, service=service, run=RunConfig(mode=mode)))
         told = read_assignments(options(plan["sim"], "--fleet-param"))
         everybody = {each.node for each in plan.values()} - {"/router", "/sim", "/panel"}
         assert {*told["members"], *told["awaits"]} == everybody
         assert set(told["requires"]) == {"/params", "/grader", "/needed"}
-        assert {each.node for each in plan.values() if each.begins} == {*everybody, "/sim"}
+        assert {each.node for each in plan.values() if each.awaited} == {*everybody, "/sim"}
 
 
 def test_what_the_end_of_each_means() -> None:
@@ -113,8 +113,8 @@ def test_what_the_end_of_each_means() -> None:
 
 
 def test_the_services_of_every_robot_may_be_for_some_models_alone() -> None:
-    shared = Member(kind="waypoint", models=("burger",))
-    robots = (Robot(name="a", model="burger"), Robot(name="b", model="p3dx"))
+    shared = ServiceConfig(kind="waypoint", models=("burger",))
+    robots = (RobotConfig(name="a", model="burger"), RobotConfig(name="b", model="p3dx"))
     plan = expand(Fleet(name="own", robot=robots, every_robot=(shared,)))
     assert "a/waypoint" in plan
     assert "b/waypoint" not in plan
@@ -122,15 +122,15 @@ def test_the_services_of_every_robot_may_be_for_some_models_alone() -> None:
 
 def test_the_grader_knows_how_each_base_stops() -> None:
     own = {"cmd_vel_timeout": 0.5, "brake": 0.3}
-    robots = (Robot(name="a", model="p3dx", parameters=own), Robot(name="b", model="p3dx"))
+    robots = (RobotConfig(name="a", model="p3dx", parameters=own), RobotConfig(name="b", model="p3dx"))
     told = read_assignments(options(expand(Fleet(name="own", robot=robots))["grader"], "--fleet-param"))["halting"]
     assert told == [{"name": "a", "timeout": 0.5, "brake": 0.3}, {"name": "b", "timeout": 0.25, "brake": 1.5}]
 
 
 def test_an_arm_its_reference_and_the_grader_are_told_of_its_joint() -> None:
-    own = (Member(kind="arm", parameters={"saturation": 150.0}), Member(kind="reference"))
-    changes = (Change(at=3.0, set="/robot_control", values={"ref_angle": 30.0}),)
-    robots = (Robot(name="a", model="arm", services=own), Robot(name="b", model="burger"))
+    own = (ServiceConfig(kind="arm", parameters={"saturation": 150.0}), ServiceConfig(kind="reference"))
+    changes = (ChangeConfig(at=3.0, set="/robot_control", values={"ref_angle": 30.0}),)
+    robots = (RobotConfig(name="a", model="arm", services=own), RobotConfig(name="b", model="burger"))
     plan = expand(Fleet(name="own", robot=robots, change=changes))
     told = {name: read_assignments(options(plan[name], "--fleet-param")) for name in ("a/arm", "a/reference", "grader")}
     assert told["a/arm"]["joint"] == "bear_link"
@@ -152,25 +152,27 @@ def test_who_starts_after_the_parameters_waits_for_them_and_they_are_kept_in_the
     told = read_assignments(options(plan["params"], "--fleet-param"))
     assert told["file"] == ""
     assert [(each["at"], each["set"]) for each in told["schedule"]] == [(at, "/robot_control") for at in (1, 4, 20.2)]
-    terms = Terms(folder=Path("/tmp/run"), saved=Path("/tmp/params/lab.db"))
-    (params,) = (each for each in processes(read_fleet(find_fleet("lab")), terms) if each.kind == "params")
+    terms = RunOptions(folder=Path("/tmp/run"), saved=Path("/tmp/params/lab.db"))
+    (params,) = (each for each in plan_processes(read_fleet(find_fleet("lab")), terms) if each.kind == "params")
     assert read_assignments(options(params, "--fleet-param"))["file"] == "/tmp/params/lab.db"
 
 
 def test_stated_beats_implied() -> None:
     fleet = Fleet(
         name="own",
-        run=Run(mode="real", port=9000, topology="star"),
+        run=RunConfig(mode="real", port=9000, topology="star"),
         service=(
-            Member(kind="sim", parameters={"world": "arena"}, required=False, restart="never"),
-            Member(kind="logger", name="log", namespace="/tools", remap={"odom": "/x/odom"}, restart=Policy(limit=1)),
+            ServiceConfig(kind="sim", parameters={"world": "arena"}, required=False, restart="never"),
+            ServiceConfig(
+                kind="logger", name="log", namespace="/tools", remap={"odom": "/x/odom"}, restart=RestartPolicy(limit=1)
+            ),
         ),
     )
     plan = expand(fleet)
     assert list(plan) == ["router", "params", "sim", "grader", "tools/log"]
     assert read_assignments(options(plan["sim"], "--fleet-param"))["world"] == "arena"
-    assert (plan["sim"].required, plan["sim"].policy) == (False, Policy(when="never"))
-    assert plan["tools/log"].policy == Policy(limit=1)
+    assert (plan["sim"].required, plan["sim"].policy) == (False, RestartPolicy(when="never"))
+    assert plan["tools/log"].policy == RestartPolicy(limit=1)
     assert options(plan["tools/log"], "--namespace") == ["/tools"]
     assert options(plan["tools/log"], "--remap") == ["odom:=/x/odom"]
     assert options(plan["tools/log"], "--connect") == [router_endpoint(9000)]
@@ -187,8 +189,12 @@ def test_tcp_comes_where_the_fleet_or_the_command_line_asks_for_it() -> None:
         (False, (there,), [there]),
         (True, ("tcp/127.0.0.1:9000", there), ["tcp/127.0.0.1:9000", there]),
     ):
-        fleet = Fleet(name="own", run=Run(port=9000, tcp=tcp))
-        [router] = [each for each in processes(fleet, Terms(folder=Path("/r"), listen=listen)) if each.kind == "router"]
+        fleet = Fleet(name="own", run=RunConfig(port=9000, tcp=tcp))
+        [router] = [
+            each
+            for each in plan_processes(fleet, RunOptions(folder=Path("/r"), listen=listen))
+            if each.kind == "router"
+        ]
         assert read_assignments(options(router, "--fleet-param"))["also"] == also
     shipped = {name for name in fleet_names() if read_fleet(find_fleet(name)).run.tcp}
     assert shipped == {"bare"}
@@ -196,5 +202,5 @@ def test_tcp_comes_where_the_fleet_or_the_command_line_asks_for_it() -> None:
 
 @pytest.mark.parametrize(("router", "view"), [(7447, None), (7448, 9877), (1024, 3453), (65535, None)])
 def test_two_fleets_have_two_live_views(router: int, view: int | None) -> None:
-    fleet = Fleet(name="own", run=Run(port=router), service=(Member(kind="logger"),))
+    fleet = Fleet(name="own", run=RunConfig(port=router), service=(ServiceConfig(kind="logger"),))
     assert read_assignments(options(expand(fleet)["logger"], "--fleet-param")).get("port") == view

@@ -17,8 +17,8 @@ import pytest
 
 from deploy.run_fleet import INTERRUPTED
 from services.runtime.process import ROOT
-from tests.deploy.harness import gone
-from tests.ports import free_port
+from tests.deploy.supervisor.supervisor_harness import has_ended
+from tests.harness.ports import free_port
 
 FLEET = """
 name = "one"
@@ -35,7 +35,7 @@ services = [{{ kind = "waypoint", from_start = ["goals"], parameters = {{ goals 
 """
 
 
-class Desk:
+class FleetCommandLine:
     """A command line of its own: its state folder, its port, its results."""
 
     def __init__(self, folder: Path) -> None:
@@ -49,7 +49,7 @@ class Desk:
         path.write_text(FLEET.format(mode=mode, ends=ends, goals=goals, topology=topology, port=self.port))
         return str(path)
 
-    def begin(self, *arguments: str) -> subprocess.Popen[str]:
+    def start(self, *arguments: str) -> subprocess.Popen[str]:
         return subprocess.Popen(
             [sys.executable, "-P", "-m", "deploy", *arguments],
             env=self.environment,
@@ -59,23 +59,23 @@ class Desk:
             text=True,
         )
 
-    def do(self, *arguments: str, status: int = 0) -> str:
+    def run(self, *arguments: str, status: int = 0) -> str:
         """What a command prints; it must end with ``status``."""
-        process = self.begin(*arguments)
+        process = self.start(*arguments)
         out, err = process.communicate(timeout=90)
         assert process.returncode == status, err
         return out
 
     def processes(self) -> dict[str, dict[str, Any]]:
         """What ``ps`` tells, by name."""
-        (fleet,) = json.loads(self.do("ps", "--json"))
+        (fleet,) = json.loads(self.run("ps", "--json"))
         return {each["name"]: each for each in fleet["processes"]}
 
     def report(self) -> dict[str, Any]:
         found: dict[str, Any] = json.loads((self.results / "report.json").read_text())
         return found
 
-    def until_ready(self, name: str, restarts: int) -> dict[str, Any]:
+    def wait_until_ready(self, name: str, restarts: int) -> dict[str, Any]:
         """Wait until a process is ready after so many restarts."""
         deadline = time.monotonic() + 30
         while (shown := self.processes()[name])["state"] != "ready" or shown["restarts"] < restarts:
@@ -84,14 +84,14 @@ class Desk:
 
 
 @pytest.fixture
-def desk(tmp_path: Path) -> Iterator[Desk]:
-    made = Desk(tmp_path)
+def desk(tmp_path: Path) -> Iterator[FleetCommandLine]:
+    made = FleetCommandLine(tmp_path)
     yield made
-    made.begin("down").communicate(timeout=90)
+    made.start("down").communicate(timeout=90)
 
 
-def test_run_to_its_goals(desk: Desk) -> None:
-    out = desk.do("up", desk.fleet("lockstep", "goals", "[0.3, 0]"), "--report", str(desk.results), "--json")
+def test_run_to_its_goals(desk: FleetCommandLine) -> None:
+    out = desk.run("up", desk.fleet("lockstep", "goals", "[0.3, 0]"), "--report", str(desk.results), "--json")
     report = json.loads(out)
     assert report == desk.report()
     assert report["ok"] is True
@@ -100,18 +100,18 @@ def test_run_to_its_goals(desk: Desk) -> None:
     assert report["robots"]["r"]["points_reached"] == 1
     assert (desk.results / "report.png").stat().st_size > 10_000
     assert "run ended" in (desk.results / "logs" / "grader.log").read_text()
-    assert not json.loads(desk.do("ps", "--json"))
+    assert not json.loads(desk.run("ps", "--json"))
 
 
-def test_missed_bound_is_exit_status_one(desk: Desk) -> None:
+def test_missed_bound_is_exit_status_one(desk: FleetCommandLine) -> None:
     fleet = Path(desk.fleet("lockstep", "goals", "[0.3, 0]"))
     fleet.write_text(fleet.read_text() + "[bounds]\npath_length_m = 0.1\n")
-    assert "missed: r.path_length_m" in desk.do("up", str(fleet), "--report", str(desk.results), status=1)
+    assert "missed: r.path_length_m" in desk.run("up", str(fleet), "--report", str(desk.results), status=1)
 
 
-def test_interrupt_ends_it_with_a_report_of_what_was_driven(desk: Desk) -> None:
+def test_interrupt_ends_it_with_a_report_of_what_was_driven(desk: FleetCommandLine) -> None:
     fleet = desk.fleet("real", "goals", "[50, 0]")
-    up = desk.begin("up", fleet, "--report", str(desk.results), "--no-view")
+    up = desk.start("up", fleet, "--report", str(desk.results), "--no-view")
     assert up.stderr
     for line in up.stderr:
         if "processes ready after" in line:
@@ -124,9 +124,9 @@ def test_interrupt_ends_it_with_a_report_of_what_was_driven(desk: Desk) -> None:
 
 
 @pytest.mark.parametrize("topology", ["direct", "star"])
-def test_life_in_the_background(desk: Desk, topology: str) -> None:
+def test_life_in_the_background(desk: FleetCommandLine, topology: str) -> None:
     fleet = desk.fleet("real", "never", "", topology)
-    started = json.loads(desk.do("up", fleet, "--detach", "--json", "--report", str(desk.results)))
+    started = json.loads(desk.run("up", fleet, "--detach", "--json", "--report", str(desk.results)))
     before = desk.processes()
     pids = [started["pid"], *(each["pid"] for each in before.values())]
     assert {name: each["state"] for name, each in before.items()} == dict.fromkeys(
@@ -134,29 +134,29 @@ def test_life_in_the_background(desk: Desk, topology: str) -> None:
     )
     assert all(each["memory_mib"] > 5 for each in before.values())
 
-    entities = json.loads(desk.do("graph", "--json"))
+    entities = json.loads(desk.run("graph", "--json"))
     assert {"/supervisor", "/router", "/sim", "/grader", "/r/waypoint"} <= {each["node"] for each in entities}
     ends = {(each["kind"], each["node"], each["name"]) for each in entities}
     assert {("pub", "/sim", "/r/odom"), ("sub", "/r/waypoint", "/r/odom"), ("srv", "/sim", "/sim/spawn")} <= ends
 
-    assert desk.do("restart", "r/waypoint") == "r/waypoint restarts\n"
+    assert desk.run("restart", "r/waypoint") == "r/waypoint restarts\n"
     psutil.Process(before["router"]["pid"]).kill()
-    after = desk.until_ready("router", 1)
+    after = desk.wait_until_ready("router", 1)
     assert after["pid"] != before["router"]["pid"]
-    desk.until_ready("r/waypoint", 0)
+    desk.wait_until_ready("r/waypoint", 0)
     now = desk.processes()
     assert now["sim"]["pid"] == before["sim"]["pid"]
     assert now["r/waypoint"]["pid"] != before["r/waypoint"]["pid"]
-    assert "killed by signal 9" in desk.do("logs", "router")
+    assert "killed by signal 9" in desk.run("logs", "router")
 
     assert f"held by the fleet one (supervisor {started['pid']}" in _refused(desk, fleet)
-    assert f"results in {desk.results}" in desk.do("down")
+    assert f"results in {desk.results}" in desk.run("down")
     assert desk.report()["run"]["restarts"] == 1
-    assert [pid for pid in (*pids, *(each["pid"] for each in now.values())) if not gone(pid)] == []
+    assert [pid for pid in (*pids, *(each["pid"] for each in now.values())) if not has_ended(pid)] == []
 
 
-def _refused(desk: Desk, fleet: str) -> str:
-    second = desk.begin("up", fleet, "--report", str(desk.folder / "second"))
+def _refused(desk: FleetCommandLine, fleet: str) -> str:
+    second = desk.start("up", fleet, "--report", str(desk.folder / "second"))
     err = second.communicate(timeout=60)[1]
     assert second.returncode == 2
     return err

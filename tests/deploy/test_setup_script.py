@@ -13,7 +13,7 @@ from types import MappingProxyType
 import pytest
 
 from services.runtime.process import ROOT
-from tests.waiting import until
+from tests.harness.waiting import wait_until
 
 TOOLS = ("sh", "cat", "chmod", "cksum", "dirname", "flock", "mkdir", "mv", "readlink", "rm", "sleep", "uname")
 
@@ -52,7 +52,7 @@ esac
 """
 
 
-class Copy:
+class ProjectCopy:
     """A fresh clone as far as the script is concerned."""
 
     def __init__(self, folder: Path) -> None:
@@ -97,13 +97,13 @@ class Copy:
 
 
 @pytest.fixture
-def copy(tmp_path: Path) -> Copy:
-    made = Copy(tmp_path)
+def copy(tmp_path: Path) -> ProjectCopy:
+    made = ProjectCopy(tmp_path)
     made.provide("python3.11", PYTHON)
     return made
 
 
-def test_first_start_installs_and_the_second_does_not(copy: Copy) -> None:
+def test_first_start_installs_and_the_second_does_not(copy: ProjectCopy) -> None:
     first = copy.start("up", "--seed", "3")
     assert first.returncode == 0
     assert first.stdout == f"python -P -m deploy up --seed 3\npath {copy.root}\n"
@@ -114,7 +114,7 @@ def test_first_start_installs_and_the_second_does_not(copy: Copy) -> None:
     assert copy.installs() == ["venv", "pip"]
 
 
-def test_completion_installs_nothing(copy: Copy) -> None:
+def test_completion_installs_nothing(copy: ProjectCopy) -> None:
     asked = copy.start(extra={"_ELEA_COMPLETE": "bash_complete"})
     assert (asked.returncode, asked.stdout, asked.stderr) == (0, "", "")
     assert copy.installs() == []
@@ -122,14 +122,14 @@ def test_completion_installs_nothing(copy: Copy) -> None:
     assert copy.start(extra={"_ELEA_COMPLETE": "bash_source"}).stdout.startswith("python -P -m deploy")
 
 
-def test_bytecode_that_must_not_lie_beside_the_sources_goes_into_the_environment(copy: Copy) -> None:
+def test_bytecode_that_must_not_lie_beside_the_sources_goes_into_the_environment(copy: ProjectCopy) -> None:
     started = copy.start("ps", extra={"PYTHONDONTWRITEBYTECODE": "1"})
     assert started.stdout.endswith(f"bytecode {copy.root}/.venv/bytecode\n")
     own = copy.start("ps", extra={"PYTHONDONTWRITEBYTECODE": "1", "PYTHONPYCACHEPREFIX": "/elsewhere"})
     assert own.stdout.endswith("bytecode /elsewhere, read alone\n")
 
 
-def test_works_through_a_link_and_from_anywhere(copy: Copy, tmp_path: Path) -> None:
+def test_works_through_a_link_and_from_anywhere(copy: ProjectCopy, tmp_path: Path) -> None:
     (tmp_path / "links").mkdir()
     (tmp_path / "links" / "one").symlink_to("../clone/elea")
     (tmp_path / "two").symlink_to(tmp_path / "links" / "one")
@@ -137,7 +137,7 @@ def test_works_through_a_link_and_from_anywhere(copy: Copy, tmp_path: Path) -> N
     assert done.stdout.endswith(f"path {copy.root}\n")
 
 
-def test_changed_lock_installs_anew(copy: Copy) -> None:
+def test_changed_lock_installs_anew(copy: ProjectCopy) -> None:
     copy.start()
     with (copy.root / "requirements.lock").open("a") as lock:
         lock.write("# changed\n")
@@ -146,14 +146,14 @@ def test_changed_lock_installs_anew(copy: Copy) -> None:
     assert copy.installs() == ["venv", "pip"] * 2
 
 
-def test_moved_folder_installs_anew(copy: Copy, tmp_path: Path) -> None:
+def test_moved_folder_installs_anew(copy: ProjectCopy, tmp_path: Path) -> None:
     copy.start()
     copy.root.rename(tmp_path / "moved")
     copy.start(script=tmp_path / "moved" / "elea")
     assert copy.installs() == ["venv", "pip"] * 2
 
 
-def test_interrupted_install_is_made_anew_and_never_used(copy: Copy, tmp_path: Path) -> None:
+def test_interrupted_install_is_made_anew_and_never_used(copy: ProjectCopy, tmp_path: Path) -> None:
     half = tmp_path / "half"
     script = subprocess.Popen(
         [copy.root / "elea", "up"],
@@ -162,7 +162,7 @@ def test_interrupted_install_is_made_anew_and_never_used(copy: Copy, tmp_path: P
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
     )
-    until(half.exists, 20.0, "a half of an installation")
+    wait_until(half.exists, 20.0, "a half of an installation")
     os.killpg(script.pid, signal.SIGKILL)
     assert script.communicate()[0] == b""
     assert (copy.root / ".venv" / "bin" / "python").exists()
@@ -170,7 +170,7 @@ def test_interrupted_install_is_made_anew_and_never_used(copy: Copy, tmp_path: P
     assert copy.installs() == ["venv", "pip"] * 2
 
 
-def test_two_first_starts_install_once(copy: Copy) -> None:
+def test_two_first_starts_install_once(copy: ProjectCopy) -> None:
     slow = PYTHON.replace('echo "pip" >>"$COUNT"', 'echo "pip" >>"$COUNT"; sleep 0.5')
     copy.provide("python3.11", slow)
     both = [
@@ -180,7 +180,7 @@ def test_two_first_starts_install_once(copy: Copy) -> None:
     assert copy.installs() == ["venv", "pip"]
 
 
-def test_failed_install_is_told_and_retried(copy: Copy) -> None:
+def test_failed_install_is_told_and_retried(copy: ProjectCopy) -> None:
     failed = copy.start("up", extra={"PIP_STATUS": "1"})
     assert failed.returncode == 2
     assert failed.stdout == ""
@@ -188,13 +188,13 @@ def test_failed_install_is_told_and_retried(copy: Copy) -> None:
     assert copy.start("up").returncode == 0
 
 
-def test_uv_comes_first(copy: Copy) -> None:
+def test_uv_comes_first(copy: ProjectCopy) -> None:
     copy.provide("uv", UV)
     assert copy.start("up").returncode == 0
     assert copy.installs() == ["uv venv --quiet", "venv", "uv pip sync"]
 
 
-def test_pip_helps_where_uv_fails(copy: Copy) -> None:
+def test_pip_helps_where_uv_fails(copy: ProjectCopy) -> None:
     copy.provide("uv", UV)
     done = copy.start("up", extra={"UV_STATUS": "1"})
     assert done.returncode == 0
@@ -209,7 +209,7 @@ def test_pip_helps_where_uv_fails(copy: Copy) -> None:
         ({"NO_VENV": "1"}, "cannot make virtual environments: on Debian, apt install python3.11-venv"),
     ],
 )
-def test_what_is_missing_is_told(copy: Copy, lacking: dict[str, str], message: str) -> None:
+def test_what_is_missing_is_told(copy: ProjectCopy, lacking: dict[str, str], message: str) -> None:
     done = copy.start("up", extra=lacking)
     assert done.returncode == 2
     assert message in done.stderr
@@ -217,6 +217,6 @@ def test_what_is_missing_is_told(copy: Copy, lacking: dict[str, str], message: s
 
 
 def test_no_python_at_all(tmp_path: Path) -> None:
-    done = Copy(tmp_path).start("up")
+    done = ProjectCopy(tmp_path).start("up")
     assert done.returncode == 2
     assert "needs Python 3.11" in done.stderr

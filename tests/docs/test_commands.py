@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import importlib
 import re
 import shlex
 
 import click
 import pytest
 
-from deploy.catalogue import kinds
-from deploy.commands.cli import VERBS
-from deploy.commands.table import Verbs
+from deploy.commands.cli import COMMANDS, elea
+from deploy.commands.lazy_group import LazyGroup
 from deploy.fleet_file import fleet_names
+from deploy.service_catalog import service_kinds
 from services.runtime.process import ROOT
-from tests.tree import files
+from tests.harness.project_files import project_files
 
 LINE = re.compile(r"\./elea ([^`\n#|]+)")
 OF_SERVICES = {"--namespace", "--name", "--remap", "--param", "--connect", "--domain", "--topology", "--lockstep"}
@@ -24,7 +23,7 @@ OF_SERVICES |= {"--fleet-param", "--await-params", "--log-level", "--print-confi
 def lines() -> list[tuple[str, str]]:
     """Every command with the document that it stands in."""
     found = []
-    for path in files(".md"):
+    for path in project_files(".md"):
         for command in LINE.findall(path.read_text()):
             found.append((str(path.relative_to(ROOT)), command.strip().rstrip(".,:;)")))
     return found
@@ -32,9 +31,9 @@ def lines() -> list[tuple[str, str]]:
 
 def options(verb: str, words: list[str]) -> set[str]:
     """The options of a verb, or of the verb below it that the next word names."""
-    command = importlib.import_module(f"deploy.commands.{VERBS[verb].module}").command
+    command = elea.get_command(click.Context(elea), verb)
     assert isinstance(command, click.Command)
-    if isinstance(command, Verbs) and words:
+    if isinstance(command, LazyGroup) and words:
         assert words[0] in command.table, f"{verb} has no {words[0]}"
         inner = command.get_command(click.Context(command), words[0])
         assert inner is not None
@@ -48,12 +47,12 @@ def test_a_command_exists(document: str, line: str) -> None:
     verb, *words = shlex.split(line)
     if verb == "--help":
         return
-    assert verb in VERBS
+    assert verb in COMMANDS
     if verb == "test":
         return  # the words are pytest's
     assert {word for word in words if word.startswith("-")} <= options(verb, words)
     target = words[0] if words and not words[0].startswith("-") else ""
-    known = {"up": fleet_names(), "run": kinds()}.get(verb)
+    known = {"up": fleet_names(), "run": service_kinds()}.get(verb)
     if known and target and not target.isupper() and not target.endswith((".toml", ".py")):
         assert target in known
 

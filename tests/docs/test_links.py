@@ -8,15 +8,15 @@ from pathlib import Path
 import pytest
 
 from services.runtime.process import ROOT
-from tests.tree import files
+from tests.harness.project_files import project_files
 
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 CODE = re.compile(r"`([^`\n]+)`")
 PLACE = re.compile(r"[\w.-]+(?:/[\w.-]+)*/?")
-TOP = {path.relative_to(ROOT).parts[0] for path in files()}
+TOP = {path.relative_to(ROOT).parts[0] for path in project_files()}
 """Of the project itself, not of what a run leaves there."""
 
-DOCUMENTS = list(files(".md"))
+DOCUMENTS = list(project_files(".md"))
 
 
 def headings(path: Path) -> set[str]:

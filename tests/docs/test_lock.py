@@ -10,7 +10,7 @@ from packaging.utils import canonicalize_name
 
 from deploy.version import VERSION
 from services.runtime.process import ROOT
-from tests.tree import files
+from tests.harness.project_files import project_files
 
 ENTRY = re.compile(r"^([\w.-]+)==(\S+)(?: ; [^\\]+)? \\\n((?:    --hash=sha256:[0-9a-f]{64}(?: \\)?\n)+)", re.MULTILINE)
 LOCK = (ROOT / "requirements.lock").read_text()
@@ -35,7 +35,7 @@ def test_the_lock_serves_what_the_project_asks_for() -> None:
 
 def test_no_file_names_the_host_of_a_registry() -> None:
     found = []
-    for path in files():
+    for path in project_files():
         try:
             text = path.read_text(encoding="utf-8")
         except UnicodeDecodeError:

@@ -11,10 +11,10 @@ import pytest
 
 from messages.nav import Odometry
 from messages.topics import GROUND_TRUTH
-from services.runtime.inputs import Input
+from services.runtime.subscriber import Subscriber
 from tests.docs.readme import blocks, section
-from tests.processes import Network, Process
-from tests.waiting import until
+from tests.harness.processes import Network, Process
+from tests.harness.waiting import wait_until
 
 SECTION = section("A controller of your own")
 FACTOR = 4
@@ -23,17 +23,17 @@ WITHIN_S = 60.0
 """Wall time for a drive of 1.4 m at 0.2 m/s, on a machine that is busy."""
 
 
-class Watched:
+class RobotMonitor:
     """A robot's ground truth, sample by sample."""
 
-    def __init__(self, source: Input[Odometry]) -> None:
+    def __init__(self, source: Subscriber[Odometry]) -> None:
         self._source = source
         self.samples: list[Odometry] = []
 
     def look(self) -> list[Odometry]:
         """All samples so far."""
-        self._source.admit()
-        self.samples += [message for message, _ in self._source.batch]
+        self._source.update()
+        self.samples += [message for message, _ in self._source.messages]
         return self.samples
 
     @property
@@ -76,27 +76,27 @@ def test_it_drives_to_the_point_and_the_robot_stops_without_it(tmp_path: Path) -
     robots = [{"name": "tb3_0", "model": "burger", "yaw": 1.57}, {"name": "tb3_1", "model": "burger", "y": 0.5}]
     settings = ("--param", f"robots={json.dumps(robots)}", "--param", "mode=real", "--param", f"factor={FACTOR}")
     with Network(tmp_path) as network, network.node() as node:
-        driven = Watched(node.read(GROUND_TRUTH, "/tb3_0/ground_truth"))
-        beside = Watched(node.read(GROUND_TRUTH, "/tb3_1/ground_truth"))
+        driven = RobotMonitor(node.subscribe(GROUND_TRUTH, "/tb3_0/ground_truth"))
+        beside = RobotMonitor(node.subscribe(GROUND_TRUTH, "/tb3_1/ground_truth"))
         network.start("sim", *settings)
-        until(lambda: driven.look() and beside.look(), 30.0, "ground truth of both robots")
+        wait_until(lambda: driven.look() and beside.look(), 30.0, "ground truth of both robots")
         assert driven.away > 1.4
 
         first = start(network, tmp_path)
-        until(lambda: driven.away < 0.7 and driven.speed > 0.1, WITHIN_S, "a robot on its way")
+        wait_until(lambda: driven.away < 0.7 and driven.speed > 0.1, WITHIN_S, "a robot on its way")
         assert first.stop() == 0
         left = driven.seconds
-        until(lambda: driven.speed < 0.001, WITHIN_S, "a robot that stands, left alone")
-        until(lambda: driven.seconds > left + 1, WITHIN_S, "a second more of simulation time")
+        wait_until(lambda: driven.speed < 0.001, WITHIN_S, "a robot that stands, left alone")
+        wait_until(lambda: driven.seconds > left + 1, WITHIN_S, "a second more of simulation time")
         assert (
             max(each.twist.twist.linear.x for each in driven.look() if each.header.stamp.ns / 1e9 > left + 0.6) < 0.001
         )
         assert driven.away > 0.3
 
         with start(network, tmp_path) as second:
-            until(lambda: driven.away < 0.05 and driven.speed < 0.001, WITHIN_S, "a robot that stands at its goal")
+            wait_until(lambda: driven.away < 0.05 and driven.speed < 0.001, WITHIN_S, "a robot that stands at its goal")
             there = driven.seconds
-            until(lambda: driven.seconds > there + 2, WITHIN_S, "two seconds more of simulation time")
+            wait_until(lambda: driven.seconds > there + 2, WITHIN_S, "two seconds more of simulation time")
             assert driven.away < 0.05
             assert second.status is None, second.text
         assert second.status == 0

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from deploy.catalogue import declaration, kinds
-from deploy.commands.cli import VERBS
+from deploy.commands.cli import COMMANDS
 from deploy.fleet_file import fleet_names
+from deploy.service_catalog import load_service, service_kinds
 from messages.base import Message
 from messages.topics import TOPICS, Quality, Topic
 from services.sim import SERVICE
@@ -33,13 +33,13 @@ def test_every_request_of_the_simulation_is_named() -> None:
 
 def test_the_verbs_are_those_of_the_command_line() -> None:
     assert [[cells[0].split()[1], cells[1]] for cells in table(section("Commands"))] == [
-        [verb, about.about] for verb, about in VERBS.items()
+        [verb, about.about] for verb, about in COMMANDS.items()
     ]
 
 
 def test_the_services_are_those_that_exist() -> None:
     told = [[cells[0], cells[1].lower()] for cells in table(section("Services"))]
-    assert told == [[kind, declaration(kind).about.rstrip(".").lower()] for kind in kinds()]
+    assert told == [[kind, load_service(kind).about.rstrip(".").lower()] for kind in service_kinds()]
 
 
 def test_every_fleet_is_named() -> None:

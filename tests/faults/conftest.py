@@ -7,69 +7,69 @@ from contextlib import ExitStack
 
 import pytest
 
-from tests.faults import fleets
-from tests.faults.fleet import START_S, Fleet
+from tests.faults import fleet_files
+from tests.faults.supervised_fleet import START_S, SupervisedFleet
 
 
-class Ground:
+class FleetSlot:
     """Where one fleet drives; it gives way when a test asks for another."""
 
     def __init__(self, folders: pytest.TempPathFactory, session: pytest.Session) -> None:
         self._folders, self._session = folders, session
         self._failed = 0
         self._stack = ExitStack()
-        self._fleet: Fleet | None = None
+        self._fleet: SupervisedFleet | None = None
         self._name = ""
 
-    def fleet(self, name: str, description: str, robots: int) -> Fleet:
+    def fleet(self, name: str, description: str, robots: int) -> SupervisedFleet:
         """The fleet of this name, as it is or newly started if a test has failed with it."""
         failed, self._failed = self._failed, self._session.testsfailed
         if self._fleet is None or self._name != name or failed != self._failed:
-            self.clear()
+            self.stop()
             folder = self._folders.mktemp(name)
-            self._fleet, self._name = self._stack.enter_context(Fleet(description, robots, folder)), name
+            self._fleet, self._name = self._stack.enter_context(SupervisedFleet(description, robots, folder)), name
         return self._fleet
 
-    def clear(self) -> None:
+    def stop(self) -> None:
         """End the fleet."""
         self._fleet = None
         self._stack.close()
 
 
 @pytest.fixture(scope="package")
-def ground(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Iterator[Ground]:
-    ground = Ground(tmp_path_factory, request.session)
+def ground(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Iterator[FleetSlot]:
+    ground = FleetSlot(tmp_path_factory, request.session)
     yield ground
-    ground.clear()
+    ground.stop()
 
 
 @pytest.fixture
-def driving(ground: Ground) -> Fleet:
+def driving(ground: FleetSlot) -> SupervisedFleet:
     """Four robots at full speed, three of them by controllers that hang when told."""
-    fleet = ground.fleet("driving", fleets.DRIVING, 4)
+    fleet = ground.fleet("driving", fleet_files.DRIVING, 4)
     fleet.wait_ready(within=START_S)
-    fleet.wait_full_speed(*fleet.observer.robots)
+    fleet.wait_full_speed(*fleet.recorder.robots)
     return fleet
 
 
 @pytest.fixture
-def star(ground: Ground) -> Fleet:
+def star(ground: FleetSlot) -> SupervisedFleet:
     """Everything through the router; a robot at full speed, and one that waits for commands of the test."""
-    fleet = ground.fleet("star", fleets.STAR, 2)
+    fleet = ground.fleet("star", fleet_files.STAR, 2)
     fleet.wait_ready(within=START_S)
     fleet.wait_full_speed("tb3_0")
     return fleet
 
 
 @pytest.fixture
-def broken(ground: Ground) -> Fleet:
+def broken(ground: FleetSlot) -> SupervisedFleet:
     """A robot, services that raise when told, and one that ends at once."""
-    fleet = ground.fleet("broken", fleets.BROKEN, 1)
+    fleet = ground.fleet("broken", fleet_files.BROKEN, 1)
     fleet.wait_ready("tb3_0/waypoint", within=START_S)
     return fleet
 
 
 @pytest.fixture
-def alone(ground: Ground) -> None:
+def alone(ground: FleetSlot) -> None:
     """No other fleet runs beside the test's own."""
-    ground.clear()
+    ground.stop()

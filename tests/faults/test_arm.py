@@ -13,8 +13,8 @@ from messages.requests import PARAMS_SET
 from messages.sensor import JointState
 from messages.topics import JOINT_EFFORT, JOINT_STATES, REFERENCE
 from services.runtime.node import Node
-from tests.faults.conftest import Ground
-from tests.faults.fleet import START_S, Fleet
+from tests.faults.conftest import FleetSlot
+from tests.faults.supervised_fleet import START_S, SupervisedFleet
 
 DURATION_S = 0.1
 """How long an effort of the controller acts."""
@@ -44,14 +44,14 @@ parameters = {{ reference_type = "sine", sin_ref_gain = 30.0, sin_ref_f = 0.2 }}
 """
 
 
-class Witness:
+class ArmRecorder:
     """Everything seen of the joint, the jobs on it and the references, as it was sent."""
 
     def __init__(self, node: Node) -> None:
         self.node = node
-        self._joints = node.read(JOINT_STATES, "/arm/joint_states")
-        self._efforts = node.read(JOINT_EFFORT, "/arm/joint_effort")
-        self._references = node.read(REFERENCE)
+        self._joints = node.subscribe(JOINT_STATES, "/arm/joint_states")
+        self._efforts = node.subscribe(JOINT_EFFORT, "/arm/joint_effort")
+        self._references = node.subscribe(REFERENCE)
         self.joints: list[JointState] = []
         self.jobs: list[JointEffort] = []
         self.references: list[float] = []
@@ -59,10 +59,10 @@ class Witness:
     def look(self) -> None:
         """Take what has come."""
         for each in (self._joints, self._efforts, self._references):
-            each.admit()
-        self.joints += [state for state, _ in self._joints.batch]
-        self.jobs += [job for job, _ in self._efforts.batch]
-        self.references += [reference.data for reference, _ in self._references.batch]
+            each.update()
+        self.joints += [state for state, _ in self._joints.messages]
+        self.jobs += [job for job, _ in self._efforts.messages]
+        self.references += [reference.data for reference, _ in self._references.messages]
 
     @property
     def angle(self) -> float:
@@ -76,16 +76,18 @@ class Witness:
 
 
 @pytest.fixture(scope="module")
-def swinging(ground: Ground, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Fleet, Witness]]:
-    ground.clear()  # no other fleet runs beside it
-    with Fleet(ARM, 0, tmp_path_factory.mktemp("arm")) as fleet, fleet.node("witness") as node:
-        witness = Witness(node)
+def swinging(
+    ground: FleetSlot, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[tuple[SupervisedFleet, ArmRecorder]]:
+    ground.stop()  # no other fleet runs beside it
+    with SupervisedFleet(ARM, 0, tmp_path_factory.mktemp("arm")) as fleet, fleet.node("witness") as node:
+        witness = ArmRecorder(node)
         fleet.wait_ready(within=START_S)
         follows(fleet, witness)
         yield fleet, witness
 
 
-def follows(fleet: Fleet, witness: Witness) -> None:
+def follows(fleet: SupervisedFleet, witness: ArmRecorder) -> None:
     """Until the joint has been near the reference at both ends of its swing."""
     seen: set[int] = set()
 
@@ -98,7 +100,9 @@ def follows(fleet: Fleet, witness: Witness) -> None:
     fleet.wait(look, "a joint that follows its reference", within=START_S)
 
 
-def test_a_killed_controller_lets_the_joint_go_within_its_last_job(swinging: tuple[Fleet, Witness]) -> None:
+def test_a_killed_controller_lets_the_joint_go_within_its_last_job(
+    swinging: tuple[SupervisedFleet, ArmRecorder],
+) -> None:
     fleet, witness = swinging
     before = fleet.process("arm/arm")
     fleet.kill("arm/arm")
@@ -118,12 +122,12 @@ def test_a_killed_controller_lets_the_joint_go_within_its_last_job(swinging: tup
     assert set(free) == {0.0}, "no effort acts when the job is over"
     assert acting[-1] >= start, "and it does act until then"
 
-    fleet.wait_new_life(before)
+    fleet.wait_restarted(before)
     follows(fleet, witness)
     assert "killed by signal 9" in fleet.log("arm/arm")
 
 
-def test_a_killed_reference_is_held_and_said(swinging: tuple[Fleet, Witness]) -> None:
+def test_a_killed_reference_is_held_and_said(swinging: tuple[SupervisedFleet, ArmRecorder]) -> None:
     """What the controller sends acts longer here: one that gets no processor for a moment does not let the joint go."""
     fleet, witness = swinging
     patient = (Assignment(name="duration", value=PATIENCE_S), Assignment(name="state_timeout", value=PATIENCE_S))

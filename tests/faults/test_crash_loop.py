@@ -7,18 +7,18 @@ import re
 import psutil
 import pytest
 
-from deploy.policy import JITTER, Policy
-from tests.faults.fleet import START_S, Fleet
-from tests.faults.track import FULL_SPEED
+from deploy.restart_policy import JITTER, RestartPolicy
+from tests.faults.supervised_fleet import START_S, SupervisedFleet
+from tests.harness.robot_recorder import FULL_SPEED
 
 NAME = "crash_at_once"
 BUSY = 0.05
 """Share of a core that the supervisor may take."""
 
 
-def test_it_is_given_up_after_pauses_that_grow(broken: Fleet) -> None:
+def test_it_is_given_up_after_pauses_that_grow(broken: SupervisedFleet) -> None:
     broken.wait(lambda: broken.process(NAME).state == "failed", "a service that is given up", START_S)
-    policy, log = Policy(), broken.log(NAME)
+    policy, log = RestartPolicy(), broken.log(NAME)
     pauses = [float(each) for each in re.findall(r"backing off: exit status 1; again in ([\d.]+) s", log)]
     expected = [min(policy.longest, policy.first * 2**number) for number in range(policy.limit)]
     assert pauses == pytest.approx(expected, rel=JITTER + 0.05)
@@ -28,16 +28,16 @@ def test_it_is_given_up_after_pauses_that_grow(broken: Fleet) -> None:
     assert broken.process(NAME).restarts == policy.limit
 
 
-def test_it_stays_given_up_and_the_others_do_not_mind(broken: Fleet) -> None:
+def test_it_stays_given_up_and_the_others_do_not_mind(broken: SupervisedFleet) -> None:
     broken.wait(lambda: broken.process(NAME).state == "failed", "a service that is given up", START_S)
     broken.wait_full_speed("tb3_0")
     supervisor, robot = psutil.Process(broken.supervisor.pid), broken.robot("tb3_0")
-    start, seen = sum(supervisor.cpu_times()[:2]), len(robot.sights)
+    start, seen = sum(supervisor.cpu_times()[:2]), len(robot.samples)
     broken.wait_simulated(3.0)
-    busy = (sum(supervisor.cpu_times()[:2]) - start) / ((robot.sights[-1].sent - robot.sights[seen].sent) / 1e9)
+    busy = (sum(supervisor.cpu_times()[:2]) - start) / ((robot.samples[-1].sent - robot.samples[seen].sent) / 1e9)
     print(f"the supervisor takes {busy:.1%} of a core")
     assert busy < BUSY
-    assert broken.log(NAME).splitlines().count("the lidar does not answer") == 1 + Policy().limit
-    assert min(each.speed for each in robot.sights[seen:]) > FULL_SPEED
+    assert broken.log(NAME).splitlines().count("the lidar does not answer") == 1 + RestartPolicy().limit
+    assert min(each.speed for each in robot.samples[seen:]) > FULL_SPEED
     for name in ("router", "sim", "grader", "tb3_0/waypoint"):
         assert (broken.process(name).state, broken.process(name).restarts) == ("ready", 0)

@@ -15,19 +15,19 @@ from messages.elea import EmergencyStop
 from messages.requests import DELETE, LIST_STOPS, SPAWN, Name
 from messages.simulation import SpawnModel
 from messages.std import Empty
-from services.panel.address import FILE, read
+from services.panel.address import ADDRESS_FILE, read_address
 from services.runtime.process import ROOT
-from tests.faults.fleet import START_S, Fleet
-from tests.faults.fleets import HEAD, robot, waypoint
+from tests.faults.fleet_files import FLEET_HEADER, robot_table, waypoint_entry
+from tests.faults.supervised_fleet import START_S, SupervisedFleet
 from tests.faults.test_killed_simulation import LANDING
-from tests.faults.track import STANDING
-from tests.panel.client import client, hear, say
-from tests.waiting import until
+from tests.harness.robot_recorder import STANDSTILL_SPEED
+from tests.harness.waiting import wait_until
+from tests.services.panel.page_client import page_client, send, wait_message
 
 DESCRIPTION = (
-    HEAD.format(topology="direct")
-    + robot(0, waypoint(0))
-    + robot(1, waypoint(1))
+    FLEET_HEADER.format(topology="direct")
+    + robot_table(0, waypoint_entry(0))
+    + robot_table(1, waypoint_entry(1))
     + '\n[[service]]\nkind = "sim"\nrestart = { first = 0.2 }\n'
     + '\n[[service]]\nkind = "panel"\nrestart = { first = 0.2 }\nparameters = { port = 0 }\n'
 )
@@ -35,32 +35,35 @@ FREE = "tb3_1"
 """The robot that nobody stops: it shows that its controller drives, and time runs."""
 
 
-class Yard:
+class EmergencyStopHarness:
     """Two robots at full speed, a page of the panel, and the verbs of a person's shell."""
 
-    def __init__(self, fleet: Fleet) -> None:
+    def __init__(self, fleet: SupervisedFleet) -> None:
         self.fleet, self.robot = fleet, fleet.robot("tb3_0")
 
     def page(self, on: bool, name: str = "/tb3_0") -> str:
         """Press STOP, or reset, of a robot on a page; what it answers."""
-        address = until(lambda: read(self.fleet.folder / "run" / FILE), what="the panel's address")
-        with client(address) as at:
-            say(at, k="want", channels=["robots"])
-            until(lambda: any(each["ns"] == name for each in hear(at, "robots")["robots"]), what=f"{name} on the page")
-            say(at, k="estop", id=1, robot=name, on=on)
-            return str(hear(at, "reply")["is"])
+        address = wait_until(lambda: read_address(self.fleet.folder / "run" / ADDRESS_FILE), what="the panel's address")
+        with page_client(address) as at:
+            send(at, k="want", channels=["robots"])
+            wait_until(
+                lambda: any(each["ns"] == name for each in wait_message(at, "robots")["robots"]),
+                what=f"{name} on the page",
+            )
+            send(at, k="estop", id=1, robot=name, on=on)
+            return str(wait_message(at, "reply")["is"])
 
     def shown(self) -> tuple[bool, bool]:
         """Whether a new page shows the robot as stopped by this panel, and as stopped at all."""
-        address = until(lambda: read(self.fleet.folder / "run" / FILE), what="the panel's address")
-        with client(address) as at:
-            say(at, k="want", channels=["robots"])
+        address = wait_until(lambda: read_address(self.fleet.folder / "run" / ADDRESS_FILE), what="the panel's address")
+        with page_client(address) as at:
+            send(at, k="want", channels=["robots"])
 
             def told() -> dict[str, bool] | None:
-                robots = hear(at, "robots")["robots"]
+                robots = wait_message(at, "robots")["robots"]
                 return next((each for each in robots if each["ns"] == "/tb3_0" and each["stopped"]), None)
 
-            found = until(told, what="a robot that is stopped, on a page")
+            found = wait_until(told, what="a robot that is stopped, on a page")
             return found["asked"], found["stopped"]
 
     def verb(self, *arguments: str) -> subprocess.Popen[str]:
@@ -77,7 +80,7 @@ class Yard:
 
     def stops(self) -> tuple[EmergencyStop, ...]:
         """What the simulation holds."""
-        return self.fleet.observer.node.call(LIST_STOPS, Empty()).stops
+        return self.fleet.recorder.node.call(LIST_STOPS, Empty()).stops
 
     def wait_held(self, *holders: str) -> None:
         """Until these, by the beginnings of their names, and no others hold the robot, and it stands."""
@@ -85,7 +88,11 @@ class Yard:
         def held() -> bool:
             names = self.robot.base.stopped_by
             fits = len(names) == len(holders) and all(map(str.startswith, sorted(names), sorted(holders)))
-            return fits and self.robot.base.e_stopped == bool(holders) and (not holders or self.robot.speed < STANDING)
+            return (
+                fits
+                and self.robot.base.e_stopped == bool(holders)
+                and (not holders or self.robot.speed < STANDSTILL_SPEED)
+            )
 
         self.fleet.wait(held, f"a robot held by {holders}, not {self.robot.base.stopped_by}")
 
@@ -98,29 +105,33 @@ class Yard:
         """Kill a process; when [ns] the next one had been started."""
         before = self.fleet.process(name)
         self.fleet.kill(name)
-        return self.fleet.wait_new_life(before)
+        return self.fleet.wait_restarted(before)
 
     def watch_it_stand(self, since: int) -> None:
         """From the first sight of it after ``since`` [ns] on, while its controller commands it and another drives."""
-        other, commands = self.fleet.robot(FREE), len(self.robot.commands)
+        other, commands = self.fleet.robot(FREE), len(self.robot.command_instants)
         self.fleet.wait(
-            lambda: other.sights[-1].sent > since and other.speed > 0.1 and len(self.robot.commands) > commands + 25,
+            lambda: (
+                other.samples[-1].sent > since
+                and other.speed > 0.1
+                and len(self.robot.command_instants) > commands + 25
+            ),
             "the other robot at speed, and a controller that drives this one",
         )
-        moved = [each for each in self.robot.sights if each.sent > since and each.speed > LANDING]
+        moved = [each for each in self.robot.samples if each.sent > since and each.speed > LANDING]
         assert moved == []
         assert self.robot.base.e_stopped
 
 
 @pytest.fixture(scope="module")
-def yard(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Yard]:
-    with Fleet(DESCRIPTION, 2, tmp_path_factory.mktemp("stops")) as fleet:
+def yard(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmergencyStopHarness]:
+    with SupervisedFleet(DESCRIPTION, 2, tmp_path_factory.mktemp("stops")) as fleet:
         fleet.wait_ready(within=START_S)
         fleet.wait_full_speed("tb3_0", FREE)
-        yield Yard(fleet)
+        yield EmergencyStopHarness(fleet)
 
 
-def test_a_stop_from_the_panel_outlives_the_simulation_and_the_panel(yard: Yard) -> None:
+def test_a_stop_from_the_panel_outlives_the_simulation_and_the_panel(yard: EmergencyStopHarness) -> None:
     yard.page(True)
     yard.wait_held("/panel")
     born = yard.restart("sim")
@@ -136,7 +147,7 @@ def test_a_stop_from_the_panel_outlives_the_simulation_and_the_panel(yard: Yard)
     yard.wait_driving()
 
 
-def test_a_stop_from_a_tool_outlives_it_and_holders_do_not_release_each_other(yard: Yard) -> None:
+def test_a_stop_from_a_tool_outlives_it_and_holders_do_not_release_each_other(yard: EmergencyStopHarness) -> None:
     holding = yard.verb("topic", "pub", "/tb3_0/e_stop", "true")
     yard.wait_held("/_pub_")
     holding.kill()
@@ -159,31 +170,31 @@ def test_a_stop_from_a_tool_outlives_it_and_holders_do_not_release_each_other(ya
     assert yard.do("sim", "stops") == "no robot is stopped\n"
 
 
-def test_what_is_given_while_the_simulation_is_down_or_paused_counts(yard: Yard) -> None:
+def test_what_is_given_while_the_simulation_is_down_or_paused_counts(yard: EmergencyStopHarness) -> None:
     yard.do("sim", "pause")
     yard.do("topic", "pub", "--once", "--wall-time", "/e_stop", "true")
-    until(lambda: [each.robot for each in yard.stops()] == [""], what="a stop of all that counts in a pause")
+    wait_until(lambda: [each.robot for each in yard.stops()] == [""], what="a stop of all that counts in a pause")
     born = yard.restart("sim")
-    yard.fleet.wait(lambda: yard.robot.sights[-1].sent > born, "the new simulation")
+    yard.fleet.wait(lambda: yard.robot.samples[-1].sent > born, "the new simulation")
     yard.wait_held("/_pub_")
-    assert [each for each in yard.fleet.robot(FREE).sights if each.sent > born and each.speed > LANDING] == []
+    assert [each for each in yard.fleet.robot(FREE).samples if each.sent > born and each.speed > LANDING] == []
     assert "all robots: the stop of /_pub_" in yard.do("sim", "release", "--all")
     yard.wait_driving()
 
 
-def test_a_deleted_robot_takes_its_stop_with_it(yard: Yard) -> None:
+def test_a_deleted_robot_takes_its_stop_with_it(yard: EmergencyStopHarness) -> None:
     yard.page(True)
     yard.wait_held("/panel")
-    place = yard.fleet.observer.node.call(DELETE, Name(name="tb3_0"))
+    place = yard.fleet.recorder.node.call(DELETE, Name(name="tb3_0"))
     assert place.text == "tb3_0 is gone"
     assert yard.stops() == ()
-    born = max(each.sent for each in yard.robot.sights)
-    yard.fleet.observer.node.call(SPAWN, SpawnModel(name="tb3_0", model="burger"))
-    yard.fleet.wait(lambda: yard.robot.sights[-1].sent > born, "the robot of the same name")
+    born = max(each.sent for each in yard.robot.samples)
+    yard.fleet.recorder.node.call(SPAWN, SpawnModel(name="tb3_0", model="burger"))
+    yard.fleet.wait(lambda: yard.robot.samples[-1].sent > born, "the robot of the same name")
     yard.wait_driving()
 
 
-def test_a_file_that_cannot_be_written_or_read(yard: Yard) -> None:
+def test_a_file_that_cannot_be_written_or_read(yard: EmergencyStopHarness) -> None:
     run = Path(yard.fleet.folder) / "run"
     file = run / "stops.json"
     beside = run / f".stops.json.{yard.fleet.process('sim').pid}"
@@ -201,7 +212,7 @@ def test_a_file_that_cannot_be_written_or_read(yard: Yard) -> None:
     born = yard.restart("sim")
     yard.wait_held("/panel", "(damaged file)")
     assert psutil.pid_exists(yard.fleet.process("sim").pid)
-    assert [each for each in yard.fleet.robot(FREE).sights if each.sent > born and each.speed > LANDING] == []
+    assert [each for each in yard.fleet.robot(FREE).samples if each.sent > born and each.speed > LANDING] == []
     assert "all robots are stopped" in yard.fleet.log("sim")
     yard.page(False)
     yard.do("sim", "release", "--all")

@@ -5,39 +5,39 @@ from __future__ import annotations
 import psutil
 
 from messages.std import String
-from services.runtime.inputs import Input
-from tests.faults.fleet import Fleet
+from services.runtime.subscriber import Subscriber
 from tests.faults.services.timekeeper import TICKS
+from tests.faults.supervised_fleet import SupervisedFleet
 
 LANDING = 0.01
 """m/s; a robot that was just put into the world settles on its wheels."""
 
 
-def test_controllers_wait_without_time_and_follow_the_new_one(driving: Fleet) -> None:
-    robot, ticks = driving.robot("tb3_0"), driving.observer.node.read(TICKS, "/ticks")
+def test_controllers_wait_without_time_and_follow_the_new_one(driving: SupervisedFleet) -> None:
+    robot, ticks = driving.robot("tb3_0"), driving.recorder.node.subscribe(TICKS, "/ticks")
     driving.wait(lambda: _admitted(ticks), "a tick")
-    told = [message.data.split() for message, _ in ticks.batch]
-    others = {name: each for name, each in driving.observer.processes.items() if name != "sim"}
-    before, old = driving.process("sim"), driving.robot("tb3_0").sights[-1].time
+    told = [message.data.split() for message, _ in ticks.messages]
+    others = {name: each for name, each in driving.recorder.processes.items() if name != "sim"}
+    before, old = driving.process("sim"), driving.robot("tb3_0").samples[-1].time
     killed = driving.kill("sim")
     controllers = [f"/{name}" for name in others if name.startswith("tb3_") or name == "timekeeper"]
-    driving.wait(lambda: all(driving.observer.state(each) == "waiting" for each in controllers), "idle controllers")
-    idle = max(driving.observer.health[each][0] for each in controllers)
+    driving.wait(lambda: all(driving.recorder.state(each) == "waiting" for each in controllers), "idle controllers")
+    idle = max(driving.recorder.health[each][0] for each in controllers)
 
-    driving.wait_new_life(before)
-    driving.wait(lambda: robot.sights[-1].time < old, "a robot of the new simulation")
-    began = next(each for each in robot.sights if each.sent > killed and each.time < old)
-    driving.wait_full_speed(*driving.observer.robots)
-    assert [each for each in robot.commands if idle < each < began.sent] == []
+    driving.wait_restarted(before)
+    driving.wait(lambda: robot.samples[-1].time < old, "a robot of the new simulation")
+    began = next(each for each in robot.samples if each.sent > killed and each.time < old)
+    driving.wait_full_speed(*driving.recorder.robots)
+    assert [each for each in robot.command_instants if idle < each < began.sent] == []
     assert began.x < 0.1, "the world is as it was at the start"
     assert robot.base.stale_dropped == 0
-    fresh = robot.fresh_command(began.sent)
+    fresh = robot.first_command_after(began.sent)
     assert fresh is not None
-    assert [each for each in robot.sights if began.sent <= each.sent < fresh and each.speed > LANDING] == []
-    driving.wait(lambda: all(driving.observer.state(each) == "running" for each in controllers), "controllers at work")
+    assert [each for each in robot.samples if began.sent <= each.sent < fresh and each.speed > LANDING] == []
+    driving.wait(lambda: all(driving.recorder.state(each) == "running" for each in controllers), "controllers at work")
 
-    ticks.admit()
-    told += [message.data.split() for message, _ in ticks.batch]
+    ticks.update()
+    told += [message.data.split() for message, _ in ticks.messages]
     times = [int(time) for time, *_ in told]
     assert all(float(dt) >= 0.0 for _, dt, *_ in told)
     back = [number for number in range(1, len(times)) if times[number] < times[number - 1]]
@@ -49,7 +49,7 @@ def test_controllers_wait_without_time_and_follow_the_new_one(driving: Fleet) ->
         assert psutil.pid_exists(each.pid)
 
 
-def _admitted(ticks: Input[String]) -> bool:
+def _admitted(ticks: Subscriber[String]) -> bool:
     """Whether anything has come."""
-    ticks.admit()
-    return bool(ticks.batch)
+    ticks.update()
+    return bool(ticks.messages)

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.faults.fleet import SOON_S, START_S, Fleet
-from tests.faults.fleets import FAMILY
-from tests.waiting import until
+from tests.faults.fleet_files import FAMILY
+from tests.faults.supervised_fleet import START_S, WITHIN_S, SupervisedFleet
+from tests.harness.waiting import wait_until
 
 NODES = ("router", "params", "sim", "grader", "parent", "tb3_0/waypoint")
 FAMILY_SIZE = len(NODES) + 3
@@ -17,17 +17,17 @@ FAMILY_SIZE = len(NODES) + 3
 
 @pytest.mark.usefixtures("alone")
 def test_all_are_gone_and_up_works_again_on_the_same_port(tmp_path: Path) -> None:
-    with Fleet(FAMILY, 1, tmp_path / "first") as fleet:
+    with SupervisedFleet(FAMILY, 1, tmp_path / "first") as fleet:
         fleet.wait_ready(*NODES, within=START_S)
         fleet.wait_full_speed("tb3_0")
-        fleet.wait(lambda: len(fleet.count()) == FAMILY_SIZE, "the whole family")
-        assert any("time.sleep(1000)" in " ".join(each.cmdline()) for each in fleet.family)
+        fleet.wait(lambda: len(fleet.note_descendants()) == FAMILY_SIZE, "the whole family")
+        assert any("time.sleep(1000)" in " ".join(each.cmdline()) for each in fleet.descendants)
         assert fleet.supervisor.kill() == -9
-        until(lambda: fleet.left() == [], SOON_S, "everybody to be gone")
+        wait_until(lambda: fleet.survivors() == [], WITHIN_S, "everybody to be gone")
 
-        with Fleet(FAMILY, 1, tmp_path / "second", fleet.port) as again:
+        with SupervisedFleet(FAMILY, 1, tmp_path / "second", fleet.port) as again:
             again.wait_ready(*NODES, within=START_S)
             again.wait_full_speed("tb3_0")
-            assert {name: len(again.observer.sessions[f"/{name}"]) for name in NODES} == dict.fromkeys(NODES, 1)
-            assert all(each.restarts == 0 for each in again.observer.processes.values())
-            assert fleet.left() == []
+            assert {name: len(again.recorder.sessions[f"/{name}"]) for name in NODES} == dict.fromkeys(NODES, 1)
+            assert all(each.restarts == 0 for each in again.recorder.processes.values())
+            assert fleet.survivors() == []

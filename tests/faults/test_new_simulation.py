@@ -7,27 +7,27 @@ from messages.rosgraph import Clock
 from messages.std import Time
 from messages.topics import CLOCK, Quality
 from services.runtime.graph import Entity
-from services.runtime.network.memory_transport import MemoryBus, MemoryTransport
-from services.runtime.network.wire import attach, encoding, publisher_id
 from services.runtime.pacing import ClockPacer, Instant
-from tests.runtime.bench import node
+from services.runtime.transport.memory import MemoryBus, MemoryTransport
+from services.runtime.transport.wire import encoding, pack_attachment, publisher_id
+from tests.harness.memory_node import memory_node
 
 PERIOD_NS = 40_000_000
 
 
 def test_another_clock_is_another_simulation_once_the_one_before_is_gone() -> None:
     bus = MemoryBus()
-    outlet = MemoryTransport(bus).publish(CLOCK.name[1:], encoding(Clock.ROS_TYPE), Quality.SENSOR)
-    with node(bus, "listener") as listener:
+    outlet = MemoryTransport(bus).advertise(CLOCK.name[1:], encoding(Clock.ROS_TYPE), Quality.SENSOR)
+    with memory_node(bus, "listener") as listener:
         pacer = ClockPacer(listener, PERIOD_NS)
 
         def told(ns: int, simulation: MemoryTransport) -> Instant | None:
             publisher = publisher_id("/sim", simulation.session, CLOCK.name[1:])
-            outlet.put(encode(Clock(clock=Time.of(ns))), attachment=attach(1, publisher))
+            outlet.put(encode(Clock(clock=Time.of(ns))), attachment=pack_attachment(1, publisher))
             return pacer.next()
 
         old, new = MemoryTransport(bus), MemoryTransport(bus)
-        token = old.token(Entity(old.session, "pub", "/sim", CLOCK.name, Clock.ROS_TYPE, "SENSOR").key)
+        token = old.declare_token(Entity(old.session, "pub", "/sim", CLOCK.name, Clock.ROS_TYPE, "SENSOR").key)
         first, second = told(0, old), told(PERIOD_NS, old)
         assert first is not None
         assert second is not None

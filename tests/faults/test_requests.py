@@ -13,17 +13,17 @@ from messages.elea import ModelState
 from messages.parameters import SetParameters
 from messages.requests import GET_STATE, PARAMS_SET, SUPERVISOR_STOP, Name
 from messages.simulation import GetModelState
-from services.runtime.calls import servers
 from services.runtime.errors import CallFailed, SeveralServers
 from services.runtime.graph import snapshot
-from services.runtime.network.backlog import LONGEST_REASON, MOST_WAITING
-from services.runtime.network.transport import TIMEOUT
-from services.runtime.network.zenoh_config import LARGEST_MESSAGE
-from tests.faults.conftest import Ground
-from tests.faults.fleet import START_S, Fleet
-from tests.params.sets import values
-from tests.runtime.turning import turning
-from tests.system.stranger import refusal, stranger
+from services.runtime.requests import servers
+from services.runtime.transport.api import TIMEOUT
+from services.runtime.transport.request_queue import MAX_REASON_LENGTH, MAX_WAITING
+from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
+from tests.faults.conftest import FleetSlot
+from tests.faults.supervised_fleet import START_S, SupervisedFleet
+from tests.harness.external_client import error_reason, external_client
+from tests.harness.memory_node import spinning
+from tests.services.params.parameter_client import assignments
 
 FLEET = """
 name = "asked"
@@ -44,55 +44,55 @@ UNKNOWN = msgpack.packb({"set": SET, "values": [{"name": f"x{number:0250}", "val
 
 
 @pytest.fixture(scope="module")
-def asked(ground: Ground, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Fleet]:
-    ground.clear()
-    with Fleet(FLEET, 1, tmp_path_factory.mktemp("asked")) as fleet:
+def asked(ground: FleetSlot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[SupervisedFleet]:
+    ground.stop()
+    with SupervisedFleet(FLEET, 1, tmp_path_factory.mktemp("asked")) as fleet:
         fleet.wait_ready(within=START_S)
         yield fleet
 
 
 @pytest.fixture
-def session(asked: Fleet) -> Iterator[zenoh.Session]:
-    with stranger(asked.endpoint) as made:
+def session(asked: SupervisedFleet) -> Iterator[zenoh.Session]:
+    with external_client(asked.endpoint) as made:
         yield made
 
 
 @pytest.fixture
-def unharmed(asked: Fleet) -> Iterator[None]:
+def unharmed(asked: SupervisedFleet) -> Iterator[None]:
     """Each process lives on, its heart beats on, and the next true requests are answered."""
-    before = {name: each.pid for name, each in asked.observer.processes.items()}
+    before = {name: each.pid for name, each in asked.recorder.processes.items()}
     yield
-    beats = {node: asked.observer.health[node][1].beat for node in NODES}
-    node = asked.observer.node
+    beats = {node: asked.recorder.health[node][1].beat for node in NODES}
+    node = asked.recorder.node
     assert node.call(GET_STATE, GetModelState(name="tb3_0")).name == "tb3_0"
-    assert node.call(PARAMS_SET, SetParameters(set=SET, values=values(publish_rate=20.0), run=True)).set == SET
+    assert node.call(PARAMS_SET, SetParameters(set=SET, values=assignments(publish_rate=20.0), run=True)).set == SET
     with pytest.raises(CallFailed, match="unknown process 'rooter'; did you mean 'router'"):
         node.call(SUPERVISOR_STOP, Name(name="rooter"))
-    asked.wait(lambda: all(asked.observer.health[each][1].beat > beats[each] + 1 for each in NODES), "more heartbeats")
-    assert {name: each.pid for name, each in asked.observer.processes.items()} == before
-    assert all(each.restarts == 0 for each in asked.observer.processes.values())
+    asked.wait(lambda: all(asked.recorder.health[each][1].beat > beats[each] + 1 for each in NODES), "more heartbeats")
+    assert {name: each.pid for name, each in asked.recorder.processes.items()} == before
+    assert all(each.restarts == 0 for each in asked.recorder.processes.values())
 
 
 @pytest.mark.usefixtures("unharmed")
-def test_a_request_of_eight_megabytes_is_refused_unread(asked: Fleet, session: zenoh.Session) -> None:
+def test_a_request_of_eight_megabytes_is_refused_unread(asked: SupervisedFleet, session: zenoh.Session) -> None:
     payload = bytes(LARGEST_MESSAGE - 4096)
     for request in (GET_STATE, PARAMS_SET, SUPERVISOR_STOP):
-        said = refusal(session, request.name[1:], payload)
+        said = error_reason(session, request.name[1:], payload)
         assert said == f"a request of {len(payload)} bytes: at most {request.largest} are taken here"
-    asked.wait(lambda: all(asked.observer.health[each][1].refused_requests for each in NODES), "the counts in health")
-    assert "a request of" in asked.observer.health["/sim"][1].request_reason
+    asked.wait(lambda: all(asked.recorder.health[each][1].refused_requests for each in NODES), "the counts in health")
+    assert "a request of" in asked.recorder.health["/sim"][1].request_reason
 
 
 @pytest.mark.usefixtures("unharmed")
 def test_names_that_are_long_or_many_get_an_error_at_once(session: zenoh.Session) -> None:
     long = msgpack.packb({"name": "m" * 60_000})
     for request in (GET_STATE, SUPERVISOR_STOP):
-        assert refusal(session, request.name[1:], long) == "Expected `str` of length <= 255 - at `$.name`"
-    said = refusal(session, PARAMS_SET.name[1:], UNKNOWN)
+        assert error_reason(session, request.name[1:], long) == "Expected `str` of length <= 255 - at `$.name`"
+    said = error_reason(session, PARAMS_SET.name[1:], UNKNOWN)
     assert "990 more values were not looked at; nothing was changed" in said
-    assert len(said) <= LONGEST_REASON
+    assert len(said) <= MAX_REASON_LENGTH
     many = msgpack.packb({"set": SET, "values": [{}] * 200_000})
-    assert "length <= 1000 - at `$.values`" in refusal(session, PARAMS_SET.name[1:], many)
+    assert "length <= 1000 - at `$.values`" in error_reason(session, PARAMS_SET.name[1:], many)
 
 
 @pytest.mark.usefixtures("unharmed")
@@ -102,7 +102,7 @@ def test_a_flood_of_requests_stops_no_heart(session: zenoh.Session) -> None:
     payloads = {GET_STATE: nobody, PARAMS_SET: UNKNOWN, SUPERVISOR_STOP: nobody}
     flood = [
         session.get(request.name[1:], payload=payload, timeout=60.0)
-        for _ in range(MOST_WAITING + 200)
+        for _ in range(MAX_WAITING + 200)
         for request, payload in payloads.items()
     ]
     said = [reply.err.payload.to_bytes() for each in flood for reply in each if reply.err is not None]
@@ -112,11 +112,11 @@ def test_a_flood_of_requests_stops_no_heart(session: zenoh.Session) -> None:
     assert all(any(reason in each for reason in (b"nobody", b"unknown", b"busy")) for each in said)
 
 
-def test_two_servers_are_named_to_who_asks_in_the_log_and_by_doctor(asked: Fleet) -> None:
+def test_two_servers_are_named_to_who_asks_in_the_log_and_by_doctor(asked: SupervisedFleet) -> None:
     with asked.node("asker") as asker:
         with asked.node("rogue") as rogue:
             rogue.serve(GET_STATE, lambda _: ModelState(name="tb3_0"))
-            with turning(rogue):
+            with spinning(rogue):
                 asked.wait(lambda: len(servers(asker.transport, GET_STATE.name)) == 2, "both servers in sight")
                 with pytest.raises(SeveralServers, match="2 processes serve /sim/get_state") as caught:
                     asker.call(GET_STATE, GetModelState(name="tb3_0"))
@@ -130,7 +130,7 @@ def test_two_servers_are_named_to_who_asks_in_the_log_and_by_doctor(asked: Fleet
         assert asker.call(GET_STATE, GetModelState(name="tb3_0")).name == "tb3_0"
 
 
-def test_a_server_that_was_killed_and_returns_is_one_server(asked: Fleet) -> None:
+def test_a_server_that_was_killed_and_returns_is_one_server(asked: SupervisedFleet) -> None:
     before = asked.process("sim")
     asked.kill("sim")
     with asked.node("asker") as asker:
@@ -144,4 +144,4 @@ def test_a_server_that_was_killed_and_returns_is_one_server(asked: Fleet) -> Non
                 return False
 
         asked.wait(answered, "an answer of the new simulation")
-    asked.wait_new_life(before)
+    asked.wait_restarted(before)

@@ -6,11 +6,11 @@ import signal
 import time
 
 from messages.topics import CMD_VEL
-from tests.faults.fleet import SOON_S, Fleet
-from tests.faults.services.full_speed import FULL_SPEED as FORWARD
+from tests.faults.services.faulty_controller import FULL_SPEED as FORWARD
+from tests.faults.supervised_fleet import WITHIN_S, SupervisedFleet
 from tests.faults.test_killed_router import declared
-from tests.faults.track import FULL_SPEED, LATEST_STOP_S, STANDING, TIMEOUT_S, WHEELS
-from tests.waiting import until
+from tests.harness.robot_recorder import FULL_SPEED, LATEST_STOP_S, STANDSTILL_SPEED, TIMEOUT_S, WHEELS
+from tests.harness.waiting import wait_until
 
 BURST = 10
 """Commands sent into the frozen router, this [s] apart."""
@@ -20,22 +20,22 @@ SPACING_S = 0.02
 def pass_time(seconds: float) -> None:
     """Let commands grow old on the wall clock."""
     end = time.monotonic() + seconds
-    until(lambda: time.monotonic() > end)
+    wait_until(lambda: time.monotonic() > end)
 
 
-def test_a_burst_of_old_commands_is_dropped(star: Fleet) -> None:
+def test_a_burst_of_old_commands_is_dropped(star: SupervisedFleet) -> None:
     """What was sent into the frozen router arrives at once when it goes on; the commander is silent by then."""
     robot = star.robot("tb3_1")
     with star.node("commander", "star") as node:
-        commands = node.write(CMD_VEL, "/tb3_1/cmd_vel")
+        commands = node.advertise(CMD_VEL, "/tb3_1/cmd_vel")
         star.drive(commands, lambda: robot.speed > FULL_SPEED, "full speed")
         before = robot.base.stale_dropped
-        frozen = star.send("router", signal.SIGSTOP)
+        frozen = star.send_signal("router", signal.SIGSTOP)
         for _ in range(BURST):
             commands.publish(FORWARD)
             pass_time(SPACING_S)
         pass_time(2 * TIMEOUT_S)
-        continued = star.send("router", signal.SIGCONT)
+        continued = star.send_signal("router", signal.SIGCONT)
 
         star.wait(lambda: robot.base.stale_dropped > before, "old commands to be dropped")
         star.wait_simulated(1.0, "tb3_1")
@@ -44,37 +44,39 @@ def test_a_burst_of_old_commands_is_dropped(star: Fleet) -> None:
             f"{robot.seconds_to_stop(frozen):.3f} s of simulation time"
         )
         assert robot.seconds_to_stop(frozen) <= LATEST_STOP_S
-        assert [each for each in robot.sights if each.sent > continued and each.speed >= STANDING] == []
+        assert [each for each in robot.samples if each.sent > continued and each.speed >= STANDSTILL_SPEED] == []
         assert star.process("router").restarts == 0
         star.drive(commands, lambda: robot.speed > FULL_SPEED, "full speed by fresh commands")
 
 
-def test_without_the_router_all_robots_stop(star: Fleet) -> None:
-    robots, before = star.observer.robots, star.process("router")
+def test_without_the_router_all_robots_stop(star: SupervisedFleet) -> None:
+    robots, before = star.recorder.robots, star.process("router")
     with star.node("commander", "star") as node:
-        commands = node.write(CMD_VEL, "/tb3_1/cmd_vel")
+        commands = node.advertise(CMD_VEL, "/tb3_1/cmd_vel")
         star.drive(commands, lambda: all(each.speed > FULL_SPEED for each in robots.values()), "full speed")
         graph = declared(star, "early")
         driven = time.time_ns() + round(LATEST_STOP_S * 1e9)
         star.drive(commands, lambda: all(each.statuses[-1][0] > driven for each in robots.values()), "a new status")
         assert min(each.speed for each in robots.values()) > FULL_SPEED
-        last = {name: track.sights[-1] for name, track in robots.items()}
+        last = {name: track.samples[-1] for name, track in robots.items()}
         timed_out = {name: track.base.commands_timed_out for name, track in robots.items()}
         killed = star.kill("router")
-        star.wait_new_life(before)
-        star.wait(lambda: all(track.sights[-1].sent > killed + 1e9 for track in robots.values()), "robots in sight")
+        star.wait_restarted(before)
+        star.wait(lambda: all(track.samples[-1].sent > killed + 1e9 for track in robots.values()), "robots in sight")
 
         star.wait_simulated(1.0, "tb3_1")
-        seen = next(each for each in robots["tb3_1"].sights if each.sent > killed + 1e9)
+        seen = next(each for each in robots["tb3_1"].samples if each.sent > killed + 1e9)
         blind = (seen.time - last["tb3_1"].time) / 1e9
         print(f"out of sight for {blind:.2f} s of simulation time, moved {seen.x - last['tb3_1'].x:.3f} m")
         assert blind > 2 * LATEST_STOP_S
         assert seen.x - last["tb3_1"].x <= WHEELS.max_linear * LATEST_STOP_S
-        assert [each for each in robots["tb3_1"].sights if each.sent >= seen.sent and each.speed >= STANDING] == []
+        assert [
+            each for each in robots["tb3_1"].samples if each.sent >= seen.sent and each.speed >= STANDSTILL_SPEED
+        ] == []
         for name, track in robots.items():
             assert track.base.commands_timed_out == timed_out[name] + 1
 
         star.wait_full_speed("tb3_0")
         star.drive(commands, lambda: robots["tb3_1"].speed > FULL_SPEED, "full speed by fresh commands")
-        until(lambda: declared(star, "late") == graph, SOON_S, "everybody declared at the new router")
-    assert {name: each.restarts for name, each in star.observer.processes.items() if each.restarts} == {"router": 1}
+        wait_until(lambda: declared(star, "late") == graph, WITHIN_S, "everybody declared at the new router")
+    assert {name: each.restarts for name, each in star.recorder.processes.items() if each.restarts} == {"router": 1}

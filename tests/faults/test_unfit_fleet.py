@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.faults.fleet import START_S, Fleet
-from tests.faults.fleets import HOPELESS, UNFIT
-from tests.waiting import until
+from tests.faults.fleet_files import HOPELESS, UNFIT
+from tests.faults.supervised_fleet import START_S, SupervisedFleet
+from tests.harness.waiting import wait_until
 
 
 @pytest.mark.usefixtures("alone")
@@ -22,15 +22,15 @@ from tests.waiting import until
 def test_a_fleet_ends_with_what_it_cannot_do_without(
     tmp_path: Path, description: str, name: str, said: str, lives: int, reason: str
 ) -> None:
-    with Fleet(description, 0, tmp_path) as fleet:
+    with SupervisedFleet(description, 0, tmp_path) as fleet:
 
         def ended() -> bool:
-            fleet.count()
+            fleet.note_descendants()
             return fleet.supervisor.status is not None
 
-        until(ended, START_S, "the fleet to end")
+        wait_until(ended, START_S, "the fleet to end")
         assert fleet.supervisor.status == 1
         assert f"the fleet ended: {name} failed: {reason}" in fleet.supervisor.text
         own = [line for line in fleet.log(name).splitlines() if not line.startswith("---")]
         assert own.count(said) == lives
-        assert fleet.left() == []
+        assert fleet.survivors() == []

@@ -13,7 +13,7 @@ from messages.base import Array, Float32Array, Message, pack36
 from messages.geometry import FASTEST_ANGULAR, FASTEST_LINEAR, Twist, Vector3
 from messages.sensor import ChannelFloat32, Image, JointState, LaserScan, PointCloud
 
-STEADY = settings(
+DETERMINISTIC = settings(
     max_examples=40, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow], database=None
 )
 """The same examples in every run, however busy the machine is."""
@@ -22,8 +22,8 @@ STEADY = settings(
 def values(record: type[Message]) -> st.SearchStrategy[Any]:
     """All legal values of a record."""
     fields = {field.name: of_kind(field.type) for field in struct(record).fields}
-    if record in _RULED:
-        return _RULED[record](fields)
+    if record in _DEPENDENT_FIELDS:
+        return _DEPENDENT_FIELDS[record](fields)
     return st.builds(record, **fields)
 
 
@@ -157,5 +157,5 @@ def _clouds(fields: dict[str, Any]) -> st.SearchStrategy[Any]:
     return fields["points"].flatmap(of_points)  # type: ignore[no-any-return]
 
 
-_RULED = {Twist: _twists, JointState: _joint_states, LaserScan: _scans, Image: _images, PointCloud: _clouds}
+_DEPENDENT_FIELDS = {Twist: _twists, JointState: _joint_states, LaserScan: _scans, Image: _images, PointCloud: _clouds}
 """Records whose fields bound each other."""

@@ -10,7 +10,7 @@ import pytest
 from messages.base import Message, WrongPayload, decoder
 from messages.records import RECORDS
 from tests.messages import strategies
-from tests.messages.spots import filled
+from tests.messages.payload_mutations import filled_payload
 
 HOSTED = ("geometry_msgs/Twist", "nav_msgs/Odometry", "sensor_msgs/LaserScan", "elea_msgs/Health", "tf2_msgs/TFMessage")
 SOME_RECORDS = pytest.mark.parametrize("kind", [RECORDS[name] for name in HOSTED], ids=HOSTED)
@@ -36,7 +36,7 @@ def test_random_bytes_never_raise_anything_else(kind: type[Message]) -> None:
 @SOME_RECORDS
 def test_damaged_payloads_never_raise_anything_else(kind: type[Message]) -> None:
     chance = random.Random(21)
-    whole = msgpack.packb(filled(strategies.struct(kind)))
+    whole = msgpack.packb(filled_payload(strategies.struct(kind)))
     outcomes = set()
     for _ in range(3000):
         damaged = bytearray(whole)

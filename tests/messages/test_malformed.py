@@ -11,7 +11,7 @@ import pytest
 from messages.base import Message, WrongPayload, decoder
 from messages.parameters import Assignment, Value
 from messages.records import RECORDS
-from tests.messages.spots import filled, spots
+from tests.messages.payload_mutations import filled_payload, mutation_points
 from tests.messages.strategies import bare, struct
 
 EVERY_RECORD = pytest.mark.parametrize("kind", RECORDS.values(), ids=list(RECORDS))
@@ -43,7 +43,7 @@ def at(path: str) -> str:
 
 
 def whole(kind: type[Message]) -> bytes:
-    payload: bytes = msgpack.packb(filled(struct(kind)))
+    payload: bytes = msgpack.packb(filled_payload(struct(kind)))
     decoder(kind)(payload)  # what follows is about the fault put into it, not about this payload
     return payload
 
@@ -63,9 +63,9 @@ def test_trailing_bytes_are_refused(kind: type[Message]) -> None:
 @EVERY_RECORD
 def test_a_wrong_type_is_refused_at_every_spot(kind: type[Message]) -> None:
     whole(kind)
-    for spot in spots(kind):
+    for spot in mutation_points(kind):
         for wrong in _wrong(spot.kind):
-            text = refusal(kind, msgpack.packb(spot.put(wrong)))
+            text = refusal(kind, msgpack.packb(spot.with_value(wrong)))
             assert text.endswith(at(spot.path)) or named_by_its_owner(text, spot.path), (spot.path, wrong, text)
 
 
@@ -87,7 +87,7 @@ def test_what_is_wrong_for_a_union_is_wrong_for_all_of_its_types() -> None:
     value, maybe = (kinds.type_info(each) for each in (Value, float | None))
     assert _wrong(value) == [b"x", {}, EXT]
     assert _wrong(maybe) == ["x", b"x", True, [], {}, EXT]
-    assert any(spot.path.endswith("value[0][0]") for spot in spots(Assignment))
+    assert any(spot.path.endswith("value[0][0]") for spot in mutation_points(Assignment))
 
 
 def named_by_its_owner(text: str, path: str) -> bool:
@@ -98,9 +98,9 @@ def named_by_its_owner(text: str, path: str) -> bool:
 
 @EVERY_RECORD
 def test_numbers_beyond_their_bounds_are_refused(kind: type[Message]) -> None:
-    for spot in spots(kind):
+    for spot in mutation_points(kind):
         for beyond in _beyond(spot.kind):
-            assert refusal(kind, msgpack.packb(spot.put(beyond))).endswith(at(spot.path)), (spot.path, beyond)
+            assert refusal(kind, msgpack.packb(spot.with_value(beyond))).endswith(at(spot.path)), (spot.path, beyond)
 
 
 def _beyond(kind: kinds.Type) -> list[float]:
@@ -117,7 +117,7 @@ def _beyond(kind: kinds.Type) -> list[float]:
 
 
 def test_what_moves_a_robot_is_finite() -> None:
-    movers = [spot for name in ("Twist", "Pose") for spot in spots(RECORDS[f"geometry_msgs/{name}"])]
+    movers = [spot for name in ("Twist", "Pose") for spot in mutation_points(RECORDS[f"geometry_msgs/{name}"])]
     floats = [spot.kind for spot in movers if isinstance(spot.kind, kinds.FloatType)]
     assert len(floats) == 6 + 7
     assert all(_beyond(kind) for kind in floats)
@@ -127,18 +127,18 @@ def test_what_moves_a_robot_is_finite() -> None:
 def test_unknown_fields_are_ignored_at_every_level(kind: type[Message]) -> None:
     expected = decoder(kind)(whole(kind))
     more = {"of_a_newer_sender": {"deep": [1, None, EXT]}}
-    for spot in spots(kind):
+    for spot in mutation_points(kind):
         if isinstance(spot.kind, kinds.StructType):
-            assert decoder(kind)(msgpack.packb(spot.put(filled(spot.kind) | more))) == expected
+            assert decoder(kind)(msgpack.packb(spot.with_value(filled_payload(spot.kind) | more))) == expected
 
 
 @EVERY_RECORD
 def test_fixed_lengths_are_kept(kind: type[Message]) -> None:
-    for spot in spots(kind):
+    for spot in mutation_points(kind):
         if isinstance(spot.kind, kinds.VarTupleType) and spot.kind.min_length is not None:
             assert spot.kind.min_length == spot.kind.max_length
             for length in (0, spot.kind.min_length - 1, spot.kind.min_length + 1):
-                refused = refusal(kind, msgpack.packb(spot.put([0.0] * length)))
+                refused = refusal(kind, msgpack.packb(spot.with_value([0.0] * length)))
                 assert re.search(rf"of length [<>]= {spot.kind.min_length}", refused)
                 assert refused.endswith(at(spot.path))
 

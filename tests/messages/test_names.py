@@ -7,7 +7,7 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from messages.names import BadName, absolute_namespace, identify, key, mangle, name_of, resolve, unmangle, validate
-from tests.messages.strategies import STEADY
+from tests.messages.strategies import DETERMINISTIC
 
 PART = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,8}", fullmatch=True)
 RELATIVE = st.lists(PART, min_size=1, max_size=4).map("/".join)
@@ -56,7 +56,7 @@ def test_illegal_names_are_refused_with_character_and_rule(name: str, says: str)
         validate(name)
 
 
-@STEADY
+@DETERMINISTIC
 @given(st.one_of(st.text(alphabet="ab_9/~* ", max_size=12), st.text(max_size=12)))
 @example("odom\n")
 def test_what_is_legal_is_what_the_grammar_says(name: str) -> None:
@@ -90,7 +90,7 @@ def test_names_resolve_against_namespace_and_node(name: str, namespace: str, res
     assert resolve(name, namespace, absolute_node) == resolved
 
 
-@STEADY
+@DETERMINISTIC
 @given(st.one_of(RELATIVE, ABSOLUTE, PRIVATE), st.one_of(st.just("/"), ABSOLUTE), PART)
 def test_a_resolved_name_is_absolute_legal_and_final(name: str, namespace: str, node: str) -> None:
     resolved = resolve(name, namespace, node)
@@ -100,7 +100,7 @@ def test_a_resolved_name_is_absolute_legal_and_final(name: str, namespace: str, 
     assert resolved.endswith(name.lstrip("~/"))
 
 
-@STEADY
+@DETERMINISTIC
 @given(ABSOLUTE)
 def test_keys_and_chunks_lead_back_to_the_name(name: str) -> None:
     assert "/" + key(name) == name
@@ -109,7 +109,7 @@ def test_keys_and_chunks_lead_back_to_the_name(name: str) -> None:
     assert "/" not in mangle(name)
 
 
-@STEADY
+@DETERMINISTIC
 @given(ABSOLUTE, ABSOLUTE)
 def test_different_names_have_different_keys_and_chunks(one: str, other: str) -> None:
     assume(one != other)

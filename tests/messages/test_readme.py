@@ -92,7 +92,7 @@ def test_commands_arrive_with_type_and_number(router: tuple[zenoh.Session, str])
 
 def test_a_request_is_answered_or_refused(router: tuple[zenoh.Session, str]) -> None:
     session, endpoint = router
-    read = decoder(GET_STATE.asks)
+    read = decoder(GET_STATE.request_type)
 
     def answer(query: zenoh.Query) -> None:
         assert query.payload is not None

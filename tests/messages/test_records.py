@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from messages.base import Message, decoder, encode
 from messages.records import RECORDS, UnknownRecord, record
-from tests.messages.strategies import STEADY, plain, struct, unpack, values, write_array
+from tests.messages.strategies import DETERMINISTIC, plain, struct, unpack, values, write_array
 
 EVERY_RECORD = pytest.mark.parametrize("kind", RECORDS.values(), ids=list(RECORDS))
 
@@ -28,7 +28,7 @@ def same(ours: Any, theirs: Any) -> bool:
 
 
 @EVERY_RECORD
-@STEADY
+@DETERMINISTIC
 @given(data=st.data())
 def test_a_record_survives_both_codecs(kind: type[Message], data: st.DataObject) -> None:
     value = data.draw(values(kind))

@@ -29,8 +29,8 @@ def test_requests_have_legal_names_each_its_own_and_known_records() -> None:
     names = [resolve(request.name, "/tb3_0", "driver") for request in REQUESTS]
     assert len(set(names)) == len(names)
     for request in REQUESTS:
-        assert RECORDS[request.asks.ROS_TYPE] is request.asks
-        assert RECORDS[request.replies.ROS_TYPE] is request.replies
+        assert RECORDS[request.request_type.ROS_TYPE] is request.request_type
+        assert RECORDS[request.response_type.ROS_TYPE] is request.response_type
         assert request.about
 
 

@@ -12,10 +12,10 @@ import pytest
 from rerun.urdf import UrdfTree
 
 import models
-from models import MODELS, SCENES, WHEELED, UnknownModel, figures_path, model_path, scene_path
-from models.figures import Laser, read_model
-from models.frames import link_offset, read_joints
-from models.scene import Scene, read_scene
+from models import MODELS, WHEELED, WORLDS, UnknownModel, model_config_path, urdf_path, world_path
+from models.model import LaserConfig, read_model
+from models.urdf import link_offset, read_joints
+from models.world import WorldDescription, read_world
 from services.sim.physics.bullet import BulletWorld
 from services.sim.physics.world import Body, Motor
 
@@ -30,22 +30,22 @@ SOURCES |= {"arm": "one_dof_arm", "arm_corrected": "../arm/README.md"}
 def test_the_lists_are_what_lies_in_the_folders() -> None:
     here = Path(models.__file__).parent
     assert set(MODELS) == {each.parent.name for each in here.glob("*/robot.urdf")}
-    assert set(SCENES) == {each.stem for each in (here / "worlds").glob("*.toml")}
+    assert set(WORLDS) == {each.stem for each in (here / "worlds").glob("*.toml")}
 
 
 def test_a_wrong_name_gets_the_nearest_right_one() -> None:
     with pytest.raises(UnknownModel, match=r"unknown model 'buger'; did you mean 'burger'\? \(known: burger, waffle"):
-        model_path("buger")
+        urdf_path("buger")
     with pytest.raises(UnknownModel, match=r"unknown model '\.\./x' \(known"):
-        figures_path("../x")
+        model_config_path("../x")
     with pytest.raises(UnknownModel, match="unknown world 'emty'; did you mean 'empty'"):
-        scene_path("emty")
+        world_path("emty")
 
 
 @pytest.mark.parametrize("name", MODELS)
 def test_every_link_has_a_mass_and_a_tensor_that_a_body_can_have(name: str) -> None:
     total = 0.0
-    for link in ElementTree.parse(model_path(name)).getroot().findall("link"):
+    for link in ElementTree.parse(urdf_path(name)).getroot().findall("link"):
         inertial = link.find("inertial")
         assert inertial is not None, f"{link.get('name')} would weigh 1 kg in PyBullet"
         mass, tensor = inertial.find("mass"), inertial.find("inertia")
@@ -59,7 +59,7 @@ def test_every_link_has_a_mass_and_a_tensor_that_a_body_can_have(name: str) -> N
 
 @pytest.mark.parametrize("name", MODELS)
 def test_every_movable_joint_has_a_velocity_limit(name: str) -> None:
-    for joint in ElementTree.parse(model_path(name)).getroot().findall("joint"):
+    for joint in ElementTree.parse(urdf_path(name)).getroot().findall("joint"):
         if joint.get("type") != "fixed":
             limit = joint.find("limit")
             assert limit is not None
@@ -69,7 +69,7 @@ def test_every_movable_joint_has_a_velocity_limit(name: str) -> None:
 
 @pytest.mark.parametrize("name", MODELS)
 def test_rerun_parses_it(name: str) -> None:
-    tree = UrdfTree.from_file_path(model_path(name), entity_path_prefix="robot")
+    tree = UrdfTree.from_file_path(urdf_path(name), entity_path_prefix="robot")
     assert tree.name == name
     assert [joint.name for joint in tree.joints()] == [joint.name for joint in read_joints(name)]
     shown = {"arm": "end_link", "arm_corrected": "end_link"}.get(name, "base_link")
@@ -97,7 +97,7 @@ def test_figures_and_urdf_agree(name: str) -> None:
 
 @pytest.mark.parametrize("name", MODELS)
 def test_the_readme_gives_sources(name: str) -> None:
-    text = model_path(name).with_name("README.md").read_text()
+    text = urdf_path(name).with_name("README.md").read_text()
     assert "## Sources" in text
     assert SOURCES[name] in text
 
@@ -109,8 +109,8 @@ def test_shaken_for_a_second_it_stays_upright_and_whole(name: str) -> None:
     motors = tuple(Motor(joint, model.wheels.torque) for joint in (model.wheels.left_joint, model.wheels.right_joint))
     chance = random.Random(7)
     top = model.wheels.max_linear / model.wheels.radius
-    with BulletWorld(Scene(), 5_000_000) as world:
-        world.spawn(Body("robot", model_path(name), motors=motors))
+    with BulletWorld(WorldDescription(), 5_000_000) as world:
+        world.spawn(Body("robot", urdf_path(name), motors=motors))
         for step in range(200):
             if step % 20 == 0:
                 world.set_speeds("robot", [chance.uniform(-top, top) for _ in motors])
@@ -129,10 +129,10 @@ def test_shaken_for_a_second_it_stays_upright_and_whole(name: str) -> None:
         assert world.contacts() == ()
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", WORLDS)
 def test_every_world_can_be_entered(name: str) -> None:
-    with BulletWorld(read_scene(name), 5_000_000) as world:
-        world.spawn(Body("robot", model_path("burger")))
+    with BulletWorld(read_world(name), 5_000_000) as world:
+        world.spawn(Body("robot", urdf_path("burger")))
         world.step()
 
 
@@ -145,10 +145,10 @@ def test_a_joint_turns_its_child_as_urdf_says() -> None:
 
 @pytest.mark.parametrize("name", MODELS)
 def test_link_offsets_are_where_the_engine_has_the_links(name: str) -> None:
-    with BulletWorld(Scene(), 5_000_000) as world:
-        world.spawn(Body("robot", model_path(name)))
+    with BulletWorld(WorldDescription(), 5_000_000) as world:
+        world.spawn(Body("robot", urdf_path(name)))
         for link in {joint.child for joint in read_joints(name)}:
-            assert link_offset(name, link) == pytest.approx(world.link_placement("robot", link).position, abs=1e-6)
+            assert link_offset(name, link) == pytest.approx(world.link_pose("robot", link).position, abs=1e-6)
 
 
 def test_a_ring_of_sonars_is_that_of_aria() -> None:
@@ -180,7 +180,7 @@ def _turn(yaw: float) -> tuple[float, ...]:
 def test_a_field_of_view_is_less_than_a_turn(first: float, last: float, samples: int, says: str) -> None:
     given = {"link": "l", "rate": 1, "range_min": 0.1, "range_max": 1, "noise": 0, "clearance": 0.1}
     with pytest.raises(msgspec.ValidationError, match=says):
-        msgspec.convert(given | {"samples": samples, "angle_min": first, "angle_max": last}, Laser)
+        msgspec.convert(given | {"samples": samples, "angle_min": first, "angle_max": last}, LaserConfig)
 
 
 def test_rays_are_as_far_apart_as_the_field_of_view_says() -> None:

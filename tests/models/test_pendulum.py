@@ -8,13 +8,13 @@ from typing import Literal
 import pytest
 
 from models import ARMS
-from models.pendulum import pendulum
-from tests.physics.arm import JOINT, stand
-from tests.physics.rig import DT
+from models.dynamics import read_pendulum
+from tests.services.sim.physics.arm_simulation import JOINT, arm_simulation
+from tests.services.sim.physics.driven_robot import DT
 
 
 def test_the_figures_of_the_seed() -> None:
-    weight = pendulum("arm", JOINT)
+    weight = read_pendulum("arm", JOINT)
     assert weight.torque == pytest.approx(27.15, abs=0.01)
     assert math.degrees(weight.rest) == pytest.approx(-1.4635, abs=0.001)
     assert weight.inertia == pytest.approx(3.8655, abs=0.0001)
@@ -23,8 +23,8 @@ def test_the_figures_of_the_seed() -> None:
 @pytest.mark.parametrize("model", ARMS)
 @pytest.mark.parametrize("degrees", [-60.0, 0.0, 30.0, 85.0])
 def test_the_holding_torque_holds(model: Literal["arm", "arm_corrected"], degrees: float) -> None:
-    weight = pendulum(model, JOINT)
-    with stand(model, start=degrees) as on:
+    weight = read_pendulum(model, JOINT)
+    with arm_simulation(model, start=degrees) as on:
         effort = weight.torque * math.sin(math.radians(degrees) - weight.rest)
         on.world.set_efforts("arm", {JOINT: effort})
         on.world.step()
@@ -33,8 +33,8 @@ def test_the_holding_torque_holds(model: Literal["arm", "arm_corrected"], degree
 
 @pytest.mark.parametrize("model", ARMS)
 def test_the_inertia_is_what_the_engine_turns(model: Literal["arm", "arm_corrected"]) -> None:
-    weight = pendulum(model, JOINT)
-    with stand(model) as on:
+    weight = read_pendulum(model, JOINT)
+    with arm_simulation(model) as on:
         on.world.set_efforts("arm", {JOINT: 10.0 + weight.torque * math.sin(-weight.rest)})
         on.world.step()
         assert 10.0 / (on.rate / DT) == pytest.approx(weight.inertia, rel=1e-4)
@@ -42,4 +42,4 @@ def test_the_inertia_is_what_the_engine_turns(model: Literal["arm", "arm_correct
 
 def test_a_joint_that_there_is_not() -> None:
     with pytest.raises(KeyError, match="elbow"):
-        pendulum("arm", "elbow")
+        read_pendulum("arm", "elbow")

@@ -12,29 +12,29 @@ import pytest
 
 from deploy.fleet_file import find_fleet
 from deploy.report.schema import SCHEMA_FILE
-from tests.system.laps import exercise
-from tests.system.on_the_wall_clock import run
-from tests.system.terminal import Ended, Terminal
+from tests.harness.command_line import CommandLine, CommandResult
+from tests.system.real_time_run import run_in_real_time
+from tests.system.short_fleets import brief_arm
 
 
 class Run:
     """A fleet's run to its report."""
 
-    def __init__(self, terminal: Terminal, fleet: str | Path, name: str) -> None:
+    def __init__(self, terminal: CommandLine, fleet: str | Path, name: str) -> None:
         self.results = terminal.folder / name
-        self.ended: Ended = terminal.up(fleet, self.results, "--json")
+        self.ended: CommandResult = terminal.run_fleet(fleet, self.results, "--json")
         assert self.ended.out, self.ended.err
         self.report: dict[str, Any] = json.loads(self.ended.out)
         self.arm: dict[str, Any] = self.report["robots"]["arm"]
 
 
 @pytest.fixture(scope="module")
-def terminal(tmp_path_factory: pytest.TempPathFactory) -> Terminal:
-    return Terminal(tmp_path_factory.mktemp("arm"))
+def terminal(tmp_path_factory: pytest.TempPathFactory) -> CommandLine:
+    return CommandLine(tmp_path_factory.mktemp("arm"))
 
 
 @pytest.fixture(scope="module")
-def first(terminal: Terminal) -> Run:
+def first(terminal: CommandLine) -> Run:
     return Run(terminal, "arm", "first")
 
 
@@ -65,22 +65,22 @@ def test_its_report_fits_the_schema_and_has_a_picture(first: Run) -> None:
     assert matplotlib.image.imread(first.results / "report.png").shape[1] >= 1200
 
 
-def test_it_repeats_bit_for_bit(terminal: Terminal, first: Run) -> None:
+def test_it_repeats_bit_for_bit(terminal: CommandLine, first: Run) -> None:
     again = Run(terminal, "arm", "again")
     assert again.report["run"]["trajectory_hash"] == first.report["run"]["trajectory_hash"]
     assert again.arm == first.arm
 
 
 @pytest.mark.timeout(700)
-def test_on_the_wall_clock_all_checks_hold(terminal: Terminal) -> None:
-    report = run(terminal, exercise(terminal.folder / "brief.toml"), "real")
+def test_on_the_wall_clock_all_checks_hold(terminal: CommandLine) -> None:
+    report = run_in_real_time(terminal, brief_arm(terminal.folder / "brief.toml"), "real")
     assert [each["made"] for each in report["changes"]] == [True] * 4
     assert report["robots"]["arm"]["steps"][0]["to_deg"] == 30.0
 
 
 @pytest.mark.parametrize(("fleet", "rate"), [("arm", 200), ("arm_seed", 50)])
-def test_other_rates_and_the_laws_of_the_seed(terminal: Terminal, first: Run, fleet: str, rate: int) -> None:
-    """The seed's laws are no better than the default; tests/physics compares both at every rate."""
+def test_other_rates_and_the_laws_of_the_seed(terminal: CommandLine, first: Run, fleet: str, rate: int) -> None:
+    """The seed's laws are no better than the default; tests/services/arm compares both at every rate."""
     text = find_fleet(fleet).read_text()
     own = '{ kind = "arm", parameters = { law = "seed" } }' if fleet == "arm_seed" else '{ kind = "arm" }'
     law = fleet.removeprefix("arm_") if fleet != "arm" else "default"

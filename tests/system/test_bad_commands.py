@@ -13,10 +13,10 @@ import pytest
 
 from messages.topics import HEALTH
 from services.runtime.errors import TRY_AGAIN
-from tests.processes import Network, start_service
-from tests.system.terminal import Terminal
-from tests.system.watched import WITHIN_S, Watched
-from tests.waiting import until
+from tests.harness.command_line import CommandLine
+from tests.harness.message_recorder import WITHIN_S, MessageRecorder
+from tests.harness.processes import Network, start_service
+from tests.harness.waiting import wait_until
 
 FLEET = """\
 name = "one"
@@ -33,8 +33,8 @@ parameters = { laps = 2 }
 
 
 @pytest.fixture
-def terminal(tmp_path: Path) -> Terminal:
-    return Terminal(tmp_path)
+def terminal(tmp_path: Path) -> CommandLine:
+    return CommandLine(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -74,10 +74,10 @@ def test_command_line_of_a_service(tmp_path: Path, service: str, arguments: list
         ('name = "r"', "name = ", 5, "this is not TOML"),
     ],
 )
-def test_fleet_file(terminal: Terminal, old: str, new: str, line: int, message: str) -> None:
+def test_fleet_file(terminal: CommandLine, old: str, new: str, line: int, message: str) -> None:
     fleet = terminal.folder / "one.toml"
     fleet.write_text(FLEET.replace(old, new))
-    ended = terminal.up(fleet, terminal.folder / "results")
+    ended = terminal.run_fleet(fleet, terminal.folder / "results")
     assert (ended.status, ended.out) == (2, "")
     assert f"{fleet}:{line}: " in ended.err
     assert message in ended.err
@@ -85,23 +85,23 @@ def test_fleet_file(terminal: Terminal, old: str, new: str, line: int, message: 
     assert not (terminal.folder / "results").exists()
 
 
-def test_port_of_another_program(terminal: Terminal) -> None:
+def test_port_of_another_program(terminal: CommandLine) -> None:
     with socket.create_server(("127.0.0.1", terminal.port)):
-        ended = terminal.up("bare", terminal.folder / "results", "--duration", "1")
+        ended = terminal.run_fleet("bare", terminal.folder / "results", "--duration", "1")
     assert (ended.status, ended.out) == (2, "")
     assert f"port {terminal.port} of 127.0.0.1 is held by another program: take another one with --port" in ended.err
     assert list((terminal.folder / "results" / "logs").iterdir()) == []
 
 
 @pytest.mark.parametrize("detach", [[], ["--detach"]])
-def test_report_that_cannot_be_written(terminal: Terminal, detach: list[str]) -> None:
+def test_report_that_cannot_be_written(terminal: CommandLine, detach: list[str]) -> None:
     (terminal.folder / "file").write_text("in the way")
     for place in (terminal.folder / "file" / "results", Path("/proc/results")):
-        ended = terminal.up("lab", place, "--duration", "1", *detach)
+        ended = terminal.run_fleet("lab", place, "--duration", "1", *detach)
         assert (ended.status, ended.out) == (2, "")
         assert f"the folder {place} cannot be written" in ended.err
         assert "--report" in ended.err
-    assert terminal.do("ps", "--json").out.strip() == "[]"
+    assert terminal.run("ps", "--json").out.strip() == "[]"
 
 
 def test_router_on_a_taken_port(tmp_path: Path) -> None:
@@ -115,15 +115,17 @@ def test_router_on_a_taken_port(tmp_path: Path) -> None:
 
 def test_second_service_of_a_name(tmp_path: Path) -> None:
     with Network(tmp_path) as network, network.node() as node:
-        health = Watched(node.read(HEALTH))
+        health = MessageRecorder(node.subscribe(HEALTH))
         first = network.start("waypoint", "--namespace", "tb3_0")
-        until(lambda: any(each.pid == first.pid for each in health.all()), WITHIN_S, "the first one's heart")
+        wait_until(lambda: any(each.pid == first.pid for each in health.received()), WITHIN_S, "the first one's heart")
         second = network.start("waypoint", "--namespace", "tb3_0")
         assert second.wait(20.0) == TRY_AGAIN
         assert "a node /tb3_0/waypoint is already there" in second.text
         assert "another --name or --namespace, or stop the other" in second.text
-        beats = len(health.all())
-        until(lambda: any(each.pid == first.pid for each in health.all()[beats:]), WITHIN_S, "the first one going on")
+        beats = len(health.received())
+        wait_until(
+            lambda: any(each.pid == first.pid for each in health.received()[beats:]), WITHIN_S, "the first one going on"
+        )
         assert first.status is None
         third = network.start("waypoint", "--namespace", "tb3_1")
-        until(lambda: any(each.pid == third.pid for each in health.all()), WITHIN_S, "one of another name")
+        wait_until(lambda: any(each.pid == third.pid for each in health.received()), WITHIN_S, "one of another name")

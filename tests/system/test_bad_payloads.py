@@ -13,11 +13,11 @@ import zenoh
 from messages.elea import InputHealth
 from messages.geometry import Twist
 from messages.topics import BASE_STATUS, CMD_VEL
-from services.runtime.network.wire import attach
-from tests.system.stranger import stranger
-from tests.system.watched import WITHIN_S, Watched, apart, time_of
-from tests.system.world import World, world
-from tests.waiting import until
+from services.runtime.transport.wire import pack_attachment
+from tests.harness.external_client import external_client
+from tests.harness.message_recorder import WITHIN_S, MessageRecorder, distance, time_of
+from tests.harness.waiting import wait_until
+from tests.system.two_robot_simulation import TwoRobotSimulation, two_robot_simulation
 
 GOOD = msgpack.packb({"linear": {"x": 0.2}})
 KIND = "application/msgpack;geometry_msgs/Twist"
@@ -58,46 +58,53 @@ ENCODINGS = ("application/msgpack;nav_msgs/Odometry", "application/json", "text/
 
 
 @pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
-    with world(tmp_path_factory.mktemp("payloads")) as made:
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TwoRobotSimulation]:
+    with two_robot_simulation(tmp_path_factory.mktemp("payloads")) as made:
         yield made
 
 
 @pytest.fixture(scope="module")
-def session(running: World) -> Iterator[zenoh.Session]:
-    with stranger(running.network.endpoint) as made:
+def session(running: TwoRobotSimulation) -> Iterator[zenoh.Session]:
+    with external_client(running.network.endpoint) as made:
         yield made
 
 
 @pytest.fixture(scope="module")
-def bases(running: World) -> dict[str, Watched[Any]]:
-    return {name: Watched(running.node.read(BASE_STATUS, f"/{name}/base_status")) for name in ("tb3_0", "tb3_1")}
+def bases(running: TwoRobotSimulation) -> dict[str, MessageRecorder[Any]]:
+    return {
+        name: MessageRecorder(running.node.subscribe(BASE_STATUS, f"/{name}/base_status"))
+        for name in ("tb3_0", "tb3_1")
+    }
 
 
 @pytest.fixture
-def unmoved(running: World, bases: dict[str, Watched[Any]]) -> Iterator[None]:
+def unmoved(running: TwoRobotSimulation, bases: dict[str, MessageRecorder[Any]]) -> Iterator[None]:
     """No robot obeys or moves in the test, and the simulation goes on; the next good command works then."""
-    before = {name: (bases[name].next().commands, truth.next()) for name, truth in running.truth.items()}
+    before = {name: (bases[name].wait_next().commands, truth.wait_next()) for name, truth in running.truth.items()}
     yield
     for name, (commands, place) in before.items():
-        later = running.truth[name].after(0.5)
-        assert apart(place, later) < 1e-4
-        assert bases[name].next().commands == commands
+        later = running.truth[name].wait_after(0.5)
+        assert distance(place, later) < 1e-4
+        assert bases[name].wait_next().commands == commands
     works(running)
 
 
 @pytest.mark.usefixtures("unmoved")
-def test_malformed_payloads(running: World, session: zenoh.Session, bases: dict[str, Watched[Any]]) -> None:
+def test_malformed_payloads(
+    running: TwoRobotSimulation, session: zenoh.Session, bases: dict[str, MessageRecorder[Any]]
+) -> None:
     for what, payload in MALFORMED.items():
         for encoding in (None, KIND):
             counted(running, bases, what, lambda p=payload, e=encoding: put(session, p, e))
 
 
 @pytest.mark.usefixtures("unmoved")
-def test_wrong_encodings(running: World, session: zenoh.Session, bases: dict[str, Watched[Any]]) -> None:
+def test_wrong_encodings(
+    running: TwoRobotSimulation, session: zenoh.Session, bases: dict[str, MessageRecorder[Any]]
+) -> None:
     for encoding in ENCODINGS:
         counted(running, bases, encoding[:40], lambda e=encoding: put(session, GOOD, e))
-    attachment = attach(1, bytes(16))
+    attachment = pack_attachment(1, bytes(16))
     counted(
         running, bases, "attached", lambda: session.put("tb3_0/cmd_vel", GOOD, encoding="a/b", attachment=attachment)
     )
@@ -106,40 +113,46 @@ def test_wrong_encodings(running: World, session: zenoh.Session, bases: dict[str
 
 @pytest.mark.usefixtures("unmoved")
 @pytest.mark.parametrize("key", ["**", "*/cmd_vel", "tb3_$*/cmd_vel", "tb3_0/*", "tb3_0/cmd_vel/**"])
-def test_wildcard_puts(running: World, session: zenoh.Session, bases: dict[str, Watched[Any]], key: str) -> None:
+def test_wildcard_puts(
+    running: TwoRobotSimulation, session: zenoh.Session, bases: dict[str, MessageRecorder[Any]], key: str
+) -> None:
     counted(running, bases, key, lambda: session.put(key, GOOD))
     assert "not to this topic alone" in health(running).reason
 
 
 @pytest.mark.usefixtures("unmoved")
 @pytest.mark.parametrize("key", ["tb3_0/cmd_vel", "**"])
-def test_deletes(running: World, session: zenoh.Session, bases: dict[str, Watched[Any]], key: str) -> None:
+def test_deletes(
+    running: TwoRobotSimulation, session: zenoh.Session, bases: dict[str, MessageRecorder[Any]], key: str
+) -> None:
     counted(running, bases, "delete", lambda: session.delete(key))
 
 
 @pytest.mark.usefixtures("unmoved")
-def test_odd_attachments_make_no_command(session: zenoh.Session, bases: dict[str, Watched[Any]]) -> None:
+def test_odd_attachments_make_no_command(session: zenoh.Session, bases: dict[str, MessageRecorder[Any]]) -> None:
     base = bases["tb3_0"]
-    refused = base.next().refused
-    for attachment in (b"", b"\xff" * 33, b"\x00" * 33, bytes(1000), attach(2**62, b"\xff" * 16)):
+    refused = base.wait_next().refused
+    for attachment in (b"", b"\xff" * 33, b"\x00" * 33, bytes(1000), pack_attachment(2**62, b"\xff" * 16)):
         session.put("tb3_0/cmd_vel", twist(math.nan), encoding=KIND, attachment=attachment)
-    until(lambda: base.next().refused >= refused + 5, WITHIN_S, "five refusals")
+    wait_until(lambda: base.wait_next().refused >= refused + 5, WITHIN_S, "five refusals")
 
 
 @pytest.mark.usefixtures("unmoved")
-def test_a_flood_takes_no_memory(running: World, session: zenoh.Session, bases: dict[str, Watched[Any]]) -> None:
+def test_a_flood_takes_no_memory(
+    running: TwoRobotSimulation, session: zenoh.Session, bases: dict[str, MessageRecorder[Any]]
+) -> None:
     base = bases["tb3_0"]
-    before, refused = running.memory, base.next().refused
+    before, refused = running.memory, base.wait_next().refused
     large, huge = bytes(1_000_000), bytes(20_000_000)
     for count in range(1, 41):
         session.put("tb3_0/cmd_vel", large)
         if count % 10 == 0:
-            until(lambda most=refused + count: base.next().refused >= most, WITHIN_S, "refusals")  # type: ignore[misc]
+            wait_until(lambda most=refused + count: base.wait_next().refused >= most, WITHIN_S, "refusals")  # type: ignore[misc]
             assert running.memory - before < GROWTH_MIB
-    with stranger(running.network.endpoint) as other:
+    with external_client(running.network.endpoint) as other:
         for _ in range(3):
             other.put("tb3_0/cmd_vel", huge)
-    running.truth["tb3_0"].after(2.0)
+    running.truth["tb3_0"].wait_after(2.0)
     assert running.memory - before < GROWTH_MIB
 
 
@@ -147,27 +160,27 @@ def put(session: zenoh.Session, payload: bytes, encoding: str | None) -> None:
     session.put("tb3_0/cmd_vel", payload, encoding=encoding)
 
 
-def counted(running: World, bases: dict[str, Watched[Any]], what: str, send: Any) -> None:
+def counted(running: TwoRobotSimulation, bases: dict[str, MessageRecorder[Any]], what: str, send: Any) -> None:
     """What ``send`` sends is one more refusal in the state of the base; its heartbeat has the reason."""
     base = bases["tb3_0"]
-    refused = base.next().refused
+    refused = base.wait_next().refused
     send()
-    until(lambda: base.next().refused == refused + 1, WITHIN_S, f"a refusal of {what}")
+    wait_until(lambda: base.wait_next().refused == refused + 1, WITHIN_S, f"a refusal of {what}")
 
 
-def health(running: World) -> InputHealth:
+def health(running: TwoRobotSimulation) -> InputHealth:
     """What the simulation's heartbeat tells of the commands of tb3_0."""
-    return next(each for each in running.beat("/sim").inputs if each.topic == "/tb3_0/cmd_vel")
+    return next(each for each in running.next_heartbeat("/sim").inputs if each.topic == "/tb3_0/cmd_vel")
 
 
-def works(running: World) -> None:
+def works(running: TwoRobotSimulation) -> None:
     """A good command turns the robot on the spot."""
-    truth, commands = running.truth["tb3_0"], running.node.write(CMD_VEL, "/tb3_0/cmd_vel")
+    truth, commands = running.truth["tb3_0"], running.node.advertise(CMD_VEL, "/tb3_0/cmd_vel")
 
     def turns() -> bool:
         commands.publish(Twist.planar(0.0, 1.0))
-        return truth.next().twist.twist.angular.z > 0.5
+        return truth.wait_next().twist.twist.angular.z > 0.5
 
-    until(turns, WITHIN_S, "a robot that obeys a good command")
-    begun = time_of(truth.all()[-1])
-    assert abs(truth.until_time(begun + 1.0).twist.twist.angular.z) < 1e-3
+    wait_until(turns, WITHIN_S, "a robot that obeys a good command")
+    begun = time_of(truth.received()[-1])
+    assert abs(truth.wait_until_time(begun + 1.0).twist.twist.angular.z) < 1e-3

@@ -15,8 +15,8 @@ from messages.requests import DELETE, GET_STATE, LIST, PAUSE, RESET, RESET_WORLD
 from messages.simulation import ModelList, SetModelState, SpawnModel
 from messages.std import Empty
 from services.runtime.errors import CallFailed
-from tests.system.stranger import refusal, stranger
-from tests.system.world import World, world
+from tests.harness.external_client import error_reason, external_client
+from tests.system.two_robot_simulation import TwoRobotSimulation, two_robot_simulation
 
 ALL = (SPAWN, DELETE, LIST, GET_STATE, SET_STATE, RESET, RESET_WORLD, PAUSE, RESUME, STEP)
 GARBAGE = {"no payload": None, "nothing": b"", "noise": b"\xc1\xff", "a list": b"\x90", "1 MB": b"\xdb" * 1_000_000}
@@ -32,39 +32,39 @@ WRONG: dict[str, tuple[str, Any, str]] = {
 
 
 @pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
-    with world(tmp_path_factory.mktemp("requests")) as made:
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TwoRobotSimulation]:
+    with two_robot_simulation(tmp_path_factory.mktemp("requests")) as made:
         yield made
 
 
 @pytest.fixture(scope="module")
-def session(running: World) -> Iterator[zenoh.Session]:
-    with stranger(running.network.endpoint) as made:
+def session(running: TwoRobotSimulation) -> Iterator[zenoh.Session]:
+    with external_client(running.network.endpoint) as made:
         yield made
 
 
 @pytest.fixture(autouse=True)
-def _nothing_is_done(running: World) -> Iterator[None]:
+def _nothing_is_done(running: TwoRobotSimulation) -> Iterator[None]:
     """The same robots stand at the same places before and after, time goes on, in the same epoch."""
     before = models(running)
-    truth = running.truth["tb3_0"].next()
+    truth = running.truth["tb3_0"].wait_next()
     yield
     for one, other in zip(before.models, models(running).models, strict=True):
         assert (one.name, one.model) == (other.name, other.model)
         assert one.pose.position.x == pytest.approx(other.pose.position.x, abs=1e-4)
         assert one.pose.position.y == pytest.approx(other.pose.position.y, abs=1e-4)
-    assert running.truth["tb3_0"].after(0.1).header.stamp.ns > truth.header.stamp.ns
+    assert running.truth["tb3_0"].wait_after(0.1).header.stamp.ns > truth.header.stamp.ns
     assert running.sim.status is None
 
 
-def models(running: World) -> ModelList:
+def models(running: TwoRobotSimulation) -> ModelList:
     return running.node.call(LIST, Empty())
 
 
 @pytest.mark.parametrize("request_", ALL, ids=lambda each: each.name)
 def test_garbage(session: zenoh.Session, request_: Any) -> None:
     for what, payload in GARBAGE.items():
-        reason = refusal(session, request_.name[1:], payload)
+        reason = error_reason(session, request_.name[1:], payload)
         assert len(reason) > 10, what
         assert "internal" not in reason
 
@@ -72,7 +72,7 @@ def test_garbage(session: zenoh.Session, request_: Any) -> None:
 @pytest.mark.parametrize("what", WRONG)
 def test_wrong_fields_are_named(session: zenoh.Session, what: str) -> None:
     key, asked, field = WRONG[what]
-    assert f"{field}`" in refusal(session, key, msgpack.packb(asked))
+    assert f"{field}`" in error_reason(session, key, msgpack.packb(asked))
 
 
 @pytest.mark.parametrize("key", ["sim/*", "**", "*/pause", "sim/re$*"])
@@ -102,12 +102,12 @@ def test_a_request_to_a_wildcard_is_meant_for_nobody(session: zenoh.Session, key
         ),
     ],
 )
-def test_spawns_that_cannot_be(running: World, asked: dict[str, Any], reason: str) -> None:
+def test_spawns_that_cannot_be(running: TwoRobotSimulation, asked: dict[str, Any], reason: str) -> None:
     with pytest.raises(CallFailed, match=reason):
         running.node.call(SPAWN, SpawnModel(**asked))
 
 
-def test_models_that_are_not_there(running: World) -> None:
+def test_models_that_are_not_there(running: TwoRobotSimulation) -> None:
     for request, message in (
         (DELETE, Name(name="tb3_9")),
         (GET_STATE, Name(name="tb3_9")),
@@ -117,6 +117,6 @@ def test_models_that_are_not_there(running: World) -> None:
             running.node.call(request, message)
 
 
-def test_a_state_that_overlaps(running: World) -> None:
+def test_a_state_that_overlaps(running: TwoRobotSimulation) -> None:
     with pytest.raises(CallFailed, match=r"'tb3_0' at .* would overlap with 'tb3_1'"):
         running.node.call(SET_STATE, SetModelState(name="tb3_0", pose=Pose.planar(0.0, 0.45)))

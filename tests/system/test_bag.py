@@ -16,10 +16,10 @@ from mcap_ros2.decoder import DecoderFactory
 from rerun.chunk import Chunk, RrdReader
 from rosbags.highlevel import AnyReader
 
-from deploy.catalogue import declaration
 from deploy.fleet_file import find_fleet, read_fleet
+from deploy.service_catalog import load_service
 from messages.base import Message
-from messages.cdr.extras import split
+from messages.cdr.sidecar import split
 from messages.elea import FleetState
 from messages.parameters import ParameterValues
 from messages.requests import SUPERVISOR_STOP, Name
@@ -28,22 +28,21 @@ from messages.tf import TFMessage
 from messages.topics import CLOCK, FLEET_STATE, ROBOT_DESCRIPTION
 from models.palette import colours
 from services.bag.info import BagInfo
-from services.bag.reading import open_bag
-from services.bag.typed import Typed
-from services.logger.convert import convert
-from services.recorder.fitting import prefixed
+from services.bag.reader import MessageDecoder, open_bag
+from services.logger.viewer import convert_bag
+from services.recorder.urdf_prefix import prefix_links
 from services.runtime.identity import Identity
 from services.runtime.log import Log
-from services.runtime.network.sockets import router_endpoint
-from services.runtime.network.zenoh_config import configuration
-from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
 from services.runtime.service import STEP_NS
-from tests.bag.values import assert_same, seen
-from tests.processes import Network
-from tests.system.laps import short
-from tests.system.terminal import Terminal
-from tests.waiting import until
+from services.runtime.transport.unix_sockets import router_endpoint
+from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh_config import configuration
+from tests.harness.command_line import CommandLine
+from tests.harness.processes import Network
+from tests.harness.waiting import wait_until
+from tests.messages.ros_values import assert_same, ros_view
+from tests.system.short_fleets import short_lab
 
 SECONDS = 6
 OPTIONS = ("--record", "--no-view")
@@ -55,18 +54,18 @@ SAMPLES = 8
 class Recorded:
     """The run, its bag, and what our own reader finds in it."""
 
-    def __init__(self, terminal: Terminal, results: Path) -> None:
+    def __init__(self, terminal: CommandLine, results: Path) -> None:
         self.terminal, self.bag = terminal, results / "bag"
         self.log = (results / "logs" / "recorder.log").read_text()
-        typed = Typed()
+        typed = MessageDecoder()
         self.entries = list(open_bag(self.bag).entries())
-        self.messages = [(entry, typed.message(entry)) for entry in self.entries]
+        self.messages = [(entry, typed.decode(entry)) for entry in self.entries]
 
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
-    terminal = Terminal(tmp_path_factory.mktemp("bag"))
-    fleet, results = short(terminal.folder / "lab.toml"), terminal.folder / "run"
+    terminal = CommandLine(tmp_path_factory.mktemp("bag"))
+    fleet, results = short_lab(terminal.folder / "lab.toml"), terminal.folder / "run"
     text = fleet.read_text()
     assert "latency = 1" in text
     assert 'ends = "goals"' in text
@@ -91,11 +90,15 @@ def stop_recorder(endpoint: str) -> None:
         ZenohTransport(configuration("direct", (endpoint,))) as transport,
         Node(transport, identity, "tester", Log(identity.node)) as node,
     ):
-        clock = node.read(CLOCK)
-        until(lambda: (clock.admit(), clock.batch and clock.batch[-1][0].clock.ns > SECONDS * 10**9)[1], 90.0, "time")
+        clock = node.subscribe(CLOCK)
+        wait_until(
+            lambda: (clock.update(), clock.messages and clock.messages[-1][0].clock.ns > SECONDS * 10**9)[1],
+            90.0,
+            "time",
+        )
         node.call(SUPERVISOR_STOP, Name(name="recorder"), 20.0)
-        states = node.read(FLEET_STATE)
-        until(lambda: (states.admit(), [each for each, _ in states.batch if _ended(each)])[1], 30.0, "its end")
+        states = node.subscribe(FLEET_STATE)
+        wait_until(lambda: (states.update(), [each for each, _ in states.messages if _ended(each)])[1], 30.0, "its end")
 
 
 def _ended(fleet: FleetState) -> bool:
@@ -103,7 +106,7 @@ def _ended(fleet: FleetState) -> bool:
 
 
 def test_every_message_is_there_once(recorded: Recorded) -> None:
-    info = msgspec.json.decode(recorded.terminal.do("bag", "info", str(recorded.bag), "--json").out, type=BagInfo)
+    info = msgspec.json.decode(recorded.terminal.run("bag", "info", str(recorded.bag), "--json").out, type=BagInfo)
     assert (info.lost, info.unwritten, info.troubles) == ({}, 0, ())
     told = {each.topic: each for each in info.topics}
     for name in ROBOTS:
@@ -126,8 +129,8 @@ def test_two_other_readers_find_the_same_in_every_type(recorded: Recorded) -> No
         if message is not None:
             namespace, _, name = entry.channel.topic.strip("/").rpartition("/")
             if name == ROBOT_DESCRIPTION.name and isinstance(message, String):
-                message = String(data=prefixed(message.data, f"{namespace}/"))
-            wanted[entry.channel.topic].append(seen(split(message)[0]))
+                message = String(data=prefix_links(message.data, f"{namespace}/"))
+            wanted[entry.channel.topic].append(ros_view(split(message)[0]))
     compared: Counter[str] = Counter()
     with AnyReader([recorded.bag]) as reader:
         assert reader.message_count == len(recorded.entries)
@@ -149,7 +152,7 @@ def test_two_other_readers_find_the_same_in_every_type(recorded: Recorded) -> No
 
 def test_the_viewer_opens_it(recorded: Recorded, tmp_path: Path) -> None:
     """As it is, by the viewer's own importer: frames, joints, poses, bodies and log become what it can draw."""
-    convert(sorted(recorded.bag.glob("*.mcap")), tmp_path / "own.rrd")
+    convert_bag(sorted(recorded.bag.glob("*.mcap")), tmp_path / "own.rrd")
     chunks = list(RrdReader(tmp_path / "own.rrd").stream())
     entities = {str(each.entity_path) for each in chunks}
     assert {"/tf", "/tb3_0/joint_states", "/tb3_0/plan", "/rosout"} <= entities, entities
@@ -168,7 +171,7 @@ def column(chunk: Chunk, name: str) -> list[str]:
 
 
 def test_view_makes_a_picture_of_it(recorded: Recorded, tmp_path: Path) -> None:
-    ended = recorded.terminal.do("view", str(recorded.bag), "--picture", "-o", str(tmp_path))
+    ended = recorded.terminal.run("view", str(recorded.bag), "--picture", "-o", str(tmp_path))
     if not any(Path("/usr/share/vulkan/icd.d").glob("*.json")):
         assert (ended.status, "libvulkan1 mesa-vulkan-drivers" in ended.err) == (2, True)
         return
@@ -200,7 +203,7 @@ def test_played_back_it_makes_the_same_commands(recorded: Recorded, tmp_path: Pa
             network.start(kind, "--lockstep", "--namespace", namespace or "/", *wait, *options(parameters))
         again: dict[str, object] = {"output": str(tmp_path / "again"), "topics": commands, "members": list(members)}
         recorder = network.start("recorder", "--lockstep", *options(again))
-        ended = recorded.terminal.do(
+        ended = recorded.terminal.run(
             *("bag", "play", str(recorded.bag), *(word for each in played for word in ("--topics", each))),
             *("--lockstep", ",".join((*members, "/recorder")), "--connect", network.endpoint),
         )
@@ -215,7 +218,7 @@ def test_played_back_it_makes_the_same_commands(recorded: Recorded, tmp_path: Pa
 
 def stated(recorded: Recorded, node: str) -> dict[str, object]:
     """What the lab's file and its model gave a node, as its parameter service told it when the run began."""
-    service = declaration(node.rpartition("/")[2])
+    service = load_service(node.rpartition("/")[2])
     name = f"{service.parameter_set or node}/parameter_updates"
     first = next(each for entry, each in recorded.messages if entry.channel.topic == name)
     assert isinstance(first, ParameterValues)

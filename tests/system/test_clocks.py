@@ -12,11 +12,11 @@ from messages.base import encode
 from messages.elea import BaseStatus
 from messages.geometry import Twist
 from messages.topics import BASE_STATUS, CMD_VEL
-from services.runtime.network.wire import encoding, publisher_id
 from services.runtime.node import Node
-from tests.system.watched import WITHIN_S, Truth, Watched, speed
-from tests.system.world import World, world
-from tests.waiting import until
+from services.runtime.transport.wire import encoding, publisher_id
+from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, MessageRecorder, speed
+from tests.harness.waiting import wait_until
+from tests.system.two_robot_simulation import TwoRobotSimulation, two_robot_simulation
 
 HOUR = 3600.0
 PERIOD_S = 0.02
@@ -31,10 +31,13 @@ class Commander:
     def __init__(self, node: Node, life: str) -> None:
         self.off, self._sent, self._due = 0.0, 0, 0.0
         self._id = publisher_id("/skewed", life, "tb3_0/cmd_vel")
-        self._out = node.transport.publish("tb3_0/cmd_vel", encoding(Twist.ROS_TYPE), CMD_VEL.quality)
-        self._truth, self.status = Truth(node, "tb3_0"), Watched(node.read(BASE_STATUS, "/tb3_0/base_status"))
-        self.status.next()
-        self._truth.next()
+        self._out = node.transport.advertise("tb3_0/cmd_vel", encoding(Twist.ROS_TYPE), CMD_VEL.quality)
+        self._truth, self.status = (
+            GroundTruthRecorder(node, "tb3_0"),
+            MessageRecorder(node.subscribe(BASE_STATUS, "/tb3_0/base_status")),
+        )
+        self.status.wait_next()
+        self._truth.wait_next()
 
     def __enter__(self) -> Commander:
         return self
@@ -46,11 +49,11 @@ class Commander:
     @property
     def base(self) -> BaseStatus:
         """What the base last said."""
-        return self.status.all()[-1]
+        return self.status.received()[-1]
 
     @property
     def speed(self) -> float:
-        return speed(self._truth.all()[-1])
+        return speed(self._truth.received()[-1])
 
     def send(self, late: float = 0.0, off: float | None = None) -> None:
         """One command, stamped as if it had been sent ``late`` [s] ago."""
@@ -67,7 +70,7 @@ class Commander:
                 self.send()
             return probe()
 
-        until(step, WITHIN_S, what)
+        wait_until(step, WITHIN_S, what)
 
     def obeyed(self, what: str) -> None:
         """Drive until the robot does as it is told, from now on."""
@@ -76,16 +79,16 @@ class Commander:
 
     def stand(self) -> None:
         """Until it stands, as nobody commands it."""
-        until(lambda: abs(self.speed) < 1e-3, WITHIN_S, "a robot that stands")
+        wait_until(lambda: abs(self.speed) < 1e-3, WITHIN_S, "a robot that stands")
 
 
 @pytest.fixture(scope="module")
-def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
-    with world(tmp_path_factory.mktemp("clocks")) as made:
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TwoRobotSimulation]:
+    with two_robot_simulation(tmp_path_factory.mktemp("clocks")) as made:
         yield made
 
 
-def test_a_clock_that_is_set_locks_nobody_out(running: World) -> None:
+def test_a_clock_that_is_set_locks_nobody_out(running: TwoRobotSimulation) -> None:
     with Commander(running.node, "1") as commander:
         commander.obeyed("all is well")
         for off in (-2.0, 0.0, HOUR, -HOUR, 365 * 24 * HOUR):
@@ -94,7 +97,7 @@ def test_a_clock_that_is_set_locks_nobody_out(running: World) -> None:
             print(f"{off} s: {commander.base.stale_dropped - before} commands dropped")
 
 
-def test_a_first_stamp_an_hour_ahead_and_wrong_ones_later_lock_nobody_out(running: World) -> None:
+def test_a_first_stamp_an_hour_ahead_and_wrong_ones_later_lock_nobody_out(running: TwoRobotSimulation) -> None:
     with Commander(running.node, "2") as commander:
         commander.send(off=HOUR)
         commander.obeyed("after the first")
@@ -103,17 +106,17 @@ def test_a_first_stamp_an_hour_ahead_and_wrong_ones_later_lock_nobody_out(runnin
             commander.obeyed("after another")
 
 
-def test_what_was_held_up_is_not_obeyed(running: World) -> None:
+def test_what_was_held_up_is_not_obeyed(running: TwoRobotSimulation) -> None:
     """Three seconds of commands at once, from a commander that is known and from one that is not."""
     late = [3.0 - PERIOD_S * number for number in range(100)]
     with Commander(running.node, "3") as known, Commander(running.node, "4") as unknown:
         known.obeyed("all is well")
         known.stand()
         for each in (known, unknown):
-            told = each.status.next()
+            told = each.status.wait_next()
             before, taken = told.stale_dropped, told.commands
             for age in late:
                 each.send(late=age)
-            until(lambda e=each, b=before: e.base.stale_dropped >= b + len(late), WITHIN_S, "all of it dropped")  # type: ignore[misc]
+            wait_until(lambda e=each, b=before: e.base.stale_dropped >= b + len(late), WITHIN_S, "all of it dropped")  # type: ignore[misc]
             assert each.base.commands == taken
             assert abs(each.speed) < 1e-3

@@ -12,16 +12,16 @@ import psutil
 import pytest
 import zenoh
 
-from messages.base import bare_decoder
+from messages.base import raw_decoder
 from messages.elea import Health
 from messages.geometry import Twist
 from services.runtime.graph import EVERYTHING, Entity
-from services.runtime.lockstep.protocol import done_key, go_key
-from services.runtime.network.sockets import knock, router_endpoint
-from services.runtime.network.wire import attach, encoding, member_id, publisher_id
-from tests.system.stranger import stranger
-from tests.system.terminal import Terminal
-from tests.waiting import until
+from services.runtime.lockstep.protocol import grant_key, report_key
+from services.runtime.transport.unix_sockets import is_listening, router_endpoint
+from services.runtime.transport.wire import encoding, member_id, pack_attachment, publisher_id
+from tests.harness.command_line import CommandLine
+from tests.harness.external_client import external_client
+from tests.harness.waiting import wait_until
 
 FLEET = """
 name = "watched"
@@ -49,7 +49,7 @@ class Forger:
         self.beats: dict[str, Health] = {}
         self.clocks = 0
         self._tokens: list[Any] = []
-        self._read = bare_decoder(Health)
+        self._read = raw_decoder(Health)
         self._health = session.declare_subscriber("health", lambda sample: self._hear(sample))
         self._clock = session.declare_subscriber("clock", lambda _: self._tick())
 
@@ -93,14 +93,14 @@ class Forger:
                     [0, 0, 0, False, [node, "/nobody"], [], {}, {}, b"t" * 8],
                     [0, 0, 0, False, ["\x1b]0;"], [], {}, {}, b"t" * 8],
                 ):
-                    self.session.put(go_key(member), msgpack.packb([simulation, *rest]))
+                    self.session.put(grant_key(member), msgpack.packb([simulation, *rest]))
             mine = publisher_id(node, member, "r/cmd_vel")
             for marks in ({}, {"r/cmd_vel": {mine: 7}}, {"r/cmd_vel": {mine: FAR}}, {"r/odom": {b"x" * 16: FAR}}):
                 for tick in (-1, 0, 8, FAR):
                     for leaving, greets in ((False, False), (True, False), (False, True)):
                         done = [member, tick, marks, marks, leaving, greets, 0, b"t" * 8, b"n" * 8, 7]
-                        self.session.put(done_key(sim), msgpack.packb(done))
-                        self.session.put(done_key(sim), msgpack.packb([self.own, *done[1:]]))
+                        self.session.put(report_key(sim), msgpack.packb(done))
+                        self.session.put(report_key(sim), msgpack.packb([self.own, *done[1:]]))
             claims = (
                 Entity(self.own, "node", node, "waypoint"),
                 Entity(self.own, "sub", node, "/r/odom", "-", "SENSOR"),
@@ -117,7 +117,7 @@ class Forger:
                 put(
                     "r/cmd_vel",
                     msgpack.packb({}),
-                    attachment=attach(number, attached),
+                    attachment=pack_attachment(number, attached),
                     encoding=encoding(Twist.ROS_TYPE),
                 )
         self.show(Entity(self.own, "node", SIM, "sim"), Entity(sim, "node", SIM, "nothing"))
@@ -125,12 +125,12 @@ class Forger:
 
 
 @pytest.fixture(scope="module")
-def terminal(tmp_path_factory: pytest.TempPathFactory) -> Terminal:
-    return Terminal(tmp_path_factory.mktemp("forged"))
+def terminal(tmp_path_factory: pytest.TempPathFactory) -> CommandLine:
+    return CommandLine(tmp_path_factory.mktemp("forged"))
 
 
 def run(
-    terminal: Terminal, name: str, disturb: Callable[[Forger, Callable[[], bool]], None], laps: int = 1
+    terminal: CommandLine, name: str, disturb: Callable[[Forger, Callable[[], bool]], None], laps: int = 1
 ) -> tuple[int, Any, str]:
     """A run with a stranger in it: exit status, report, and all logs."""
     (terminal.folder / "fleet.toml").write_text(FLEET.replace("goals = [[", f"laps = {laps}, goals = [["))
@@ -138,8 +138,8 @@ def run(
     arguments = ["up", "fleet.toml", "--port", str(terminal.port), "--report", str(results), "--no-view", "--no-saved"]
     up = terminal.start(*arguments, "--json")
     try:
-        until(lambda: up.poll() is not None or _listens(terminal.port), START_S, "the router")
-        with stranger(router_endpoint(terminal.port)) as session:
+        wait_until(lambda: up.poll() is not None or _listens(terminal.port), START_S, "the router")
+        with external_client(router_endpoint(terminal.port)) as session:
             disturb(Forger(session), lambda: up.poll() is None)
         out, err = up.communicate(timeout=RUN_S)
     finally:
@@ -151,7 +151,7 @@ def run(
 
 def _listens(port: int) -> bool:
     try:
-        knock(router_endpoint(port))
+        is_listening(router_endpoint(port))
     except OSError:
         return False
     return True
@@ -161,13 +161,13 @@ def _nothing(forger: Forger, runs: Callable[[], bool]) -> None:
     pass
 
 
-def test_what_strangers_say_changes_nothing_and_is_counted(terminal: Terminal) -> None:
+def test_what_strangers_say_changes_nothing_and_is_counted(terminal: CommandLine) -> None:
     status, undisturbed, _ = run(terminal, "alone", _nothing)
     assert (status, undisturbed["ok"]) == (0, True)
     most = {"rounds": 0, "Go": 0, "Done": 0, "cmd_vel": 0}
 
     def disturb(forger: Forger, runs: Callable[[], bool]) -> None:
-        until(lambda: {WAYPOINT, "/grader", "/params"} <= forger.sessions("step").keys(), START_S, "the members")
+        wait_until(lambda: {WAYPOINT, "/grader", "/params"} <= forger.sessions("step").keys(), START_S, "the members")
         sim = forger.sessions("node")[SIM]
         members = forger.sessions("step")
         while runs():
@@ -177,7 +177,7 @@ def test_what_strangers_say_changes_nothing_and_is_counted(terminal: Terminal) -
             most["Done"] = max(most["Done"], forger.refused(SIM, "lockstep: Done"))
             most["cmd_vel"] = max(most["cmd_vel"], forger.refused(SIM, "/r/cmd_vel"))
             heard = forger.clocks
-            until(lambda h=heard: forger.clocks > h + EVERY or not runs(), RUN_S, "time to go on")  # type: ignore[misc]
+            wait_until(lambda h=heard: forger.clocks > h + EVERY or not runs(), RUN_S, "time to go on")  # type: ignore[misc]
 
     status, disturbed, logs = run(terminal, "forged", disturb)
     print(most, disturbed["run"]["wall_seconds"])
@@ -191,9 +191,9 @@ def test_what_strangers_say_changes_nothing_and_is_counted(terminal: Terminal) -
     assert "a Done is refused" in logs
 
 
-def test_a_member_that_dies_makes_the_report_say_so(terminal: Terminal) -> None:
+def test_a_member_that_dies_makes_the_report_say_so(terminal: CommandLine) -> None:
     def disturb(forger: Forger, runs: Callable[[], bool]) -> None:
-        until(lambda: forger.clocks > EVERY, START_S, "time to go on")
+        wait_until(lambda: forger.clocks > EVERY, START_S, "time to go on")
         state = json.loads((terminal.folder / "killed" / "processes.json").read_text())
         (pid,) = (each["pid"] for each in state["processes"] if each["name"] == WAYPOINT.strip("/"))
         psutil.Process(pid).send_signal(signal.SIGKILL)

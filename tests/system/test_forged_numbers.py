@@ -18,29 +18,29 @@ from messages.topics import BASE_STATUS, CMD_VEL, E_STOP, FLEET_STATE, HEALTH, T
 from services.runtime.graph import snapshot
 from services.runtime.identity import Identity
 from services.runtime.log import Log
-from services.runtime.network.sequences import LARGEST_GAP
-from services.runtime.network.wire import encoding, publisher_id
-from services.runtime.network.zenoh_config import configuration
-from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
-from services.runtime.outputs import Output
-from tests.live.rig import Fleet, fleet
-from tests.system.stranger import stranger
-from tests.system.watched import WITHIN_S, Watched
-from tests.waiting import until
+from services.runtime.publisher import Publisher
+from services.runtime.transport.sequences import MAX_GAP
+from services.runtime.transport.wire import encoding, publisher_id
+from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh_config import configuration
+from tests.harness.background_fleet import BackgroundFleet, background_fleet
+from tests.harness.external_client import external_client
+from tests.harness.message_recorder import WITHIN_S, MessageRecorder
+from tests.harness.waiting import wait_until
 
 FAR_NS = 3600 * 10**9
 NODES = {"/grader", "/params", "/router", "/sim", "/supervisor"}
 
 
-class Scene:
+class ForgedFleet:
     """A fleet of two robots, a node that looks on and commands, and a session that forges."""
 
-    def __init__(self, running: Fleet, node: Node, session: zenoh.Session) -> None:
+    def __init__(self, running: BackgroundFleet, node: Node, session: zenoh.Session) -> None:
         self.running, self.node, self._session = running, node, session
-        self.beats: Watched[Health] = Watched(node.read(HEALTH))
-        self.base: Watched[BaseStatus] = Watched(node.read(BASE_STATUS, "/tb3_0/base_status"))
-        self.fleet: Watched[FleetState] = Watched(node.read(FLEET_STATE))
+        self.beats: MessageRecorder[Health] = MessageRecorder(node.subscribe(HEALTH))
+        self.base: MessageRecorder[BaseStatus] = MessageRecorder(node.subscribe(BASE_STATUS, "/tb3_0/base_status"))
+        self.fleet: MessageRecorder[FleetState] = MessageRecorder(node.subscribe(FLEET_STATE))
 
     def forge(self, topic: Topic[object], key: str, publisher: bytes, number: int, payload: bytes, ahead: int) -> None:
         """Put a sample in a publisher's name, with any number, ``ahead`` [ns] of the time."""
@@ -49,16 +49,16 @@ class Scene:
 
     def heard(self, topic: str) -> int:
         """How many samples on a topic the simulation has counted, of whatever kind."""
-        count = len(self.beats.all())
+        count = len(self.beats.received())
 
         def told() -> list[InputHealth]:
-            beats = [each for each in self.beats.all()[count:] if each.node == "/sim"]
+            beats = [each for each in self.beats.received()[count:] if each.node == "/sim"]
             return [each for beat in beats for each in beat.inputs if each.topic == topic]
 
-        last = until(told, WITHIN_S, f"the counts of {topic}")[-1]
+        last = wait_until(told, WITHIN_S, f"the counts of {topic}")[-1]
         return last.received + last.refused + last.repeated
 
-    def survives(self, output: Output[object], works: Callable[[int], None]) -> None:
+    def survives(self, output: Publisher[object], works: Callable[[int], None]) -> None:
         """After each forged sample, the next true one of ``output`` counts; ``works(i)`` sends it and looks."""
         topic, key = output.topic, output.key
         good = encode(topic.record())
@@ -66,75 +66,75 @@ class Scene:
         forged = (
             (2**63 - 1, b"\xc1", 0),
             (2**63 - 1, good, 0),
-            (output.sent + LARGEST_GAP - 1, b"\xc1", 0),
-            (output.sent + LARGEST_GAP - 1, good, 0),
-            (output.sent + LARGEST_GAP // 2, good, FAR_NS),
+            (output.sent + MAX_GAP - 1, b"\xc1", 0),
+            (output.sent + MAX_GAP - 1, good, 0),
+            (output.sent + MAX_GAP // 2, good, FAR_NS),
             (1, good, FAR_NS),
         )
         for turn, (number, payload, ahead) in enumerate(forged, 1):
             before = self.heard(output.name)
             self.forge(topic, key, output.publisher, number, payload, ahead)
-            until(lambda b=before: self.heard(output.name) > b, WITHIN_S, "the forged sample")  # type: ignore[misc]
+            wait_until(lambda b=before: self.heard(output.name) > b, WITHIN_S, "the forged sample")  # type: ignore[misc]
             works(turn)
 
     def all_beat(self, times: int) -> None:
         """Each node of the fleet beats so often from now on."""
-        begun = len(self.beats.all())
+        begun = len(self.beats.received())
 
         def enough() -> bool:
-            heard = [each.node for each in self.beats.all()[begun:]]
+            heard = [each.node for each in self.beats.received()[begun:]]
             return all(heard.count(node) >= times for node in NODES)
 
-        until(enough, WITHIN_S, f"{times} heartbeats of each")
+        wait_until(enough, WITHIN_S, f"{times} heartbeats of each")
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Scene]:
-    with fleet(tmp_path_factory.mktemp("forged")) as running, stranger(running.endpoint) as session:
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForgedFleet]:
+    with background_fleet(tmp_path_factory.mktemp("forged")) as running, external_client(running.endpoint) as session:
         identity = Identity.of("tester")
         with (
             ZenohTransport(configuration("direct", (running.endpoint,))) as transport,
             Node(transport, identity, "tester", Log(identity.node)) as node,
         ):
-            made = Scene(running, node, session)
+            made = ForgedFleet(running, node, session)
             made.all_beat(1)
             yield made
 
 
-def test_a_stop_is_heard_after_forged_numbers(scene: Scene) -> None:
-    stop: Output[Bool] = scene.node.write(E_STOP, "/tb3_0/e_stop")
+def test_a_stop_is_heard_after_forged_numbers(scene: ForgedFleet) -> None:
+    stop: Publisher[Bool] = scene.node.advertise(E_STOP, "/tb3_0/e_stop")
 
     def press(_: int) -> None:
         for wanted in (True, False):
             stop.publish(Bool(data=wanted))
-            until(lambda w=wanted: scene.base.next().e_stopped is w, WITHIN_S, f"e_stop {wanted}")  # type: ignore[misc]
+            wait_until(lambda w=wanted: scene.base.wait_next().e_stopped is w, WITHIN_S, f"e_stop {wanted}")  # type: ignore[misc]
 
     scene.survives(stop, press)
 
 
-def test_a_command_is_heard_after_forged_numbers(scene: Scene) -> None:
-    command: Output[Twist] = scene.node.write(CMD_VEL, "/tb3_0/cmd_vel")
+def test_a_command_is_heard_after_forged_numbers(scene: ForgedFleet) -> None:
+    command: Publisher[Twist] = scene.node.advertise(CMD_VEL, "/tb3_0/cmd_vel")
 
     def taken() -> int:
         """Commands that the base was given; how old it thinks them is another matter than their numbers."""
-        status = scene.base.next()
+        status = scene.base.wait_next()
         return status.commands + status.stale_dropped
 
     def drive(turn: int) -> None:
         before = taken()
         command.publish(Twist.planar(0.01 * (turn + 1), 0.0))
-        until(lambda: taken() > before, WITHIN_S, f"a command after the forged sample {turn}")
+        wait_until(lambda: taken() > before, WITHIN_S, f"a command after the forged sample {turn}")
 
     scene.survives(command, drive)
 
 
-def test_forged_heartbeats_end_no_process(scene: Scene) -> None:
-    state = until(scene.fleet.all, WITHIN_S, "the fleet's state")[-1]
+def test_forged_heartbeats_end_no_process(scene: ForgedFleet) -> None:
+    state = wait_until(scene.fleet.received, WITHIN_S, "the fleet's state")[-1]
     pids = {each.name: each.pid for each in state.processes}
     good = encode(Health(node="/nobody", pid=1))
     for topic, key, payload in ((HEALTH, "health", good), (CMD_VEL, "tb3_0/cmd_vel", encode(Twist()))):
         for forged in range(3):
-            for number in (1, 2**63 - 1, 2, 2**62, 2 + LARGEST_GAP):
+            for number in (1, 2**63 - 1, 2, 2**62, 2 + MAX_GAP):
                 scene.forge(topic, key, f"forger{forged}".encode().ljust(16), number, payload, 0)  # type: ignore[arg-type]
     own = [each for each in snapshot(scene.node.transport) if each.kind == "pub" and each.name == HEALTH.name]
     assert {each.node for each in own} >= NODES
@@ -144,17 +144,17 @@ def test_forged_heartbeats_end_no_process(scene: Scene) -> None:
             for number, body in (
                 (2**63 - 1, b"\xc1"),
                 (2**63 - 1, good),
-                (LARGEST_GAP - 1, b"\xc1"),
-                (LARGEST_GAP, good),
+                (MAX_GAP - 1, b"\xc1"),
+                (MAX_GAP, good),
             ):
                 for ahead in (0, FAR_NS):
                     scene.forge(HEALTH, "health", publisher, number, body, ahead)  # type: ignore[arg-type]
     for payload in (b"", b"\xc1", msgpack.packb({"inputs": [{"lost": 2**64 - 1}]}), msgpack.packb({"node": "\x1b]0;"})):
         scene.forge(HEALTH, "health", b"forger".ljust(16), 1, payload, 0)  # type: ignore[arg-type]
     scene.all_beat(5)
-    listed = scene.running.read("ps")[0]["processes"]
+    listed = scene.running.run_json("ps")[0]["processes"]
     assert {each["name"]: each["pid"] for each in listed} == pids
     assert {each["state"] for each in listed} == {"ready"}
     assert {each["restarts"] for each in listed} == {0}
-    told = scene.running.do("node", "info", "/supervisor").out
+    told = scene.running.run("node", "info", "/supervisor").out
     assert "refused" in told

@@ -6,23 +6,23 @@ from pathlib import Path
 
 import pytest
 
-from tests.processes import Network
-from tests.system.flooder import BEAT, BEATS, FLOOD
-from tests.waiting import until
+from tests.harness.processes import Network
+from tests.harness.waiting import wait_until
+from tests.system.flood_publisher import FLOOD, HEARTBEAT, HEARTBEATS
 
 
 @pytest.mark.parametrize("topology", ["direct", "star"])
 def test_no_flood_takes_a_heartbeat_away(tmp_path: Path, topology: str) -> None:
     with Network(tmp_path) as network, network.node() as node:
-        beats, flood = node.read(BEAT), node.read(FLOOD)
-        flooder = network.run(Path(__file__).with_name("flooder.py"), "--topology", topology)
+        beats, flood = node.subscribe(HEARTBEAT), node.subscribe(FLOOD)
+        flooder = network.run(Path(__file__).with_name("flood_publisher.py"), "--topology", topology)
 
         def ended() -> bool:
-            flood.admit()
-            beats.admit()
+            flood.update()
+            beats.update()
             assert flooder.status is None, flooder.text
-            return beats.received + beats.lost == BEATS and "sent" in flooder.text
+            return beats.received + beats.lost == HEARTBEATS and "sent" in flooder.text
 
-        until(ended, 30.0, "the flood to end")
+        wait_until(ended, 30.0, "the flood to end")
         assert flood.lost > 0, "it was no flood"
-        assert (beats.received, beats.lost) == (BEATS, 0)
+        assert (beats.received, beats.lost) == (HEARTBEATS, 0)

@@ -14,12 +14,12 @@ import pytest
 
 from deploy.report.schema import SCHEMA_FILE
 from models.palette import colours
-from services.logger.picture import picture
+from services.logger.screenshots import screenshot
 from services.runtime.errors import BadInput
-from tests.system.hogs import hogs
-from tests.system.laps import brief, reordered, short
-from tests.system.on_the_wall_clock import run
-from tests.system.terminal import Ended, Terminal
+from tests.harness.command_line import CommandLine, CommandResult
+from tests.harness.cpu_load import cpu_load
+from tests.system.real_time_run import run_in_real_time
+from tests.system.short_fleets import brief_lab, reordered_lab, short_lab
 
 ROBOTS = [f"tb3_{number}" for number in range(4)]
 DRIVING = ["p3dx", *ROBOTS]
@@ -35,10 +35,10 @@ ROBOT_KEYS = {
 DRIVERS = any(Path("/usr/share/vulkan/icd.d").glob("*.json"))
 
 
-class Lap:
+class LabRun:
     """One run of the lab on a short way."""
 
-    def __init__(self, ended: Ended, results: Path) -> None:
+    def __init__(self, ended: CommandResult, results: Path) -> None:
         self.ended, self.results = ended, results
         assert ended.out, ended.err
         self.report: dict[str, Any] = json.loads(ended.out)
@@ -51,24 +51,24 @@ class Lap:
 
 
 @pytest.fixture(scope="module")
-def terminal(tmp_path_factory: pytest.TempPathFactory) -> Terminal:
-    return Terminal(tmp_path_factory.mktemp("lab"))
+def terminal(tmp_path_factory: pytest.TempPathFactory) -> CommandLine:
+    return CommandLine(tmp_path_factory.mktemp("lab"))
 
 
 @pytest.fixture(scope="module")
-def first(terminal: Terminal) -> Lap:
-    return drive(terminal, "first", short(terminal.folder / "short.toml"))
+def first(terminal: CommandLine) -> LabRun:
+    return drive(terminal, "first", short_lab(terminal.folder / "short.toml"))
 
 
 def drive(
-    terminal: Terminal, name: str, fleet: Path, *options: str, beside: AbstractContextManager[None] | None = None
-) -> Lap:
+    terminal: CommandLine, name: str, fleet: Path, *options: str, beside: AbstractContextManager[None] | None = None
+) -> LabRun:
     results = terminal.folder / name
     with beside or nullcontext():
-        return Lap(terminal.up(fleet, results, "--json", *options), results)
+        return LabRun(terminal.run_fleet(fleet, results, "--json", *options), results)
 
 
-def test_every_robot_reaches_every_point(first: Lap) -> None:
+def test_every_robot_reaches_every_point(first: LabRun) -> None:
     assert first.ended.status == 0, first.ended.err
     assert first.report["ok"] is True
     assert first.run["ended"] == "goals"
@@ -83,7 +83,7 @@ def test_every_robot_reaches_every_point(first: Lap) -> None:
         assert 8 < robot["time_s"] < 15
 
 
-def test_the_pioneer_drives_its_square_beside_them_and_meets_nobody(first: Lap) -> None:
+def test_the_pioneer_drives_its_square_beside_them_and_meets_nobody(first: LabRun) -> None:
     pioneer = first.report["robots"]["p3dx"]
     assert (pioneer["points"], pioneer["points_reached"], pioneer["collisions"]) == (4, 4, 0)
     assert 15 < pioneer["time_s"] <= first.run["sim_seconds"] < 25
@@ -93,7 +93,7 @@ def test_the_pioneer_drives_its_square_beside_them_and_meets_nobody(first: Lap) 
     assert pioneer["min_distance_m"] > 1.5
 
 
-def test_the_arm_does_its_exercise_beside_them(first: Lap) -> None:
+def test_the_arm_does_its_exercise_beside_them(first: LabRun) -> None:
     """With latency it acts on what it saw a tick before, so its rise is steeper than alone."""
     arm = first.report["robots"]["arm"]
     assert arm["step_final_deg"] == pytest.approx(29.63, abs=0.05)
@@ -103,7 +103,7 @@ def test_the_arm_does_its_exercise_beside_them(first: Lap) -> None:
     assert 21 < arm["time_s"] < 22
 
 
-def test_the_report_is_as_promised(first: Lap) -> None:
+def test_the_report_is_as_promised(first: LabRun) -> None:
     jsonschema.validate(first.report, json.loads(SCHEMA_FILE.read_text()))
     assert first.report == json.loads((first.results / "report.json").read_text())
     assert first.report["schema"] == 1
@@ -118,19 +118,19 @@ def test_the_report_is_as_promised(first: Lap) -> None:
     assert (first.results / "report.png").stat().st_size > 10_000
 
 
-def test_load_changes_nothing(terminal: Terminal, first: Lap) -> None:
-    again = drive(terminal, "hogged", terminal.folder / "short.toml", beside=hogs(2))
+def test_load_changes_nothing(terminal: CommandLine, first: LabRun) -> None:
+    again = drive(terminal, "hogged", terminal.folder / "short.toml", beside=cpu_load(2))
     assert again.ended.status == 0, again.ended.err
     same(first, again)
 
 
-def test_another_order_changes_nothing(terminal: Terminal, first: Lap) -> None:
-    again = drive(terminal, "reordered", reordered(terminal.folder / "reordered.toml"))
+def test_another_order_changes_nothing(terminal: CommandLine, first: LabRun) -> None:
+    again = drive(terminal, "reordered", reordered_lab(terminal.folder / "reordered.toml"))
     assert again.ended.status == 0, again.ended.err
     same(first, again)
 
 
-def same(one: Lap, other: Lap) -> None:
+def same(one: LabRun, other: LabRun) -> None:
     """Both runs, bit for bit, and nothing lost in either."""
     assert other.run["messages_lost"] == one.run["messages_lost"] == 0, other.ended.err
     assert other.run["restarts"] == one.run["restarts"] == 0, other.ended.err
@@ -140,20 +140,20 @@ def same(one: Lap, other: Lap) -> None:
 
 
 @pytest.mark.timeout(700)
-def test_on_the_wall_clock_all_checks_hold(terminal: Terminal) -> None:
-    report = run(terminal, brief(terminal.folder / "brief.toml"), "real")
+def test_on_the_wall_clock_all_checks_hold(terminal: CommandLine) -> None:
+    report = run_in_real_time(terminal, brief_lab(terminal.folder / "brief.toml"), "real")
     assert (report["run"]["mode"], report["run"]["ended"]) == ("real", "goals")
     assert [report["robots"][name]["points_reached"] for name in ROBOTS] == [2] * 4
     assert [each["made"] for each in report["changes"]] == [True] * 3
 
 
-def test_a_mode_that_is_gone_is_refused_with_what_to_take(terminal: Terminal) -> None:
-    ended = terminal.do("up", "lab", "--mode", "free")
+def test_a_mode_that_is_gone_is_refused_with_what_to_take(terminal: CommandLine) -> None:
+    ended = terminal.run("up", "lab", "--mode", "free")
     assert (ended.status, ended.out) == (2, "")
     assert "Use lockstep: it runs as fast as the machine can, and waits for the controllers" in ended.err
 
 
-def test_without_controllers_lockstep_runs_at_full_speed(terminal: Terminal) -> None:
+def test_without_controllers_lockstep_runs_at_full_speed(terminal: CommandLine) -> None:
     """There is nobody to wait for but those who look on; on the wall clock this would take most of a day."""
     options = ("--no-saved", "--mode", "lockstep", "--duration", "60", "--factor", "0.001")
     lap = drive(terminal, "bare", Path("bare"), *options)
@@ -161,7 +161,7 @@ def test_without_controllers_lockstep_runs_at_full_speed(terminal: Terminal) -> 
     assert lap.run["sim_seconds"] == 60
 
 
-def test_its_duration_ends_it(terminal: Terminal) -> None:
+def test_its_duration_ends_it(terminal: CommandLine) -> None:
     lap = drive(terminal, "cut", Path("lab"), "--duration", "2")
     assert (lap.run["ended"], lap.run["sim_seconds"]) == ("duration", 2.0)
     assert lap.ended.status == 1
@@ -171,13 +171,13 @@ def test_its_duration_ends_it(terminal: Terminal) -> None:
     assert [name for name in missed if name not in exercise] == [f"{name}.points_reached" for name in DRIVING]
 
 
-def test_the_recording_opens_in_the_viewer(first: Lap, tmp_path: Path) -> None:
+def test_the_recording_opens_in_the_viewer(first: LabRun, tmp_path: Path) -> None:
     png = tmp_path / "run.png"
     if not DRIVERS:
         with pytest.raises(BadInput, match="libvulkan1 mesa-vulkan-drivers"):
-            picture(first.results / "run.rrd", png)
+            screenshot(first.results / "run.rrd", png)
         return
-    picture(first.results / "run.rrd", png)
+    screenshot(first.results / "run.rrd", png)
     pixels = np.rint(matplotlib.image.imread(png)[:, :, :3] * 255).astype(int)
     assert pixels.shape == (1080, 1920, 3)
     assert pixels.std() > 5

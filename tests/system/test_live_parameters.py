@@ -24,11 +24,11 @@ from messages.simulation import DriveSettings
 from messages.std import Empty
 from messages.topics import PLAN, UPDATES
 from services.runtime.errors import CallFailed
-from tests.ports import free_port
-from tests.processes import Network
-from tests.system.terminal import Terminal
-from tests.system.tuner import Tuner, tuner
-from tests.waiting import until
+from tests.harness.command_line import CommandLine
+from tests.harness.ports import free_port
+from tests.harness.processes import Network
+from tests.harness.waiting import wait_until
+from tests.system.parameter_client import ParameterClient, parameter_client
 
 PILOT, BASE, SQUARE, JOINTS = "/r/waypoint", "/r/base", "/s/square", "/arm/joints"
 
@@ -70,10 +70,10 @@ values = { damping = 5.0 }
 
 
 @pytest.fixture
-def terminal(tmp_path: Path) -> Iterator[Terminal]:
-    terminal = Terminal(tmp_path)
+def terminal(tmp_path: Path) -> Iterator[CommandLine]:
+    terminal = CommandLine(tmp_path)
     yield terminal
-    terminal.do("down")
+    terminal.run("down")
 
 
 def fleet(folder: Path, mode: str, ends: str, duration: float = 0, changes: str = "") -> str:
@@ -93,51 +93,57 @@ def log(results: Path) -> str:
     return file.read_text() if file.exists() else ""
 
 
-def test_a_fleet_is_tuned_while_it_drives_and_keeps_what_was_saved(terminal: Terminal) -> None:
+def test_a_fleet_is_tuned_while_it_drives_and_keeps_what_was_saved(terminal: CommandLine) -> None:
     file, results = fleet(terminal.folder, "real", "never"), terminal.folder / "results"
-    started = terminal.up(file, results, "--detach")
+    started = terminal.run_fleet(file, results, "--detach")
     assert started.status == 0, started.err
-    with tuner(terminal.port) as t:
+    with parameter_client(terminal.port) as t:
         assert t.get(PILOT)["max_linear"] == (0.2, "fleet")
         assert t.get(BASE)["cmd_vel_timeout"] == (0.4, "fleet")
         assert t.get(BASE)["wheel_radius"] == (0.033, "default")
-        t.until_speed(0.2)
+        t.wait_for_speed(0.2)
         t.set(PILOT, max_linear=0.1)
-        t.until_speed(0.1)
+        t.wait_for_speed(0.1)
         t.set(PILOT, run=True, max_linear=0.15)
-        t.until_speed(0.15)
+        t.wait_for_speed(0.15)
 
         # A service that comes back gets the values of its run; the parameter service gets them back from it.
         t.node.call(SUPERVISOR_RESTART, Name(name="r/waypoint"))
-        until(lambda: "max_linear = 0.15 (run)" in log(results), 30)
-        t.until_speed(0.15)
+        wait_until(lambda: "max_linear = 0.15 (run)" in log(results), 30)
+        t.wait_for_speed(0.15)
         psutil.Process(processes(results)["params"]).send_signal(signal.SIGKILL)
-        until(lambda: "the parameter service is gone" in log(results), 20)
-        t.until(PILOT, max_linear=(0.15, "run"))
-        t.until_speed(0.15)
+        wait_until(lambda: "the parameter service is gone" in log(results), 20)
+        t.wait_for(PILOT, max_linear=(0.15, "run"))
+        t.wait_for_speed(0.15)
         t.set(PILOT, max_linear=0.12)
-        t.until_speed(0.12)
-        plans = t.node.read(PLAN, "/r/plan")
+        t.wait_for_speed(0.12)
+        plans = t.node.subscribe(PLAN, "/r/plan")
         t.set(PILOT, run=True, goals=((50.0, 50.0), (0.0, 0.0)))
-        until(lambda: t.node.admit() or any(len(plan.poses) == 2 for plan, _ in plans.batch), 20, "a new plan")
+        wait_until(
+            lambda: t.node.update_subscribers() or any(len(plan.poses) == 2 for plan, _ in plans.messages),
+            20,
+            "a new plan",
+        )
 
         # What contradicts itself is taken back for all; so is nothing of a stranger's.
         for wrong, says in (({"linear__min_velocity": 0.1}, "out of bounds"), ({"wheel_pid__p": 1.0}, "cannot change")):
             with pytest.raises(CallFailed, match=says):
                 t.set(BASE, **wrong)
         t.set(BASE, linear__max_deceleration=0.0)
-        t.until(BASE, **{"linear.max_deceleration": (None, "default")})
+        t.wait_for(BASE, **{"linear.max_deceleration": (None, "default")})
         newest = t.node.call(PARAMS_HISTORY, HistoryOf(set=BASE, limit=1)).changes[0]
         assert newest.kind == "undo"
         assert "could never change its speed" in newest.who
-        t.node.write(UPDATES, f"{PILOT}/parameter_updates").publish(ParameterValues(set=PILOT, revision=999, values=()))
-        until(lambda: t.refused(PILOT, f"{PILOT}/parameter_updates"), 10)
+        t.node.advertise(UPDATES, f"{PILOT}/parameter_updates").publish(
+            ParameterValues(set=PILOT, revision=999, values=())
+        )
+        wait_until(lambda: t.rejected_samples(PILOT, f"{PILOT}/parameter_updates"), 10)
 
         # One owner of a base's values, whoever asks.
         t.node.call(SET_DRIVE, DriveSettings(name="r", wheel_separation_multiplier=1.1))
         assert t.get(BASE)["wheel_separation_multiplier"] == (1.1, "run")
         t.set(BASE, run=True, wheel_separation_multiplier=1.2)
-        until(
+        wait_until(
             lambda: t.node.call(SET_DRIVE, DriveSettings(name="r")).wheel_separation_multiplier == 1.2,
             10,
             "the base's multiplier",
@@ -146,46 +152,46 @@ def test_a_fleet_is_tuned_while_it_drives_and_keeps_what_was_saved(terminal: Ter
             t.set(BASE, wheel_radius=0.1)
 
         # A square goes on at another speed, the joints of an arm resist more, and time runs slower.
-        t.until_speed(0.2, "s", within=0.02)
+        t.wait_for_speed(0.2, "s", within=0.02)
         t.set(SQUARE, linear_speed=0.4)
-        t.until_speed(0.4, "s", within=0.02)
+        t.wait_for_speed(0.4, "s", within=0.02)
         with pytest.raises(CallFailed, match="side cannot change while"):
             t.set(SQUARE, side=2.0)
         assert t.get(JOINTS)["damping"] == (0.0, "default")
         t.set(JOINTS, run=True, damping=5.0, effort_mode="sum")
         asked = JointName(model="arm", joint_name="bear_link")
-        until(lambda: t.node.call(JOINT_PROPERTIES, asked).damping == 5.0, 10, "damping of the joint")
+        wait_until(lambda: t.node.call(JOINT_PROPERTIES, asked).damping == 5.0, 10, "damping of the joint")
         t.set("/sim", run=True, factor=0.25)
-        until(lambda: t.node.call(WORLD_PROPERTIES, Empty()).factor == 0.25, 10, "the factor of time")
-        assert t.until_later(0.4) > 0.3 / 0.25, "four seconds of the wall for one of the simulation"
-    terminal.do("down")
+        wait_until(lambda: t.node.call(WORLD_PROPERTIES, Empty()).factor == 0.25, 10, "the factor of time")
+        assert t.wall_time_of(0.4) > 0.3 / 0.25, "four seconds of the wall for one of the simulation"
+    terminal.run("down")
     note = "/r/waypoint max_linear = 0.12 (saved; the fleet's is 0.2)"
     report = json.loads((results / "report.json").read_text())
     assert any(note in each for each in report["notes"])
     assert report["parameters"][BASE]["wheel_separation_multiplier"] == {"value": 1.2, "origin": "run"}
 
-    again = terminal.up(file, terminal.folder / "again", "--detach")
+    again = terminal.run_fleet(file, terminal.folder / "again", "--detach")
     assert again.status == 0, again.err
-    with tuner(terminal.port) as t:
+    with parameter_client(terminal.port) as t:
         assert t.get(PILOT)["max_linear"] == (0.12, "saved")
         assert t.get(BASE)["wheel_separation_multiplier"] == (1.0, "default")
-        t.until_speed(0.12)
-    second = terminal.do("up", file, "--port", str(free_port()), "--report", str(terminal.folder / "second"))
+        t.wait_for_speed(0.12)
+    second = terminal.run("up", file, "--port", str(free_port()), "--report", str(terminal.folder / "second"))
     assert second.status == 2
     assert f"the fleet tuned (port {terminal.port}) uses the file of parameters" in second.err
     assert f"./elea down --port {terminal.port}, give this fleet a file of its own with --params FILE" in second.err
     assert list((terminal.folder / "second" / "logs").iterdir()) == [], "nothing was started"
-    terminal.do("down")
+    terminal.run("down")
     told = (terminal.folder / "again" / "supervisor.log").read_text()
     assert f"saved parameters win over the fleet's: {note}; --no-saved leaves them out" in told
     assert [each.name for each in (terminal.folder / "params").glob("*.db")] == ["tuned.db"]
 
 
-def test_a_run_in_lockstep_repeats_with_its_changes_and_without_what_is_saved(terminal: Terminal) -> None:
+def test_a_run_in_lockstep_repeats_with_its_changes_and_without_what_is_saved(terminal: CommandLine) -> None:
     file = fleet(terminal.folder, "lockstep", "duration", 6, CHANGES)
     reports = []
     for number, options in enumerate((["--no-saved"], ["--params", "own.db"])):
-        ended = terminal.up(file, terminal.folder / str(number), "--json", *options)
+        ended = terminal.run_fleet(file, terminal.folder / str(number), "--json", *options)
         reports.append(json.loads(ended.out))
     one, other = reports
     assert one["run"]["trajectory_hash"] == other["run"]["trajectory_hash"]
@@ -199,10 +205,12 @@ def test_a_run_in_lockstep_repeats_with_its_changes_and_without_what_is_saved(te
     assert not (terminal.folder / "params").exists()
 
 
-def test_a_damaged_file_ends_the_start_with_its_reason_on_the_terminal_and_stays_as_it_is(terminal: Terminal) -> None:
+def test_a_damaged_file_ends_the_start_with_its_reason_on_the_terminal_and_stays_as_it_is(
+    terminal: CommandLine,
+) -> None:
     damaged = terminal.folder / "damaged.db"
     damaged.write_bytes(b"SQLite format 3\0" + b"x" * 4000)
-    ended = terminal.up(
+    ended = terminal.run_fleet(
         fleet(terminal.folder, "lockstep", "duration", 6), terminal.folder / "no", "--params", "damaged.db"
     )
     assert ended.status == 1
@@ -215,13 +223,13 @@ def test_a_damaged_file_ends_the_start_with_its_reason_on_the_terminal_and_stays
 def test_a_service_starts_without_the_parameter_service_and_follows_it_when_it_comes(tmp_path: Path) -> None:
     with Network(tmp_path) as network:
         waypoint = network.start("waypoint", "--namespace", "r", "--fleet-param", "max_linear=0.2")
-        until(lambda: "no parameter service is there" in waypoint.text, 20, "the word of the waypoint service")
+        wait_until(lambda: "no parameter service is there" in waypoint.text, 20, "the word of the waypoint service")
         params = network.start("params")
-        until(lambda: "the parameter service is there: following it" in waypoint.text, 20)
+        wait_until(lambda: "the parameter service is there: following it" in waypoint.text, 20)
         with network.node("tuner") as node:
-            t = Tuner(node)
-            t.until(PILOT, max_linear=(0.2, "fleet"))
+            t = ParameterClient(node)
+            t.wait_for(PILOT, max_linear=(0.2, "fleet"))
         assert waypoint.text.count("parameter service") == 2
         assert params.stop() == 0
-        until(lambda: "the parameter service is gone: the present values stay" in waypoint.text, 20)
+        wait_until(lambda: "the parameter service is gone: the present values stay" in waypoint.text, 20)
         assert waypoint.status is None

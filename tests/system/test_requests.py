@@ -14,48 +14,50 @@ from messages.std import Empty
 from messages.topics import CLOCK, CMD_VEL
 from services.runtime.errors import CallFailed
 from services.runtime.service import STEP_NS
-from tests.system.watched import WITHIN_S, Watched, apart, speed
-from tests.system.world import STARTS, World, world
-from tests.waiting import until
+from tests.harness.message_recorder import WITHIN_S, MessageRecorder, distance, speed
+from tests.harness.waiting import wait_until
+from tests.system.two_robot_simulation import STARTS, TwoRobotSimulation, two_robot_simulation
 
 
 @pytest.fixture(scope="module", params=["real", "lockstep"])
-def running(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[World]:
-    """A world with a witness; in lockstep the witness is a member."""
+def running(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[TwoRobotSimulation]:
+    """A world with a reset monitor; in lockstep the reset monitor is a member."""
     mode = str(request.param)
-    with world(tmp_path_factory.mktemp(mode), mode) as made:
-        until(lambda: made.beat("/witness").ticks > 0, WITHIN_S, "ticks of the witness")
+    with two_robot_simulation(tmp_path_factory.mktemp(mode), mode) as made:
+        wait_until(lambda: made.next_heartbeat("/reset_monitor").ticks > 0, WITHIN_S, "ticks of the reset monitor")
         yield made
-        assert "twice" not in made.witness.text
+        assert "twice" not in made.reset_monitor.text
 
 
 @pytest.fixture
-def paused(running: World) -> Iterator[SimTime]:
+def paused(running: TwoRobotSimulation) -> Iterator[SimTime]:
     """Time stands still in the test."""
     stopped = running.node.call(PAUSE, Empty())
     yield stopped
     running.node.call(RESUME, Empty())
 
 
-def test_pause_stops_the_clock(running: World, paused: SimTime) -> None:
-    clock = Watched(running.node.read(CLOCK))
-    tick = [clock.next() for _ in range(5)][-1]
+def test_pause_stops_the_clock(running: TwoRobotSimulation, paused: SimTime) -> None:
+    clock = MessageRecorder(running.node.subscribe(CLOCK))
+    tick = [clock.wait_next() for _ in range(5)][-1]
     assert tick.paused
     assert (tick.clock.ns, tick.tick, tick.epoch) == (paused.time, paused.tick, paused.epoch)
-    until(lambda: running.beat("/sim").state == "paused", WITHIN_S, "a sim that says that it is paused")
-    until(lambda: running.beat("/witness").state == "paused", WITHIN_S, "a controller that says so")
+    wait_until(lambda: running.next_heartbeat("/sim").state == "paused", WITHIN_S, "a sim that says that it is paused")
+    wait_until(
+        lambda: running.next_heartbeat("/reset_monitor").state == "paused", WITHIN_S, "a controller that says so"
+    )
     assert running.node.call(PAUSE, Empty()) == paused
 
 
 @pytest.mark.parametrize("count", [1, 7, 400])
-def test_steps_are_exact(running: World, paused: SimTime, count: int) -> None:
+def test_steps_are_exact(running: TwoRobotSimulation, paused: SimTime, count: int) -> None:
     stepped = running.node.call(STEP, Steps(count=count), WITHIN_S)
     assert stepped.tick == paused.tick + count
     assert stepped.time == paused.time + count * STEP_NS
     assert running.node.call(PAUSE, Empty()) == stepped
 
 
-def test_steps_need_a_pause_and_a_number(running: World, paused: SimTime) -> None:
+def test_steps_need_a_pause_and_a_number(running: TwoRobotSimulation, paused: SimTime) -> None:
     with pytest.raises(CallFailed, match="count"):
         running.node.call(STEP, Steps(count=0))
     running.node.call(RESUME, Empty())
@@ -63,18 +65,18 @@ def test_steps_need_a_pause_and_a_number(running: World, paused: SimTime) -> Non
         running.node.call(STEP, Steps(count=1))
 
 
-def test_resume_goes_on_from_where_time_stood(running: World) -> None:
+def test_resume_goes_on_from_where_time_stood(running: TwoRobotSimulation) -> None:
     stopped = running.node.call(PAUSE, Empty())
-    clock = Watched(running.node.read(CLOCK))
-    clock.next()
+    clock = MessageRecorder(running.node.subscribe(CLOCK))
+    clock.wait_next()
     assert running.node.call(RESUME, Empty()).time == stopped.time
-    until(lambda: not clock.next().paused, WITHIN_S, "a clock that goes")
-    first = next(each for each in clock.all() if not each.paused and each.clock.ns >= stopped.time)
+    wait_until(lambda: not clock.wait_next().paused, WITHIN_S, "a clock that goes")
+    first = next(each for each in clock.received() if not each.paused and each.clock.ns >= stopped.time)
     assert first.clock.ns - stopped.time <= 8 * STEP_NS
-    until(lambda: clock.next().clock.ns > stopped.time + 10**9, WITHIN_S, "a second more")
+    wait_until(lambda: clock.wait_next().clock.ns > stopped.time + 10**9, WITHIN_S, "a second more")
 
 
-def test_a_state_is_set_and_told(running: World, paused: SimTime) -> None:
+def test_a_state_is_set_and_told(running: TwoRobotSimulation, paused: SimTime) -> None:
     asked = SetModelState(name="tb3_0", pose=Pose.planar(2.0, -1.0, 0.5), twist=Twist.planar(0.1, 0.0))
     told = running.node.call(SET_STATE, asked)
     assert told == running.node.call(GET_STATE, Name(name="tb3_0"))
@@ -88,7 +90,7 @@ def test_a_state_is_set_and_told(running: World, paused: SimTime) -> None:
     running.node.call(RESET_WORLD, Empty())
 
 
-def test_reset_begins_a_new_epoch(running: World) -> None:
+def test_reset_begins_a_new_epoch(running: TwoRobotSimulation) -> None:
     away(running)
     before = running.node.call(PAUSE, Empty())
     reset = running.node.call(RESET, Empty())
@@ -96,49 +98,49 @@ def test_reset_begins_a_new_epoch(running: World) -> None:
     home(running.node.call(LIST, Empty()))
     running.node.call(RESUME, Empty())
     truth = running.truth["tb3_0"]
-    until(lambda: truth.next().header.stamp.ns < before.time, WITHIN_S, "ground truth of the new epoch")
-    assert abs(speed(truth.after(0.5))) < 1e-3
-    clock = Watched(running.node.read(CLOCK))
-    assert clock.next().epoch == reset.epoch
-    said = until(lambda: words(running, f"epoch {reset.epoch},"), WITHIN_S, "word of the witness")
+    wait_until(lambda: truth.wait_next().header.stamp.ns < before.time, WITHIN_S, "ground truth of the new epoch")
+    assert abs(speed(truth.wait_after(0.5))) < 1e-3
+    clock = MessageRecorder(running.node.subscribe(CLOCK))
+    assert clock.wait_next().epoch == reset.epoch
+    said = wait_until(lambda: words(running, f"epoch {reset.epoch},"), WITHIN_S, "word of the reset monitor")
     assert len(said) == 1
     assert "odometry False" in said[0]
 
 
-def test_reset_world_keeps_time(running: World) -> None:
+def test_reset_world_keeps_time(running: TwoRobotSimulation) -> None:
     away(running)
     before = running.node.call(PAUSE, Empty())
     after = running.node.call(RESET_WORLD, Empty())
     assert after == before
     home(running.node.call(LIST, Empty()))
     running.node.call(RESUME, Empty())
-    assert abs(speed(running.truth["tb3_0"].after(0.5))) < 1e-3
+    assert abs(speed(running.truth["tb3_0"].wait_after(0.5))) < 1e-3
 
 
-def test_what_is_deleted_is_gone(running: World) -> None:
+def test_what_is_deleted_is_gone(running: TwoRobotSimulation) -> None:
     assert running.node.call(DELETE, Name(name="tb3_1")).text == "tb3_1 is gone"
     assert [each.name for each in running.node.call(LIST, Empty()).models] == ["tb3_0"]
     with pytest.raises(CallFailed, match=r"unknown model 'tb3_1'; did you mean 'tb3_0'"):
         running.node.call(GET_STATE, Name(name="tb3_1"))
-    assert not [each for each in running.beat("/sim").outputs if each.topic.startswith("/tb3_1/")]
-    running.truth["tb3_0"].after(0.1)
+    assert not [each for each in running.next_heartbeat("/sim").outputs if each.topic.startswith("/tb3_1/")]
+    running.truth["tb3_0"].wait_after(0.1)
 
 
-def away(running: World) -> None:
+def away(running: TwoRobotSimulation) -> None:
     """Drive tb3_0 from where it stands."""
-    commands, truth = running.node.write(CMD_VEL, "/tb3_0/cmd_vel"), running.truth["tb3_0"]
-    start = truth.next()
+    commands, truth = running.node.advertise(CMD_VEL, "/tb3_0/cmd_vel"), running.truth["tb3_0"]
+    start = truth.wait_next()
 
     def moved() -> bool:
         commands.publish(Twist.planar(0.2, 0.0))
-        return apart(start, truth.next()) > 0.05
+        return distance(start, truth.wait_next()) > 0.05
 
-    until(moved, WITHIN_S, "a robot that drives")
+    wait_until(moved, WITHIN_S, "a robot that drives")
 
 
-def words(running: World, text: str) -> list[str]:
-    """What the witness wrote with ``text`` in it."""
-    return [line for line in running.witness.text.splitlines() if text in line]
+def words(running: TwoRobotSimulation, text: str) -> list[str]:
+    """What the reset monitor wrote with ``text`` in it."""
+    return [line for line in running.reset_monitor.text.splitlines() if text in line]
 
 
 def home(listed: ModelList) -> None:

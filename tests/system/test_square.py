@@ -21,12 +21,12 @@ from messages.nav import Odometry
 from messages.topics import CMD_VEL, ODOM, STATUS
 from services.runtime.node import Node
 from services.square import LOG_FILE
-from services.square.record import COLUMNS
-from tests.processes import Network, Process
-from tests.system.on_the_wall_clock import run
-from tests.system.terminal import Ended, Terminal
-from tests.system.watched import WITHIN_S, Truth, Watched, apart, speed, time_of
-from tests.waiting import until
+from services.square.csv_log import COLUMNS
+from tests.harness.command_line import CommandLine, CommandResult
+from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, MessageRecorder, distance, speed, time_of
+from tests.harness.processes import Network, Process
+from tests.harness.waiting import wait_until
+from tests.system.real_time_run import run_in_real_time
 
 DRIVE = {"ramp": "base", "linear": {"max_acceleration": 0.3}, "angular": {"max_acceleration": 1.745329}}
 """The tutorial's limits."""
@@ -37,9 +37,9 @@ PATIENCE_S = 5.0
 class Run:
     """A fleet's run to its report."""
 
-    def __init__(self, terminal: Terminal, fleet: str, name: str, *options: str) -> None:
+    def __init__(self, terminal: CommandLine, fleet: str, name: str, *options: str) -> None:
         self.results = terminal.folder / name
-        self.ended: Ended = terminal.up(fleet, self.results, "--json", *options)
+        self.ended: CommandResult = terminal.run_fleet(fleet, self.results, "--json", *options)
         assert self.ended.out, self.ended.err
         self.report: dict[str, Any] = json.loads(self.ended.out)
         self.robot: dict[str, Any] = self.report["robots"]["RosAria"]
@@ -51,17 +51,17 @@ class Run:
 
 
 @pytest.fixture(scope="module")
-def terminal(tmp_path_factory: pytest.TempPathFactory) -> Terminal:
-    return Terminal(tmp_path_factory.mktemp("square"))
+def terminal(tmp_path_factory: pytest.TempPathFactory) -> CommandLine:
+    return CommandLine(tmp_path_factory.mktemp("square"))
 
 
 @pytest.fixture(scope="module")
-def square(terminal: Terminal) -> Run:
+def square(terminal: CommandLine) -> Run:
     return Run(terminal, "square", "first")
 
 
 @pytest.fixture(scope="module")
-def seed(terminal: Terminal) -> Run:
+def seed(terminal: CommandLine) -> Run:
     return Run(terminal, "square_seed", "seed")
 
 
@@ -87,7 +87,7 @@ def test_its_report_fits_the_schema_and_has_a_picture(square: Run) -> None:
     assert matplotlib.image.imread(square.results / "report.png").std() > 0.05
 
 
-def test_twice_it_is_the_same_bit_for_bit(terminal: Terminal, square: Run) -> None:
+def test_twice_it_is_the_same_bit_for_bit(terminal: CommandLine, square: Run) -> None:
     again = Run(terminal, "square", "again")
     assert again.report["run"]["trajectory_hash"] == square.report["run"]["trajectory_hash"]
     assert again.report["robots"] == square.report["robots"]
@@ -95,13 +95,13 @@ def test_twice_it_is_the_same_bit_for_bit(terminal: Terminal, square: Run) -> No
 
 
 @pytest.mark.timeout(700)
-def test_on_the_wall_clock_all_checks_hold(terminal: Terminal) -> None:
+def test_on_the_wall_clock_all_checks_hold(terminal: CommandLine) -> None:
     text = find_fleet("square").read_text()
     brief = terminal.folder / "brief.toml"
     own = '{ kind = "square" }'
     assert own in text
     brief.write_text(text.replace(own, '{ kind = "square", parameters = { side = 0.2, angular_speed = 1.5 } }'))
-    robot = run(terminal, brief, "real")["robots"]["RosAria"]
+    robot = run_in_real_time(terminal, brief, "real")["robots"]["RosAria"]
     assert (robot["points_reached"], robot["collisions"]) == (4, 0)
 
 
@@ -150,27 +150,27 @@ class Pioneer:
 
     def __init__(self, network: Network, node: Node) -> None:
         self.network, self.node = network, node
-        self.truth = Truth(node, "RosAria")
-        self.commands = Watched(node.read(CMD_VEL, "/RosAria/cmd_vel"))
-        self.status = Watched(node.read(STATUS, "/RosAria/status"))
-        until(self.truth.all, 30.0, "ground truth")
+        self.truth = GroundTruthRecorder(node, "RosAria")
+        self.commands = MessageRecorder(node.subscribe(CMD_VEL, "/RosAria/cmd_vel"))
+        self.status = MessageRecorder(node.subscribe(STATUS, "/RosAria/status"))
+        wait_until(self.truth.received, 30.0, "ground truth")
 
     def square(self, *arguments: str, log: str = "") -> Process:
         return self.network.start("square", "--namespace", "RosAria", "--param", f"log={log}", *arguments)
 
     def until_cruising(self) -> Odometry:
         """The sample at which it moves at the square's speed."""
-        until(lambda: speed(self.truth.next()) > 0.199, WITHIN_S, "0.2 m/s")
-        return self.truth.all()[-1]
+        wait_until(lambda: speed(self.truth.wait_next()) > 0.199, WITHIN_S, "0.2 m/s")
+        return self.truth.received()[-1]
 
     def until_rest(self, since: Odometry) -> Odometry:
         """The first sample at rest after ``since``."""
 
         def rested() -> Odometry | None:
-            after = (each for each in self.truth.all() if time_of(each) > time_of(since))
+            after = (each for each in self.truth.received() if time_of(each) > time_of(since))
             return next((each for each in after if abs(speed(each)) < 1e-3), None)
 
-        found = until(rested, WITHIN_S, "rest")
+        found = wait_until(rested, WITHIN_S, "rest")
         assert found is not None
         return found
 
@@ -190,14 +190,14 @@ def test_sigint_stops_the_robot_and_leaves_a_whole_log(pioneer: Pioneer, tmp_pat
     pioneer.until_cruising()
     square.signal(signal.SIGINT)
     assert square.wait() == 0, square.text
-    before = pioneer.truth.all()[-1]
-    moving = [each for each in pioneer.truth.all() if speed(each) > 0.199][-1]
+    before = pioneer.truth.received()[-1]
+    moving = [each for each in pioneer.truth.received() if speed(each) > 0.199][-1]
     rest = pioneer.until_rest(moving)
-    assert pioneer.commands.all()[-1] == STOP
+    assert pioneer.commands.received()[-1] == STOP
     assert time_of(rest) - time_of(moving) < 0.2 / 0.3 + 0.1
-    assert apart(rest, moving) < 0.2**2 / 0.6 + 0.02
-    later = pioneer.truth.after(0.5)
-    assert apart(rest, later) < 1e-3
+    assert distance(rest, moving) < 0.2**2 / 0.6 + 0.02
+    later = pioneer.truth.wait_after(0.5)
+    assert distance(rest, later) < 1e-3
     assert time_of(before) <= time_of(later)
     lines = log.read_text().splitlines()
     assert lines[0] == ",".join(COLUMNS)
@@ -207,32 +207,32 @@ def test_sigint_stops_the_robot_and_leaves_a_whole_log(pioneer: Pioneer, tmp_pat
 
 def test_loss_of_odometry_stops_the_robot_until_it_is_back(pioneer: Pioneer) -> None:
     """The test stands between the base and the square, and falls silent."""
-    source = Watched(pioneer.node.read(ODOM, "/RosAria/odom"))
-    relay = pioneer.node.write(ODOM, "/RosAria/relayed")
+    source = MessageRecorder(pioneer.node.subscribe(ODOM, "/RosAria/odom"))
+    relay = pioneer.node.advertise(ODOM, "/RosAria/relayed")
     passed = 0
 
     def pass_on() -> None:
         nonlocal passed
-        samples = source.all()
+        samples = source.received()
         for each in samples[passed:]:
             relay.publish(each)
         passed = len(samples)
 
     def cruising() -> bool:
         pass_on()
-        return speed(pioneer.truth.all()[-1]) > 0.199
+        return speed(pioneer.truth.received()[-1]) > 0.199
 
     square = pioneer.square("--remap", "odom:=relayed")
-    until(cruising, WITHIN_S, "0.2 m/s")
-    last = source.all()[passed - 1]
+    wait_until(cruising, WITHIN_S, "0.2 m/s")
+    last = source.received()[passed - 1]
     rest = pioneer.until_rest(last)
     assert 0.5 < time_of(rest) - time_of(last) < 0.5 + 0.2 / 0.3 + 0.3
-    until(lambda: pioneer.status.all()[-1].state == "waiting", WITHIN_S, "the square's word")
-    until(lambda: "no odometry on /RosAria/odom" in square.text, WITHIN_S, "its complaint")
-    assert apart(rest, pioneer.truth.after(0.5)) < 1e-3
-    passed = len(source.all())
-    until(cruising, WITHIN_S, "0.2 m/s again")
-    assert pioneer.status.all()[-1].state == "driving"
+    wait_until(lambda: pioneer.status.received()[-1].state == "waiting", WITHIN_S, "the square's word")
+    wait_until(lambda: "no odometry on /RosAria/odom" in square.text, WITHIN_S, "its complaint")
+    assert distance(rest, pioneer.truth.wait_after(0.5)) < 1e-3
+    passed = len(source.received())
+    wait_until(cruising, WITHIN_S, "0.2 m/s again")
+    assert pioneer.status.received()[-1].state == "driving"
     assert square.status is None
 
 
@@ -240,7 +240,7 @@ def test_without_odometry_from_the_start_it_waits(tmp_path: Path) -> None:
     with Network(tmp_path) as network:
         network.start("sim", "--param", "robots=[]")
         square = network.start("square", "--namespace", "RosAria", "--param", "log=")
-        until(lambda: "no odometry on /RosAria/odom" in square.text, 30.0, "its complaint")
+        wait_until(lambda: "no odometry on /RosAria/odom" in square.text, 30.0, "its complaint")
         assert square.status is None
 
 

@@ -11,10 +11,10 @@ import pytest
 from deploy.report.write import read_measurements
 from messages.geometry import Twist
 from messages.topics import BASE_STATUS, CMD_VEL
-from models.stopping import stopping
-from tests.processes import Network
-from tests.system.watched import WITHIN_S, Truth, Watched, speed, time_of
-from tests.waiting import until
+from models.dynamics import predict_stop
+from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, MessageRecorder, speed, time_of
+from tests.harness.processes import Network
+from tests.harness.waiting import wait_until
 
 TIMEOUT, BRAKE, SPEED = 0.25, 1.5, 0.5
 
@@ -28,23 +28,28 @@ def test_a_stop_is_measured_within_five_per_cent_of_the_theory(tmp_path: Path) -
         words = [word for key, value in settings.items() for word in ("--param", f"{key}={json.dumps(value)}")]
         grader = network.start("grader", *words)
         with network.node() as node:
-            truth, base = Truth(node, "p3dx"), Watched(node.read(BASE_STATUS, "/p3dx/base_status"))
-            commands = node.write(CMD_VEL, "/p3dx/cmd_vel")
+            truth, base = (
+                GroundTruthRecorder(node, "p3dx"),
+                MessageRecorder(node.subscribe(BASE_STATUS, "/p3dx/base_status")),
+            )
+            commands = node.advertise(CMD_VEL, "/p3dx/cmd_vel")
 
             def cruising() -> bool:
                 commands.publish(Twist.planar(SPEED, 0.0))
-                return speed(truth.next()) > 0.999 * SPEED
+                return speed(truth.wait_next()) > 0.999 * SPEED
 
-            until(truth.all, 30.0, "ground truth")
-            until(cruising, WITHIN_S, "its speed")
-            begun = time_of(truth.all()[-1])
-            until(lambda: cruising() and time_of(truth.all()[-1]) > begun + 0.5, WITHIN_S, "a while at its speed")
-            until(lambda: base.next().timed_out and abs(speed(truth.all()[-1])) < 1e-3, WITHIN_S, "rest")
-            truth.after(1.0)
+            wait_until(truth.received, 30.0, "ground truth")
+            wait_until(cruising, WITHIN_S, "its speed")
+            begun = time_of(truth.received()[-1])
+            wait_until(
+                lambda: cruising() and time_of(truth.received()[-1]) > begun + 0.5, WITHIN_S, "a while at its speed"
+            )
+            wait_until(lambda: base.wait_next().timed_out and abs(speed(truth.received()[-1])) < 1e-3, WITHIN_S, "rest")
+            truth.wait_after(1.0)
             grader.signal(signal.SIGINT)
             assert grader.wait() == 0, grader.text
     figures = read_measurements(tmp_path).robots["p3dx"]
-    theory = stopping(SPEED, TIMEOUT, BRAKE)
+    theory = predict_stop(SPEED, TIMEOUT, BRAKE)
     assert (figures.stops, figures.commands_timed_out) == (1, 1)
     assert figures.stop_speed == pytest.approx(SPEED, rel=0.01)
     assert figures.stop_distance_theory_m == pytest.approx(theory.distance, rel=0.02)

@@ -7,7 +7,7 @@ command came, and with latency 1 when it would collect the tick, which again is 
 from the network that the commander is gone, and the base brakes in that step. So the way from the last command on is
 v T + v^2 / 2a in both; that of a commander that falls silent is v timeout + v^2 / 2a.
 
-How a released key stops the robot, at the same speeds, is in tests/teleop/test_script_drives.py.
+How a released key stops the robot, at the same speeds, is in tests/services/teleop/test_script_drives.py.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from pathlib import Path
 import pytest
 
 from messages.nav import Odometry
-from models.figures import read_model
-from models.stopping import Stop, stopping
+from models.dynamics import StopPrediction, predict_stop
+from models.model import read_model
 from services.runtime.service import STEP_NS
 from services.sim import BaseParameters
-from tests.processes import Network
+from tests.harness.message_recorder import distance, speed, time_of
+from tests.harness.processes import Network
+from tests.harness.waiting import wait_until
 from tests.system import commander
 from tests.system.commander import HANGS, RATE, SPEEDS, End
-from tests.system.spectator import NODE, SECONDS, Seen, Spectator
-from tests.system.watched import apart, speed, time_of
-from tests.waiting import until
+from tests.system.lockstep_recorder import NODE, WITHIN_S, LockstepRecorder, RobotRecording
 
 WHEELS = read_model("p3dx").wheels
 assert WHEELS is not None
@@ -42,46 +42,46 @@ STANDING = 1e-3
 """m/s; below it a robot stands."""
 STEP_S = STEP_NS / 1e9
 LOOK = 0.02
-"""Simulation time between two looks of the spectator, s."""
+"""Simulation time between two looks of the recorder, s."""
 
 
 class Robot:
     """What was seen of one robot."""
 
-    def __init__(self, seen: Seen, name: str) -> None:
+    def __init__(self, seen: RobotRecording, name: str) -> None:
         self._truth, self.base = seen.truth[name], seen.status[name][-1]
 
     def at(self, seconds: float) -> Odometry:
         """Ground truth of an instant, exactly."""
         return next(each for each in self._truth if each.header.stamp.ns == round(seconds * 1e9))
 
-    def stop(self, begin: float) -> Stop:
+    def stop(self, begin: float) -> StopPrediction:
         """Time and way from ``begin`` [s] to the standstill, by ground truth at 50 Hz."""
         end = self._truth[-1]
         assert abs(speed(end)) < STANDING
         moving = [time_of(each) for each in self._truth if abs(speed(each)) > STANDING]
-        return Stop(moving[-1] + LOOK - begin, apart(self.at(begin), end))
+        return StopPrediction(moving[-1] + LOOK - begin, distance(self.at(begin), end))
 
 
 class Drive:
-    """The three robots in lockstep with their commander, and with a spectator who misses nothing."""
+    """The three robots in lockstep with their commander, and with a recorder that misses nothing."""
 
     def __init__(self, network: Network, folder: Path, end: End, latency: int = 0) -> None:
         entries = [{"name": name, "model": "p3dx", "y": 2.0 * index} for index, name in enumerate(SPEEDS)]
         settings = {"robots": entries, "mode": "lockstep", "latency": latency, "members": ["/commander", NODE]}
         words = [word for key, value in settings.items() for word in ("--param", f"{key}={json.dumps(value)}")]
         network.start("sim", "--lockstep", *words)
-        self.spectator = Spectator(network, folder, list(SPEEDS), END + 1.2, END + latency * LOOK)
+        self.lockstep_recorder = LockstepRecorder(network, folder, list(SPEEDS), END + 1.2, END + latency * LOOK)
         ends = "--lockstep", "--param", f"end={json.dumps(end)}", "--param", f"at={END}"
         self.commander = network.run(Path(commander.__file__), *ends)
 
     def robots(self) -> dict[str, Robot]:
         """What was seen until all of them have had the time to stop."""
-        seen = self.spectator.seen()
+        seen = self.lockstep_recorder.recording()
         return {name: Robot(seen, name) for name in SPEEDS}
 
 
-def near(robot: Robot, v: float, begin: float, coasting: float, theory: Stop) -> None:
+def near(robot: Robot, v: float, begin: float, coasting: float, theory: StopPrediction) -> None:
     """From ``begin`` [s]: at speed for ``coasting`` [s], and at rest within 5 % of the way that theory says.
 
     In time within 5 % and the 20 ms between two looks.
@@ -104,15 +104,15 @@ def test_a_commander_that_is_killed(tmp_path: Path, latency: int) -> None:
     last = END if latency else END - PERIOD
     with Network(tmp_path) as network:
         drive = Drive(network, tmp_path, "hangs", latency)
-        until(lambda: HANGS in drive.commander.text, SECONDS, "the tick in which it ends")
-        drive.spectator.await_tick()
+        wait_until(lambda: HANGS in drive.commander.text, WITHIN_S, "the tick in which it ends")
+        drive.lockstep_recorder.wait_tick()
         assert drive.commander.kill() == -signal.SIGKILL
         robots = drive.robots()
     for name, v in SPEEDS.items():
         base = robots[name].base
         assert base.last_command.ns == round(last * 1e9)
         assert (base.timed_out, base.commands_timed_out) == (True, 1)
-        near(robots[name], v, last, PERIOD, stopping(v, PERIOD, BRAKE))
+        near(robots[name], v, last, PERIOD, predict_stop(v, PERIOD, BRAKE))
 
 
 def test_a_commander_that_falls_silent(tmp_path: Path) -> None:
@@ -123,7 +123,7 @@ def test_a_commander_that_falls_silent(tmp_path: Path) -> None:
         base = robots[name].base
         assert base.last_command.ns == round(last * 1e9)
         assert (base.timed_out, base.commands_timed_out) == (True, 1)
-        near(robots[name], v, last, 0.24, stopping(v, TIMEOUT, BRAKE))
+        near(robots[name], v, last, 0.24, predict_stop(v, TIMEOUT, BRAKE))
 
 
 def test_an_emergency_stop_that_the_commander_does_not_heed(tmp_path: Path) -> None:
@@ -133,4 +133,4 @@ def test_an_emergency_stop_that_the_commander_does_not_heed(tmp_path: Path) -> N
         base = robots[name].base
         assert base.e_stopped
         assert base.last_command.ns > END * 1e9
-        near(robots[name], v, END, 0.0, stopping(v, 0.0, BRAKE))
+        near(robots[name], v, END, 0.0, predict_stop(v, 0.0, BRAKE))

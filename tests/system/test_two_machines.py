@@ -9,33 +9,33 @@ from pathlib import Path
 from messages.topics import HEALTH
 from services.runtime.identity import Identity
 from services.runtime.log import Log
-from services.runtime.network.sockets import knock, router_in
-from services.runtime.network.zenoh_config import configuration
-from services.runtime.network.zenoh_transport import ZenohTransport
 from services.runtime.node import Node
-from tests.ports import free_port
-from tests.processes import Process
-from tests.system.namespaces import cable
-from tests.system.watched import Watched
-from tests.waiting import until
+from services.runtime.transport.unix_sockets import is_listening, router_in
+from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh_config import configuration
+from tests.harness.message_recorder import MessageRecorder
+from tests.harness.ports import free_port
+from tests.harness.processes import Process
+from tests.harness.waiting import wait_until
+from tests.system.network_namespaces import namespace_pair
 
 WITHIN_S = 40.0
 
 
 def test_who_joins_from_another_machine_is_told_to_use_star(tmp_path: Path) -> None:
-    with tempfile.TemporaryDirectory() as sockets, cable() as ends:
+    with tempfile.TemporaryDirectory() as sockets, namespace_pair() as ends:
         router, tcp = router_in(Path(sockets)), f"tcp/{ends.near_address}:{free_port()}"
         said = tmp_path / "near.log"
         listen = ["-m", "services.router", "--param", f"listen={router}", "--param", f'also=["{tcp}"]']
-        with Process(listen, tmp_path / "refused.log", through=ends.near_end) as refused:
+        with Process(listen, tmp_path / "refused.log", through=ends.near_command) as refused:
             assert refused.wait(WITHIN_S) == 2
             assert f"listening on {tcp}: whoever reaches this address can read everything and drive" in refused.text
             assert "say so with --param insecure=true" in refused.text
         listen += ["--param", "insecure=true"]
-        with Process(listen, tmp_path / "router.log", through=ends.near_end) as opened:
-            until(lambda: _listens(router), WITHIN_S, "the router")
+        with Process(listen, tmp_path / "router.log", through=ends.near_command) as opened:
+            wait_until(lambda: _listens(router), WITHIN_S, "the router")
             warning = f"WARN /router: listening on {tcp}: whoever reaches this address can"
-            until(lambda: warning in opened.text, WITHIN_S, "its warning")
+            wait_until(lambda: warning in opened.text, WITHIN_S, "its warning")
             identity = Identity.of("tester")
             with (
                 ExitStack() as stack,
@@ -43,35 +43,35 @@ def test_who_joins_from_another_machine_is_told_to_use_star(tmp_path: Path) -> N
                 ZenohTransport(configuration("direct", (router,))) as transport,
                 Node(transport, identity, "tester", Log(identity.node, out=out)) as node,
             ):
-                beats = Watched(node.read(HEALTH))
+                beats = MessageRecorder(node.subscribe(HEALTH))
 
                 def beating(name: str) -> bool:
-                    node.turn()
-                    return any(each.node == name for each in beats.all())
+                    node.spin_once()
+                    return any(each.node == name for each in beats.received())
 
                 def cut_off() -> bool:
-                    node.turn()
+                    node.spin_once()
                     return "ERROR /cut: this node is cut off from 2 of the 2 nodes" in joined.text
 
                 words = ["-m", "services.waypoint", "--name", "fellow", "--connect", router]
                 stack.enter_context(Process(words, tmp_path / "fellow.log"))
-                until(lambda: beating("/fellow"), WITHIN_S, "a heartbeat from peer to peer")
+                wait_until(lambda: beating("/fellow"), WITHIN_S, "a heartbeat from peer to peer")
                 words = ["-m", "services.waypoint", "--connect", tcp]
-                far = ends.far_end(hide=sockets)
+                far = ends.far_command(hide=sockets)
                 with Process([*words, "--name", "cut"], tmp_path / "cut.log", through=far) as joined:
-                    until(cut_off, WITHIN_S, "the reason")
+                    wait_until(cut_off, WITHIN_S, "the reason")
                     assert "(/fellow, /tester)" in joined.text
                     assert "Start this node with --topology star" in joined.text
                     assert not beating("/cut")
                 words += ["--name", "whole", "--topology", "star"]
                 with Process(words, tmp_path / "whole.log", through=far):
-                    until(lambda: beating("/whole"), WITHIN_S, "a heartbeat through the router")
+                    wait_until(lambda: beating("/whole"), WITHIN_S, "a heartbeat through the router")
             assert said.read_text() == "", "who is missed by one alone says nothing"
 
 
 def _listens(router: str) -> bool:
     try:
-        knock(router)
+        is_listening(router)
     except OSError:
         return False
     return True

@@ -16,30 +16,29 @@ from messages.base import WrongPayload, encode
 from messages.elea import LockstepState
 from messages.names import key as key_of
 from messages.topics import HEALTH, Quality
-from services.runtime.counts import Counts
-from services.runtime.graph import Entity, pattern
-from services.runtime.lockstep.marks import Marks, Numbers, merge
-from services.runtime.lockstep.member import Member
+from services.runtime.graph import Entity, token_pattern
+from services.runtime.lockstep.member_state import MemberState
 from services.runtime.lockstep.protocol import (
-    CAPACITY,
     ENCODING,
-    LARGEST,
+    MAX_BYTES,
+    QUEUE_SIZE,
     SIMULATION,
     TOKEN_BYTES,
-    Done,
-    Go,
-    done_key,
-    go_key,
-    numbers,
-    read_done,
+    StepGrant,
+    StepReport,
+    decode_report,
+    grant_key,
+    report_key,
+    sequence_numbers,
 )
+from services.runtime.lockstep.watermarks import Numbers, Watermarks, merge_numbers
 from services.runtime.log import Log
-from services.runtime.network.transport import Inlet, Transport
-from services.runtime.network.wire import detach, member_id, publisher_id
-from services.runtime.outbox import Outbox
-from services.runtime.outputs import Output
+from services.runtime.publisher import Publisher, SendBuffer
+from services.runtime.refusal_counter import RefusalCounter
+from services.runtime.transport.api import RawSubscriber, Transport
+from services.runtime.transport.wire import member_id, publisher_id, unpack_attachment
 
-AGAIN_S = 2.0
+RETRY_S = 2.0
 """Wall time after which what was not seen or not answered is looked for, and asked, again."""
 REPORT_S = 5.0
 """Wall time of waiting after which the log names those who are waited for, and then again."""
@@ -47,15 +46,15 @@ GATHER_S = 120.0
 """Wall time without a newcomer after which time begins without those who are missing."""
 SILENT_S = 30.0
 """Wall time after which a member that neither answers nor beats is given up; a supervisor ends a hung one sooner."""
-LONGEST_S = 300.0
+MAX_WAIT_S = 300.0
 """The same for one that beats: it is slow, and not dead."""
 LOOK_S = 0.25
 """Wall time between two looks at those who are late; they are asked again, as a flood may have pushed out a message."""
-LOOK_MOST_S = 0.5
+MAX_LOOK_S = 0.5
 """One look counts as this much waiting at most: a machine that is too busy to look has not waited."""
-MOST_SESSIONS = 16
+MAX_SESSIONS = 16
 """Sessions that may show readiness in the name of one node; all but one can only be about to go or to come."""
-MOST_READS = 1 << 17
+MAX_SUBSCRIPTIONS = 1 << 17
 """Subscriptions of the roster's nodes that are kept."""
 
 _HEALTH_KEY = key_of(HEALTH.name)
@@ -74,22 +73,22 @@ class Barrier:
     def __init__(
         self,
         transport: Transport,
-        outbox: Outbox,
+        outbox: SendBuffer,
         roster: tuple[str, ...],
         log: Log,
-        idle: Callable[[Inlet], None],
-        now: Callable[[], Go],
+        idle: Callable[[RawSubscriber], None],
+        now: Callable[[], StepGrant],
     ) -> None:
-        self.marks = Marks()
-        self.counts = Counts("lockstep: Done")
+        self.watermarks = Watermarks()
+        self.refusals = RefusalCounter("lockstep: Done")
         self._transport, self._outbox, self._roster = transport, outbox, dict.fromkeys(roster)
         self._log, self._idle, self._now = log, idle, now
-        self._key = done_key(transport.session)
-        self._inlet = transport.subscribe(self._key, CAPACITY)
-        self._beats = transport.subscribe(_HEALTH_KEY, CAPACITY)
-        self._reads_watch = transport.watch(pattern("sub"))
-        self._watch = transport.watch(pattern("step"))
-        self._nodes_watch = transport.watch(pattern("node"))
+        self._key = report_key(transport.session)
+        self._raw = transport.subscribe(self._key, QUEUE_SIZE)
+        self._beats = transport.subscribe(_HEALTH_KEY, QUEUE_SIZE)
+        self._reads_watch = transport.watch(token_pattern("sub"))
+        self._watch = transport.watch(token_pattern("step"))
+        self._nodes_watch = transport.watch(token_pattern("node"))
         # A token that differs in its last chunks says the same, and may come and go beside the true one: all count.
         self._readers: dict[str, Counter[str]] = {}
         """The sessions of the roster's nodes that read a key."""
@@ -100,8 +99,8 @@ class Barrier:
         """Nodes of the roster, and the sessions that hold their names."""
         self._not_before: dict[str, float] = {}
         """Wall time before which a session that left or was given up does not become a member again."""
-        self._members: dict[str, Member] = {}
-        self._gone: deque[Member] = deque(maxlen=CAPACITY)
+        self._members: dict[str, MemberState] = {}
+        self._gone: deque[MemberState] = deque(maxlen=QUEUE_SIZE)
         """Members whose processes went without a word, last."""
         self._pending: dict[str, tuple[int, int]] = {}
         self._sent: Numbers = {}
@@ -125,7 +124,7 @@ class Barrier:
             left=tuple(self._left),
         )
 
-    def gather(self, absent: Collection[str] = ()) -> None:
+    def wait_for_members(self, absent: Collection[str] = ()) -> None:
         """Block until the whole roster has joined and every member sees every other.
 
         Those ``absent`` are not waited for. When nobody has come for GATHER_S, time begins without those who are
@@ -137,12 +136,12 @@ class Barrier:
         last = looked = time.monotonic()
         while True:
             now = time.monotonic()
-            passed = min(now - last, LOOK_MOST_S)
+            passed = min(now - last, MAX_LOOK_S)
             last, waited, without = now, waited + passed, without + passed
-            if now - looked > AGAIN_S:
+            if now - looked > RETRY_S:
                 looked = now
                 for watch in (self._nodes_watch, self._watch, self._reads_watch):
-                    watch.look()
+                    watch.refresh()
             self.update()
             active = {member.node for member in self._members.values() if member.active}
             missing = [node for node in self._roster if node not in active | self._absent]
@@ -157,7 +156,7 @@ class Barrier:
             if waited - reported > REPORT_S:
                 reported = waited
                 self._log.warn(f"waiting for {', '.join(missing)} since {waited:.0f} s: did they start?")
-            self._idle(self._inlet)
+            self._idle(self._raw)
         self._begun = True
         self.version += 1
 
@@ -167,12 +166,12 @@ class Barrier:
         Tokens are looked at before answers are taken: whoever took leave before its token went is then heard. A node
         shows its own token and its subscriptions before its readiness, so these are looked at after that.
         """
-        tokens = list(iter(self._watch.take, None))
+        tokens = list(iter(self._watch.poll, None))
         self._receive()
-        for token in iter(self._reads_watch.take, None):
+        for token in iter(self._reads_watch.poll, None):
             if (entity := Entity.parse(token.key)) is not None and entity.node in self._roster:
                 self._note_reader(entity, token.alive)
-        for token in iter(self._nodes_watch.take, None):
+        for token in iter(self._nodes_watch.poll, None):
             if (entity := Entity.parse(token.key)) is not None and entity.node in self._roster:
                 _count(self._holders, (entity.node, entity.session), token.alive)
         for token in tokens:
@@ -181,7 +180,7 @@ class Barrier:
         self._admit()
         for member in self._members.values():
             if not member.active and self._all_here():
-                self._greet(member)
+                self._send_join(member)
 
     def due(self, time_ns: int) -> bool:
         """Whether any member steps at this time."""
@@ -189,18 +188,18 @@ class Barrier:
             member.active and time_ns % member.period_ns == 0 for member in self._members.values()
         )
 
-    def release(self, go: Go, outputs: Iterable[Output[Any]]) -> None:
+    def grant(self, go: StepGrant, outputs: Iterable[Publisher[Any]]) -> None:
         """Let the members that are due at ``go.time`` take their step."""
-        news = numbers(outputs)
-        merge(self._sent, news)
-        self._spread(news, "marks")
-        self.marks.renewed, self._epoch = go.epoch > self._epoch >= 0, go.epoch
+        news = sequence_numbers(outputs)
+        merge_numbers(self._sent, news)
+        self._broadcast(news, "sequence_numbers")
+        self.watermarks.epoch_changed, self._epoch = go.epoch > self._epoch >= 0, go.epoch
         for session, member in self._members.items():
             if member.active and go.time % member.period_ns == 0:
                 self._pending[session] = member.last = go.epoch, go.tick
                 self._step(member, go)
 
-    def collect(self, time_ns: int) -> None:
+    def collect_reports(self, time_ns: int) -> None:
         """Block until those that are due at this time have finished their last step, died, or are given up.
 
         What they sent is then in ``marks``. Answers of others wait for their time: when they came makes no difference.
@@ -208,7 +207,7 @@ class Barrier:
         self._receive()
         last = time.monotonic()
         while due := [session for session in self._pending if time_ns % self._members[session].period_ns == 0]:
-            late: list[Member] = []
+            late: list[MemberState] = []
             for session in due:
                 member = self._members[session]
                 if (answer := member.answer) is None:
@@ -216,56 +215,56 @@ class Barrier:
                 else:
                     del self._pending[session]
                     member.answer = None
-                    self._hear(answer)
+                    self._receive_report(answer)
             if late:
                 if (now := time.monotonic()) - last > LOOK_S:
-                    self._pursue(late, now - last)
+                    self._retry(late, now - last)
                     last = now
-                self._idle(self._inlet)
+                self._idle(self._raw)
                 self.update()
 
-    def announce(self, go: Go) -> None:
+    def announce(self, go: StepGrant) -> None:
         """Tell every member something that is no step: a pause."""
         for member in self._members.values():
             if member.active:
                 self._pause(member, go)
 
-    def _pursue(self, late: list[Member], passed: float) -> None:
+    def _retry(self, late: list[MemberState], passed: float) -> None:
         """Ask again those who do not answer, name them in the log, and give up who shows no life.
 
         Either message may have been lost: a ring overflows when a stranger floods it. A member that gets a Go for the
         second time answers as before.
         """
-        heard = (detach(attachment) for _, attachment, _ in islice(iter(self._beats.take, None), CAPACITY))
+        heard = (unpack_attachment(attachment) for _, attachment, _ in islice(iter(self._beats.recv, None), QUEUE_SIZE))
         beats = {origin.publisher for origin in heard if origin is not None}
         now = time.monotonic()
         for member in late:
-            passed = min(passed, LOOK_MOST_S)
+            passed = min(passed, MAX_LOOK_S)
             member.waited += passed
-            member.silent += passed
-            if member.silent > 1.0 and publisher_id(member.node, member.session, _HEALTH_KEY) in beats:
-                member.silent = 0.0
+            member.unresponsive += passed
+            if member.unresponsive > 1.0 and publisher_id(member.node, member.session, _HEALTH_KEY) in beats:
+                member.unresponsive = 0.0
             if now - member.asked_at > LOOK_S:
                 member.asked_at = now
-                self._outbox.put(member.outlet.put, member.asked, b"")
+                self._outbox.put(member.raw.put, member.asked, b"")
         slow = [member for member in late if member.waited > REPORT_S]
         if slow:
             told = ", ".join(f"{member.node} since {member.waited:.0f} s" for member in slow)
             self._log.warn(f"the simulation waits for {told}: does it compute, or does it hang?", every=REPORT_S)
         for member in slow:
-            if member.silent > SILENT_S or member.waited > LONGEST_S:
-                why = f"no answer for {member.waited:.0f} s, no sign of life for {member.silent:.0f} s"
+            if member.unresponsive > SILENT_S or member.waited > MAX_WAIT_S:
+                why = f"no answer for {member.waited:.0f} s, no sign of life for {member.unresponsive:.0f} s"
                 self._give_up(member, why)
 
-    def _give_up(self, member: Member, why: str) -> None:
+    def _give_up(self, member: MemberState, why: str) -> None:
         """Go on without a member; it may come back."""
         self._drop(member)
         self._not_before[member.session] = time.monotonic() + SILENT_S
         self._lose(member, why)
 
-    def _lose(self, member: Member, why: str) -> None:
+    def _lose(self, member: MemberState, why: str) -> None:
         """A member is gone without having taken leave; its commands go with it."""
-        self.marks.died.add(member.id)
+        self.watermarks.lost_members.add(member.id)
         if self._begun and member.active:
             self._lost[member.node] = None
             self.version += 1
@@ -284,8 +283,10 @@ class Barrier:
     def _note_reader(self, entity: Entity, alive: bool) -> None:
         key = key_of(entity.name)
         readers = self._readers.get(key, Counter())
-        if alive and self._reads >= MOST_READS:
-            self.counts.refuse(f"{entity.node} has more than {MOST_READS} subscriptions: are its tokens forged?")
+        if alive and self._reads >= MAX_SUBSCRIPTIONS:
+            self.refusals.reject(
+                f"{entity.node} has more than {MAX_SUBSCRIPTIONS} subscriptions: are its tokens forged?"
+            )
         elif alive or entity.session in readers:
             self._reads += 1 if alive else -1
             _count(readers, entity.session, alive)
@@ -296,8 +297,8 @@ class Barrier:
     def _note_readiness(self, entity: Entity, alive: bool) -> None:
         """A node shows that it is ready to step, or it no longer does."""
         claim = entity.node, entity.session
-        if alive and sum(node == entity.node for node, _ in self._ready) >= MOST_SESSIONS:
-            self.counts.refuse(f"more than {MOST_SESSIONS} sessions show readiness as {entity.node}")
+        if alive and sum(node == entity.node for node, _ in self._ready) >= MAX_SESSIONS:
+            self.refusals.reject(f"more than {MAX_SESSIONS} sessions show readiness as {entity.node}")
             return
         _count(self._ready, claim, alive)
         if claim not in self._ready:
@@ -327,86 +328,86 @@ class Barrier:
                 self._not_before[holder.session] = now + SILENT_S
             taken[node] = self._add(node, session)
 
-    def _greet(self, member: Member) -> None:
+    def _send_join(self, member: MemberState) -> None:
         """Greet a member, and again while it does not answer: either may be lost while links come up."""
         now = time.monotonic()
         if not member.asked:
             greeting = msgspec.structs.replace(self._now(), roster=self._present(), token=member.token)
             member.asked = encode(greeting)
-        elif now - member.asked_at > AGAIN_S:
-            member.waited += AGAIN_S
+        elif now - member.asked_at > RETRY_S:
+            member.waited += RETRY_S
         else:
             return
         member.asked_at = now
-        self._outbox.put(member.outlet.put, member.asked, b"")
+        self._outbox.put(member.raw.put, member.asked, b"")
 
-    def _add(self, node: str, session: str) -> Member:
+    def _add(self, node: str, session: str) -> MemberState:
         self._generation += 1
-        outlet = self._transport.publish(go_key(session), ENCODING, Quality.EVENT)
-        member = Member(node, session, member_id(node, session), outlet, secrets.token_bytes(TOKEN_BYTES))
+        outlet = self._transport.advertise(grant_key(session), ENCODING, Quality.EVENT)
+        member = MemberState(node, session, member_id(node, session), outlet, secrets.token_bytes(TOKEN_BYTES))
         self._members[session] = member
         self._regroup()
         return member
 
-    def _drop(self, member: Member) -> None:
+    def _drop(self, member: MemberState) -> None:
         """Wait for this member no more."""
         self._generation += 1
         del self._members[member.session]
         self._pending.pop(member.session, None)
         self._regroup()
-        self._outbox.release()
-        member.outlet.close()
+        self._outbox.flush()
+        member.raw.close()
 
     def _regroup(self) -> None:
         """Members came, began or went. All their steps fall on multiples of the stride."""
         self.version += 1
-        self.marks.regroup({member.id for member in self._members.values()})
+        self.watermarks.regroup({member.id for member in self._members.values()})
         self._stride = math.gcd(*(member.period_ns for member in self._members.values())) or 1
 
-    def _step(self, member: Member, go: Go) -> None:
+    def _step(self, member: MemberState, go: StepGrant) -> None:
         """Let a member take its step, with all that is new for it."""
         members: tuple[bytes, ...] = ()
-        if member.told < 0:
-            self._brief(member)
-        if member.told != self._generation:
-            member.told = self._generation
+        if member.generation_sent < 0:
+            self._grant_for(member)
+        if member.generation_sent != self._generation:
+            member.generation_sent = self._generation
             own = member_id(SIMULATION, self._transport.session)
             members = (*(each.id for each in self._members.values() if each is not member), own)
-        marks, known, member.marks, member.known = member.marks, member.known, {}, {}
+        marks, known, member.sequence_numbers, member.announced = member.sequence_numbers, member.announced, {}, {}
         leave = msgspec.structs.replace(
             go, members=members, marks=marks, known=known, token=member.token, nonce=member.nonce
         )
         member.asked, member.asked_at = encode(leave), time.monotonic()
-        member.waited = member.silent = 0.0
-        self._outbox.put(member.outlet.put, member.asked, b"")
+        member.waited = member.unresponsive = 0.0
+        self._outbox.put(member.raw.put, member.asked, b"")
 
-    def _brief(self, member: Member) -> None:
+    def _grant_for(self, member: MemberState) -> None:
         """What was sent before a member joined is let through where it came: latched messages may be long past."""
-        for reached in (self.marks.reached, self._sent):
+        for reached in (self.watermarks.admitted_upto, self._sent):
             for key, told in reached.items():
                 if member.session in self._readers.get(key, ()):
-                    merge(member.known, {key: told})
+                    merge_numbers(member.announced, {key: told})
 
-    def _pause(self, member: Member, go: Go) -> None:
+    def _pause(self, member: MemberState, go: StepGrant) -> None:
         told = msgspec.structs.replace(go, token=member.token, nonce=member.nonce)
-        self._outbox.put(member.outlet.put, encode(told), b"")
+        self._outbox.put(member.raw.put, encode(told), b"")
 
     def _receive(self) -> None:
-        for payload, _, source in islice(iter(self._inlet.take, None), CAPACITY):
-            if self._inlet.key(source) != self._key or len(payload) > LARGEST:
+        for payload, _, source in islice(iter(self._raw.recv, None), QUEUE_SIZE):
+            if self._raw.key(source) != self._key or len(payload) > MAX_BYTES:
                 self._refuse("sent to many keys at once, or too large")
                 continue
             try:
-                done = read_done(payload)
+                done = decode_report(payload)
             except WrongPayload as error:
                 self._refuse(str(error))
                 continue
             if fault := self._answered(done):
                 self._refuse(fault)
             else:
-                self.counts.received += 1
+                self.refusals.received += 1
 
-    def _answered(self, done: Done) -> str:
+    def _answered(self, done: StepReport) -> str:
         """Take a Done; why it does not count, empty when it does."""
         member = self._members.get(done.session)
         if member is None and done.leaving and self._had_left(done):
@@ -428,7 +429,7 @@ class Barrier:
                     return fault
                 member.active, member.nonce, member.period_ns = True, done.nonce, done.period
                 self._regroup()
-                self._hear(done)
+                self._receive_report(done)
                 if (now := self._now()).paused:
                     self._pause(member, now)
         elif self._pending.get(done.session) == (done.epoch, done.tick):
@@ -440,7 +441,7 @@ class Barrier:
             return f"{member.node} has finished tick {done.tick} of epoch {done.epoch}, which it was not let take"
         return ""
 
-    def _had_left(self, done: Done) -> bool:
+    def _had_left(self, done: StepReport) -> bool:
         """Whether this is the leave of a member whose token went first: on a busy machine a token overtakes it."""
         for member in self._gone:
             if member.session == done.session and member.token == done.token:
@@ -453,16 +454,16 @@ class Barrier:
         return False
 
     def _refuse(self, fault: str) -> None:
-        self.counts.refuse(fault)
-        self._log.warn(f"a Done is refused: {self.counts.reason}", every=10.0)
+        self.refusals.reject(fault)
+        self._log.warn(f"a Done is refused: {self.refusals.reason}", every=10.0)
 
-    def _hear(self, done: Done) -> None:
+    def _receive_report(self, done: StepReport) -> None:
         """Let through what a member says it has sent."""
-        self._spread(done.marks, "marks", done.session)
-        self._spread(done.known, "known", done.session)
-        self.marks.advance(done.marks, done.known)
+        self._broadcast(done.marks, "sequence_numbers", done.session)
+        self._broadcast(done.known, "announced", done.session)
+        self.watermarks.advance(done.marks, done.known)
 
-    def _spread(self, news: Numbers, kind: str, sender: str = "") -> None:
+    def _broadcast(self, news: Numbers, kind: str, sender: str = "") -> None:
         """Keep the numbers for every member that reads the key."""
         for key, reached in news.items():
             for session in self._readers.get(key, ()):

@@ -1,60 +1,233 @@
-"""What the simulation knows of one member of its lockstep."""
+"""A member's side of lockstep."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import hashlib
+import secrets
+from collections import Counter
+from collections.abc import Iterable
+from itertools import islice
 
-from services.runtime.lockstep.marks import LARGEST_JUMP, Numbers
-from services.runtime.lockstep.protocol import Done
-from services.runtime.network.transport import Outlet
-from services.runtime.network.wire import MEMBER_BYTES
-from services.runtime.service import STEP_NS
+from messages.base import WrongPayload, encode
+from messages.names import BadName
+from messages.names import key as key_of
+from messages.topics import Quality
+from services.runtime.discovery import missing_nodes
+from services.runtime.graph import Entity, token_pattern
+from services.runtime.lockstep.protocol import (
+    ENCODING,
+    MAX_BYTES,
+    QUEUE_SIZE,
+    SIMULATION,
+    TOKEN_BYTES,
+    StepGrant,
+    StepReport,
+    decode_grant,
+    grant_key,
+    report_key,
+)
+from services.runtime.lockstep.watermarks import MAX_JUMP, Numbers, Watermarks
+from services.runtime.refusal_counter import RefusalCounter
+from services.runtime.transport.api import RawPublisher, RawSubscriber, Token, Transport
+
+LINK_S = 10.0
+"""Wall time that a member may take to see its fellows before it goes on without them."""
+_MAX_CANDIDATES = 8
+"""Sessions that are answered as a simulation; one holds the name, others can only be about to go or to come."""
+_EARLY = 4
+"""Greetings that wait for the token of their sender to come in sight."""
 
 
-@dataclass
-class Member:
-    """One member: ``marks`` and ``known`` are what it has not been told yet.
+class LockstepMember:
+    """Takes Go, answers Done.
 
-    ``told`` is the generation of members it was told last, ``answer`` its Done for the step that is pending. ``asked``
-    is the last Go or greeting that it has to answer, sent at ``asked_at`` (wall time). ``waited`` and ``silent`` [s of
-    wall time] are how long its step has been waited for, all in all and since its last sign of life.
+    A greeting counts only from a session that holds the node ``/sim``; a Go only from the simulation that is followed,
+    with the nonce that this member told it, and never with an older epoch or tick than the last. The simulation changes
+    only when the node token of the one before is gone. ``counts`` holds what was refused.
     """
 
-    node: str
-    session: str
-    id: bytes
-    outlet: Outlet
-    token: bytes
-    nonce: bytes = b""
-    period_ns: int = 0
-    asked: bytes = b""
-    asked_at: float = 0.0
-    waited: float = 0.0
-    silent: float = 0.0
-    active: bool = False
-    told: int = -1
-    last: tuple[int, int] = (-1, -1)
-    """Epoch and tick of the last step that it was let take."""
-    answer: Done | None = None
-    marks: Numbers = field(default_factory=dict)
-    known: Numbers = field(default_factory=dict)
-    sent: dict[bytes, int] = field(default_factory=dict)
-    """By publisher, the last number of which this member has told."""
+    def __init__(self, transport: Transport, node: str, period_ns: int) -> None:
+        self._transport, self._node, self._period_ns = transport, node, period_ns
+        self._key = grant_key(transport.session)
+        self.raw: RawSubscriber = transport.subscribe(self._key, QUEUE_SIZE)
+        self.watermarks = Watermarks()
+        self.refusals = RefusalCounter("lockstep: Go")
+        self._watch = transport.watch(token_pattern("node", SIMULATION))
+        self._candidates: Counter[str] = Counter()
+        """The sessions that hold the name of the simulation, by their tokens."""
+        self._early: dict[str, StepGrant] = {}
+        self._secret = secrets.token_bytes(16)
+        self._publishers: dict[str, RawPublisher] = {}
+        self._simulation, self._nonce = "", b""
+        self._last = -1, -1
+        self._go: StepGrant | None = None
+        self._done: StepReport | None = None
+        self._token: Token | None = None
 
-    def account(self, done: Done) -> str:
-        """Take note of the numbers that it tells of; why they cannot be its own, empty when they can."""
-        if done.greets and (done.period <= 0 or done.period % STEP_NS):
-            return f"{self.node} wants to step every {done.period} ns, which is no whole number of physics steps"
-        told = {each: number for news in (done.marks, done.known) for each, number in _flat(news)}
-        for publisher, number in told.items():
-            if publisher[:MEMBER_BYTES] != self.id:
-                return f"{self.node} tells the numbers of another node's publisher"
-            last = self.sent.get(publisher, number if done.greets else 0)
-            if not last <= number <= last + LARGEST_JUMP:
-                return f"{self.node} tells number {number} of a publisher after {last}"
-        self.sent.update(told)
-        return ""
+    def join(self) -> None:
+        """Show readiness; every input is declared by now, so whoever sees this token reaches them."""
+        entity = Entity(self._transport.session, "step", self._node, detail=str(self._period_ns))
+        self._token = self._transport.declare_token(entity.key)
+
+    def poll(self) -> StepGrant | None:
+        """The next Go or greeting, if one is there; what a stranger sent in its place is counted and dropped."""
+        self._watch_simulations()
+        for session, greeting in self._early.items():
+            if session in self._candidates:
+                del self._early[session]
+                return greeting
+        for payload, _, source in islice(iter(self.raw.recv, None), QUEUE_SIZE):
+            if self.raw.key(source) != self._key or len(payload) > MAX_BYTES:
+                self.refusals.reject("sent to many keys at once, or too large")
+                continue
+            try:
+                go = decode_grant(payload)
+            except WrongPayload as error:
+                self.refusals.reject(str(error))
+                continue
+            if (taken := self._joined(go) if go.roster else self._follows(go)) is not None:
+                self.refusals.received += 1
+                return taken
+        return None
+
+    def absent(self, roster: Iterable[str]) -> list[str]:
+        """The fellows that are not in sight; a put reaches whoever's token is seen."""
+        return missing_nodes(self._transport, roster)
+
+    def finish(self, tick: int, marks: Numbers, known: Numbers) -> None:
+        """Report the step as taken."""
+        assert self._go is not None
+        self._done = StepReport(
+            session=self._transport.session,
+            tick=tick,
+            marks=marks,
+            known=known,
+            epoch=self._go.epoch,
+            token=self._go.token,
+        )
+        self._report(self._go.simulation, self._done)
+
+    def send_join(self, greeting: StepGrant, marks: Numbers, known: Numbers) -> None:
+        """Answer a greeting; one that comes again, as the answer was lost, is answered again."""
+        session = greeting.simulation
+        done = StepReport(
+            session=self._transport.session,
+            tick=greeting.tick,
+            marks=marks,
+            known=known,
+            greets=True,
+            token=greeting.token,
+            nonce=self._nonce_for(session),
+            period=self._period_ns,
+        )
+        self._report(session, done)
+
+    def close(self) -> None:
+        """Tell the simulation not to wait any more."""
+        if self._go is not None and self._transport.open:
+            done = StepReport(session=self._transport.session, tick=-1, leaving=True, token=self._go.token)
+            self._report(self._go.simulation, done)
+
+    def _watch_simulations(self) -> None:
+        """Follow who holds the name of the simulation."""
+        for token in iter(self._watch.poll, None):
+            entity = Entity.parse(token.key)
+            if entity is None or entity.node != SIMULATION:
+                continue
+            self._candidates[entity.session] += 1 if token.alive else -1
+            if self._candidates[entity.session] > 0:
+                continue
+            del self._candidates[entity.session]
+            self._early.pop(entity.session, None)
+            if (
+                entity.session != self._simulation
+                and (outlet := self._publishers.pop(entity.session, None)) is not None
+            ):
+                outlet.close()
+
+    def _joined(self, go: StepGrant) -> StepGrant | None:
+        """A greeting, if its sender may lead this member. It proves nothing yet, so nothing else of it is believed."""
+        session = go.simulation
+        if session != self._simulation and self._simulation in self._candidates:
+            self.refusals.reject(f"greeted by {session}; the simulation is {self._simulation}")
+        elif self._node not in go.roster or not _names(go.roster):
+            self.refusals.reject("greeted with a roster without this node, or with what are no names")
+        elif session not in self._candidates:
+            # Its token may come in sight a moment later: then it counts.
+            self._early[session] = go
+            if len(self._early) > _EARLY:
+                del self._early[next(iter(self._early))]
+                self.refusals.reject(f"greeted by {session}, which holds no token of {SIMULATION}")
+        elif session not in self._publishers and len(self._publishers) >= _MAX_CANDIDATES:
+            self.refusals.reject(f"more than {_MAX_CANDIDATES} sessions call themselves {SIMULATION}")
+        else:
+            return go
+        return None
+
+    def _follows(self, go: StepGrant) -> StepGrant | None:
+        """A Go that is no greeting, if it comes from the simulation and is newer than the last."""
+        if fault := self._fault(go):
+            self.refusals.reject(fault)
+            return None
+        if go.simulation != self._simulation:
+            self._change(go.simulation)
+        if go.paused:
+            return go
+        here = go.epoch, go.tick
+        if here == self._last:
+            # The simulation asks again: its Go came twice, or the answer was lost.
+            if self._done is not None:
+                self._report(go.simulation, self._done)
+            return None
+        self.watermarks.epoch_changed = go.epoch > self._last[0] >= 0
+        self._go, self._last, self._done = go, here, None
+        if go.members:
+            self.watermarks.regroup(set(go.members))
+        self.watermarks.advance(go.marks, go.known)
+        return go
+
+    def _change(self, simulation: str) -> None:
+        """Follow another simulation, whose time stands where it likes."""
+        if (former := self._publishers.pop(self._simulation, None)) is not None:
+            former.close()
+        self._simulation, self._nonce = simulation, self._nonce_for(simulation)
+        self._last, self._done = (-1, -1), None
+
+    def _fault(self, go: StepGrant) -> str:
+        """Why a Go is not obeyed; empty when it is."""
+        if go.simulation != self._simulation:
+            if self._simulation in self._candidates:
+                return f"from {go.simulation}; the simulation is {self._simulation}"
+            if go.simulation not in self._publishers or go.simulation not in self._candidates:
+                return f"from {go.simulation}, which is not the simulation"
+            if go.nonce != self._nonce_for(go.simulation):
+                return "without the nonce that this node told the simulation: it is forged"
+            return ""
+        if go.nonce != self._nonce:
+            return "without the nonce that this node told the simulation: it is forged"
+        epoch, tick = self._last
+        if (go.epoch, go.tick) < self._last:
+            return f"tick {go.tick} of epoch {go.epoch} after tick {tick} of epoch {epoch}"
+        if epoch >= 0 and (go.epoch - epoch > MAX_JUMP or (go.epoch == epoch and go.tick - tick > MAX_JUMP)):
+            return f"tick {go.tick} of epoch {go.epoch} after tick {tick} of epoch {epoch}: too far"
+        return self.watermarks.implausible(go.marks)
+
+    def _nonce_for(self, session: str) -> bytes:
+        """What this member tells one simulation alone."""
+        return hashlib.blake2b(session.encode(), key=self._secret, digest_size=TOKEN_BYTES).digest()
+
+    def _report(self, simulation: str, done: StepReport) -> None:
+        outlet = self._publishers.get(simulation)
+        if outlet is None:
+            outlet = self._transport.advertise(report_key(simulation), ENCODING, Quality.EVENT)
+            self._publishers[simulation] = outlet
+        outlet.put(encode(done), attachment=b"")
 
 
-def _flat(news: Numbers) -> list[tuple[bytes, int]]:
-    return [each for numbers in news.values() for each in numbers.items()]
+def _names(roster: Iterable[str]) -> bool:
+    try:
+        for name in roster:
+            key_of(name)
+    except BadName:
+        return False
+    return True

@@ -21,17 +21,17 @@ from msgspec import Meta
 
 from messages.base import decoder
 from messages.topics import Quality
-from services.runtime.lockstep.marks import Numbers
-from services.runtime.network.transport import KERNEL
-from services.runtime.network.wire import MEMBER_BYTES
-from services.runtime.outputs import Output
+from services.runtime.lockstep.watermarks import Numbers
+from services.runtime.publisher import Publisher
+from services.runtime.transport.api import ADMIN_SPACE
+from services.runtime.transport.wire import MEMBER_BYTES
 
 SIMULATION = "/sim"
 """The node that leads: the simulation, or the player of a bag in its place."""
 ENCODING = "application/msgpack;elea/lockstep"
-CAPACITY = 256
+QUEUE_SIZE = 256
 """Samples kept on the keys of lockstep; more than there are members. What a flood pushes out is sent again."""
-LARGEST = 1 << 22
+MAX_BYTES = 1 << 22
 """Bytes of a Go or a Done; a larger one is refused unread. That of 300 robots takes a twentieth."""
 TOKEN_BYTES = 8
 
@@ -41,7 +41,7 @@ _Instant = Annotated[int, Meta(ge=0, le=1 << 62)]
 _Token = Annotated[bytes, Meta(max_length=TOKEN_BYTES)]
 
 
-class Go(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
+class StepGrant(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     """Leave to take one step. With ``roster`` it is a greeting: see these nodes first, answer, take no step."""
 
     simulation: Session
@@ -57,7 +57,7 @@ class Go(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     nonce: _Token = b""
 
 
-class Done(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
+class StepReport(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     """A step is taken; ``known`` holds what was sent before the fellows were certain to listen.
 
     One that is ``leaving`` takes no more steps; one that ``greets`` answers a greeting, stands for no step, and tells
@@ -76,32 +76,32 @@ class Done(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     period: _Instant = 0
 
 
-read_go = decoder(Go)
-read_done = decoder(Done)
+decode_grant = decoder(StepGrant)
+decode_report = decoder(StepReport)
 
 
-def go_key(session: str) -> str:
+def grant_key(session: str) -> str:
     """Where the member of this session receives Go."""
-    return f"{KERNEL}/{session}/go"
+    return f"{ADMIN_SPACE}/{session}/go"
 
 
-def done_key(session: str) -> str:
+def report_key(session: str) -> str:
     """Where the simulation of this session receives Done."""
-    return f"{KERNEL}/{session}/done"
+    return f"{ADMIN_SPACE}/{session}/done"
 
 
-def numbers(outputs: Iterable[Output[Any]]) -> Numbers:
+def sequence_numbers(outputs: Iterable[Publisher[Any]]) -> Numbers:
     """The last numbers of the outputs that sent anything since the previous call."""
     news: Numbers = {}
     for output in outputs:
-        if output.sent != output.marked:
-            output.marked = output.sent
+        if output.sent != output.reported:
+            output.reported = output.sent
             news.setdefault(output.key, {})[output.publisher] = output.sent
     return news
 
 
-def told_numbers(outputs: Iterable[Output[Any]]) -> tuple[Numbers, Numbers]:
-    """What ``numbers`` has told of each output so far: of what is latched, and of the rest.
+def last_reported(outputs: Iterable[Publisher[Any]]) -> tuple[Numbers, Numbers]:
+    """What ``sequence_numbers`` has told of each output so far: of what is latched, and of the rest.
 
     It answers a greeting. What is latched will reach everybody, the rest is only known. It is the same however often
     it is asked for: a greeting may come again, also from a simulation that has waited for this member before.
@@ -109,7 +109,7 @@ def told_numbers(outputs: Iterable[Output[Any]]) -> tuple[Numbers, Numbers]:
     latched: Numbers = {}
     rest: Numbers = {}
     for output in outputs:
-        if output.marked:
+        if output.reported:
             into = latched if output.topic.quality is Quality.LATCHED else rest
-            into.setdefault(output.key, {})[output.publisher] = output.marked
+            into.setdefault(output.key, {})[output.publisher] = output.reported
     return latched, rest

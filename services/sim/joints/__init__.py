@@ -1,1 +1,1 @@
-"""Efforts on joints and wrenches on bodies as jobs in simulation time, as Gazebo's world services took them."""
+"""The joints of a robot: effort controller, jobs in simulation time, and wrenches on links, as in Gazebo."""

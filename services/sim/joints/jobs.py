@@ -10,7 +10,7 @@ from services.runtime.errors import BadInput
 
 T = TypeVar("T")
 
-MOST = 1000
+MAX_JOBS = 1000
 """Jobs that one joint or body keeps; a controller at 1 kHz with jobs of 0.1 s has 101."""
 
 
@@ -27,7 +27,7 @@ class Job(Generic[T]):
     source: bytes = b""
 
 
-def schedule(
+def schedule_job(
     value: T, start_ns: int, duration: float, now_ns: int, step_ns: int, source: bytes = b""
 ) -> tuple[Job[T], str]:
     """The job, and a note where it acts otherwise than its ``duration`` [s] says.
@@ -45,7 +45,7 @@ def schedule(
     return Job(value, start, max(start + span, first), source), note
 
 
-class Jobs(Generic[T]):
+class JobQueue(Generic[T]):
     """The jobs of one joint or body, in the order in which they begin."""
 
     def __init__(self) -> None:
@@ -56,8 +56,8 @@ class Jobs(Generic[T]):
 
     def add(self, job: Job[T]) -> None:
         """Take a job; raises BadInput when there are too many. Among those of one start, the last to come is later."""
-        if len(self._jobs) >= MOST:
-            raise BadInput(f"{MOST} jobs are waiting or acting, the most there may be: clear them first")
+        if len(self._jobs) >= MAX_JOBS:
+            raise BadInput(f"{MAX_JOBS} jobs are waiting or acting, the most there may be: clear them first")
         place = len(self._jobs)
         while place and self._jobs[place - 1].start > job.start:
             place -= 1
@@ -69,18 +69,18 @@ class Jobs(Generic[T]):
         self._jobs.clear()
         return count
 
-    def lost(self, source: bytes) -> None:
+    def publisher_lost(self, source: bytes) -> None:
         """A publisher is gone: what it meant to last until cleared ends, all else at its own end."""
         self._jobs = [job for job in self._jobs if job.source != source or job.end < inf]
 
-    def all(self, now: int) -> list[T]:
+    def active(self, now: int) -> list[T]:
         """What acts on the step that begins at ``now`` [ns]; jobs that are over are dropped."""
         if not self._jobs:
             return []
         self._jobs = [job for job in self._jobs if now <= job.end]
         return [job.value for job in self._jobs if job.start <= now]
 
-    def last(self, now: int) -> list[T]:
+    def latest(self, now: int) -> list[T]:
         """As ``all``, but only the job that began last acts; those that began before it are dropped with it."""
         if not self._jobs:
             return []

@@ -1,1 +1,1 @@
-"""The world behind one Protocol, and PyBullet behind that."""
+"""The physics engine: ``World``, a Protocol, and its implementation in PyBullet."""

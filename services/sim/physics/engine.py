@@ -8,10 +8,10 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from models.scene import Box, Scene
+from models.world import Box, WorldDescription
 from services.runtime.errors import BadInput
-from services.sim.physics.quiet import pybullet, stdout_kept_clean
-from services.sim.physics.world import GRAVITY, ITERATIONS, Placement
+from services.sim.physics._pybullet import pybullet, stdout_to_stderr
+from services.sim.physics.world import GRAVITY, SOLVER_ITERATIONS, Pose3
 
 # Who may touch whom, as (group, mask): rolling parts touch the ground alone, because a sphere is wider than the wheel
 # it stands for. Masks are spelt out: with the mask -1 PyBullet lets rolling parts and bodies collide all the same.
@@ -34,7 +34,7 @@ def configure(client: int, step: float) -> None:
     pybullet.setPhysicsEngineParameter(
         fixedTimeStep=step,
         numSubSteps=0,
-        numSolverIterations=ITERATIONS,
+        numSolverIterations=SOLVER_ITERATIONS,
         solverResidualThreshold=0,  # never ends early: a resting robot creeps by 0.000 mm instead of 1 mm in 20 s
         useSplitImpulse=0,  # with it, a joint that is thrown 0.04 rad past its limit stays there for ever
         deterministicOverlappingPairs=1,
@@ -45,12 +45,12 @@ def configure(client: int, step: float) -> None:
     pybullet.setGravity(0, 0, -GRAVITY, physicsClientId=client)
 
 
-def load_scene(client: int, scene: Scene) -> dict[int, str]:
+def load_world(client: int, world: WorldDescription) -> dict[int, str]:
     """Put the ground and the obstacles into a client; returns the obstacles' names by their numbers."""
     plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
     ground = pybullet.createMultiBody(0, plane, physicsClientId=client)
-    _settle(client, ground, -1, scene.friction, _GROUND)
-    return {_load_box(client, box): box.name for box in scene.boxes}
+    _set_contact_dynamics(client, ground, -1, world.friction, _GROUND)
+    return {_load_box(client, box): box.name for box in world.boxes}
 
 
 def _load_box(client: int, box: Box) -> int:
@@ -59,24 +59,24 @@ def _load_box(client: int, box: Box) -> int:
     look = pybullet.createVisualShape(pybullet.GEOM_BOX, halfExtents=half, rgbaColor=box.colour, physicsClientId=client)
     turn = (0.0, 0.0, math.sin(box.yaw / 2), math.cos(box.yaw / 2))
     number: int = pybullet.createMultiBody(0, shape, look, box.position, turn, physicsClientId=client)
-    _settle(client, number, -1, 0.5, _BODY)
+    _set_contact_dynamics(client, number, -1, 0.5, _BODY)
     return number
 
 
-def load_body(client: int, urdf: Path, placement: Placement, fixed: bool = False) -> int:
-    """Load a URDF with its root frame at ``placement``, at rest, all motors off; returns its number. With ``fixed`` the
+def load_urdf(client: int, urdf: Path, pose: Pose3, fixed: bool = False) -> int:
+    """Load a URDF with its root frame at ``pose``, at rest, all motors off; returns its number. With ``fixed`` the
     root stays where it is.
 
     A link whose collision shape is a sphere rolls: it touches the ground and nothing else. Raises BadInput for a file
     that PyBullet cannot read.
     """
     try:
-        with stdout_kept_clean():
+        with stdout_to_stderr():
             # Inertia from the file, or shapes would replace the tensors. Fixed links are not merged: merging ignores
             # where their masses are.
             number: int = pybullet.loadURDF(
                 str(urdf),
-                *placement,
+                *pose,
                 useFixedBase=fixed,
                 flags=pybullet.URDF_USE_INERTIA_FROM_FILE,
                 physicsClientId=client,
@@ -85,20 +85,20 @@ def load_body(client: int, urdf: Path, placement: Placement, fixed: bool = False
         raise BadInput(f"{urdf}: PyBullet cannot load this URDF ({error}); its reasons stand on stderr") from error
     for link in range(-1, pybullet.getNumJoints(number, physicsClientId=client)):
         friction = pybullet.getDynamicsInfo(number, link, physicsClientId=client)[1]
-        _settle(client, number, link, friction, _ROLLER if rolls(client, number, link) else _BODY)
+        _set_contact_dynamics(client, number, link, friction, _ROLLER if is_roller(client, number, link) else _BODY)
         if link >= 0:
             # Every movable joint is born with a motor that brakes it.
             pybullet.setJointMotorControl2(number, link, pybullet.VELOCITY_CONTROL, force=0, physicsClientId=client)
     return number
 
 
-def rolls(client: int, number: int, link: int) -> bool:
+def is_roller(client: int, number: int, link: int) -> bool:
     """Whether a link of a body rolls, that is, collides as a sphere."""
     shapes = pybullet.getCollisionShapeData(number, link, physicsClientId=client)
     return bool(shapes) and all(shape[2] == _SPHERE for shape in shapes)
 
 
-def _settle(client: int, number: int, link: int, friction: float, touches: tuple[int, int]) -> None:
+def _set_contact_dynamics(client: int, number: int, link: int, friction: float, touches: tuple[int, int]) -> None:
     # Two calls: in one, PyBullet leaves the friction at 0.5, and a burger spins 3.9 % short.
     pybullet.changeDynamics(number, link, lateralFriction=friction, physicsClientId=client)
     pybullet.changeDynamics(number, link, linearDamping=0, angularDamping=0, physicsClientId=client)

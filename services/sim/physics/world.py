@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 GRAVITY = 9.81
 """m/s2, toward -z."""
-ITERATIONS = 50
+SOLVER_ITERATIONS = 50
 """Of the solver in a step; with 20 a robot drifts by 1.9 mm per metre driven, with 50 by 0.2."""
 
 Vector = tuple[float, float, float]
@@ -21,20 +21,20 @@ Rotation = tuple[float, float, float, float]
 """A unit quaternion (x, y, z, w)."""
 
 
-class Placement(NamedTuple):
+class Pose3(NamedTuple):
     """Where something is in the world: position [m] and orientation."""
 
     position: Vector = (0.0, 0.0, 0.0)
     orientation: Rotation = (0.0, 0.0, 0.0, 1.0)
 
 
-ORIGIN = Placement()
+ORIGIN = Pose3()
 
 
-class Stance(NamedTuple):
+class Configuration(NamedTuple):
     """Where a body's root is and how its joints stand, rad or m."""
 
-    placement: Placement
+    pose: Pose3
     joints: Mapping[str, float] = {}
 
 
@@ -53,7 +53,7 @@ class Inertia(NamedTuple):
     [kg m2] about these, and its friction."""
 
     mass: float
-    centre: Placement
+    centre: Pose3
     moments: Vector
     friction: float
 
@@ -66,7 +66,7 @@ class JointReadings(NamedTuple):
     effort: tuple[float, ...]
 
 
-class Resistance(NamedTuple):
+class JointFriction(NamedTuple):
     """What a joint resists its motion with: damping [N m s/rad or N s/m] and dry friction [N m or N]."""
 
     damping: float = 0.0
@@ -90,23 +90,23 @@ class Motor:
 
 @dataclass(frozen=True)
 class Body:
-    """What enters the world: a URDF whose root frame is put at ``placement``, at rest, and held there if ``fixed``.
+    """What enters the world: a URDF whose root frame is put at ``pose``, at rest, and held there if ``fixed``.
 
-    ``start`` are positions of joints, 0 where none is stated. Joints without a ``resistance`` have the URDF's damping
-    and no friction.
+    ``initial_positions`` are those of joints, 0 where none is stated. Joints without a ``joint_friction`` have
+    the URDF's damping and no friction.
     """
 
     name: str
     urdf: Path
-    placement: Placement = ORIGIN
+    pose: Pose3 = ORIGIN
     motors: tuple[Motor, ...] = ()
     fixed: bool = False
-    start: tuple[tuple[str, float], ...] = ()
-    resistance: tuple[tuple[str, Resistance], ...] = ()
+    initial_positions: tuple[tuple[str, float], ...] = ()
+    joint_friction: tuple[tuple[str, JointFriction], ...] = ()
 
 
 @dataclass(frozen=True)
-class Lens:
+class CameraModel:
     """A pinhole camera: picture size in pixels, horizontal field of view [rad], clipping distances [m]."""
 
     width: int
@@ -167,16 +167,16 @@ class World(Protocol):
     def set_efforts(self, name: str, efforts: Mapping[str, float]) -> None:
         """Put efforts [N m or N] on joints for one step, as they are: limits are for the caller to keep."""
 
-    def resist(self, name: str, resistance: Mapping[str, Resistance]) -> None:
+    def set_joint_friction(self, name: str, joint_friction: Mapping[str, JointFriction]) -> None:
         """Let joints resist so from now on, also after a reset; the others stay as they are."""
 
-    def push(self, name: str, link: str, force: Vector, torque: Vector, point: Vector) -> None:
+    def apply_wrench(self, name: str, link: str, force: Vector, torque: Vector, point: Vector) -> None:
         """Act on a link for one step: a force [N] at a point of the world [m] and a torque [N m], in world axes."""
 
     def links(self, name: str) -> tuple[str, ...]:
         """The links of a body, its root first."""
 
-    def link_placement(self, name: str, link: str) -> Placement:
+    def link_pose(self, name: str, link: str) -> Pose3:
         """Where the frame of a link is."""
 
     def link_state(self, name: str, link: str) -> BodyState:
@@ -188,11 +188,11 @@ class World(Protocol):
     def contacts(self) -> tuple[Contact, ...]:
         """The pairs that touched in the last step, each once, sorted; the ground does not count."""
 
-    def rays(self, origins: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
+    def cast_rays(self, origins: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
         """How far rays get, shape (n,), as a fraction of their length, from ``origins`` to ``ends`` [m], shape (n, 3);
         inf where nothing is hit."""
 
-    def picture(self, eye: Placement, lens: Lens) -> bytes:
+    def render(self, eye: Pose3, camera: CameraModel) -> bytes:
         """A picture from ``eye`` (z forward, x right, y down): rows from the top, three bytes RGB per pixel."""
 
     def close(self) -> None:

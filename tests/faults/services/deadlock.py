@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 
 from services.runtime import main
-from tests.faults.services.full_speed import failing
+from tests.faults.services.faulty_controller import faulty_controller
 
 
 def fail() -> None:
@@ -14,4 +14,4 @@ def fail() -> None:
     lock.acquire()
 
 
-main(failing("deadlock", fail))
+main(faulty_controller("deadlock", fail))

@@ -5,11 +5,11 @@ from __future__ import annotations
 import ctypes
 
 from services.runtime import main
-from tests.faults.services.full_speed import failing
+from tests.faults.services.faulty_controller import faulty_controller
 
 
 def fail() -> None:
     ctypes.PyDLL(None).sleep(1000)
 
 
-main(failing("gil", fail))
+main(faulty_controller("gil", fail))

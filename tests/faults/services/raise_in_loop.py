@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from services.runtime import main
-from tests.faults.services.full_speed import failing
+from tests.faults.services.faulty_controller import faulty_controller
 
 
 def fail() -> None:
     raise ZeroDivisionError("planted in the loop")
 
 
-main(failing("raise_in_loop", fail))
+main(faulty_controller("raise_in_loop", fail))

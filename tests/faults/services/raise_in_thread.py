@@ -5,11 +5,11 @@ from __future__ import annotations
 import threading
 
 from services.runtime import main
-from tests.faults.services.full_speed import failing
+from tests.faults.services.faulty_controller import faulty_controller
 
 
 def work() -> None:
     raise ZeroDivisionError("planted in the thread")
 
 
-main(failing("raise_in_thread", threading.Thread(target=work).start))
+main(faulty_controller("raise_in_thread", threading.Thread(target=work).start))

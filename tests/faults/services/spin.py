@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from services.runtime import main
-from tests.faults.services.full_speed import failing
+from tests.faults.services.faulty_controller import faulty_controller
 
 
 def fail() -> None:
@@ -11,4 +11,4 @@ def fail() -> None:
         pass
 
 
-main(failing("spin", fail))
+main(faulty_controller("spin", fail))

@@ -1,0 +1,73 @@
+"""``elea doctor``, ``test`` and ``bench``."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from deploy.commands.options import json_option, port_option
+from services.runtime.process import ROOT
+
+
+@click.command("doctor")
+@click.option("--connect", metavar="ENDPOINT", default="", help="Router to ask; the running fleet's by default.")
+@click.option("--domain", default="", help="Domain of the fleet.")
+@port_option
+@json_option
+def doctor_command(connect: str, domain: str, port: int | None, as_json: bool) -> None:
+    """Check what could keep Elea from running here: the machine, the installation, and the fleet that runs.
+
+    Each check is ok, a warning or a failure, with what it saw and what to do. The exit status is 1 when one fails.
+    """
+    from deploy.doctor.checks import print_findings, run_checks
+
+    findings = run_checks(connect, domain, port)
+    print_findings(findings, as_json)
+    raise SystemExit(1 if any(each.state == "fail" for each in findings) else 0)
+
+
+_PER_PROCESSOR, _MOST = 2, 8
+"""Tests at a time: they wait for processes and deadlines for three quarters of their time."""
+
+_SERIAL_OPTIONS = ("-n", "--numprocesses", "--dist", "--pdb", "--trace", "-s", "--capture", "--co", "--collect-only")
+"""Options of pytest that choose how many there are at a time, or that show what only one process can show."""
+
+
+@click.command("test", context_settings={"ignore_unknown_options": True, "help_option_names": []})
+@click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
+def test_command(arguments: tuple[str, ...]) -> None:
+    """Run the tests of the project; the arguments are pytest's, with paths from the project's folder.
+
+    Several files run at a time, unless single ones are named or -n says how many: -n 0 runs one test after the other.
+    """
+    os.chdir(ROOT)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    beside = parallel_arguments(arguments, len(os.sched_getaffinity(0)))
+    os.execve(sys.executable, [sys.executable, "-P", "-m", "pytest", *beside, *arguments], environment)
+
+
+def parallel_arguments(arguments: Sequence[str], processors: int) -> list[str]:
+    """What pytest is told in addition, for a machine with so many processors; nothing where tests run one by one.
+
+    The tests of a file stay together, as they share what they start.
+    """
+    chosen = any(each.startswith("-n") or each.partition("=")[0] in _SERIAL_OPTIONS for each in arguments)
+    named = [Path(each.partition("::")[0]) for each in arguments if not each.startswith("-")]
+    files = [each for each in named if each.suffix == ".py"]
+    if chosen or "no:xdist" in " ".join(arguments) or (files and not any(each.is_dir() for each in named)):
+        return []
+    return ["-n", str(min(_MOST, _PER_PROCESSOR * processors)), "--dist", "loadfile", "--no-loadscope-reorder"]
+
+
+@click.command("bench")
+@click.option("--rounds", type=click.IntRange(1, 1000), default=5, show_default=True, help="Rounds; medians are shown.")
+@json_option
+def bench_command(rounds: int, as_json: bool) -> None:
+    """Measure round trip, throughput, lockstep and start against raw Zenoh and raw PyBullet, interleaved."""
+    from deploy.bench import bench
+
+    raise SystemExit(bench(rounds, as_json))

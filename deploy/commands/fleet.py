@@ -1,0 +1,223 @@
+"""``elea down``, ``ps``, ``logs`` and ``restart``: the running fleets."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+
+from deploy.commands.completion import PROCESS
+from deploy.commands.options import json_option, port_option
+from deploy.instance_lock import FleetInstance, running_fleets
+from deploy.live.output import printable
+from deploy.network_address import fleet_router, select_fleet
+from deploy.run_folder import latest_run_folder, read_state
+from deploy.supervisor.log_file import log_name
+from services.runtime.errors import BadInput, unknown_name
+
+STOP_TIMEOUT_S = 60.0
+"""Wall time that a fleet has to stop by SIGINT, with its report, before its supervisor is killed. The supervisor needs
+40 s at most, however its processes behave: four stages (controllers, simulation, parameters, router), each with 5 s
+after SIGINT, 3 s after SIGTERM and 2 s after SIGKILL."""
+
+
+@click.command("down")
+@port_option
+@click.option("--all", "every", is_flag=True, help="End every fleet of this user.")
+def down_command(port: int | None, every: bool) -> None:
+    """End a running fleet in the reverse order of its start; its report is written.
+
+    That takes a second or two; 60 s at most, also when processes hang. A supervisor that takes longer is killed, and
+    its processes with it: then the report is missing and the status is 1.
+    """
+    killed = False
+    handles = [
+        (each, handle)
+        for each in (running_fleets() if every else (select_fleet(port),))
+        if (handle := _open_pidfd(each))
+    ]
+    for _, handle in handles:
+        signal.pidfd_send_signal(handle, signal.SIGINT)
+    for fleet, handle in handles:
+        sys.stderr.write(f"stopping {fleet.fleet} (supervisor {fleet.pid})\n")
+        if not _wait_for_exit(handle, STOP_TIMEOUT_S):
+            sys.stderr.write(f"{fleet.fleet} does not stop: killing its supervisor\n")
+            signal.pidfd_send_signal(handle, signal.SIGKILL)
+            _wait_for_exit(handle, 5.0)
+            killed = True
+        sys.stdout.write(f"{fleet.fleet} has ended; results in {fleet.folder}\n")
+    if killed:
+        raise SystemExit(1)
+
+
+def _open_pidfd(fleet: FleetInstance) -> int | None:
+    """A descriptor of the supervisor; None when it has ended meanwhile. It stays this process's, whoever gets the
+    number later, since the fleet still runs after it was opened.
+    """
+    try:
+        handle = os.pidfd_open(fleet.pid)
+    except ProcessLookupError:
+        return None
+    return handle if fleet in running_fleets() else None
+
+
+def _wait_for_exit(handle: int, seconds: float) -> bool:
+    """Wait for the end of a process."""
+    return bool(select.select([handle], [], [], seconds)[0])
+
+
+@click.command("ps")
+@port_option
+@json_option
+def ps_command(port: int | None, as_json: bool) -> None:
+    """List the processes of the running fleets, or of that on --port: state, restarts, memory, share of a core since
+    the start.
+    """
+    fleets = [_describe_fleet(each) for each in (running_fleets() if port is None else (select_fleet(port),))]
+    if as_json:
+        sys.stdout.write(json.dumps(fleets, indent=2) + "\n")
+    elif not fleets:
+        sys.stdout.write("no fleet runs\n")
+    else:
+        for fleet in fleets:
+            _print_fleet(fleet)
+
+
+def _describe_fleet(entry: FleetInstance) -> dict[str, Any]:
+    import msgspec
+
+    from deploy.run_folder import read_state
+
+    state = read_state(Path(entry.folder))
+    processes = [msgspec.to_builtins(each) | _usage(each.pid) for each in (state.processes if state else ())]
+    return {**msgspec.to_builtins(entry), **_usage(entry.pid), "processes": processes}
+
+
+def _usage(pid: int) -> dict[str, float | None]:
+    """Memory [MiB] and share of a core [%] of a process."""
+    import time
+
+    import psutil
+
+    if not pid:
+        return {"memory_mib": None, "cpu_percent": None}
+    try:
+        process = psutil.Process(pid)
+        with process.oneshot():
+            times, age = process.cpu_times(), time.time() - process.create_time()
+            memory = process.memory_info().rss / 2**20
+    except psutil.Error:
+        return {"memory_mib": None, "cpu_percent": None}
+    return {"memory_mib": round(memory, 1), "cpu_percent": round(100 * (times.user + times.system) / max(age, 0.1), 1)}
+
+
+def _print_fleet(fleet: dict[str, Any]) -> None:
+    sys.stdout.write(
+        f"{fleet['fleet']} ({fleet['mode']}) on port {fleet['port']}"
+        f"{', domain ' + fleet['domain'] if fleet['domain'] else ''}, supervisor {fleet['pid']}, {fleet['folder']}\n"
+    )
+    rows = [("NAME", "STATE", "PID", "RESTARTS", "MIB", "CPU %", "")]
+    for each in fleet["processes"]:
+        pid, memory, cpu = each["pid"] or "", each["memory_mib"], each["cpu_percent"]
+        shown = ("" if memory is None else memory, "" if cpu is None else cpu)
+        rows.append((each["name"], each["state"], str(pid), str(each["restarts"]), *map(str, shown), each["reason"]))
+    widths = [max(len(row[column]) for row in rows) for column in range(6)]
+    for row in rows:
+        cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=False)]
+        sys.stdout.write(printable("  ".join((*cells, row[6])).rstrip()) + "\n")
+
+
+_TAIL_PERIOD_S = 0.2
+
+
+@click.command("logs")
+@click.argument("name", default="", type=PROCESS)
+@click.option("-f", "--follow", is_flag=True, help="Go on as more is written, until Ctrl-C.")
+@port_option
+@json_option
+def logs_command(name: str, follow: bool, port: int | None, as_json: bool) -> None:
+    """Show the log of process NAME, or of all; of the running fleet, or of the latest run, wherever its results went.
+
+    With --json, each line is an object with the process and the text.
+    """
+    folder = Path(select_fleet(port).folder) if running_fleets() or port is not None else latest_run_folder()
+    if folder is None:
+        raise BadInput("there is no run yet: start one with ./elea up")
+    files = {path.name.removesuffix(".log"): path for path in sorted((folder / "logs").glob("*.log"))}
+    wanted = log_name(name.removeprefix("/")).removesuffix(".log") if name else ""
+    if wanted and wanted not in files:
+        state = read_state(folder)
+        known = {each.name for each in (state.processes if state else ())}
+        if name.removeprefix("/") not in known:
+            raise unknown_name("process", name, sorted(known | {each.replace(".", "/") for each in files}))
+        sys.stderr.write(f"{name} has written nothing yet\n")
+        files[wanted] = folder / "logs" / log_name(name.removeprefix("/"))
+    tails = [LogTail(each.replace(".", "/"), path) for each, path in files.items() if wanted in ("", each)]
+    try:
+        while True:
+            for tail in tails:
+                for line in tail.lines():
+                    _print_log_line(tail.name, line, as_json, alone=bool(name))
+            sys.stdout.flush()
+            if not follow:
+                return
+            time.sleep(_TAIL_PERIOD_S)
+    except KeyboardInterrupt:
+        return
+
+
+class LogTail:
+    """A log that is read to its end again and again, also when it is begun anew."""
+
+    def __init__(self, name: str, path: Path) -> None:
+        self.name = name
+        self._path, self._offset, self._rest = path, 0, b""
+
+    def lines(self) -> Iterator[str]:
+        """What has been added, whole lines only."""
+        try:
+            with self._path.open("rb") as file:
+                if file.seek(0, 2) < self._offset:
+                    self._offset, self._rest = 0, b""
+                file.seek(self._offset)
+                added = file.read()
+                self._offset = file.tell()
+        except FileNotFoundError:
+            return
+        *whole, self._rest = (self._rest + added).split(b"\n")
+        for line in whole:
+            yield line.decode(errors="replace")
+
+
+def _print_log_line(name: str, line: str, as_json: bool, alone: bool) -> None:
+    if as_json:
+        import json
+
+        sys.stdout.write(json.dumps({"process": name, "text": line}) + "\n")
+    else:
+        sys.stdout.write(printable(f"{line}\n" if alone else f"{name} | {line}\n"))
+
+
+@click.command("restart")
+@click.argument("name", type=PROCESS)
+@port_option
+@json_option
+def restart_command(name: str, port: int | None, as_json: bool) -> None:
+    """Stop process NAME, as `./elea ps` calls it, and start it again."""
+    from deploy.live.connect import connect
+    from messages.names import key
+    from messages.requests import SUPERVISOR_RESTART, Name
+    from services.runtime.requests import call
+
+    fleet = select_fleet(port)
+    with connect(fleet_router(fleet), fleet.domain) as transport:
+        done = call(transport, SUPERVISOR_RESTART, key(SUPERVISOR_RESTART.name), Name(name=name))
+    sys.stdout.write(json.dumps({"text": done.text}) + "\n" if as_json else f"{done.text}\n")

@@ -1,0 +1,60 @@
+"""A group of commands that are imported when they are called."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import click
+from click.shell_completion import CompletionItem
+
+
+class LazyCommand(NamedTuple):
+    """Where a verb's command lies, and what it does in one line.
+
+    ``module`` lies in ``deploy.commands``; its ``command`` is meant unless another is named behind a colon.
+    """
+
+    module: str
+    about: str
+
+
+class LazyGroup(click.Group):
+    """Loads a verb when it is asked for; a wrong name is answered with the nearest right one."""
+
+    def __init__(self, *arguments: Any, table: Mapping[str, LazyCommand], **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.table = table
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(self.table)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        verb = self.table.get(cmd_name)
+        if verb is None:
+            return None
+        module, _, name = verb.module.partition(":")
+        command = getattr(importlib.import_module(f"deploy.commands.{module}"), name or "command")
+        assert isinstance(command, click.Command)
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args and args[0] not in self.table and not args[0].startswith("-"):
+            near = difflib.get_close_matches(args[0], self.table, 1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            ctx.fail(f"unknown verb {args[0]!r}{hint} (known: {', '.join(self.table)})")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("LazyGroup"):
+            formatter.write_dl([(name, verb.about) for name, verb in self.table.items()])
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem[Any]]:
+        """The verbs by the table, without loading them, and the options of the group."""
+        verbs = [CompletionItem(name, help=verb.about) for name, verb in self.table.items()]
+        found: list[CompletionItem[Any]] = [each for each in verbs if each.value.startswith(incomplete)]
+        return found or click.Command.shell_complete(self, ctx, incomplete)

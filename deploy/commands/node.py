@@ -1,0 +1,244 @@
+"""``elea node`` and ``elea graph``: the nodes of the network."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from deploy.commands.completion import NODE
+from deploy.commands.lazy_group import LazyCommand, LazyGroup
+from deploy.commands.options import json_option, network_options
+from deploy.network_address import NetworkAddress
+
+if TYPE_CHECKING:
+    from deploy.live.subscribers import HeartbeatSubscriber
+    from services.runtime.graph import Entity
+
+COMMANDS = {
+    "list": LazyCommand("node:list_command", "List the nodes of the network."),
+    "info": LazyCommand("node:info_command", "Tell what a node publishes, subscribes and serves, and how it is."),
+    "ping": LazyCommand("node:ping_command", "Measure the round trip to a node's loop."),
+}
+
+
+@click.command("node", cls=LazyGroup, table=COMMANDS)
+def command() -> None:
+    """List nodes, tell of one and ping it, asked of the network now: there is no daemon."""
+
+
+@click.command("list")
+@click.option("-a", "--all", "every", is_flag=True, help="Also those whose name begins with an underscore: tools.")
+@click.option("-c", "--count-nodes", is_flag=True, help="Show how many there are.")
+@network_options
+@json_option
+def list_command(every: bool, count_nodes: bool, place: NetworkAddress, as_json: bool) -> None:
+    """List the nodes that live now, and which kind of service each is."""
+    from deploy.live.connect import connect
+    from deploy.live.output import write_json, write_text
+    from deploy.live.topics import is_hidden
+    from services.runtime.graph import snapshot
+
+    with connect(place.router, place.domain) as transport:
+        found = [each for each in snapshot(transport) if each.kind == "node" and (every or not is_hidden(each.node))]
+    if as_json:
+        write_json([{"node": each.node, "kind": each.name, "session": each.session} for each in found])
+    elif count_nodes:
+        write_text(f"{len(found)}\n")
+    else:
+        write_text("".join(f"{each.node}\n" for each in found))
+
+
+@click.command("info")
+@click.argument("node", type=NODE)
+@network_options
+@json_option
+def info_command(node: str, place: NetworkAddress, as_json: bool) -> None:
+    """Tell what NODE publishes, subscribes and serves; its heartbeat, which comes once a second, tells how it is."""
+    from deploy.live.connect import cli_node
+    from deploy.live.output import write_json, write_text
+    from deploy.live.subscribers import collect_heartbeats
+    from deploy.live.topics import absolute_name, not_found
+    from services.runtime.graph import snapshot
+
+    name = absolute_name(node)
+    with cli_node(place, "info") as live:
+        graph = snapshot(live.transport)
+        own = [each for each in graph if each.node == name]
+        if not own:
+            raise not_found(
+                "node", name, {each.node for each in graph if each.node != live.node}, "./elea node list tells them all"
+            )
+        told = _describe_node(name, own, collect_heartbeats(live, [name]))
+    if as_json:
+        write_json(told)
+    else:
+        write_text(_format_node(told))
+
+
+_COUNTS = ("received", "lost", "refused", "repeated", "resynced", "foreign")
+
+
+def _describe_node(name: str, own: list[Entity], beats: HeartbeatSubscriber) -> dict[str, Any]:
+    beat, inputs = beats.latest.get(name), beats.inputs(name)
+    sent = {topic: each.sent for topic, each in beats.outputs(name).items()}
+    period = next((int(each.detail) for each in own if each.kind == "step"), None)
+    return {
+        "node": name,
+        "kind": next((each.name for each in own if each.kind == "node"), ""),
+        "lockstep_period_s": None if period is None else period / 1e9,
+        "health": None
+        if beat is None
+        else {"state": beat.state, "note": beat.note, "pid": beat.pid, "beat": beat.beat, "ticks": beat.ticks}
+        | {name: getattr(beat, name) for name in (*_COUNTS, "sent")},
+        "publishers": [
+            {"topic": each.name, "type": each.record, "quality": each.detail.lower(), "sent": sent.get(each.name)}
+            for each in own
+            if each.kind == "pub"
+        ],
+        "subscribers": [
+            {"topic": each.name, "type": each.record, "quality": each.detail.lower()}
+            | {name: getattr(inputs.get(each.name), name, None) for name in _COUNTS}
+            | {"reason": getattr(inputs.get(each.name), "reason", "")}
+            for each in own
+            if each.kind == "sub"
+        ],
+        "services": [{"name": each.name, "type": each.record} for each in own if each.kind == "srv"],
+    }
+
+
+def _format_node(told: dict[str, Any]) -> str:
+    lines = [f"{told['node']}  ({told['kind']})"]
+    health = told["health"]
+    if health is None:
+        lines.append("  no heartbeat: it is a tool or a foreign program, or its loop is stuck")
+    else:
+        note = f" ({health['note']})" if health["note"] else ""
+        lines.append(f"  {health['state']}{note}, pid {health['pid']}, {health['ticks']} ticks")
+        lines.append(f"  in all:{_format_counts(health | {'reason': ''})}, sent {health['sent']}")
+    if told["lockstep_period_s"] is not None:
+        lines.append(f"  steps with the simulation every {told['lockstep_period_s']:g} s")
+    lines.append("  Subscribers:")
+    lines += [f"    {each['topic']}: {each['type']}{_format_counts(each)}" for each in told["subscribers"]]
+    lines.append("  Publishers:")
+    for each in told["publishers"]:
+        sent = "" if each["sent"] is None else f"  sent {each['sent']}"
+        lines.append(f"    {each['topic']}: {each['type']}{sent}")
+    lines.append("  Service Servers:")
+    lines += [f"    {each['name']}: {each['type']}" for each in told["services"]]
+    return "\n".join(lines) + "\n"
+
+
+def _format_counts(row: dict[str, Any]) -> str:
+    if row["received"] is None:
+        return ""
+    odd = ", ".join(f"{name} {row[name]}" for name in _COUNTS[1:] if row[name])
+    reason = f" ({row['reason']})" if row["reason"] else ""
+    return f"  received {row['received']}{f', {odd}' if odd else ''}{reason}"
+
+
+@click.command("ping")
+@click.argument("node", type=NODE)
+@click.option("-n", "--count", type=click.IntRange(1, 10_000), default=4, show_default=True, help="So many pings.")
+@click.option(
+    "--interval", type=click.FloatRange(0, 60), default=1.0, show_default=True, metavar="S", help="Pause between two."
+)
+@click.option(
+    "--timeout",
+    type=click.FloatRange(0, 60, min_open=True),
+    default=2.0,
+    show_default=True,
+    metavar="S",
+    help="Patience.",
+)
+@network_options
+@json_option
+def ping_command(node: str, count: int, interval: float, timeout: float, place: NetworkAddress, as_json: bool) -> None:
+    """Measure the round trip to the loop of NODE and back [ms]: through the network, and until the loop turns.
+
+    A loop that hangs does not answer, whatever else its process does. The exit status is 1 when no ping was answered.
+    """
+    from deploy.live.connect import cli_node
+    from deploy.live.output import write_json, write_text
+    from deploy.live.topics import absolute_name, not_found
+    from services.runtime.graph import ping_key, snapshot
+
+    name = absolute_name(node)
+    with cli_node(place, "ping") as live:
+        nodes = {each.node: each.session for each in snapshot(live.transport) if each.kind == "node"}
+        if name not in nodes or name == live.node:
+            raise not_found("node", name, nodes.keys() - {live.node}, "./elea node list tells them all")
+        took: list[float | None] = []
+        for number in range(count):
+            if number:
+                _sleep(live, interval)
+            if live.stopping:
+                break
+            sent = time.monotonic()
+            answered = any(each.ok for each in live.transport.query(ping_key(nodes[name], name), b"", timeout))
+            took.append((time.monotonic() - sent) * 1e3 if answered else None)
+            if not as_json:
+                write_text(f"{name}: {'no answer' if took[-1] is None else f'{took[-1]:.2f} ms'}\n", flush=True)
+    told = _summarize_pings(name, took)
+    if as_json:
+        write_json(told)
+    elif told["answered"]:
+        spread = f"min {told['min_ms']:.2f}, mean {told['mean_ms']:.2f}, max {told['max_ms']:.2f} ms"
+        write_text(f"{told['answered']} of {told['sent']} answered: {spread}\n")
+    else:
+        write_text(f"0 of {told['sent']} answered: the loop hangs, or the node is a tool, which has none\n")
+    raise SystemExit(0 if told["answered"] else 1)
+
+
+def _sleep(live: Any, seconds: float) -> None:
+    """Wait for the next ping, or until the verb is stopped."""
+    end = time.monotonic() + seconds
+    while not live.stopping and (left := end - time.monotonic()) > 0:
+        time.sleep(min(left, 0.1))
+
+
+def _summarize_pings(name: str, took: list[float | None]) -> dict[str, Any]:
+    came = [each for each in took if each is not None]
+    return {
+        "node": name,
+        "sent": len(took),
+        "answered": len(came),
+        "min_ms": min(came, default=None),
+        "mean_ms": sum(came) / len(came) if came else None,
+        "max_ms": max(came, default=None),
+        "round_trips_ms": took,
+    }
+
+
+@click.command("graph")
+@network_options
+@json_option
+def graph_command(place: NetworkAddress, as_json: bool) -> None:
+    """List every node with what it publishes, subscribes and serves, asked of the network now."""
+    from deploy.live.connect import connect
+    from deploy.live.output import write_json, write_text
+    from services.runtime.graph import snapshot
+
+    with connect(place.router, place.domain) as transport:
+        entities = snapshot(transport)
+    if as_json:
+        write_json([asdict(each) for each in entities])
+    else:
+        write_text(_format_graph(entities))
+
+
+def _format_graph(entities: list[Entity]) -> str:
+    """Each node with its ends below it, each topic with its type and quality."""
+    arrows = {"pub": "->", "sub": "<-", "srv": "serves"}
+    lines = []
+    for node in sorted({each.node for each in entities}):
+        own = [each for each in entities if each.node == node]
+        kind = next((each.name for each in own if each.kind == "node"), "")
+        lines.append(f"{node}  ({kind})" if kind else node)
+        for each in own:
+            if each.kind in arrows:
+                quality = "" if each.kind == "srv" else f", {each.detail.lower()}"
+                lines.append(f"  {arrows[each.kind]} {each.name}  [{each.record}{quality}]")
+    return "\n".join(lines) + "\n" if lines else "nobody is there\n"

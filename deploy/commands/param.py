@@ -1,0 +1,417 @@
+"""``elea param``: the parameters of running services, as rosparam, ros2 param and dynparam together."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+import click
+
+from deploy.commands.completion import PARAMETER, SET
+from deploy.commands.lazy_group import LazyCommand, LazyGroup
+from deploy.commands.options import json_option, port_option
+from deploy.network_address import resolve_address
+from services.runtime.errors import BadInput, CallFailed, unknown_name
+
+if TYPE_CHECKING:
+    from deploy.commands.param_client import ParameterServiceClient
+    from messages.parameters import ParameterSchema, ParameterValues, Value
+
+COMMANDS = {
+    "list": LazyCommand("param:list_command", "List the sets of parameters, or the parameters of one."),
+    "get": LazyCommand("param:get_command", "Show values and where they come from."),
+    "describe": LazyCommand("param:describe_command", "Show types, bounds, defaults, units and texts."),
+    "set": LazyCommand("param:set_command", "Change parameters, all or none."),
+    "reset": LazyCommand("param:reset_command", "Forget what was set: fleet file and defaults count again."),
+    "undo": LazyCommand("param:undo_command", "Take the newest change of a set back."),
+    "dump": LazyCommand("param:dump_command", "Write values as YAML or TOML."),
+    "load": LazyCommand("param:load_command", "Set the values of a YAML or TOML file."),
+    "history": LazyCommand("param:history_command", "Show who changed what, and when."),
+}
+
+
+@click.command(cls=LazyGroup, name="param", table=COMMANDS)
+def command() -> None:
+    """Read and change the parameters of running services, checked and kept by the parameter service.
+
+    SET is the name of a set as `list` shows it, with or without the leading slash, or of a node that follows it.
+
+    Exit status: 0 done, 1 refused, failed, or the answer was lost and the outcome unknown, 2 bad input.
+    """
+
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def client_options(function: F) -> F:
+    """Adds ``--connect``, ``--domain``, ``--port``, ``--timeout`` and ``--json``."""
+    for option in (
+        json_option,
+        click.option(
+            "-t", "--timeout", type=click.FloatRange(0.1, 600), default=5.0, show_default=True, help="Wait so long, s."
+        ),
+        port_option,
+        click.option("--domain", default="", help="Domain of the fleet."),
+        click.option("--connect", metavar="ENDPOINT", default="", help="Router to ask; by default the fleet's."),
+    ):
+        function = option(function)
+    return function
+
+
+@contextmanager
+def connect_client(options: dict[str, Any]) -> Iterator[ParameterServiceClient]:
+    """The client at the place that the options say; what is left in ``options`` are the verb's own."""
+    from deploy.commands.param_client import ParameterServiceClient
+    from deploy.live.connect import connect
+
+    place = resolve_address(*(options.pop(name) for name in ("connect", "domain", "port")))
+    timeout = options.pop("timeout")
+    with connect(place.router, place.domain) as transport:
+        yield ParameterServiceClient(transport, timeout)
+
+
+@click.command("list")
+@click.argument("set_name", metavar="[SET]", default="", type=SET)
+@click.option("-v", "--values", is_flag=True, help="A line `/SET/NAME VALUE` for each parameter, as grep wants it.")
+@client_options
+def list_command(set_name: str, values: bool, as_json: bool, **options: Any) -> None:
+    """List the sets with the names of their parameters, or those of SET."""
+    from deploy.commands.param_values import print_json
+
+    with connect_client(options) as client:
+        sets = client.sets()
+        if set_name:
+            from deploy.commands.param_client import find_set
+
+            sets = {(one := find_set(set_name, sets)).set: one}
+        saved = {name: client.values(name) for name, each in sets.items() if values or not each.nodes}
+    names = {
+        name: [each.name for each in (saved[name].values if name in saved else one.parameters)]
+        for name, one in sets.items()
+    }
+    from deploy.live.output import write_text
+
+    if values:
+        _print_values(saved, as_json)
+        return
+    if as_json:
+        print_json([{"set": name, "nodes": list(one.nodes), "parameters": names[name]} for name, one in sets.items()])
+        return
+    for name, one in sets.items():
+        nodes = f"  (followed by {', '.join(one.nodes)})" if one.nodes != (name,) else ""
+        write_text(f"{name}{nodes if one.nodes else '  (saved; no running service has announced it)'}\n")
+        write_text("".join(f"  {each}\n" for each in names[name]))
+
+
+def _print_values(told: dict[str, ParameterValues], as_json: bool) -> None:
+    from deploy.commands.param_values import format_value, print_json
+    from deploy.live.output import write_text
+
+    rows = [(f"{name}/{each.name}", each.value) for name, record in told.items() for each in record.values]
+    if as_json:
+        print_json(dict(rows))
+    else:
+        write_text("".join(f"{path} {format_value(value)}\n" for path, value in rows))
+
+
+@click.command("get")
+@click.argument("set_name", metavar="SET", type=SET)
+@click.argument("names", metavar="[NAME]...", nargs=-1, type=PARAMETER)
+@client_options
+def get_command(set_name: str, names: tuple[str, ...], as_json: bool, **options: Any) -> None:
+    """Show the values of SET that count and where they come from; of one NAME, the bare value.
+
+    A single parameter may be named in one path, as `/tb3_0/waypoint/max_linear`.
+    """
+    import msgspec
+
+    from deploy.commands.param_values import format_columns, format_value, print_json, values_as_json
+    from services.runtime.errors import unknown_name
+
+    with connect_client(options) as client:
+        one, name = client.find_parameter(set_name) if not names else (client.find_set(set_name), "")
+        record = client.values(one.set)
+    names = (name,) if name else names
+    known = {each.name: each for each in record.values}
+    for name in names:
+        if name not in known:
+            raise unknown_name("parameter", name, known, record.set)
+    if names:
+        record = msgspec.structs.replace(record, values=tuple(known[name] for name in names))
+    if as_json:
+        print_json(values_as_json(record))
+        return
+    if len(names) == 1:
+        sys.stdout.write(f"{format_value(record.values[0].value)}\n")
+    elif record.values:
+        sys.stdout.write(format_columns((each.name, format_value(each.value), each.origin) for each in record.values))
+    if record.note:
+        sys.stderr.write(f"{record.set}: {record.note}\n")
+
+
+@click.command("describe")
+@click.argument("set_name", metavar="SET", type=SET)
+@click.argument("names", metavar="[NAME]...", nargs=-1, type=PARAMETER)
+@client_options
+def describe_command(set_name: str, names: tuple[str, ...], as_json: bool, **options: Any) -> None:
+    """Show type, bounds, default, unit and text of the parameters of SET, or of some.
+
+    Bounds, lengths, choices, and what must hold between two parameters (`at most OTHER`, `not with OTHER`) are checked
+    before a change counts.
+    """
+    import msgspec
+
+    from deploy.commands.param_values import description_as_row, format_columns, print_json
+    from services.runtime.errors import BadInput, unknown_name
+
+    with connect_client(options) as client:
+        one = client.find_set(set_name)
+    if not one.nodes:
+        raise BadInput(f"no running service has announced {one.set}: its saved values have no description")
+    described = {each.name: each for each in one.parameters}
+    for name in names:
+        if name not in described:
+            raise unknown_name("parameter", name, described, one.set)
+    chosen = [described[name] for name in names or described]
+    if as_json:
+        print_json({"set": one.set, "nodes": list(one.nodes), "parameters": msgspec.to_builtins(chosen)})
+        return
+    heads = ("NAME", "TYPE", "ALLOWED", "DEFAULT", "", "")
+    sys.stdout.write(format_columns((heads, *map(description_as_row, chosen))))
+
+
+@click.command("history")
+@click.argument("set_name", metavar="[SET]", default="", type=SET)
+@click.option("-n", "--limit", type=click.IntRange(1, 10_000), default=20, show_default=True, help="So many at most.")
+@client_options
+def history_command(set_name: str, limit: int, as_json: bool, **options: Any) -> None:
+    """Show the changes of SET, or of all, newest first: who, when, from what to what.
+
+    The newest 50 000 changes, and 32 MiB, of all sets together are kept.
+    """
+    import msgspec
+
+    from deploy.commands.param_values import change_as_row, format_columns, print_json
+
+    with connect_client(options) as client:
+        changes = client.history(client.find_set(set_name).set if set_name else "", limit)
+    if as_json:
+        print_json(msgspec.to_builtins(changes))
+    elif changes:
+        sys.stdout.write(format_columns(map(change_as_row, changes)))
+    else:
+        sys.stdout.write("nothing was changed yet\n")
+
+
+@click.command("set", context_settings={"ignore_unknown_options": True})
+@click.argument("set_name", metavar="SET", type=SET)
+@click.argument("words", metavar="NAME VALUE | NAME=VALUE... | {NAME: VALUE, ...}", nargs=-1, type=PARAMETER)
+@click.option("--clamp", is_flag=True, help="Take a number that is out of bounds at the bound.")
+@click.option("--run", is_flag=True, help="For this run alone: not saved.")
+@client_options
+def set_command(set_name: str, words: tuple[str, ...], clamp: bool, run: bool, as_json: bool, **options: Any) -> None:
+    """Change parameters of SET, all or none.
+
+    Names of choices are taken in any case; a bool is yes, true, t, y, on or 1, and no, false, f, n, off or 0.
+
+    An answer that is lost is asked for again under the same id, so that nothing is applied twice. What `describe` tells
+    is checked before a change counts. A service may find fault with more, such as a deceleration of 0: then it takes
+    the change back a moment later, and `history` has its reason.
+    """
+    from deploy.commands.param_values import parse_assignments, to_assignments, validate_change
+
+    for word in words:
+        if word.startswith("--") and word[2:3].isalpha():
+            raise unknown_name(
+                "option", word.partition("=")[0], ("--clamp", "--run", "--connect", "--domain", "--json")
+            )
+    with connect_client(options) as client:
+        one = client.find_set(set_name)
+        before = client.values(one.set)
+        values = parse_assignments(words, one) if one.nodes else {}
+        validate_change(one, before, values, clamp)
+        after = client.set(one.set, to_assignments(values), clamp, run)
+    _print_change(before, after, tuple(values), as_json)
+
+
+@click.command("reset")
+@click.argument("set_name", metavar="SET", type=SET)
+@click.argument("names", metavar="[NAME]...", nargs=-1, type=PARAMETER)
+@client_options
+def reset_command(set_name: str, names: tuple[str, ...], as_json: bool, **options: Any) -> None:
+    """Forget what was set of SET, or of some NAMEs: command line, fleet file and defaults count again."""
+    with connect_client(options) as client:
+        one = client.find_set(set_name)
+        before = client.values(one.set)
+        known = {each.name for each in one.parameters} | {each.name for each in before.values}
+        for name in names:
+            if name not in known:
+                raise unknown_name("parameter", name, known, one.set)
+        after = client.reset(one.set, names)
+    _print_change(before, after, _changed_names(before, after), as_json)
+
+
+@click.command("undo")
+@click.argument("set_name", metavar="SET", type=SET)
+@client_options
+def undo_command(set_name: str, as_json: bool, **options: Any) -> None:
+    """Take the newest change of SET back; once more takes the one before back. An undo itself is not taken back."""
+    with connect_client(options) as client:
+        one = client.find_set(set_name)
+        before = client.values(one.set)
+        after = client.undo(one.set)
+    _print_change(before, after, _changed_names(before, after), as_json)
+
+
+def _changed_names(before: ParameterValues, after: ParameterValues) -> tuple[str, ...]:
+    """Names whose value or origin has changed."""
+    old = {each.name: each for each in before.values}
+    new = {each.name: each for each in after.values}
+    return tuple(name for name in dict.fromkeys((*old, *new)) if old.get(name) != new.get(name))
+
+
+def _print_change(before: ParameterValues, after: ParameterValues, names: tuple[str, ...], as_json: bool) -> None:
+    from deploy.commands.param_values import format_difference, print_json, values_as_json
+
+    if as_json:
+        print_json(values_as_json(after))
+        return
+    sys.stdout.write(format_difference(before, after, names))
+    if after.note:
+        sys.stderr.write(f"{after.set}: {after.note}\n")
+
+
+class PlannedLoad(NamedTuple):
+    """The values of a set that count, and those that a file has for it."""
+
+    before: ParameterValues
+    values: dict[str, Value]
+
+
+format_option = click.option(
+    "--format", "form", type=click.Choice(["yaml", "toml"]), help="By the ending of the file, else YAML."
+)
+
+
+@click.command("dump")
+@click.argument("names", metavar="[SET]...", nargs=-1, type=SET)
+@click.option("-o", "--output", metavar="FILE", default="", help="Write here; standard output by default.")
+@format_option
+@client_options
+def dump_command(names: tuple[str, ...], output: str, form: str | None, as_json: bool, **options: Any) -> None:
+    """Write the values of the SETs, or of all, for `load`: those that may be set while services run."""
+    from deploy.commands.param_client import find_set
+    from deploy.commands.param_values import file_format, format_tables, print_json
+
+    chosen = file_format(output, form)
+    with connect_client(options) as client:
+        sets = client.sets()
+        wanted = [find_set(name, sets) for name in names] or [each for each in sets.values() if each.nodes]
+        tables = {each.set: table for each in wanted if (table := _loadable_values(client, each))}
+    if as_json:
+        return print_json(tables)
+    if chosen == "toml":
+        tables = {name: _without_null(name, table) for name, table in tables.items()}
+    text = format_tables(tables, chosen)
+    if not output:
+        sys.stdout.write(text)
+        return None
+    try:
+        Path(output).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise BadInput(f"cannot write {output}: {error.strerror}") from None
+    return None
+
+
+@click.command("load")
+@click.argument("file", type=click.Path())
+@click.option("--set", "only", metavar="SET", default="", help="FILE has the values of this set, without its name.")
+@click.option("--clamp", is_flag=True, help="Take a number that is out of bounds at the bound.")
+@click.option("--run", is_flag=True, help="For this run alone: not saved.")
+@format_option
+@client_options
+def load_command(file: str, only: str, clamp: bool, run: bool, form: str | None, as_json: bool, **options: Any) -> None:
+    """Set what in FILE differs from the values that count; all of FILE is checked first, each set is all or none."""
+    from deploy.commands.param_values import file_format, read_parameter_file
+
+    tables = read_parameter_file(Path(file), file_format(file, form))
+    if only:
+        tables = {only: tables}
+    for name, table in tables.items():
+        if not isinstance(table, dict):
+            raise BadInput(f"{file}: {name} is no table of a set; if the file has the values of one set, say --set SET")
+    with connect_client(options) as client:
+        planned, faults = _plan_loads(client, tables, clamp)
+        if faults:
+            raise BadInput(f"{file}: {'; '.join(faults)}. Nothing was changed")
+        _apply_loads(client, planned, clamp, run, as_json)
+
+
+def _plan_loads(
+    client: ParameterServiceClient, tables: dict[str, Any], clamp: bool
+) -> tuple[list[PlannedLoad], list[str]]:
+    """What to set, and what is wrong with it."""
+    from deploy.commands.param_client import find_set
+    from deploy.commands.param_values import convert_values, validate_change
+
+    sets, planned, faults = client.sets(), dict[str, PlannedLoad](), list[str]()
+    for name, table in tables.items():
+        try:
+            one = find_set(name, sets)
+            if one.set in planned:
+                raise BadInput(f"the values of {one.set} are given twice, under two names")
+            before = client.values(one.set)
+            values = convert_values(table, one) if one.nodes else {}
+            if values or not one.nodes:
+                validate_change(one, before, values, clamp)
+            planned[one.set] = PlannedLoad(before, values)
+        except BadInput as error:
+            faults.append(f"{name}: {error}")
+    return list(planned.values()), faults
+
+
+def _apply_loads(
+    client: ParameterServiceClient, planned: list[PlannedLoad], clamp: bool, run: bool, as_json: bool
+) -> None:
+    """Set by set, saying what was changed; raises CallFailed, after saying it, when one is refused."""
+    from deploy.commands.param_values import format_difference, print_json, to_assignments, values_as_json
+
+    done: list[ParameterValues] = []
+    for before, values in planned:
+        other = {name: value for name, value in values.items() if _differs(before, name, value)}
+        same = len(values) - len(other)
+        after = before
+        if other:
+            try:
+                after = client.set(before.set, to_assignments(other), clamp, run, "load")
+            except CallFailed as error:
+                loaded = ", ".join(each.set for each in done) or "nothing"
+                raise type(error)(f"{before.set}: {error}; loaded before it: {loaded}") from None
+        done.append(after)
+        if not as_json:
+            sys.stdout.write(format_difference(before, after, other))
+            sys.stdout.write(f"{before.set}: {len(other)} changed, {same} as before\n")
+            if other and after.note:
+                sys.stderr.write(f"{before.set}: {after.note}\n")
+    if as_json:
+        print_json([values_as_json(each) for each in done])
+
+
+def _loadable_values(client: ParameterServiceClient, one: ParameterSchema) -> dict[str, Value]:
+    """The values of a set that `load` may set again."""
+    live = {each.name for each in one.parameters if each.live}
+    return {each.name: each.value for each in client.values(one.set).values if each.name in live or not one.nodes}
+
+
+def _without_null(name: str, table: dict[str, Value]) -> dict[str, Value]:
+    nulls = [each for each, value in table.items() if value is None]
+    if nulls:
+        sys.stderr.write(f"{name}: TOML has no null, left out: {', '.join(nulls)} (YAML has)\n")
+    return {each: value for each, value in table.items() if value is not None}
+
+
+def _differs(before: ParameterValues, name: str, value: Value) -> bool:
+    return next((each.value for each in before.values if each.name == name), None) != value

@@ -1,0 +1,110 @@
+"""What the verbs ask of the parameter service."""
+
+from __future__ import annotations
+
+import getpass
+import socket
+import uuid
+from typing import Literal
+
+from messages.parameters import (
+    Assignment,
+    HistoryOf,
+    ParameterChange,
+    ParameterSchema,
+    ParameterSet,
+    ParameterValues,
+    ResetParameters,
+    SetParameters,
+    UndoParameters,
+)
+from messages.requests import PARAMS_GET, PARAMS_HISTORY, PARAMS_LIST, PARAMS_RESET, PARAMS_SET, PARAMS_UNDO
+from messages.std import Empty
+from services.runtime.errors import BadInput, unknown_name
+from services.runtime.parameters.client import call_idempotent
+from services.runtime.transport.api import Transport
+
+
+class ParameterServiceClient:
+    """A person at the command line. What changes something has an id of its own, and is asked until it is answered."""
+
+    def __init__(self, transport: Transport, timeout: float) -> None:
+        self._transport, self._timeout = transport, timeout
+        self._who = f"{_user_at_host()} (param)"
+
+    def sets(self) -> dict[str, ParameterSchema]:
+        """All sets by name."""
+        listed = call_idempotent(self._transport, PARAMS_LIST, Empty(), self._timeout).sets
+        return {each.set: each for each in listed}
+
+    def find_set(self, name: str) -> ParameterSchema:
+        """The set that is called so, or whose node is; raises BadInput with the nearest name."""
+        return find_set(name, self.sets())
+
+    def find_parameter(self, path: str) -> tuple[ParameterSchema, str]:
+        """The set that ``path`` names, and the parameter behind it where it names one: ``/SET/NAME``, else empty."""
+        sets = self.sets()
+        try:
+            return find_set(path, sets), ""
+        except BadInput:
+            before, _, name = path.rstrip("/").rpartition("/")
+            try:
+                return find_set(before, sets), name
+            except BadInput:
+                before = ""
+            raise
+
+    def values(self, name: str) -> ParameterValues:
+        """The values of a set that count."""
+        return call_idempotent(self._transport, PARAMS_GET, ParameterSet(set=name), self._timeout)
+
+    def set(
+        self, name: str, values: tuple[Assignment, ...], clamp: bool, run: bool, kind: Literal["set", "load"] = "set"
+    ) -> ParameterValues:
+        """Change parameters, all or none."""
+        asked = SetParameters(set=name, values=values, clamp=clamp, run=run, kind=kind, id=_new_id(), who=self._who)
+        return call_idempotent(self._transport, PARAMS_SET, asked, self._timeout)
+
+    def reset(self, name: str, names: tuple[str, ...]) -> ParameterValues:
+        """Forget what was set."""
+        asked = ResetParameters(set=name, names=names, id=_new_id(), who=self._who)
+        return call_idempotent(self._transport, PARAMS_RESET, asked, self._timeout)
+
+    def undo(self, name: str) -> ParameterValues:
+        """Take the newest change back."""
+        asked = UndoParameters(set=name, id=_new_id(), who=self._who)
+        return call_idempotent(self._transport, PARAMS_UNDO, asked, self._timeout)
+
+    def history(self, name: str, limit: int) -> tuple[ParameterChange, ...]:
+        """The newest changes."""
+        return call_idempotent(self._transport, PARAMS_HISTORY, HistoryOf(set=name, limit=limit), self._timeout).changes
+
+
+def find_set(name: str, sets: dict[str, ParameterSchema]) -> ParameterSchema:
+    """The set of this name, with or without its slash, or the one that a node of this name follows."""
+    absolute = f"/{name.strip('/')}"
+    if absolute in sets:
+        return sets[absolute]
+    followed = [each for each in sets.values() if absolute in each.nodes]
+    if len(followed) == 1:
+        return followed[0]
+    if followed:
+        raise BadInput(f"{absolute} follows several sets: say which, {', '.join(each.set for each in followed)}")
+    below = [each for each in sets if each.endswith(absolute)]
+    if len(below) == 1:
+        return sets[below[0]]
+    if below:
+        raise BadInput(f"{name!r} may be one of several sets: say which, {', '.join(sorted(below))}")
+    raise unknown_name("set of parameters", absolute, sets)
+
+
+def _new_id() -> str:
+    return uuid.uuid4().hex
+
+
+def _user_at_host() -> str:
+    try:
+        user = getpass.getuser()
+    except (KeyError, OSError):
+        user = "somebody"
+    return f"{user}@{socket.gethostname()}"[:200]

@@ -1,0 +1,225 @@
+"""``elea sim``: the running simulation: time and emergency stops; models and joints are beside this file."""
+
+from __future__ import annotations
+
+import functools
+import sys
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any, Self, TypeVar
+
+import click
+
+from deploy.commands.lazy_group import LazyCommand, LazyGroup
+from deploy.commands.options import json_option, network_options
+from deploy.live.output import write_text
+from deploy.network_address import NetworkAddress
+
+if TYPE_CHECKING:
+    from messages.base import Message
+    from messages.requests import Request
+    from services.runtime.transport.api import Transport
+
+COMMANDS = {
+    "list": LazyCommand("sim_models:list_", "List the models with their poses."),
+    "spawn": LazyCommand("sim_models:spawn", "Put a model into the world."),
+    "delete": LazyCommand("sim_models:delete", "Take a model out of the world."),
+    "state": LazyCommand("sim_models:state", "Tell pose and twist of a model or a link."),
+    "set-state": LazyCommand("sim_models:set_state", "Move a model."),
+    "properties": LazyCommand("sim_models:properties", "Tell what the world, a model or a link is made of."),
+    "joints": LazyCommand("sim_models:joints", "Tell what joints are and do."),
+    "effort": LazyCommand("sim_models:effort", "Put an effort on a joint for a time."),
+    "wrench": LazyCommand("sim_models:wrench", "Push and twist a link."),
+    "clear": LazyCommand("sim_models:clear", "Drop the efforts on a joint."),
+    "configure": LazyCommand("sim_models:configure", "Put joints at positions, at rest."),
+    "stops": LazyCommand("sim:stops", "List the emergency stops: who holds which robot."),
+    "release": LazyCommand("sim:release", "Release an emergency stop for those who hold it."),
+    "pause": LazyCommand("sim:pause", "Stop simulation time."),
+    "resume": LazyCommand("sim:resume", "Let simulation time go on."),
+    "step": LazyCommand("sim:step", "Run physics steps of 5 ms while time is paused."),
+    "reset": LazyCommand("sim:reset", "Time to zero, all models to where they were spawned."),
+    "reset-world": LazyCommand("sim:reset_world", "As reset, but time goes on."),
+}
+
+
+@click.command(cls=LazyGroup, name="sim", table=COMMANDS)
+def command() -> None:
+    """Ask the running simulation: its models, joints, forces and time.
+
+    A joint or link is named alone where one model only has it, or as model::name or model/name. All times are of the
+    simulation.
+    """
+
+
+R = TypeVar("R", bound="Message")
+
+TIMEOUT_S = 5.0
+"""Wall time that a request may take unless told otherwise."""
+
+
+class SimulationClient:
+    """Asks the services of one fleet, which it joins at the first question, and prints what they say."""
+
+    def __init__(self, place: NetworkAddress, timeout: float, as_json: bool) -> None:
+        self._place, self._timeout, self._as_json = place, timeout, as_json
+        self._visit = ExitStack()
+        self._transport: Transport | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._visit.close()
+
+    def call(self, request: Request[Any, R], message: Message) -> R:
+        """The reply to one request; raises CallFailed with the reason, BadInput when no router is there."""
+        from deploy.live.connect import connect
+        from messages.names import key
+        from services.runtime.requests import call
+
+        if self._transport is None:
+            self._transport = self._visit.enter_context(connect(self._place.router, self._place.domain))
+        return call(self._transport, request, key(request.name), message, self._timeout)
+
+    def print_reply(self, reply: Message | Iterable[Message], text: str) -> None:
+        """Print the reply as JSON, or the text that says it."""
+        if not self._as_json:
+            write_text(f"{text}\n" if text else "")
+            return
+        import msgspec
+
+        plain = msgspec.to_builtins(reply)
+        sys.stdout.write(msgspec.json.format(msgspec.json.encode(plain), indent=2).decode() + "\n")
+
+
+def simulation_command(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add ``--connect``, ``--domain``, ``--port``, ``--timeout`` and ``--json``; it gets a SimulationClient."""
+
+    @click.option(
+        "--timeout", type=click.FloatRange(0, min_open=True), default=TIMEOUT_S, help="Wall time to wait, s; 5."
+    )
+    @network_options
+    @json_option
+    @functools.wraps(command)
+    def wrapped(place: NetworkAddress, timeout: float, as_json: bool, **given: Any) -> Any:
+        with SimulationClient(place, timeout, as_json) as asker:
+            return command(asker, **given)
+
+    return wrapped
+
+
+def format_table(rows: Iterable[Iterable[str]]) -> str:
+    """Rows of words in columns that are as wide as they need to be."""
+    lines = [list(row) for row in rows]
+    widths = [max(len(row[column]) for row in lines) for column in range(len(lines[0]))] if lines else []
+    return "\n".join(
+        "  ".join(word.ljust(width) for word, width in zip(row, widths, strict=True)).rstrip() for row in lines
+    )
+
+
+def parse_joint_positions(pairs: Iterable[str]) -> dict[str, float]:
+    """``name=number`` words as a table; raises click's own error for another form."""
+    found: dict[str, float] = {}
+    for pair in pairs:
+        name, equals, value = pair.rpartition("=")
+        try:
+            found[name] = float(value)
+        except ValueError:
+            equals = ""
+        if not equals or not name:
+            raise click.BadParameter(f"{pair!r}: write it as joint=position, in rad or m")
+    return found
+
+
+@click.command("pause")
+@simulation_command
+def pause(asker: SimulationClient) -> None:
+    """Stop simulation time."""
+    from messages.requests import PAUSE
+
+    _call_and_print(asker, PAUSE, "paused")
+
+
+@click.command("resume")
+@simulation_command
+def resume(asker: SimulationClient) -> None:
+    """Let simulation time go on."""
+    from messages.requests import RESUME
+
+    _call_and_print(asker, RESUME, "running")
+
+
+@click.command("step")
+@click.argument("count", type=click.IntRange(1, 1_000_000), default=1)
+@simulation_command
+def step(asker: SimulationClient, count: int) -> None:
+    """Run COUNT physics steps (1) of 5 ms while time is paused."""
+    from messages.requests import STEP
+    from messages.simulation import Steps
+
+    reply = asker.call(STEP, Steps(count=count))
+    asker.print_reply(reply, f"{count} steps taken: t = {reply.time / 1e9:.3f} s")
+
+
+@click.command("reset")
+@simulation_command
+def reset(asker: SimulationClient) -> None:
+    """Time to zero, all models to where they were spawned, all efforts and wrenches dropped."""
+    from messages.requests import RESET
+
+    _call_and_print(asker, RESET, "reset")
+
+
+@click.command("reset-world")
+@simulation_command
+def reset_world(asker: SimulationClient) -> None:
+    """As reset, but time goes on."""
+    from messages.requests import RESET_WORLD
+
+    _call_and_print(asker, RESET_WORLD, "models are where they were spawned")
+
+
+def _call_and_print(asker: SimulationClient, request: Request[Any, Any], done: str) -> None:
+    from messages.std import Empty
+
+    reply = asker.call(request, Empty())
+    asker.print_reply(reply, f"{done}: t = {reply.time / 1e9:.3f} s")
+
+
+@click.command("stops")
+@simulation_command
+def stops(asker: SimulationClient) -> None:
+    """List the emergency stops: who holds which robot, and since when."""
+    from datetime import datetime
+
+    from messages.requests import LIST_STOPS
+    from messages.std import Empty
+
+    reply = asker.call(LIST_STOPS, Empty())
+    rows = [("robot", "holder", "since", "reset by its holder with false on")]
+    for each in reply.stops:
+        since = f"{datetime.fromtimestamp(each.since // 1_000_000_000):%Y-%m-%d %H:%M:%S}"
+        rows.append((each.robot or "(all robots)", each.holder, since, each.topic))
+    asker.print_reply(reply, format_table(rows) if reply.stops else "no robot is stopped")
+
+
+@click.command("release")
+@click.argument("name", default="")
+@click.option("--all", "every", is_flag=True, help="The stop of all robots (/e_stop), in place of one robot's own.")
+@click.option(
+    "--holder", default="", help="Only what this node holds, by name or id as `stops` lists it; else everyone."
+)
+@simulation_command
+def release(asker: SimulationClient, name: str, every: bool, holder: str) -> None:
+    """Release the emergency stop of the robot NAME for those who hold it.
+
+    For holders that are gone for good; one that is there resets its stop itself, by false on the topic. A publisher
+    that still says true stops the robot again when the simulation restarts.
+    """
+    from messages.requests import RELEASE_STOP
+    from messages.simulation import ReleaseStop
+
+    if every == bool(name):
+        raise click.UsageError("give the NAME of a robot, or --all for the stop of all robots")
+    reply = asker.call(RELEASE_STOP, ReleaseStop(name=name, holder=holder))
+    asker.print_reply(reply, reply.text)

@@ -1,0 +1,390 @@
+"""``elea sim spawn`` and its like: models, joints, efforts and wrenches."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from deploy.commands.sim import SimulationClient, format_table, parse_joint_positions, simulation_command
+
+if TYPE_CHECKING:
+    from messages.elea import ModelState
+    from messages.geometry import Pose, Quaternion, Twist
+    from messages.joints import JointProperties
+
+F = TypeVar("F", bound=Callable[..., Any])
+POSE_OPTIONS = (
+    ("-x", "x", "m"),
+    ("-y", "y", "m"),
+    ("-z", "z", "m"),
+    ("-R", "roll", "rad"),
+    ("-P", "pitch", "rad"),
+    ("-Y", "yaw", "rad"),
+)
+"""As ROS's ``spawn_model`` has them."""
+
+
+def pose_options(command: F) -> F:
+    """Gives a command the six numbers of a pose, None where one is not stated."""
+    for short, name, unit in reversed(POSE_OPTIONS):
+        names = [short, name] if len(name) == 1 else [short, f"--{name}", name]
+        command = click.option(*names, type=float, help=f"{name.capitalize()}, {unit}.")(command)
+    return command
+
+
+@click.command("list")
+@simulation_command
+def list_(asker: SimulationClient) -> None:
+    """List the models with their poses."""
+    from messages.requests import LIST
+    from messages.std import Empty
+
+    reply = asker.call(LIST, Empty())
+    rows = [("name", "model", "x m", "y m", "z m", "yaw rad")]
+    rows += [(each.name, each.model, *_planar_pose(each)) for each in reply.models]
+    asker.print_reply(reply, format_table(rows) if reply.models else "no model is there")
+
+
+@click.command("spawn")
+@click.argument("model")
+@click.argument("name")
+@pose_options
+@click.option("--frame", default="", help="Frame of the pose: world (default), a model, or model::link.")
+@click.option("--namespace", default="", help="Of its topics; its name by default.")
+@click.option("-J", "--joint", "joints", multiple=True, metavar="JOINT=POSITION", help="Start of a joint, rad or m.")
+@click.option("--param", "pairs", multiple=True, metavar="NAME=VALUE", help="A parameter of its base or joints.")
+@simulation_command
+def spawn(
+    asker: SimulationClient,
+    model: str,
+    name: str,
+    frame: str,
+    namespace: str,
+    joints: tuple[str, ...],
+    pairs: tuple[str, ...],
+    **place: float | None,
+) -> None:
+    """Put a MODEL into the world as NAME."""
+    from messages.parameters import Assignment
+    from messages.requests import SPAWN
+    from messages.simulation import SpawnModel
+    from services.runtime.parameters.validation import read_assignments
+
+    at = parse_joint_positions(joints)
+    reply = asker.call(
+        SPAWN,
+        SpawnModel(
+            name=name,
+            model=model,
+            pose=_pose({axis: value or 0.0 for axis, value in place.items()}),
+            namespace=namespace,
+            reference_frame=frame,
+            joint_names=tuple(at),
+            joint_positions=tuple(at.values()),
+            parameters=tuple(Assignment(name=each, value=value) for each, value in read_assignments(pairs).items()),
+        ),
+    )
+    asker.print_reply(reply, f"{name} is there: {', '.join(_pose_words(reply))}")
+
+
+@click.command("delete")
+@click.argument("name")
+@simulation_command
+def delete(asker: SimulationClient, name: str) -> None:
+    """Take the model NAME out of the world."""
+    from messages.requests import DELETE, Name
+
+    reply = asker.call(DELETE, Name(name=name))
+    asker.print_reply(reply, reply.text)
+
+
+@click.command("state")
+@click.argument("name")
+@click.option("--relative", default="", help="As seen from this model or model::link, or from the world, in its axes.")
+@simulation_command
+def state(asker: SimulationClient, name: str, relative: str) -> None:
+    """Tell pose and twist of a model, or of a link: NAME is model::link.
+
+    Without --relative, a model's pose is in the world and its twist in its own axes.
+    """
+    from messages.gazebo import LinkName
+    from messages.requests import GET_STATE, LINK_STATE
+    from messages.simulation import GetModelState
+
+    if "::" in name:
+        link = asker.call(LINK_STATE, LinkName(link_name=name, reference_frame=relative))
+        asker.print_reply(link, _format_state(link.pose, link.twist))
+        return
+    model = asker.call(GET_STATE, GetModelState(name=name, relative_entity=relative))
+    asker.print_reply(model, _format_state(model.pose, model.twist))
+
+
+@click.command("set-state")
+@click.argument("name")
+@pose_options
+@click.option("--linear", type=float, nargs=3, default=(0.0, 0.0, 0.0), help="Velocity, m/s.")
+@click.option("--angular", type=float, nargs=3, default=(0.0, 0.0, 0.0), help="Turn rate, rad/s.")
+@click.option("--frame", default="", help="Frame of pose and twist: world, a model, or model::link.")
+@simulation_command
+def set_state(
+    asker: SimulationClient,
+    name: str,
+    linear: tuple[float, float, float],
+    angular: tuple[float, float, float],
+    frame: str,
+    **place: float | None,
+) -> None:
+    """Move the model NAME; what is not stated of its pose stays. Its joints keep their angles."""
+    from messages.geometry import Twist, Vector3
+    from messages.requests import GET_STATE, SET_STATE
+    from messages.simulation import GetModelState, SetModelState
+
+    now = asker.call(GET_STATE, GetModelState(name=name, relative_entity=frame)).pose
+    roll, pitch, yaw = _angles(now.orientation)
+    kept = {"x": now.position.x, "y": now.position.y, "z": now.position.z, "roll": roll, "pitch": pitch, "yaw": yaw}
+    stated = {axis: value for axis, value in place.items() if value is not None}
+    (vx, vy, vz), (wx, wy, wz) = linear, angular
+    twist = Twist(linear=Vector3(x=vx, y=vy, z=vz), angular=Vector3(x=wx, y=wy, z=wz))
+    reply = asker.call(
+        SET_STATE, SetModelState(name=name, pose=_pose(kept | stated), twist=twist, reference_frame=frame)
+    )
+    asker.print_reply(reply, f"{name}: {', '.join(_pose_words(reply))}")
+
+
+@click.command("properties")
+@click.argument("name", default="")
+@simulation_command
+def properties(asker: SimulationClient, name: str) -> None:
+    """Tell what the world is made of, or a model (NAME), or a link (model::link)."""
+    from messages.gazebo import LinkName
+    from messages.requests import LINK_PROPERTIES, MODEL_PROPERTIES, WORLD_PROPERTIES, Name
+    from messages.std import Empty
+
+    reply: Any
+    if not name:
+        reply = asker.call(WORLD_PROPERTIES, Empty())
+    elif "::" in name:
+        reply = asker.call(LINK_PROPERTIES, LinkName(link_name=name))
+    else:
+        reply = asker.call(MODEL_PROPERTIES, Name(name=name))
+    asker.print_reply(
+        reply, format_table((field, _format_property(getattr(reply, field))) for field in reply.__struct_fields__)
+    )
+
+
+def _pose(place: dict[str, float]) -> Pose:
+    """A pose of x, y, z [m] and roll, pitch, yaw [rad] about fixed axes."""
+    from messages.geometry import Point, Pose, Quaternion
+
+    roll, pitch, yaw = (place[axis] / 2 for axis in ("roll", "pitch", "yaw"))
+    cr, sr, cp, sp, cy, sy = (turn(half) for half in (roll, pitch, yaw) for turn in (math.cos, math.sin))
+    return Pose(
+        position=Point(x=place["x"], y=place["y"], z=place["z"]),
+        orientation=Quaternion(
+            x=sr * cp * cy - cr * sp * sy,
+            y=cr * sp * cy + sr * cp * sy,
+            z=cr * cp * sy - sr * sp * cy,
+            w=cr * cp * cy + sr * sp * sy,
+        ),
+    )
+
+
+def _angles(q: Quaternion) -> tuple[float, float, float]:
+    """Roll, pitch and yaw, rad."""
+    roll = math.atan2(2 * (q.w * q.x + q.y * q.z), 1 - 2 * (q.x * q.x + q.y * q.y))
+    pitch = math.asin(max(-1.0, min(1.0, 2 * (q.w * q.y - q.z * q.x))))
+    return roll, pitch, q.yaw
+
+
+def _planar_pose(model: ModelState) -> tuple[str, str, str, str]:
+    place = model.pose.position
+    x, y, z, yaw = (f"{value:z.3f}" for value in (place.x, place.y, place.z, model.pose.orientation.yaw))
+    return x, y, z, yaw
+
+
+def _pose_words(model: ModelState) -> list[str]:
+    return [f"{name} {value}" for name, value in zip(("x", "y", "z", "yaw"), _planar_pose(model), strict=True)]
+
+
+def _format_state(pose: Pose, twist: Twist) -> str:
+    place, turn = pose.position, _angles(pose.orientation)
+    rows = [("", "x", "y", "z")]
+    for name, (a, b, c) in (
+        ("position m", (place.x, place.y, place.z)),
+        ("roll, pitch, yaw rad", turn),
+        ("velocity m/s", (twist.linear.x, twist.linear.y, twist.linear.z)),
+        ("turn rate rad/s", (twist.angular.x, twist.angular.y, twist.angular.z)),
+    ):
+        rows.append((name, f"{a:z.4f}", f"{b:z.4f}", f"{c:z.4f}"))
+    return format_table(rows)
+
+
+def _format_property(value: object) -> str:
+    if isinstance(value, tuple):
+        return ", ".join(map(str, value)) or "none"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if hasattr(value, "__struct_fields__"):
+        parts = ((field, getattr(value, field)) for field in value.__struct_fields__)
+        return ", ".join(f"{field} {_format_property(part)}" for field, part in parts)
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+Vector = tuple[float, float, float]
+ZERO = (0.0, 0.0, 0.0)
+ALLOW_NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
+"""So that a negative number is no option."""
+
+start_option = click.option(
+    "--start", type=click.FloatRange(0, 1e9), default=0.0, help="Time at which it begins, s; now."
+)
+duration_option = click.option(
+    "--duration", type=float, default=1.0, help="How long it acts, s; 1. Negative: until it is cleared."
+)
+
+
+@click.command("joints")
+@click.argument("name", default="")
+@simulation_command
+def joints(asker: SimulationClient, name: str) -> None:
+    """Tell what joints are and do: all, those of a model, or one (model::joint)."""
+    from messages.gazebo import JointName
+    from messages.requests import JOINT_PROPERTIES, LIST, MODEL_PROPERTIES, Name
+    from messages.std import Empty
+
+    models = [each.name for each in asker.call(LIST, Empty()).models]
+    if name and name not in models:
+        found = [asker.call(JOINT_PROPERTIES, JointName(joint_name=name))]
+    else:
+        found = []
+        for model in [name] if name else models:
+            for joint in asker.call(MODEL_PROPERTIES, Name(name=model)).joints:
+                found.append(asker.call(JOINT_PROPERTIES, JointName(model=model, joint_name=joint)))
+    asker.print_reply(found, _joint_table(found) if found else "no joint moves")
+
+
+@click.command("effort", context_settings=ALLOW_NEGATIVE_NUMBERS)
+@click.argument("joint")
+@click.argument("effort", type=float)
+@start_option
+@duration_option
+@simulation_command
+def effort(asker: SimulationClient, joint: str, effort: float, start: float, duration: float) -> None:
+    """Put EFFORT, in N m or N, on a JOINT for a time."""
+    from messages.gazebo import ApplyEffort
+    from messages.joints import JointEffort
+    from messages.requests import APPLY_EFFORT
+    from messages.std import Time
+
+    job = JointEffort(
+        joint_name=joint, effort=effort, start_time=Time.of(round(start * 1e9)), duration=_clamp_duration(duration)
+    )
+    reply = asker.call(APPLY_EFFORT, ApplyEffort(job=job))
+    asker.print_reply(reply, reply.text)
+
+
+@click.command("wrench")
+@click.argument("link")
+@click.option("--force", type=float, nargs=3, default=ZERO, help="N.")
+@click.option("--torque", type=float, nargs=3, default=ZERO, help="N m.")
+@click.option("--point", type=float, nargs=3, default=ZERO, help="Of the link, where the force acts, m; its origin.")
+@click.option("--frame", default="", help="Whose axes these are: the world (default), a model, or model::link.")
+@start_option
+@duration_option
+@simulation_command
+def wrench(
+    asker: SimulationClient,
+    link: str,
+    force: Vector,
+    torque: Vector,
+    point: Vector,
+    frame: str,
+    start: float,
+    duration: float,
+) -> None:
+    """Push and twist a LINK (model::link), or a model at its root."""
+    from messages.gazebo import ApplyWrench
+    from messages.geometry import Point, Vector3, Wrench
+    from messages.requests import APPLY_WRENCH
+    from messages.std import Time
+
+    (fx, fy, fz), (tx, ty, tz), (x, y, z) = force, torque, point
+    reply = asker.call(
+        APPLY_WRENCH,
+        ApplyWrench(
+            body_name=link,
+            reference_frame=frame,
+            reference_point=Point(x=x, y=y, z=z),
+            wrench=Wrench(force=Vector3(x=fx, y=fy, z=fz), torque=Vector3(x=tx, y=ty, z=tz)),
+            start_time=Time.of(round(start * 1e9)),
+            duration=_clamp_duration(duration),
+        ),
+    )
+    asker.print_reply(reply, reply.text)
+
+
+@click.command("clear")
+@click.argument("name")
+@click.option("--wrench", "of_link", is_flag=True, help="NAME is a link: drop the wrenches on it.")
+@simulation_command
+def clear(asker: SimulationClient, name: str, of_link: bool) -> None:
+    """Drop the efforts on the joint NAME, those that wait included."""
+    from messages.gazebo import JointName, LinkName
+    from messages.requests import CLEAR_EFFORT, CLEAR_WRENCH
+
+    if of_link:
+        reply = asker.call(CLEAR_WRENCH, LinkName(link_name=name))
+    else:
+        reply = asker.call(CLEAR_EFFORT, JointName(joint_name=name))
+    asker.print_reply(reply, reply.text)
+
+
+@click.command("configure")
+@click.argument("model")
+@click.argument("positions", nargs=-1, required=True, metavar="JOINT=POSITION...")
+@simulation_command
+def configure(asker: SimulationClient, model: str, positions: tuple[str, ...]) -> None:
+    """Put joints of a MODEL at positions, in rad or m, at rest; the others stay as they are."""
+    from messages.gazebo import SetConfiguration
+    from messages.requests import SET_CONFIGURATION
+
+    wanted = parse_joint_positions(positions)
+    reply = asker.call(
+        SET_CONFIGURATION,
+        SetConfiguration(model=model, joint_names=tuple(wanted), joint_positions=tuple(wanted.values())),
+    )
+    stand = (f"{name} {position:g}" for name, position in zip(reply.name, reply.position, strict=True))
+    asker.print_reply(reply, f"{model}: {', '.join(stand)}")
+
+
+def _clamp_duration(duration: float) -> float:
+    """Any negative duration is "until cleared", which travels as -1."""
+    return duration if duration >= 0 else -1.0
+
+
+def _joint_table(found: list[JointProperties]) -> str:
+    rows = [("joint", "type", "position", "rate", "effort", "jobs", "limits", "effort max", "rate max", "damping")]
+    for each in found:
+        ends = "none" if each.lower is None else f"{each.lower:g} to {each.upper:g}"
+        rows.append(
+            (
+                f"{each.model}::{each.joint_name}",
+                each.type,
+                f"{each.position:z.4f}",
+                f"{each.rate:z.4f}",
+                f"{each.applied_effort:z.3f}",
+                str(each.jobs),
+                ends,
+                _format_limit(each.effort_limit),
+                _format_limit(each.velocity_limit),
+                f"{each.damping:g}",
+            )
+        )
+    return format_table(rows)
+
+
+def _format_limit(value: float | None) -> str:
+    return "none" if value is None else f"{value:g}"

@@ -1,0 +1,86 @@
+"""``elea tf``: the tree of frames, and the transform between two."""
+
+from __future__ import annotations
+
+import click
+
+from deploy.commands.lazy_group import LazyCommand, LazyGroup
+from deploy.commands.options import json_option, network_options
+from deploy.network_address import NetworkAddress
+
+COMMANDS = {
+    "tree": LazyCommand("tf:tree_command", "Show all frames with their publishers, rates and ages."),
+    "echo": LazyCommand("tf:echo_command", "Show where one frame lies in another."),
+}
+
+
+@click.command("tf", cls=LazyGroup, table=COMMANDS)
+def command() -> None:
+    """Show the tree of frames, and where one lies in another, asked of the network now: there is no daemon."""
+
+
+@click.command("tree")
+@click.option(
+    "--listen",
+    type=click.FloatRange(0.1, 600),
+    default=1.5,
+    show_default=True,
+    metavar="S",
+    help="Listen so long, by the wall clock.",
+)
+@json_option
+@network_options
+def tree_command(place: NetworkAddress, listen: float, as_json: bool) -> None:
+    """Show the tree of frames on /tf and /tf_static.
+
+    Rates and ages are in simulation time. The exit status is 1 when nobody tells of frames, and when the frames are no
+    tree: one has two parents or two publishers, or they run in a circle.
+    """
+    from deploy.live.tf import show_tree
+
+    raise SystemExit(show_tree(place, listen, as_json))
+
+
+@click.command("echo")
+@click.argument("source")
+@click.argument("target")
+@click.option(
+    "--rate",
+    "-r",
+    type=click.FloatRange(0.01, 100),
+    default=1.0,
+    show_default=True,
+    metavar="HZ",
+    help="Per second of simulation time.",
+)
+@click.option("--once", is_flag=True, help="End after the first one.")
+@click.option("--count", "-n", type=click.IntRange(1), metavar="N", help="End after N.")
+@click.option(
+    "--timeout",
+    type=click.FloatRange(0.1, 3600),
+    default=3.0,
+    show_default=True,
+    metavar="S",
+    help="Wait so long for the frames, by the wall clock.",
+)
+@json_option
+@network_options
+def echo_command(
+    place: NetworkAddress,
+    source: str,
+    target: str,
+    rate: float,
+    once: bool,
+    count: int | None,
+    timeout: float,
+    as_json: bool,
+) -> None:
+    """Show where the frame TARGET lies in the frame SOURCE: what takes data from TARGET to SOURCE, as tf_echo does.
+
+    Translation in m, rotation as quaternion (x, y, z, w) and as roll, pitch, yaw about fixed axes. With --json, each is
+    an object on a line.
+    """
+    from deploy.live.tf import TfEchoOptions, echo_transform
+
+    terms = TfEchoOptions(rate, 1 if once else count or 0, timeout, as_json)
+    raise SystemExit(echo_transform(place, source, target, terms))

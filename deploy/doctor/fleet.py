@@ -1,0 +1,294 @@
+"""The running fleets: processes, orphans, disk, refused commands, and publishers that are too fast."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+from deploy.doctor import Finding, fail, ok, warn
+from deploy.doctor.machine import disk_space
+from deploy.instance_lock import running_fleets
+from deploy.live.message_types import known_topic
+from messages.elea import BaseStatus, FleetState, Health
+from messages.rosgraph import Clock
+from services.runtime.graph import Entity
+from services.runtime.transport.api import Transport
+
+OBSERVATION_S = 2.0
+"""Wall time for which topics are watched."""
+MIN_SAMPLES = 20
+"""Samples below which a rate is not judged."""
+FAST_FACTOR, FLOOD_FACTOR = 3.0, 20.0
+"""Times the promised rate from which a sender is named, and from which it is called a fault."""
+STALE_SHARE, MIN_STALE = 0.05, 5
+"""Share, and count, of stale commands from which a base is named."""
+
+SHARE_S, BUSY_PERCENT = 0.3, 85.0
+"""Wall time over which a reader's share of a core is taken, and the share from which it is too slow."""
+OVERLOAD = 1.5
+"""Processes that want a core, for each core, from which the machine is overloaded."""
+
+_ON_DEMAND = ("camera/image", "camera/camera_info", "/gazebo/model_states", "/gazebo/link_states", "cmd_vel_out")
+"""Made only while somebody reads them: a look at them would cost the fleet what it does not pay otherwise."""
+
+
+class Sender(NamedTuple):
+    """Who publishes a topic: its node, or ``a foreign program`` that says no name."""
+
+    node: str
+    topic: str
+
+
+@dataclass
+class SampleCount:
+    """Samples of one sender: the first and last number, and how many came; foreign ones have no numbers."""
+
+    first: int = 0
+    last: int = 0
+    received: int = 0
+
+    @property
+    def sent(self) -> int:
+        """How many were sent while they were watched, those lost on the way among them."""
+        return max(self.last - self.first, self.received - 1)
+
+
+@dataclass
+class FleetObservation:
+    """What was seen of a running fleet within ``wall`` seconds; ``simulated`` is 0 where no time passed."""
+
+    wall: float = 0.0
+    simulated: float = 0.0
+    state: FleetState | None = None
+    bases: dict[str, BaseStatus] = field(default_factory=dict)
+    counts: dict[Sender, SampleCount] = field(default_factory=dict)
+    heartbeats: dict[str, Health] = field(default_factory=dict)
+
+    def rate(self, sender: Sender) -> float:
+        """How often a sender sent, in Hz of simulation time; 0 where no time passed, or too little was sent."""
+        counted = self.counts.get(sender, SampleCount())
+        return counted.sent / self.simulated if self.simulated > 0 and counted.sent >= MIN_SAMPLES else 0.0
+
+
+def check_fleet(entities: Sequence[Entity], seen: FleetObservation) -> Iterator[Finding]:
+    """What is wrong with the fleet that was watched, one finding for each fault."""
+    yield from processes(seen.state)
+    yield from commands(seen.bases, entities)
+    yield from rates(seen)
+
+
+def processes(state: FleetState | None) -> Iterator[Finding]:
+    """Processes that failed, stopped, or are restarted again and again."""
+    if state is None:
+        return
+    sound = True
+    for each in state.processes:
+        name, said = f"process {each.name}", f": {each.reason}" if each.reason else ""
+        look = f"see why: ./elea logs {each.name}"
+        if each.state == "failed":
+            sound = False
+            yield fail(name, f"it has failed{said}", f"{look}; then ./elea restart {each.name}")
+        elif each.state in ("backing off", "stopped"):
+            sound = False
+            yield warn(name, f"it is {each.state}{said}", look)
+        elif each.restarts:
+            sound = False
+            yield warn(name, f"it was restarted {each.restarts} times{said}", look)
+    if sound:
+        yield ok("fleet state", f"{state.fleet}: {len(state.processes)} processes, none failed or restarted")
+
+
+def commands(bases: Mapping[str, BaseStatus], entities: Collection[Entity]) -> Iterator[Finding]:
+    """Bases whose commands come too late, or are refused."""
+    for robot, base in sorted(bases.items()):
+        topic = f"{robot}/cmd_vel"
+        senders = sorted({each.node for each in entities if each.kind == "pub" and each.name == topic})
+        who = f"from {', '.join(senders)}" if senders else "from a program that shows no publication"
+        offered = base.commands + base.stale_dropped
+        if base.stale_dropped >= MIN_STALE and base.stale_dropped > STALE_SHARE * offered:
+            yield warn(
+                f"base {robot}",
+                f"{base.stale_dropped} of {offered} commands {who} were too old when they came, and not obeyed",
+                "the sender stalls, its link buffers, or its clock was set: restart the sender if it goes on",
+            )
+        if base.refused:
+            yield warn(
+                f"base {robot}",
+                f"{base.refused} commands {who} were refused: not finite, too fast, or one of several senders",
+                f"see what is sent: ./elea topic echo {topic}",
+            )
+        if base.e_stopped:
+            yield warn(f"base {robot}", "an emergency stop holds it", "reset the stop where it was given")
+
+
+def rates(seen: FleetObservation) -> Iterator[Finding]:
+    """Senders far above the promised rate of their topic."""
+    judged, sound = 0, True
+    for node, name in sorted(seen.counts):
+        topic, rate = known_topic(name), seen.rate(Sender(node, name))
+        if topic is None or not topic.rate or not rate:
+            continue
+        judged += 1
+        if rate > FAST_FACTOR * topic.rate:
+            sound = False
+            finding = fail if rate > FLOOD_FACTOR * topic.rate else warn
+            yield finding(
+                f"node {node}",
+                f"it sends {name} at {rate:.0f} Hz of simulation time, {rate / topic.rate:.0f} times the promised "
+                f"{topic.rate:g} Hz",
+                "give its loop a rate, or end it: its readers lose messages and the others wait",
+            )
+    if judged and sound:
+        yield ok("rates", f"{judged} publications, none far above its promised rate")
+
+
+def why_lost(name: str, beat: Health, seen: FleetObservation) -> str:
+    """What most likely made a reader lose messages of a topic, and what to do about it."""
+    import psutil
+
+    topic = known_topic(name)
+    for sender in sorted(seen.counts):
+        rate = seen.rate(sender)
+        if sender.topic == name and topic is not None and topic.rate and rate > FAST_FACTOR * topic.rate:
+            return f"{sender.node} floods it with {rate:.0f} Hz, {topic.rate:g} are promised: slow it down or end it"
+    try:
+        share = psutil.Process(beat.pid).cpu_percent(interval=SHARE_S)
+    except (psutil.Error, ValueError):
+        share = 0.0  # on another machine, or gone
+    if share > BUSY_PERCENT:
+        return f"{beat.node} uses {share:.0f} % of a core and reads too slowly: let it do less, or read less"
+    cores, load = len(os.sched_getaffinity(0)), os.getloadavg()[0]
+    if load > OVERLOAD * cores:
+        return f"{load:.1f} processes want one of {cores} cores: end what else runs on this machine"
+    return "nothing is wrong at this moment: a link broke or a process stood still; see whether the count grows"
+
+
+def disk(fleet: str, folder: str) -> Iterator[Finding]:
+    """The disk that the running fleet records to has room."""
+    path = Path(folder)
+    try:
+        free = shutil.disk_usage(path).free
+    except OSError as error:
+        yield fail(
+            f"disk of {fleet}", f"{path} cannot be looked at: {error.strerror}", "the run's results may be lost: look"
+        )
+        return
+    yield disk_space(f"disk of {fleet}", path, free)
+
+
+def observe_fleet(link: Transport, entities: Sequence[Entity], seconds: float = OBSERVATION_S) -> FleetObservation:
+    """Listen to the topics of a fleet for a while, those left out that are made on demand.
+
+    ``seconds`` are enough for each node to beat, and for a busy one as well.
+    """
+    from deploy.live.subscribers import UntypedSubscriber
+    from messages.base import WrongPayload, decoder
+    from messages.names import key as key_of
+    from messages.topics import BASE_STATUS, CLOCK, FLEET_STATE, HEALTH
+    from services.runtime.subscriber import Subscriber
+    from services.runtime.transport.wire import publisher_id
+
+    nodes = {
+        publisher_id(each.node, each.session, key_of(each.name)): each.node for each in entities if each.kind == "pub"
+    }
+    listeners = [UntypedSubscriber(link, name) for name in _observable_topics(entities)]
+    clock = UntypedSubscriber(link, CLOCK.name)
+    fleet = UntypedSubscriber(link, FLEET_STATE.name, latched=True)
+    health = Subscriber(HEALTH, HEALTH.name, key_of(HEALTH.name), link)
+    read_clock, read_base, read_fleet = decoder(Clock), decoder(BaseStatus), decoder(FleetState)
+    seen, times = FleetObservation(), []
+    began = time.monotonic()
+    while (seen_for := time.monotonic() - began) < seconds:
+        link.wait(clock.inlet)
+        for each in listeners:
+            for heard in each.drain():
+                node = "a foreign program" if heard.origin is None else nodes.get(heard.origin.publisher, "")
+                sender = Sender(node or "a program that shows no publication", each.name)
+                counted = seen.counts.setdefault(sender, SampleCount())
+                counted.received += 1
+                if heard.origin is not None:
+                    counted.first = counted.first or heard.origin.sequence
+                    counted.last = max(counted.last, heard.origin.sequence)
+                if each.name.endswith(f"/{BASE_STATUS.name}"):
+                    try:
+                        seen.bases[each.name.removesuffix(f"/{BASE_STATUS.name}")] = read_base(heard.payload)
+                    except WrongPayload:
+                        continue
+        for heard in clock.drain():
+            try:
+                times.append(read_clock(heard.payload).clock.ns)
+            except WrongPayload:
+                continue
+        for heard in fleet.drain():
+            try:
+                seen.state = read_fleet(heard.payload)
+            except WrongPayload:
+                continue
+        health.update()
+        seen.heartbeats |= {beat.node: beat for beat, _ in health.messages}
+    seen.wall = seen_for
+    seen.simulated = (max(times) - min(times)) / 1e9 if times else 0.0
+    for each in (*listeners, clock, fleet):
+        each.close()
+    health.close()
+    return seen
+
+
+def _observable_topics(entities: Sequence[Entity]) -> list[str]:
+    """The topics with a promised rate that somebody publishes or reads, and those of the bases."""
+    found = set()
+    for each in entities:
+        if each.kind not in ("pub", "sub") or (topic := known_topic(each.name)) is None:
+            continue
+        if topic.rate and topic.name not in _ON_DEMAND:
+            found.add(each.name)
+    return sorted(found)
+
+
+INIT_PROCESSES = ("systemd", "init")
+"""Who takes over a process whose parent has died, besides process 1."""
+
+
+def orphans() -> Iterator[Finding]:
+    """Services of this user that no supervisor and no terminal has any more."""
+    import psutil
+
+    supervisors = {each.pid for each in running_fleets()}
+    left, run = [], 0
+    for process in psutil.process_iter(["pid", "cmdline", "uids"]):
+        words = process.info["cmdline"] or []
+        module = next((word for before, word in pairwise(words) if before == "-m"), "")
+        uids = process.info["uids"]
+        if not module.startswith("services.") or uids is None or uids.real != os.getuid():
+            continue
+        try:
+            line = process.parents()
+            orphan = not line or line[0].pid == 1 or line[0].name() in INIT_PROCESSES
+        except psutil.Error:
+            continue
+        run += 1
+        if orphan and not supervisors & {each.pid for each in line}:
+            left.append(f"{module} ({process.info['pid']})")
+    if left:
+        yield warn(
+            "processes",
+            f"without a supervisor: {', '.join(sorted(left)[:10])}",
+            "if you did not start them on purpose, end them: kill PID",
+        )
+    else:
+        yield ok(
+            "processes", f"{run} services run, each below a supervisor or a terminal" if run else "none is left over"
+        )
+
+
+def fleets() -> Iterator[Finding]:
+    """The fleets that run."""
+    for each in running_fleets():
+        yield ok("fleet", f"{each.fleet} ({each.mode}) on port {each.port}, supervisor {each.pid}, {each.folder}")
+        yield from disk(each.fleet, each.folder)

@@ -1,0 +1,135 @@
+"""Locks that one fleet alone can hold: its port, and its file of saved parameters."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import msgspec
+
+from services.runtime.errors import BadInput
+from services.runtime.fleet_instances import FleetInstance, instances_folder, is_locked, latest, running_fleets
+from services.runtime.transport import unix_sockets
+
+__all__ = ["FleetInstance", "instance_lock", "instances_folder", "is_locked", "latest", "running_fleets"]
+
+_LOCK_TIMEOUT_S = 1.0
+"""Others look at a lock for a moment; a claim waits so long [s] for them."""
+
+
+@contextmanager
+def instance_lock(entry: FleetInstance) -> Iterator[None]:
+    """Hold the port for this fleet; raises BadInput when another fleet, or another program, holds it.
+
+    What killed processes of an earlier fleet left of their sockets is removed, and at the end what those of this one
+    leave.
+    """
+    path = instances_folder() / f"{entry.port}.json"
+    meeting = unix_sockets.path_of(entry.router or unix_sockets.router_endpoint(entry.port)).parent
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+    except OSError as error:
+        raise BadInput(
+            f"{path} cannot be written ({error.strerror}): set XDG_STATE_HOME to a folder of yours"
+        ) from None
+    with os.fdopen(descriptor, "r+b") as file:
+        if not _lock(file.fileno()):
+            raise _port_in_use(entry.port)
+        unix_sockets.make_private(meeting)
+        _check_free(entry, meeting)
+        unix_sockets.remove_stale(meeting)
+        file.truncate(0)
+        file.write(msgspec.json.encode(entry))
+        file.flush()
+        try:
+            yield
+        finally:
+            unix_sockets.remove_stale(meeting)
+
+
+def _lock(descriptor: int) -> bool:
+    deadline = time.monotonic() + _LOCK_TIMEOUT_S
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return True
+        except BlockingIOError:
+            if time.monotonic() > deadline:
+                return False
+            time.sleep(0.02)
+
+
+def _check_free(entry: FleetInstance, meeting: Path) -> None:
+    """Raise BadInput unless the fleet's router can listen wherever it is to.
+
+    Another program may take a place before the router does: the router then ends with status 75 and says so.
+    """
+    try:
+        unix_sockets.is_listening(unix_sockets.router_in(meeting))
+    except OSError:
+        pass
+    else:
+        raise BadInput(
+            f"a router that is no fleet's already listens in {meeting}: end it, or take another port with --port"
+        )
+    for each in entry.listen:
+        host, _, port = each.partition("/")[2].rpartition(":")
+        try:
+            family, kind, protocol, _, address = socket.getaddrinfo(
+                host.strip("[]"), int(port), type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+            )[0]
+            with socket.socket(family, kind, protocol) as probe:
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                probe.bind(address)
+        except OSError as error:
+            if error.errno == errno.EADDRINUSE:
+                why = f"port {port} of {host} is held by another program: take another one with"
+                raise BadInput(f"{why} {'--port' if int(port) == entry.port else '--listen'}") from None
+            raise BadInput(f"the router cannot listen on {each}: {error.strerror or error}") from None
+
+
+def _port_in_use(port: int) -> BadInput:
+    for other in running_fleets():
+        if other.port == port:
+            return BadInput(
+                f"port {port} is held by the fleet {other.fleet} (supervisor {other.pid}, since {other.started}, "
+                f"{other.folder}): end it with ./elea down --port {port}, or take another port with --port"
+            )
+    return BadInput(f"{instances_folder() / f'{port}.json'} is held by another program: take another port with --port")
+
+
+_RELEASE_TIMEOUT_S = 2.0
+"""A parameter service whose supervisor was killed takes a moment to end and let its file go [s]."""
+
+
+def check_parameter_file_unused(file: Path) -> None:
+    """Raise BadInput when the parameter service of another fleet holds the file; one that is not there is free."""
+    try:
+        descriptor = os.open(file, os.O_RDONLY | os.O_CLOEXEC)
+    except OSError:
+        return  # whatever is wrong with it, the parameter service says
+    try:
+        deadline = time.monotonic() + _RELEASE_TIMEOUT_S
+        while is_locked(descriptor):
+            if time.monotonic() > deadline:
+                raise BadInput(_parameter_file_in_use(file))
+            time.sleep(0.05)
+    finally:
+        os.close(descriptor)
+
+
+def _parameter_file_in_use(file: Path) -> str:
+    others = [each for each in running_fleets() if each.pid != os.getpid() and each.saved and Path(each.saved) == file]
+    who = f"the fleet {others[0].fleet} (port {others[0].port})" if others else "another parameter service"
+    end = f"end it with ./elea down --port {others[0].port}, " if others else ""
+    return (
+        f"{who} uses the file of parameters {file}, which one fleet alone can write: {end}"
+        "give this fleet a file of its own with --params FILE, or --no-saved to save nothing"
+    )

@@ -1,0 +1,140 @@
+"""Messages from what a person types: YAML or JSON, a part of the fields, ROS types, and ``now`` for the time."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from deploy.live.message_types import element_type, field_types, nested_record
+from messages.base import Message, WrongPayload, decoder, encode
+from messages.std import Header, Time
+from services.runtime.errors import BadInput, unknown_name
+
+_TYPE = re.compile(r"[A-Za-z]\w*/(?:(?:msg|srv)/)?[A-Za-z]\w*")
+_OPTION = re.compile(r"--?[A-Za-z]")
+
+
+class _Now:
+    """Stands for the moment at which a message is sent."""
+
+
+_NOW = _Now()
+
+
+class MessageBuilder:
+    """A message in the making; headers that were given no stamp get one at each ``made``."""
+
+    def __init__(self, record: type[Message], values: Sequence[str], stamped: bool = True) -> None:
+        """``values`` is one mapping, or the fields in their order; raises BadInput with the path of what is wrong."""
+        self.record = record
+        self._decode = decoder(record)
+        given = [read_yaml(each) for each in values]
+        whole: Any = given[0] if len(given) == 1 and (isinstance(given[0], dict) or given[0] is None) else given
+        try:
+            self._tree = _arrange_record(record, whole, "", stamped)
+            self.needs_clock = _contains_now(self._tree)
+        except RecursionError:
+            raise BadInput(f"{record.ROS_TYPE}: the values are nested too deeply") from None
+        self.build(0)
+
+    def build(self, now: int) -> Message:
+        """The message as it is sent at a simulation time [ns]."""
+        time = Time.of(now)
+        try:
+            return self._decode(encode(_fill_now(self._tree, {"sec": time.sec, "nanosec": time.nanosec})))
+        except WrongPayload as error:
+            text, _, place = str(error).partition(" - at `$")
+            where = place.rstrip("`").lstrip(".")
+            hint = "; text that looks like something else needs quotes, as in '\"12\"'" if "`str`, got" in text else ""
+            raise BadInput(f"{self.record.ROS_TYPE}{f' at {where}' if where else ''}: {text}{hint}") from None
+        except (TypeError, NotImplementedError, OverflowError, RecursionError) as error:
+            raise BadInput(f"{self.record.ROS_TYPE}: {error}") from None
+
+
+def split_type(words: Sequence[str]) -> tuple[str, list[str]]:
+    """The ROS type that the words begin with, or an empty text, and the values after it.
+
+    Raises BadInput for what looks like an option: those that a verb does not know arrive here, as negative numbers do.
+    """
+    for each in words:
+        if _OPTION.match(each):
+            raise BadInput(f"there is no option {each}")
+    if words and _TYPE.fullmatch(words[0]):
+        return words[0], list(words[1:])
+    return "", list(words)
+
+
+def read_yaml(text: str) -> Any:
+    """One YAML or JSON value; raises BadInput. ``1e-3`` is a number, as everywhere but in YAML 1.1."""
+    import yaml
+
+    class Loader(yaml.SafeLoader):
+        """As ``yaml.safe_load``, with the numbers of JSON."""
+
+    Loader.add_implicit_resolver(
+        "tag:yaml.org,2002:float", re.compile(r"[-+]?\d+(?:\.\d*)?[eE][-+]?\d+$"), list("-+0123456789")
+    )
+    try:
+        return yaml.load(text, Loader)
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        said = " ".join(str(error).split())
+        raise BadInput(f"{text[:80]!r} is not YAML: {said[:300]}") from None
+
+
+def _arrange_record(record: type[Message], value: Any, path: str, stamped: bool) -> Any:
+    """The tree of a record: names checked, fields given by position named, headers stamped."""
+    names = field_types(record)
+    if record is Time and value == "now":
+        return _NOW
+    if record is Header and value == "auto":
+        value = {"stamp": "now"}
+    if value is None:
+        value = {}
+    if not isinstance(value, dict | list):
+        value = [value]
+    if isinstance(value, list):
+        if len(value) > len(names) or (len(value) < len(names) and path):
+            raise BadInput(
+                f"{path or record.ROS_TYPE}: {record.ROS_TYPE} has the fields {', '.join(names) or '(none)'}, "
+                f"got {len(value)} value{'s' if len(value) != 1 else ''}; write {{name: value, ...}} to set some"
+            )
+        value = dict(zip(names, value, strict=False))
+    tree: dict[str, Any] = {}
+    for name, each in value.items():
+        if name not in names:
+            raise unknown_name("field", str(name), names, f"{path or record.ROS_TYPE}")
+        tree[name] = _arrange_field(names[name], each, f"{path}.{name}" if path else str(name), stamped)
+    if stamped:
+        for name, kind in names.items():
+            if nested_record(kind) is Header:
+                tree.setdefault(name, {}).setdefault("stamp", _NOW)
+    return tree
+
+
+def _arrange_field(kind: Any, value: Any, path: str, stamped: bool) -> Any:
+    record = nested_record(kind)
+    if record is not None:
+        return _arrange_record(record, value, path, stamped)
+    element = element_type(kind)
+    if isinstance(value, list) and element is not None:
+        return [_arrange_field(element, each, f"{path}[{number}]", stamped) for number, each in enumerate(value)]
+    if kind is bytes and isinstance(value, list):
+        try:
+            return bytes(value)
+        except (TypeError, ValueError) as error:
+            raise BadInput(f"{path}: {error}") from None
+    return value
+
+
+def _fill_now(tree: Any, now: dict[str, int]) -> Any:
+    if isinstance(tree, dict):
+        return {name: _fill_now(each, now) for name, each in tree.items()}
+    if isinstance(tree, list):
+        return [_fill_now(each, now) for each in tree]
+    return now if tree is _NOW else tree
+
+
+def _contains_now(tree: Any) -> bool:
+    inner = tree.values() if isinstance(tree, dict) else tree if isinstance(tree, list) else ()
+    return tree is _NOW or any(_contains_now(each) for each in inner)

@@ -1,0 +1,77 @@
+"""The requests of the network, and asking one with values that a person types."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from deploy.live.message_builder import MessageBuilder, read_yaml, split_type
+from deploy.live.message_types import known_record, known_request, record_by_type
+from deploy.live.output import write_note
+from deploy.live.topics import not_found
+from messages.base import encode
+from messages.names import key as key_of
+from messages.plain import plain
+from messages.requests import Request
+from services.runtime.errors import BadInput
+from services.runtime.graph import Entity, token_pattern
+from services.runtime.requests import call
+from services.runtime.transport.api import Transport
+
+
+class ServiceInfo(NamedTuple):
+    """A request, the nodes that serve it, and the ROS types asked and replied; ``?`` for one that nobody tells."""
+
+    name: str
+    nodes: tuple[str, ...]
+    asks: str
+    replies: str
+    about: str
+
+    @property
+    def types(self) -> str:
+        """Both types in one text."""
+        return f"{self.asks} -> {self.replies}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """All of it, for JSON."""
+        return self._asdict()
+
+
+def list_services(transport: Transport) -> dict[str, ServiceInfo]:
+    """All requests that somebody serves, by their names, in order."""
+    found: dict[str, ServiceInfo] = {}
+    entities = (Entity.parse(each) for each in transport.tokens(token_pattern("srv")))
+    for each in sorted((each for each in entities if each), key=lambda each: (each.name, each.node)):
+        known = known_request(each.name)
+        replies = known.response_type.ROS_TYPE if known is not None else "?"
+        about = known.about if known is not None else ""
+        nodes = (*found[each.name].nodes, each.node) if each.name in found else (each.node,)
+        found[each.name] = ServiceInfo(each.name, nodes, each.record, replies, about)
+    return found
+
+
+def find_service(transport: Transport, name: str) -> ServiceInfo:
+    """The request ``name``; raises BadInput with the nearest name when nobody serves it."""
+    found = list_services(transport)
+    if name not in found:
+        raise not_found("service", name, found, "./elea service list tells them all")
+    return found[name]
+
+
+def call_service(transport: Transport, name: str, values: Sequence[str], timeout: float) -> Any:
+    """The reply to a request, as plain values; raises BadInput for bad values and CallFailed for a refusal."""
+    server = find_service(transport, name)
+    given, words = split_type(values)
+    if given and server.asks != record_by_type(given).ROS_TYPE:
+        raise BadInput(f"{name} asks {server.asks}, not {given}")
+    record, known = known_record(server.asks), known_request(name)
+    message: Any
+    if record is None:
+        write_note(f"{name} asks {server.asks}, a type that is not known here: what you wrote is sent as it stands")
+        message = read_yaml(words[0]) if len(words) == 1 else [read_yaml(each) for each in words] or {}
+    else:
+        message = MessageBuilder(record, words).build(0)
+    # A reply of a type that is not known here is shown as it is.
+    request: Request[Any, Any] = known or Request(name, type(message), object, "")
+    return plain(encode(call(transport, request, key_of(name), message, timeout)))

@@ -1,0 +1,220 @@
+"""Subscribers of the command line: any topic without its type, the simulation clock, heartbeats."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection, Iterator
+from typing import NamedTuple
+
+from deploy.live.connect import CliNode
+from messages.base import Message, WrongPayload, decoder, saturating_add
+from messages.elea import Health, InputHealth, OutputHealth
+from messages.names import key as key_of
+from messages.rosgraph import Clock
+from messages.std import Header, Time
+from messages.topics import CLOCK, HEALTH
+from services.runtime.clock_map import ClockMap
+from services.runtime.subscriber import EVENT_QUEUE_SIZE
+from services.runtime.transport.api import RawSubscriber, Transport
+from services.runtime.transport.sequences import SequenceTracker, Verdict
+from services.runtime.transport.wire import FORMAT, SampleInfo, unpack_attachment
+
+
+class ReceivedSample(NamedTuple):
+    """One sample; ``type`` is the ROS type that its sender told, or empty; times in ns of the wall clock.
+
+    ``sent_ns`` is the sender's clock, or the arrival when a foreign sender (``origin`` None) told none.
+    """
+
+    payload: bytes
+    origin: SampleInfo | None
+    type: str
+    received_ns: int
+    lost: int
+
+    @property
+    def sent_ns(self) -> int:
+        """When it was sent."""
+        return self.received_ns if self.origin is None else self.origin.source_ns
+
+
+class UntypedSubscriber:
+    """A subscription without a type. What a slow reader misses is counted by the numbers of what it gets.
+
+    ``discarded`` counts what came twice, and numbers that cannot be true.
+    """
+
+    def __init__(self, transport: Transport, name: str, latched: bool = False) -> None:
+        self.name = name
+        self.inlet: RawSubscriber = transport.subscribe(key_of(name), EVENT_QUEUE_SIZE, latched)
+        self.received = self.lost = self.foreign = self.discarded = 0
+        self._sequences = SequenceTracker()
+
+    def drain(self) -> Iterator[ReceivedSample]:
+        """What has come, oldest first; what came twice is left out."""
+        while (sample := self.inlet.recv()) is not None:
+            payload, attachment, source = sample
+            origin, lost = unpack_attachment(attachment), 0
+            if origin is None:
+                self.foreign += 1
+            else:
+                verdict = self._sequences.judge(origin)
+                if verdict in (Verdict.REPEATED, Verdict.TOO_FAR):
+                    self.discarded += 1
+                    continue
+                if verdict is Verdict.GAP:
+                    lost = origin.sequence - self._sequences.last[origin.publisher] - 1
+                self._sequences.accept(origin)
+            self.received += 1
+            self.lost = saturating_add(self.lost, lost)
+            form, _, type_name = self.inlet.encoding(source).partition(";")
+            yield ReceivedSample(payload, origin, type_name if form == FORMAT else "", time.time_ns(), lost)
+
+    def close(self) -> None:
+        """End the subscription."""
+        self.inlet.close()
+
+
+_MAX_CLOCKS = 4096
+"""Clock messages that are remembered; at 50 Hz more than a minute."""
+
+
+class _WithStamp(Message, frozen=True, kw_only=True):
+    """The part of a message that says when it was made: a header, that of its first transform, or the clock itself."""
+
+    header: Header | None = None
+    clock: Time | None = None
+    transforms: tuple[_WithHeader, ...] = ()
+
+
+class _WithHeader(Message, frozen=True, kw_only=True):
+    header: Header = Header()
+
+
+_decode_stamped = decoder(_WithStamp)
+_decode_clock = decoder(Clock)
+
+
+def header_stamp(payload: bytes) -> int | None:
+    """The simulation time [ns] that a message bears, whatever its type; None without a stamp, or with one of 0."""
+    try:
+        found = _decode_stamped(payload)
+    except WrongPayload:
+        return None
+    if found.header is not None:
+        return found.header.stamp.ns or None
+    if found.transforms:
+        return found.transforms[0].header.stamp.ns or None
+    return None if found.clock is None else found.clock.ns
+
+
+class ClockSubscriber:
+    """Follows ``/clock``; ``now`` [ns] is None until it was heard, ``epoch`` grows when time begins anew.
+
+    ``since`` is the moment of the wall clock [ns] at which the present epoch was told.
+    """
+
+    def __init__(self, transport: Transport) -> None:
+        self._listener = UntypedSubscriber(transport, CLOCK.name)
+        self.inlet = self._listener.inlet
+        self.now: int | None = None
+        self.epoch = 0
+        self.since = 0
+        self.paused = False
+        self._map = ClockMap(_MAX_CLOCKS)
+
+    def update(self) -> None:
+        """Take what has come."""
+        for heard in self._listener.drain():
+            try:
+                clock = _decode_clock(heard.payload)
+            except WrongPayload:
+                continue
+            if clock.epoch != self.epoch:
+                self._map.clear()
+                self.since = heard.sent_ns
+            self.now, self.epoch, self.paused = clock.clock.ns, clock.epoch, clock.paused
+            if heard.lost:
+                self._map.lose()
+            if self._map.add(heard.sent_ns, clock.clock.ns):
+                self.since = min(self.since, heard.sent_ns)
+
+    def covers(self, moment: int) -> bool:
+        """Whether a clock sent after this moment of the wall clock [ns] has come: then ``time_at`` is certain."""
+        return self._map.past(moment)
+
+    def time_at(self, moment: int) -> int | None:
+        """The simulation time [ns] of a moment of the wall clock [ns]: of the last clock sent before it.
+
+        None before the first one, and where one was lost that may have been sent before the moment.
+        """
+        return self._map.before(moment)
+
+    def sample_time(self, heard: ReceivedSample) -> int | None:
+        """When a sample was made, ns: by its stamp, or by the clock as it stood when it was sent; None if unknown."""
+        stamp = header_stamp(heard.payload)
+        return self.time_at(heard.sent_ns) if stamp is None else stamp
+
+
+HEARTBEAT_TIMEOUT_S = 1.3
+"""A heartbeat comes once a second; what has none for longer than this is busy, stopped or hung."""
+MAX_HEARTBEATS = 24
+"""Heartbeats that are awaited for a node of so many topics that each beat lists a part of them."""
+
+_decode_health = decoder(Health)
+
+
+class HeartbeatSubscriber:
+    """The newest heartbeat of each node, and the last counts of its topics, of which a beat may list a part."""
+
+    def __init__(self, live: CliNode) -> None:
+        self._listener = UntypedSubscriber(live.transport, HEALTH.name)
+        self.inlet = self._listener.inlet
+        self.latest: dict[str, Health] = {}
+        self._inputs: dict[str, dict[str, InputHealth]] = {}
+        self._outputs: dict[str, dict[str, OutputHealth]] = {}
+
+    def update(self) -> None:
+        """Take what has come."""
+        for heard in self._listener.drain():
+            try:
+                beat = _decode_health(heard.payload)
+            except WrongPayload:
+                continue
+            known = self.latest.get(beat.node)
+            if known is None or known.pid != beat.pid:
+                self._inputs[beat.node], self._outputs[beat.node] = {}, {}
+            self.latest[beat.node] = beat
+            self._inputs[beat.node] |= {each.topic: each for each in beat.inputs}
+            self._outputs[beat.node] |= {each.topic: each for each in beat.outputs}
+
+    def inputs(self, node: str) -> dict[str, InputHealth]:
+        """What a node has told of what it reads, by topic."""
+        return self._inputs.get(node, {})
+
+    def outputs(self, node: str) -> dict[str, OutputHealth]:
+        """What a node has told of what it writes, by topic."""
+        return self._outputs.get(node, {})
+
+    def is_complete(self, node: str) -> bool:
+        """Whether a node has told of all its topics."""
+        beat = self.latest.get(node)
+        if beat is not None and len(beat.inputs) >= beat.reads and len(beat.outputs) >= beat.writes:
+            return True
+        return beat is not None and len(self.inputs(node)) >= beat.reads and len(self.outputs(node)) >= beat.writes
+
+
+def collect_heartbeats(live: CliNode, nodes: Collection[str]) -> HeartbeatSubscriber:
+    """The heartbeats of these nodes, as soon as all have come; of those that came, after WITHIN_S.
+
+    Of nodes with very many topics, as many beats as it takes until each was listed, at most MOST_BEATS.
+    """
+    beats, begun = HeartbeatSubscriber(live), time.monotonic()
+    for _ in live.spin(beats.inlet, HEARTBEAT_TIMEOUT_S * MAX_HEARTBEATS):
+        beats.update()
+        heard = beats.latest.keys() & set(nodes)
+        if all(map(beats.is_complete, heard)) and (
+            len(heard) == len(nodes) or time.monotonic() - begun > HEARTBEAT_TIMEOUT_S
+        ):
+            break
+    return beats

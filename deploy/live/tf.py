@@ -1,0 +1,272 @@
+"""The frames of the network: their tree, and the transform between two of them."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from deploy.live.connect import CliNode, cli_node
+from deploy.live.output import write_json, write_note, write_text
+from deploy.live.subscribers import ClockSubscriber
+from deploy.network_address import NetworkAddress
+from messages.tf import TFMessage
+from messages.topics import TF, TF_STATIC, Topic
+from services.runtime.errors import EleaError, NoTransform
+from services.runtime.graph import Entity, snapshot
+from services.runtime.subscriber import Subscriber
+from services.runtime.tf.buffer import LookupResult, TransformBuffer
+from services.runtime.tf.listener import add_moving, add_static
+from services.runtime.transport.wire import NODE_BYTES, member_id
+
+RATE_WINDOW = 256
+"""Stamps of a frame of which its rate is taken."""
+
+
+class TfMonitor:
+    """Follows /tf, /tf_static and the clock. Time that begins anew clears what moves."""
+
+    def __init__(self, live: CliNode) -> None:
+        self.buffer, self.clock = TransformBuffer(), ClockSubscriber(live.transport)
+        self._live = live
+        self.dynamic, self._static = self._subscribe(TF), self._subscribe(TF_STATIC)
+        self.stamps: dict[str, deque[int]] = {}
+        self._epoch = 0
+
+    def update(self) -> None:
+        """Take what has come."""
+        before = self.clock.now
+        self.clock.update()
+        now = self.clock.now
+        if self.clock.epoch != self._epoch or (before is not None and now is not None and now < before):
+            self._epoch = self.clock.epoch
+            self.buffer.clear()
+            self.stamps.clear()
+        self._static.update()
+        self.dynamic.update()
+        add_moving(self.buffer, self.dynamic)
+        add_static(self.buffer, self._static)
+        for message, _ in self.dynamic.messages:
+            for each in message.transforms:
+                seen = self.stamps.setdefault(each.child_frame_id.removeprefix("/"), deque(maxlen=RATE_WINDOW))
+                seen.append(each.header.stamp.ns)
+
+    def age(self, stamp: int) -> float | None:
+        """How old something is, s of simulation time; None without a clock."""
+        return None if self.clock.now is None else max(0.0, (self.clock.now - stamp) / 1e9)
+
+    def rate(self, frame: str) -> float | None:
+        """How often a moving frame is told of, Hz of simulation time; None until two stamps are known."""
+        stamps = sorted(set(self.stamps.get(frame, ())))
+        return (len(stamps) - 1) * 1e9 / (stamps[-1] - stamps[0]) if len(stamps) > 1 else None
+
+    def publishers(self) -> dict[bytes, str]:
+        """The nodes that publish frames now, by the id under which the buffer knows them."""
+        ends: list[Entity] = snapshot(self._live.transport)
+        return {
+            member_id(each.node, each.session)[:NODE_BYTES]: each.node
+            for each in ends
+            if each.kind == "pub" and each.name in (TF.name, TF_STATIC.name)
+        }
+
+    def faults(self, names: dict[bytes, str]) -> list[str]:
+        """What keeps the frames from being a tree, and what was refused; ``names`` are those of the publishers."""
+        told = []
+        for frame, text in self.buffer.conflicts().items():
+            who = [names.get(each, "a foreign sender" if not each else "?") for each in self.buffer.publishers(frame)]
+            told.append(f"{text}: {', '.join(who)} tell of it")
+        if self.buffer.refused:
+            told.append(f"{self.buffer.refused} transforms refused, the last one: {self.buffer.reason}")
+        for source in (self.dynamic, self._static):
+            if source.refused:
+                told.append(f"{source.name}: {source.refused} messages refused, the last one: {source.reason}")
+        return told
+
+    def _subscribe(self, topic: Topic[TFMessage]) -> Subscriber[Any]:
+        made = Subscriber(topic, topic.name, topic.name[1:], self._live.transport)
+        self._live.declare_subscription(topic.name, topic.record.ROS_TYPE, topic.quality.name)
+        return made
+
+
+def show_tree(place: NetworkAddress, listen: float, as_json: bool) -> int:
+    """Listen for a while [s of wall time], then show the tree; the exit status. Raises EleaError without any frame."""
+    with cli_node(place, "tf_tree") as live:
+        watch = TfMonitor(live)
+        for _ in live.spin(watch.dynamic.raw, listen):
+            watch.update()
+        watch.update()
+        names = watch.publishers()
+        frames = watch.buffer.frames()
+        if not frames:
+            raise EleaError(
+                f"no frames within {listen:g} s: nobody publishes on /tf or /tf_static; is a simulation running?"
+            )
+        rows = {each: _frame_row(watch, each, names) for each in frames}
+        faults = watch.faults(names) + _find_cycles(rows)
+        now = watch.clock.now
+    if as_json:
+        write_json({"time": None if now is None else now / 1e9, "frames": list(rows.values()), "faults": faults})
+    else:
+        write_text("".join(f"{line}\n" for line in format_tree(rows)))
+    for fault in faults if not as_json else ():
+        write_note(fault)
+    return 1 if faults else 0
+
+
+def format_tree(rows: dict[str, dict[str, Any]]) -> Iterator[str]:
+    """The frames as a tree, each with what is known of it; those in a circle at the end."""
+    below: dict[str | None, list[str]] = {}
+    for name, row in rows.items():
+        below.setdefault(row["parent"], []).append(name)
+    shown: set[str] = set()
+    for root in below.get(None, []):
+        yield root
+        shown.add(root)
+        # A stack instead of recursion: a tree may be deeper than Python calls.
+        stack = [(name, "", name == below[root][-1]) for name in reversed(below.get(root, []))]
+        while stack:
+            name, indent, last = stack.pop()
+            shown.add(name)
+            yield f"{indent}{'└── ' if last else '├── '}{name}  {_format_frame(rows[name])}"
+            inner = f"{indent}{'    ' if last else '│   '}"
+            stack += [(each, inner, each == below[name][-1]) for each in reversed(below.get(name, []))]
+    for name in rows:
+        if name not in shown:
+            yield f"{name} in {rows[name]['parent']}  {_format_frame(rows[name])}, in a circle"
+
+
+def _frame_row(watch: TfMonitor, frame: str, names: dict[bytes, str]) -> dict[str, Any]:
+    """A frame with what is told of it; the parent is None for a root."""
+    span = watch.buffer.span(frame)
+    return {
+        "frame": frame,
+        "parent": watch.buffer.parent(frame),
+        "static": span is None and watch.buffer.parent(frame) is not None,
+        "publishers": sorted(
+            names.get(each, "(gone)") if each else "(foreign)" for each in watch.buffer.publishers(frame)
+        ),
+        "rate": _rounded(watch.rate(frame)),
+        "stamp": None if span is None else span[1] / 1e9,
+        "age": None if span is None else _rounded(watch.age(span[1])),
+    }
+
+
+def _format_frame(row: dict[str, Any]) -> str:
+    if row["static"]:
+        facts = ["static"]
+    else:
+        rate, age = row["rate"], row["age"]
+        facts = ["once" if rate is None else f"{rate:g} Hz"]
+        facts += [] if age is None else [f"{age:g} s old"]
+    return ", ".join([*facts, *row["publishers"]])
+
+
+def _find_cycles(rows: dict[str, dict[str, Any]]) -> list[str]:
+    """Each circle of frames, once."""
+    told, done = [], set()
+    for name in rows:
+        line, here = [name], name
+        while (parent := rows[here]["parent"]) is not None and parent not in done:
+            if parent in line:
+                circle = line[line.index(parent) :]
+                told.append(f"frames in a circle: {' in '.join([*circle, parent])}")
+                break
+            line.append(parent)
+            here = parent
+        done.update(line)
+    return told
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 3)
+
+
+INTERRUPTED = 130
+"""Exit status of what was asked for a number of answers and interrupted before."""
+
+
+@dataclass(frozen=True)
+class TfEchoOptions:
+    """How often [per second of simulation time], how many (0: until Ctrl-C), how long to wait for the frames [s of
+    wall time], and how to show it.
+    """
+
+    rate: float
+    count: int
+    timeout: float
+    as_json: bool
+
+
+def echo_transform(place: NetworkAddress, source: str, target: str, terms: TfEchoOptions) -> int:
+    """Show where ``target`` lies in ``source`` until it is enough; the exit status.
+
+    Raises NoTransform when it cannot be told for ``timeout`` seconds.
+    """
+    period, shown, due = round(1e9 / terms.rate), 0, 0
+    with cli_node(place, "tf_echo") as live:
+        watch = TfMonitor(live)
+        patience = time.monotonic() + terms.timeout
+        said = ""
+        for _ in live.spin(watch.clock.inlet):
+            watch.update()
+            # Without a clock, as where only fixed frames are told, the wall's serves.
+            now = time.monotonic_ns() if watch.clock.now is None else watch.clock.now
+            if shown and due - period <= now < due:
+                continue
+            try:
+                found = watch.buffer.lookup(source, target)
+            except NoTransform as error:
+                if time.monotonic() > patience:
+                    raise
+                if shown and str(error) != said:
+                    said = str(error)
+                    write_note(f"waiting: {said}")
+                continue
+            patience = time.monotonic() + terms.timeout
+            _show_transform(source, target, found, watch, terms.as_json)
+            shown += 1
+            if shown == terms.count:
+                return 0
+            due = now - now % period + period
+    return INTERRUPTED if terms.count else 0
+
+
+def _show_transform(source: str, target: str, found: LookupResult, watch: TfMonitor, as_json: bool) -> None:
+    row = transform_facts(source, target, found, watch)
+    if as_json:
+        write_json(row, lines=True)
+        return
+    when = "fixed, at any time" if found.time is None else f"at {found.time / 1e9:.3f} s"
+    age = "" if row["age"] is None or row["age"] < 0.5 else f", {row['age']:.3f} s old"
+    lines = [
+        f"{target} in {source}, {when}{age}",
+        f"- translation [m]: {_format_vector(found.transform.translation)}",
+        f"- quaternion (x, y, z, w): {_format_vector(found.transform.rotation)}",
+        f"- rpy [rad]: {_format_vector(row['rpy'])}",
+        f"- rpy [deg]: {_format_vector(row['rpy_degrees'], 2)}",
+    ]
+    write_text("\n".join(lines) + "\n", flush=True)
+
+
+def transform_facts(source: str, target: str, found: LookupResult, watch: TfMonitor) -> dict[str, Any]:
+    """An answer as it goes out as JSON; times and ages in s of simulation time, None for what is fixed."""
+    rpy = found.transform.rpy
+    age = None if found.time is None else watch.age(found.time)
+    return {
+        "source": source,
+        "target": target,
+        "time": None if found.time is None else found.time / 1e9,
+        "age": None if age is None else round(age, 6),
+        "translation": dict(zip("xyz", found.transform.translation, strict=True)),
+        "quaternion": dict(zip("xyzw", found.transform.rotation, strict=True)),
+        "rpy": list(rpy),
+        "rpy_degrees": [math.degrees(each) for each in rpy],
+    }
+
+
+def _format_vector(values: Any, digits: int = 4) -> str:
+    """``[0.1000, -0.2000, 0.0000]``, without a sign on zero."""
+    return f"[{', '.join(f'{round(each, digits) + 0.0:.{digits}f}' for each in values)}]"

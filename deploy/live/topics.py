@@ -1,0 +1,122 @@
+"""The topics of the network with their endpoints, and finding the one that the user names."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+from deploy.live.connect import CliNode
+from deploy.live.message_types import known_topic
+from deploy.live.output import write_note
+from deploy.live.subscribers import UntypedSubscriber
+from messages.names import BadName, resolve
+from messages.topics import Quality
+from services.runtime.errors import BadInput
+from services.runtime.graph import Entity, snapshot
+
+
+class TopicEndpoints(NamedTuple):
+    """Who publishes and who subscribes to a topic, in the order of their nodes."""
+
+    name: str
+    publishers: tuple[Entity, ...] = ()
+    subscribers: tuple[Entity, ...] = ()
+
+    @property
+    def types(self) -> tuple[str, ...]:
+        """The ROS types that its ends have declared, those of the publishers first; one, when all is well."""
+        return tuple(dict.fromkeys(each.record for each in (*self.publishers, *self.subscribers)))
+
+    @property
+    def latched(self) -> bool:
+        """Whether a publisher keeps its last value for late joiners."""
+        return any(each.detail == "LATCHED" for each in self.publishers)
+
+
+def absolute_name(name: str) -> str:
+    """The absolute name that a person means: written with or without its first slash; raises BadInput."""
+    try:
+        if name.startswith("~"):
+            raise BadName(f"{name!r} is private to a node: write its whole name, as /tb3_0/waypoint/parameter_updates")
+        return resolve(name, "/", "")
+    except BadName as error:
+        raise BadInput(str(error)) from None
+
+
+def group_by_topic(graph: Iterable[Entity]) -> dict[str, TopicEndpoints]:
+    """Every topic of the graph by its name, in order."""
+    found: dict[str, TopicEndpoints] = {}
+    for each in graph:
+        ends = found.get(each.name, TopicEndpoints(each.name))
+        if each.kind == "pub":
+            found[each.name] = ends._replace(publishers=(*ends.publishers, each))
+        elif each.kind == "sub":
+            found[each.name] = ends._replace(subscribers=(*ends.subscribers, each))
+    return dict(sorted(found.items()))
+
+
+def suggest_nearest(name: str, known: Iterable[str]) -> str:
+    """``; did you mean '/tb3_0/odom'?`` or nothing, to end a message about a name that nobody has."""
+    near = difflib.get_close_matches(name, known, 1)
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def not_found(kind: str, name: str, known: Iterable[str], advice: str) -> BadInput:
+    """The error for a topic, node or request that is not on the network, with what to do about it."""
+    names = sorted(known)
+    hint = suggest_nearest(name, names) or ("." if names else ": there are none at all; is a fleet up?")
+    return BadInput(f"no {kind} {name} is on the network{hint} ({advice})")
+
+
+def is_hidden(node: str) -> bool:
+    """Whether a node is a passing tool's, by its name, as in ROS 2."""
+    return node.rpartition("/")[2].startswith("_")
+
+
+_LISTEN_S = 1.0
+"""Wall time in which a sender that is not in the graph may make itself heard."""
+
+
+def wait_for_topic(
+    live: CliNode, name: str, wait: bool, graph: Mapping[str, TopicEndpoints] | None = None
+) -> TopicEndpoints:
+    """The topic that is to be heard; with ``wait`` also one that nobody knows. Raises BadInput as ``find_topic``.
+
+    ``graph`` are the topics of the network, where they are known already.
+    """
+    known = group_by_topic(snapshot(live.transport)) if graph is None else graph
+    if not wait:
+        ends = find_topic(live, name, known)
+    else:
+        ends = known.get(name, TopicEndpoints(name))
+        if name not in known and (hint := suggest_nearest(name, known)):
+            write_note(f"no topic {name} is on the network{hint}")
+    if not ends.publishers and (wait or ends.subscribers):
+        write_note(f"nobody publishes {name} yet: waiting, Ctrl-C ends it")
+    return ends
+
+
+def find_topic(live: CliNode, name: str, graph: Mapping[str, TopicEndpoints] | None = None) -> TopicEndpoints:
+    """The topic ``name``; raises BadInput when it is neither in the graph nor heard for a second."""
+    known = group_by_topic(snapshot(live.transport)) if graph is None else graph
+    if name in known:
+        return known[name]
+    listener = UntypedSubscriber(live.transport, name)
+    for _ in live.spin(listener.inlet, _LISTEN_S):
+        if any(True for _ in listener.drain()):
+            listener.close()
+            return TopicEndpoints(name)
+    raise not_found("topic", name, known, "./elea topic list tells them all; --wait waits for it")
+
+
+def is_latched(ends: TopicEndpoints) -> bool:
+    """Whether late joiners get the last value: by who publishes, else by the table of topics."""
+    topic = known_topic(ends.name)
+    return ends.latched or (not ends.publishers and topic is not None and topic.quality is Quality.LATCHED)
+
+
+def topic_type(ends: TopicEndpoints) -> str:
+    """The ROS type of a topic, for samples that do not tell it; empty when nobody knows."""
+    topic = known_topic(ends.name)
+    return next((each for each in ends.types if each != "-"), "" if topic is None else topic.record.ROS_TYPE)

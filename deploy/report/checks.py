@@ -1,0 +1,126 @@
+"""Checks of a run: figures against the bounds of a fleet file, and checks stated by services."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Literal
+
+import msgspec
+
+from deploy.report.record import Check, RunFigures
+from messages.elea import Check as Stated
+from services.grader.records import ArmFigures, Figures, RobotFigures
+from services.runtime.errors import BadInput, unknown_name
+
+Value = float | int | None
+
+
+class Bound(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The least and the largest good value of a figure; at least one of them."""
+
+    min: float | int | None = None
+    max: float | int | None = None
+
+
+Bounds = Mapping[str, float | int | Bound]
+"""By key of a robot (for every robot) or of the run; a bare number is the largest good value."""
+
+DEFAULT_BOUNDS: Bounds = {"collisions": 0, "messages_lost": 0}
+"""Hold in every run unless the fleet states others; beside them, every robot must be seen and reach all its points."""
+LOCKSTEP_DEFAULT_BOUNDS: Bounds = {"members_lost": 0}
+"""Hold in every run in lockstep unless the fleet states others."""
+
+_FAULT_COUNTS = ("changes_missed", "nodes_absent")
+"""Counts of the run that are 0 unless something went wrong: a check of its own is missed where one is not."""
+
+_LISTS = ("points_reached", "points_reached_at", "points_closest_m", "corners", "steps")
+_FIELDS = (*msgspec.structs.fields(RobotFigures), *msgspec.structs.fields(ArmFigures))
+ROBOT_KEYS = tuple(dict.fromkeys(each.name for each in _FIELDS if each.name not in _LISTS))
+RUN_KEYS = (
+    *("sim_seconds", "wall_seconds", "real_time_factor", "messages_lost", "restarts"),
+    *("members_lost", "members_left", "changes_missed", "nodes_absent", "lag_s"),
+)
+KEYS = (*ROBOT_KEYS, "points_reached", *RUN_KEYS)
+
+
+def check_bounds(bounds: Bounds, where: str) -> None:
+    """Raise BadInput for a bound on a figure that does not exist, or that bounds nothing; ``where`` is its place."""
+    for name, bound in bounds.items():
+        if name not in KEYS:
+            raise unknown_name("figure", name, KEYS, where)
+        if bound == Bound():
+            raise BadInput(f"{where}.{name}: give min, max or both")
+
+
+def check_figures(run: RunFigures, robots: Mapping[str, Figures], bounds: Bounds) -> tuple[Check, ...]:
+    """Every figure that has a bound, against it; ``points_reached`` must be ``points`` unless bounded.
+
+    A bound on a figure that one kind of robot does not have is none for it, and neither is one on the distance to
+    others for a robot that drives alone. What was not measured misses its bound.
+    """
+    found: list[Check] = []
+    faults = {name: 0 for name in _FAULT_COUNTS if getattr(run, name)}
+    stated = {**faults, **DEFAULT_BOUNDS, **(LOCKSTEP_DEFAULT_BOUNDS if run.mode == "lockstep" else {}), **bounds}
+    alone = sum(isinstance(figures, RobotFigures) for figures in robots.values()) == 1
+    for robot, figures in robots.items():
+        own: dict[str, float | int | Bound] = {"samples": Bound(min=1), **stated}
+        if isinstance(figures, RobotFigures):
+            own = {"points_reached": Bound(min=figures.points), **own}
+        for name, bound in own.items():
+            if alone and name == "min_distance_m":
+                continue
+            if hasattr(figures, name) and name not in RUN_KEYS:
+                found += _check_bound(f"{robot}.{name}", getattr(figures, name), bound)
+    for name, bound in stated.items():
+        if name in RUN_KEYS:
+            found += _check_bound(name, getattr(run, name), bound)
+    return tuple(found)
+
+
+def _check_bound(name: str, value: Value, bound: float | int | Bound) -> Iterator[Check]:
+    limits = bound if isinstance(bound, Bound) else Bound(max=bound)
+    if limits.min is not None:
+        yield _check(name, value, "min", limits.min)
+    if limits.max is not None:
+        yield _check(name, value, "max", limits.max)
+
+
+def _check(name: str, value: Value, kind: Literal["min", "max"], bound: float | int) -> Check:
+    return Check(name=name, value=value, kind=kind, bound=bound, ok=_holds(value, kind, bound))
+
+
+def _holds(value: Value, kind: Literal["min", "max"], bound: float | int) -> bool:
+    if value is None:
+        return False
+    return value >= bound if kind == "min" else value <= bound
+
+
+def service_checks(told: Mapping[str, Iterable[Stated]]) -> tuple[Check, ...]:
+    """One check for each bound, node after node in the order of their names; named ``NODE.name``."""
+    return tuple(
+        made
+        for node in sorted(told)
+        for stated in told[node]
+        for made in _service_check(f"{node}.{stated.name}", stated)
+    )
+
+
+def is_service_check(check: Check) -> bool:
+    """Whether a service has stated it: its name begins with a node's."""
+    return check.name.startswith("/")
+
+
+def unknown_node_notes(nodes: Iterable[str]) -> tuple[str, ...]:
+    """The note on nodes whose checks do not count."""
+    listed = ", ".join(sorted(nodes))
+    return (f"checks of nodes that are no processes of the fleet are not counted: {listed}",) if listed else ()
+
+
+def _service_check(name: str, stated: Stated) -> Iterator[Check]:
+    value, reason = stated.value, stated.reason
+    if stated.min is not None:
+        ok = value is not None and value >= stated.min
+        yield Check(name=name, value=value, kind="min", bound=stated.min, ok=ok, reason=reason)
+    if stated.max is not None:
+        ok = value is not None and value <= stated.max
+        yield Check(name=name, value=value, kind="max", bound=stated.max, ok=ok, reason=reason)

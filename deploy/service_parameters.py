@@ -1,0 +1,226 @@
+"""The parameters that each service gets from its fleet, those of arms included."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from deploy.fleet import Fleet, RobotConfig, ServiceConfig
+from deploy.run_folder import BAG_FOLDER, RECORDING_FILE, STOPS_FILE
+from messages.topics import CONTROL_STATE
+from models.dynamics import read_pendulum
+from models.model import read_model
+from models.urdf import read_joint_limits
+from services.arm import ArmParameters
+from services.logger import LoggerParameters
+from services.panel.address import ADDRESS_FILE as PANEL_FILE
+from services.runtime.parameters.validation import build
+from services.runtime.service import Parameters
+from services.runtime.transport.unix_sockets import router_endpoint
+from services.runtime.transport.zenoh_config import PORT
+from services.sim import BaseParameters, JointParameters
+from services.sim.drive.config import robot_config
+
+CHANGE_MARGIN_S = 1.0
+"""A run ends by goals so long after the last scheduled change at the earliest: it must have been seen."""
+
+
+def is_arm(robot: RobotConfig) -> bool:
+    """Whether a robot is an arm: one that stands still and has a joint with a range."""
+    return read_model(robot.model).wheels is None and bool(_limited_joints(robot))
+
+
+def controlled_joint(robot: RobotConfig) -> str:
+    """The joint of an arm that is controlled: the first that has a range, from its root on."""
+    return next(iter(_limited_joints(robot)))
+
+
+def arm_parameters(kind: str, fleet: Fleet, robot: RobotConfig | None) -> dict[str, Any]:
+    """The parameters of an arm's controller or reference; outside any robot, those of the fleet's only arm."""
+    arms = [each for each in fleet.robot if is_arm(each)]
+    if robot is None and len(arms) == 1:
+        robot = arms[0]
+    if kind not in ("arm", "reference") or robot is None or not is_arm(robot):
+        return {}
+    joint = controlled_joint(robot)
+    lower, upper = _limited_joints(robot)[joint]
+    ends = {"lower": math.degrees(lower), "upper": math.degrees(upper)}
+    if kind == "reference":
+        return ends
+    weight = read_pendulum(robot.model, joint)
+    return {
+        "joint": joint,
+        **ends,
+        "gravity_torque": weight.torque,
+        "gravity_rest": math.degrees(weight.rest),
+        "inertia": weight.inertia,
+    }
+
+
+def grader_arms(fleet: Fleet) -> list[dict[str, Any]]:
+    """The arms of a fleet as the grader knows them."""
+    return [_grader_arm(fleet, each) for each in fleet.robot if is_arm(each)]
+
+
+def control_state_topics(fleet: Fleet) -> list[str]:
+    """For each robot, where the controller of its joint tells its state; empty for those that are no arm."""
+    arms = {each["name"]: each["state"] for each in grader_arms(fleet)}
+    return [arms.get(each.name, "") for each in fleet.robot]
+
+
+def earliest_end(fleet: Fleet) -> float:
+    """When the run may end by goals, s."""
+    return max((each.at + CHANGE_MARGIN_S for each in fleet.change), default=0.0)
+
+
+def _grader_arm(fleet: Fleet, robot: RobotConfig) -> dict[str, Any]:
+    members = [*robot.services, *(each for _, each in fleet.shared_services(robot)), *fleet.service]
+    member = next((each for each in members if each.kind == "arm"), ServiceConfig(kind="arm"))
+    return {
+        "name": robot.name,
+        "joint": member.parameters.get("joint", controlled_joint(robot)),
+        "saturation": member.parameters.get("saturation", ArmParameters().saturation),
+        "state": member.remap.get(CONTROL_STATE.name, CONTROL_STATE.name),
+    }
+
+
+def _limited_joints(robot: RobotConfig) -> dict[str, tuple[float, float]]:
+    """The joints of a robot that have a range, rad."""
+    limits = read_joint_limits(robot.model).items()
+    return {
+        name: (each.lower, each.upper)
+        for name, each in limits
+        if each.kind == "revolute" and each.lower is not None and each.upper is not None and each.lower < each.upper
+    }
+
+
+BUILTIN_SERVICES = ("router", "params", "sim", "grader")
+"""Services that every fleet has; a fleet file states one only to set its parameters."""
+
+OBSERVER_SERVICES = ("panel",)
+"""Services on which nothing in a run depends, nor anything that it leaves: what they miss is not the run's loss."""
+
+
+class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """What the command line adds to a fleet file: where results go, the network, whether to open a viewer.
+
+    ``saved`` is the file of what parameters were set to; without one that is known for the run alone. The router
+    joins those at ``links``, and listens at ``listen`` as well; ``insecure`` allows addresses beyond this machine.
+    """
+
+    folder: Path
+    saved: Path | None = None
+    domain: str = ""
+    links: tuple[str, ...] = ()
+    listen: tuple[str, ...] = ()
+    insecure: bool = False
+    view: bool = True
+
+
+def fleet_endpoint(fleet: Fleet) -> str:
+    """Where the fleet's router listens for the processes of this user."""
+    return router_endpoint(fleet.run.port)
+
+
+def listen_endpoints(fleet: Fleet, options: RunOptions) -> tuple[str, ...]:
+    """Where it listens for others, too."""
+    own = (f"tcp/127.0.0.1:{fleet.run.port}",) if fleet.run.tcp else ()
+    return (*own, *(each for each in options.listen if each not in own))
+
+
+class NodeGroups(msgspec.Struct, frozen=True, kw_only=True):
+    """The nodes of a fleet by what they are to others.
+
+    ``members`` are those that lockstep waits for at each tick, ``awaits`` all for which time waits to begin,
+    ``requires`` those of them without which it does not begin, ``readers`` those whose losses the run answers for.
+    """
+
+    members: tuple[str, ...] = ()
+    awaits: tuple[str, ...] = ()
+    requires: tuple[str, ...] = ()
+    readers: tuple[str, ...] = ()
+
+
+def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: NodeGroups) -> dict[str, Any]:
+    """The parameters that a service gets from the fleet; its own table in the fleet file wins over them."""
+    run, robots = fleet.run, fleet.robot
+    match kind:
+        case "router":
+            return {
+                "listen": fleet_endpoint(fleet),
+                "also": list(listen_endpoints(fleet, options)),
+                "insecure": options.insecure,
+                "link": list(options.links),
+            }
+        case "params":
+            return {
+                "file": str(options.saved) if options.saved is not None else "",
+                "schedule": [msgspec.to_builtins(each) for each in fleet.change],
+            }
+        case "sim":
+            return {
+                "robots": [_sim_robot(each) for each in robots],
+                "mode": run.mode,
+                "factor": run.factor,
+                "latency": run.latency,
+                "seed": run.seed,
+                "members": list(nodes.members),
+                "awaits": [each for each in nodes.awaits if each not in nodes.members],
+                "requires": list(nodes.requires),
+                "stops_file": str(options.folder / STOPS_FILE),
+            }
+        case "grader":
+            return {
+                "robots": [each.name for each in robots],
+                "halting": [_braking_spec(each) for each in robots if read_model(each.model).wheels],
+                "arms": grader_arms(fleet),
+                "ends": run.ends,
+                "not_before": earliest_end(fleet),
+                "duration": run.duration,
+                "readers": list(nodes.readers),
+                "output": str(options.folder),
+            }
+        case "logger":
+            viewer = {} if options.view else {"view": "never", "serve": False}
+            return {
+                "robots": [each.name for each in robots],
+                "models": [each.model for each in robots] or ["burger"],
+                "states": control_state_topics(fleet),
+                # In lockstep all wait for the simulation, which in lab needs a tenth more CPU for its lasers.
+                "scans": run.mode != "lockstep",
+                "file": str(options.folder / RECORDING_FILE),
+                **_live_view_port(run.port),
+                **viewer,
+            }
+        case "recorder":
+            return {"output": str(options.folder / BAG_FOLDER), "members": list(nodes.members), "resume": True}
+        case "panel":
+            return {"address": str(options.folder / PANEL_FILE)}
+        case _:
+            return {}
+
+
+def _live_view_port(router: int) -> dict[str, int]:
+    """The port of the live view: it lies as far from the usual one as the router's, so that two fleets have two."""
+    port = LoggerParameters().port + router - PORT
+    return {"port": port} if router != PORT and 1024 <= port <= 65535 else {}
+
+
+def _sim_robot(robot: RobotConfig) -> dict[str, Any]:
+    pose = {"x": robot.pose.x, "y": robot.pose.y, "yaw": robot.pose.yaw}
+    table = "parameters" if read_model(robot.model).wheels else "joint_parameters"
+    return {"name": robot.name, "model": robot.model, **pose, table: robot.parameters}
+
+
+def robot_parameters_type(model: str) -> type[Parameters]:
+    """What a robot of this model takes for parameters."""
+    return BaseParameters if read_model(model).wheels else JointParameters
+
+
+def _braking_spec(robot: RobotConfig) -> dict[str, Any]:
+    """How the base of a robot stops when its commander falls silent: by its parameters, else by its model."""
+    base = robot_config(robot.model, build(BaseParameters, robot.parameters)).parameters
+    return {"name": robot.name, "timeout": base.cmd_vel_timeout, "brake": base.brake}

@@ -1,0 +1,213 @@
+"""The life of a process under supervision: wait, start, watch, restart by policy, stop."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import random
+import signal
+import time
+from collections.abc import Callable, Coroutine, Sequence
+from typing import Any, Literal
+
+from deploy.processes import ProcessSpec
+from deploy.restart_policy import BAD_INPUT, Failed, Finished, Restart, decide_after_exit, describe_exit
+from deploy.supervisor.heartbeat_monitor import HEARTBEAT_TIMEOUT_S, STARTUP_TIMEOUT_S, CpuWaitMeter, HeartbeatMonitor
+from deploy.supervisor.log_file import append_note, last_line
+from deploy.supervisor.spawner import ChildProcess, Spawner
+from messages.elea import Health, ProcessState
+from services.runtime.errors import TRY_AGAIN, BadInput
+
+ProcessStateName = Literal["waiting", "starting", "ready", "backing off", "stopping", "stopped", "finished", "failed"]
+
+STOP_TIMEOUTS_S = (5.0, 3.0)
+"""Wall time that a process has to end after SIGINT, then after SIGTERM; SIGKILL follows."""
+
+KILL_TIMEOUT_S = 2.0
+"""Wall time in which the end after SIGKILL must be seen: a process that hangs in the kernel, as on a dead NFS server,
+is left to it, and the end of the fleet does not wait."""
+
+TaskFunction = Callable[[], Coroutine[Any, Any, None]]
+StartTask = Callable[[TaskFunction, str], asyncio.Task[None]]
+"""Starts a task by name among those of the supervisor."""
+
+_NOT_STARTED = 127
+_REPORTED_CPU_WAIT_S = 0.1
+_ERROR_STATUSES = (1, BAD_INPUT, TRY_AGAIN)
+"""Exit statuses by which a service tells of an error."""
+
+
+class ManagedProcess:
+    """One process of a fleet. ``changed`` is called with it at each change of state.
+
+    ``note`` and ``activity`` are those of its last heartbeat. ``failed_on_stop``: it was well when it was asked to end,
+    and then ended with an error.
+    """
+
+    def __init__(
+        self,
+        process: ProcessSpec,
+        spawner: Spawner,
+        changed: Callable[[ManagedProcess], None],
+        rng: random.Random,
+        grace: float = STARTUP_TIMEOUT_S,
+    ) -> None:
+        self.spec = process
+        self.state: ProcessStateName = "waiting"
+        self.ready = asyncio.Event()
+        self.restarts: list[float] = []
+        self.note, self.activity = "", ""
+        self.failed_on_stop = False
+        self._reason = ""
+        self._spawner, self._changed, self._rng, self._grace = spawner, changed, rng, grace
+        self._dependencies: Sequence[ManagedProcess] = ()
+        self._child: ChildProcess | None = None
+        self._heartbeat, self._cpu_wait = HeartbeatMonitor(0.0), CpuWaitMeter()
+        self._hang_reason = ""
+        self._task: asyncio.Task[None] | None = None
+        self._stop_lock = asyncio.Lock()
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it was started and has not come to its end since."""
+        return self._task is not None and not self._task.done()
+
+    def start(self, spawn: StartTask, needs: Sequence[ManagedProcess]) -> None:
+        """Live, from now on; ``needs`` are those that must be ready first. Raises BadInput when it lives already: a
+        second life would be a second process of the name.
+        """
+        if self.is_running:
+            raise BadInput(f"{self.spec.name} runs already ({self.state})")
+        self._dependencies = needs
+        self._set_state("waiting")
+        self._task = spawn(self._run, self.spec.name)
+
+    def on_heartbeat(self, beat: Health, now: float) -> None:
+        """A heartbeat of the node has come; one of an earlier life does not count."""
+        if self._child is None or beat.pid != self._child.pid or self.state not in ("starting", "ready"):
+            return
+        self._heartbeat.on_heartbeat(now)
+        self.note, self.activity = beat.note, beat.state
+        if self.state == "starting":
+            self.ready.set()
+            self._set_state("ready")
+
+    def check_heartbeat(self, now: float, late: bool) -> None:
+        """Kill the process if it hangs. It is excused while the judge is ``late`` himself, or when what it depends on
+        is down: its heartbeats may not get through then. Time in which it, or the judge, waits for a processor does not
+        count: a restart would wait as well.
+        """
+        if self._child is None or self.state not in ("starting", "ready"):
+            return
+        if late or not all(need.is_healthy(now) for need in self._dependencies):
+            self._heartbeat.extend_to(now)
+        if not self._heartbeat.is_late(now):
+            self._cpu_wait.reset()
+            return
+        self._heartbeat.extend_by(self._cpu_wait.measure(now))
+        if self._heartbeat.is_hung(now):
+            self._hang_reason = f"no heartbeat for {self._heartbeat.silence(now):.1f} s"
+            if self._heartbeat.cpu_wait_s > _REPORTED_CPU_WAIT_S:
+                self._hang_reason += f", {self._heartbeat.cpu_wait_s:.1f} s of them in wait for a processor"
+            self._child.signal(signal.SIGKILL)
+
+    def starved_for(self, now: float) -> float:
+        """For how long [s] it has been silent because the machine is busy; 0 when it beats in time."""
+        silent = self._heartbeat.silence(now)
+        alive = self.state == "ready" and silent > HEARTBEAT_TIMEOUT_S
+        return silent if alive and self._heartbeat.cpu_wait_s > _REPORTED_CPU_WAIT_S else 0.0
+
+    def is_healthy(self, now: float) -> bool:
+        """Whether it runs and beats."""
+        return self.state == "ready" and self._heartbeat.is_healthy(now)
+
+    def kill(self) -> None:
+        """End it at once."""
+        if self._child is not None:
+            self._child.signal(signal.SIGKILL)
+
+    async def stop(self, stop_timeouts: Sequence[float] = STOP_TIMEOUTS_S) -> None:
+        """End it by SIGINT, SIGTERM and SIGKILL in turn, and keep it ended."""
+        async with self._stop_lock:
+            if self._task is not None:
+                self._task.cancel()
+                await asyncio.wait([self._task])
+            self.ready.clear()
+            child = self._child
+            if child is not None and child.status is None:
+                was_ready = self.state == "ready"
+                self._set_state("stopping")
+                for number, seconds in zip((signal.SIGINT, signal.SIGTERM), stop_timeouts, strict=True):
+                    child.signal(number)
+                    child.signal(signal.SIGCONT)  # one that was stopped takes the other signal only when it goes on
+                    if await child.wait_for(seconds):
+                        break
+                else:
+                    child.signal(signal.SIGKILL)
+                    if not await child.wait_for(KILL_TIMEOUT_S):
+                        append_note(
+                            self._spawner.log_path(self.spec.name), f"process {child.pid} does not end after SIGKILL"
+                        )
+                self.failed_on_stop = was_ready and child.status in _ERROR_STATUSES
+            if self.state not in ("finished", "failed"):
+                self._set_state("stopped")
+
+    def state_message(self) -> ProcessState:
+        """The state as it is published."""
+        child = self._child
+        alive = child is not None and child.status is None
+        return ProcessState(
+            name=self.spec.name,
+            state=self.state,
+            pid=child.pid if alive and child else 0,
+            restarts=len(self.restarts),
+            exit_status=child.status if child else None,
+            reason=self._reason,
+        )
+
+    async def _run(self) -> None:
+        while True:
+            for need in self._dependencies:
+                await need.ready.wait()
+            status = await self._run_once()
+            how = self._hang_reason or describe_exit(status)
+            said = last_line(self._spawner.log_path(self.spec.name))
+            now, chance = time.monotonic(), self._rng.random()
+            match decide_after_exit(self.spec.policy, self.restarts, now, status, chance, said):
+                case Finished():
+                    return self._set_state("finished", how)
+                case Failed(reason):
+                    return self._set_state("failed", f"{self._hang_reason}: {reason}" if self._hang_reason else reason)
+                case Restart(pause):
+                    self._set_state("backing off", f"{how}; again in {pause:.2f} s")
+                    await asyncio.sleep(pause)
+                    self.restarts.append(time.monotonic())
+                    self._set_state("waiting")
+
+    async def _run_once(self) -> int:
+        """Start the process and wait for its end; its exit status."""
+        log = self._spawner.log_path(self.spec.name)
+        if self._child is not None and self._child.status is None:  # one that was left behind, as after KILLED_S
+            self._child.signal(signal.SIGKILL)
+            await self._child.wait()
+        self._hang_reason, self._child = "", None
+        try:
+            self._child = self._spawner.spawn(self.spec.name, self.spec.argv)
+        except OSError as error:
+            append_note(log, f"cannot start {self.spec.argv[0]}: {error}")
+            return _NOT_STARTED
+        self._heartbeat, self._cpu_wait = (
+            HeartbeatMonitor(time.monotonic(), self._grace),
+            CpuWaitMeter(self._child.pid, os.getpid()),
+        )
+        self._set_state("starting")
+        try:
+            return await self._child.wait()
+        finally:
+            self.ready.clear()
+
+    def _set_state(self, state: ProcessStateName, reason: str = "") -> None:
+        self.state, self._reason = state, reason
+        if reason:
+            append_note(self._spawner.log_path(self.spec.name), f"{self.spec.name} {state}: {reason}")
+        self._changed(self)

@@ -1,0 +1,225 @@
+"""The supervisor as a node: heartbeats, requests, and what the services report of the run."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
+
+from deploy.fleet import ChangeConfig
+from deploy.report.record import ChangeFigures
+from deploy.supervisor.supervisor import ActionHandler, ProcessAction
+from messages.elea import Check, FleetState, Health
+from messages.parameters import ParameterValues, ScheduledChange, ScheduledChanges
+from messages.requests import SUPERVISOR_RESTART, SUPERVISOR_START, SUPERVISOR_STOP, Done, Name
+from messages.simulation import SimStatus
+from messages.topics import CHECKS, FLEET_STATE, HEALTH, SCHEDULE, SIM_STATUS, UPDATES
+from services.runtime.discovery import DIRECTORY_KEY
+from services.runtime.graph import Entity, token_pattern
+from services.runtime.identity import Identity
+from services.runtime.log import Log
+from services.runtime.node import Node
+from services.runtime.subscriber import QUEUE_SIZE
+from services.runtime.transport.api import PendingReplies
+from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh_config import configuration
+
+END_MARGIN_S = 1.0
+"""Simulation time before the end of a run in which the making of a change may go unseen."""
+
+
+class RunMonitor:
+    """Gathers it. What was once told as not made stays so, until time begins anew."""
+
+    def __init__(self) -> None:
+        self._epoch = 0
+        self._changes: dict[int, ScheduledChange] = {}
+        self._statuses: dict[bytes, SimStatus] = {}
+        self._said: set[str] = set()
+
+    def on_scheduled_changes(self, news: ScheduledChanges) -> None:
+        """Take what the parameter service tells. One that was started anew tells of its own life alone."""
+        if news.epoch != self._epoch:
+            self._epoch, self._changes = news.epoch, {}
+        for each in news.changes:
+            known = self._changes.get(each.number)
+            if known is None or known.made:
+                self._changes[each.number] = each
+
+    def on_sim_status(self, publisher: bytes, status: SimStatus) -> None:
+        """Take what a simulation tells; one that was started anew counts beside its predecessor."""
+        self._statuses[publisher] = status
+
+    @property
+    def absent_nodes(self) -> tuple[str, ...]:
+        """The nodes that were not ready when time began."""
+        return tuple(sorted({name for status in self._statuses.values() for name in status.absent}))
+
+    @property
+    def lag_s(self) -> float:
+        """Wall time [s] by which the simulation fell behind."""
+        return sum(status.lag for status in self._statuses.values())
+
+    def change_figures(self, scheduled: Sequence[ChangeConfig], end_s: float) -> tuple[ChangeFigures, ...]:
+        """What became of the fleet's changes in a run that ended at ``end_s`` of simulation time."""
+        return tuple(self._figures(*each, end_s) for each in enumerate(_in_order(scheduled)))
+
+    def new_problems(self, scheduled: Sequence[ChangeConfig]) -> Iterator[str]:
+        """One line for each thing that went wrong since the last call."""
+        lines = [f"time began without {', '.join(self.absent_nodes)}: see ./elea logs"] if self.absent_nodes else []
+        for number, change in enumerate(_in_order(scheduled)):
+            told = self._changes.get(number)
+            if told is not None and not told.made:
+                lines.append(f"the change of {change.set} scheduled at {change.at:g} s was not made: {told.reason}")
+        for line in lines:
+            if line not in self._said:
+                self._said.add(line)
+                yield line
+
+    def _figures(self, number: int, change: ChangeConfig, end_s: float) -> ChangeFigures:
+        told = self._changes.get(number)
+        made, at, reason = (told.made, told.time.ns / 1e9, told.reason) if told else (None, None, "")
+        if told is None and change.at + END_MARGIN_S < end_s:
+            made, reason = False, "the parameter service does not tell of it: did somebody announce its set?"
+        elif told is None:
+            reason = f"the run ended at {end_s:g} s"
+        return ChangeFigures(
+            at_s=change.at,
+            set=change.set,
+            values=change.values,
+            made=made,
+            made_at_s=at if made else None,
+            reason=reason,
+        )
+
+
+def _in_order(scheduled: Sequence[ChangeConfig]) -> list[ChangeConfig]:
+    """As the parameter service counts them."""
+    return sorted(scheduled, key=lambda each: each.at)
+
+
+ROUTER_TIMEOUT_S = 1.0
+"""Wall time that the router has to answer."""
+RECENT_S = 2.5
+"""Wall time for which its answer, or a flood, counts."""
+
+_REQUESTS = {"start": SUPERVISOR_START, "stop": SUPERVISOR_STOP, "restart": SUPERVISOR_RESTART}
+
+_DRAIN_TIMEOUT_S = 0.5
+"""Wall time in which what was sent by processes that have ended must have come."""
+
+_MAX_UNKNOWN_NODES = 16
+
+
+class SupervisorNode:
+    """The bus on a node."""
+
+    def __init__(self, node: Node, sets: Iterable[str] = (), members: Iterable[str] = ()) -> None:
+        self._node, self._members = node, frozenset(members)
+        self._own: dict[str, tuple[Check, ...]] = {}
+        self._strangers: set[str] = set()
+        self._checks = node.subscribe(CHECKS)
+        self._sets = {name: node.subscribe(UPDATES, f"{name}/parameter_updates") for name in sets}
+        self._told: dict[str, ParameterValues] = {}
+        self._schedule, self._status = node.subscribe(SCHEDULE), node.subscribe(SIM_STATUS)
+        self._conduct = RunMonitor()
+        self._health = node.subscribe(HEALTH)
+        self._state = node.advertise(FLEET_STATE)
+        self._carry_out: ActionHandler | None = None
+        self._asked: PendingReplies | None = None
+        self._answered = self._flood = -RECENT_S
+        verbs: tuple[ProcessAction, ...] = ("start", "stop", "restart")
+        for verb in verbs:
+            node.serve(_REQUESTS[verb], partial(self._handle_action, verb))
+        node.heartbeat.state = "running"
+
+    def heartbeats(self) -> Sequence[Health]:
+        self.checks()
+        health = self._health
+        before = health.received + health.refused + health.repeated
+        health.update()
+        if health.received + health.refused + health.repeated - before >= QUEUE_SIZE:
+            self._flood = time.monotonic()
+        return [beat for beat, _ in health.messages]
+
+    @property
+    def flooded(self) -> bool:
+        return time.monotonic() - self._flood < RECENT_S
+
+    def router_answers(self) -> bool:
+        if self._asked is None:
+            self._asked = self._node.transport.query_async(DIRECTORY_KEY, b"", ROUTER_TIMEOUT_S)
+        elif (replies := self._asked.poll()) is not None:
+            self._asked = None
+            if any(each.ok for each in replies):
+                self._answered = time.monotonic()
+        return time.monotonic() - self._answered < RECENT_S
+
+    def parameters(self) -> Mapping[str, ParameterValues]:
+        """The values of the parameters of each set, as far as they were told."""
+        for name, updates in self._sets.items():
+            updates.update()
+            for values, _ in updates.messages:
+                self._told[name] = values
+        return self._told
+
+    def run_monitor(self) -> RunMonitor:
+        """What simulation and parameter service have told of the run."""
+        self._schedule.update()
+        for changes, _ in self._schedule.messages:
+            self._conduct.on_scheduled_changes(changes)
+        self._status.update()
+        for status, origin in self._status.messages:
+            self._conduct.on_sim_status(b"" if origin is None else origin.publisher, status)
+        return self._conduct
+
+    def checks(self) -> Mapping[str, tuple[Check, ...]]:
+        """What the fleet's nodes have stated last of their own checks, by node."""
+        self._checks.update()
+        for told, _ in self._checks.messages:
+            if told.node in self._members:
+                self._own[told.node] = told.checks
+            elif len(self._strangers) < _MAX_UNKNOWN_NODES:
+                self._strangers.add(told.node)
+        return self._own
+
+    @property
+    def unknown_nodes(self) -> frozenset[str]:
+        """Nodes that have stated checks and are no process of the fleet."""
+        return frozenset(self._strangers)
+
+    def drain(self) -> None:
+        """Wait for what those that have just ended said last: their tokens go behind it, on the same links."""
+        deadline, own = time.monotonic() + _DRAIN_TIMEOUT_S, self._node.identity.node
+        while time.monotonic() < deadline:
+            found = map(Entity.parse, self._node.transport.tokens(token_pattern("pub", name=CHECKS.name), 0.1))
+            if not any(each is not None and each.node != own for each in found):
+                return
+            time.sleep(0.02)
+
+    def publish(self, state: FleetState) -> None:
+        self._state.publish(state)
+
+    def answer_requests(self, carry_out: ActionHandler) -> None:
+        self._carry_out = carry_out
+        self._node.spin_once()
+
+    def _handle_action(self, verb: ProcessAction, name: Name) -> Done:
+        assert self._carry_out is not None
+        return Done(text=self._carry_out(verb, name.name))
+
+
+@contextmanager
+def supervisor_node(
+    router: str, domain: str = "", sets: Iterable[str] = (), members: Iterable[str] = ()
+) -> Iterator[SupervisorNode]:
+    """The bus that meets the others at the endpoint ``router``, which the supervisor starts. It hears these sets, and
+    the checks of these nodes.
+    """
+    identity = Identity.of("supervisor")
+    with (
+        ZenohTransport(configuration("direct", (router,), domain=domain, first=True), settle_s=0.0) as transport,
+        Node(transport, identity, "supervisor", Log(identity.node)) as node,
+    ):
+        yield SupervisorNode(node, sets, members)

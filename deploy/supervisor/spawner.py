@@ -1,0 +1,114 @@
+"""One started process with its group: its log, its signals, its end."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from deploy.supervisor.log_file import log_name, start_log_writer
+from deploy.supervisor.reaper import Reaper
+from services.runtime.process import PARENT, ROOT
+
+_LOG_TIMEOUT_S = 0.5
+"""Wall time in which the log of a process that has ended must be complete."""
+
+
+class ChildProcess:
+    """A running process; whoever starts it awaits ``ended``, which also ends what the process left in its group."""
+
+    def __init__(self, popen: subprocess.Popen[bytes], reaper: Reaper, log: threading.Thread) -> None:
+        self.pid = popen.pid
+        self.status: int | None = None
+        self._popen, self._reaper, self._log = popen, reaper, log
+        reaper.watch(self.pid)
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send a signal to the whole group, as long as it exists."""
+        if self.status is None:
+            os.killpg(self.pid, number)
+
+    async def wait(self) -> int:
+        """Wait for the end; the exit status, negative for a signal."""
+        if self.status is None:
+            await _wait_for_exit(self.pid)
+            os.killpg(self.pid, signal.SIGKILL)
+            self.status = self._popen.wait()
+            self._reaper.forget(self.pid)
+            await self._wait_for_log()
+        return self.status
+
+    async def wait_for(self, seconds: float) -> bool:
+        """Wait for the end, at most ``seconds``; whether it came."""
+        try:
+            await asyncio.wait_for(self.wait(), seconds)
+        except TimeoutError:
+            return False
+        return True
+
+    async def _wait_for_log(self) -> None:
+        """Wait until its last words are in the log; whoever else holds the pipe may keep it open for longer."""
+        deadline = time.monotonic() + _LOG_TIMEOUT_S
+        while self._log.is_alive() and time.monotonic() < deadline:
+            await asyncio.sleep(0.005)
+
+
+class Spawner:
+    """Where children are started: the folder of the run, with its logs, and the environment that they get."""
+
+    def __init__(self, folder: Path, reaper: Reaper, environment: Mapping[str, str] = os.environ) -> None:
+        self.folder, self._reaper = folder, reaper
+        self.logs = folder / "logs"
+        paths = [str(ROOT), *filter(None, [environment.get("PYTHONPATH")])]
+        single = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+        self._environment = {
+            **single,
+            **environment,
+            "PYTHONPATH": os.pathsep.join(dict.fromkeys(paths)),
+            "PYTHONUNBUFFERED": "1",
+            PARENT: str(os.getpid()),
+        }
+
+    def log_path(self, name: str) -> Path:
+        """The log file of a process."""
+        return self.logs / log_name(name)
+
+    def spawn(self, name: str, argv: Sequence[str]) -> ChildProcess:
+        """Start a process in a session and group of its own; raises OSError. Call it from the main thread: the kernel
+        binds PR_SET_PDEATHSIG to the thread that forks.
+        """
+        out, into = os.pipe()
+        try:
+            popen = subprocess.Popen(
+                argv,
+                stdin=subprocess.DEVNULL,
+                stdout=into,
+                stderr=subprocess.STDOUT,
+                env=self._environment,
+                cwd=self.folder,
+                start_new_session=True,
+            )
+        except OSError:
+            os.close(out)
+            raise
+        finally:
+            os.close(into)
+        return ChildProcess(popen, self._reaper, start_log_writer(out, self.log_path(name)))
+
+
+async def _wait_for_exit(pid: int) -> None:
+    """Wait until a child has ended, without reaping it: until then its number, and its group's, is its own."""
+    loop = asyncio.get_running_loop()
+    gone = asyncio.Event()
+    descriptor = os.pidfd_open(pid)
+    loop.add_reader(descriptor, gone.set)
+    try:
+        await gone.wait()
+    finally:
+        loop.remove_reader(descriptor)
+        os.close(descriptor)

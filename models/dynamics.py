@@ -1,0 +1,138 @@
+"""Closed-form predictions from a robot's figures: the pendulum that hangs on a joint, and the stop of a base."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+from models import urdf_path
+from models.urdf import Joint, Vector, parse_joints, rotate
+
+GRAVITY = 9.81
+"""m/s2, downward, as in the simulation."""
+
+Rotation = tuple[float, float, float, float]
+
+
+class LinkInertia(NamedTuple):
+    """A link: kg, the frame of its inertia in its own, and xx, yy, zz, xy, xz, yz of its tensor there, kg m2."""
+
+    mass: float
+    frame: Joint
+    tensor: tuple[float, ...]
+
+    def moment_about(self, axis: Vector) -> float:
+        """Its own inertia [kg m2] about an axis through its centre, of length 1, in the link's frame."""
+        x, y, z = rotate(_conjugate(self.frame.rotation()), axis)
+        xx, yy, zz, xy, xz, yz = self.tensor
+        return xx * x * x + yy * y * y + zz * z * z + 2 * (xy * x * y + xz * x * z + yz * y * z)
+
+
+class Pendulum(NamedTuple):
+    """At the angle q [rad] the holding torque is ``torque`` sin(q - ``rest``), N m and rad.
+
+    ``inertia`` [kg m2] is the one about the joint.
+    """
+
+    torque: float
+    rest: float
+    inertia: float
+
+
+def read_pendulum(name: str, joint: str) -> Pendulum:
+    """The pendulum on a joint of the upright robot ``name``, all joints beyond at zero.
+
+    Raises ``models.UnknownModel``, and KeyError when the robot has no such joint.
+    """
+    urdf = urdf_path(name)
+    joints = parse_joints(urdf)
+    at = {each.name: each for each in joints}[joint]
+    masses = {link.attrib["name"]: _link_inertia(link) for link in ElementTree.parse(urdf).getroot().findall("link")}
+    down = _to_joint_frame(at, joints, (0.0, 0.0, -GRAVITY))
+    level = upright = inertia = 0.0
+    for mass, place, own in _subtree_masses(at.child, joints, masses, at.axis):
+        across = _cross(at.axis, place)
+        level += mass * _torque_about(at.axis, place, down)
+        upright += mass * _torque_about(at.axis, across, down)
+        inertia += mass * sum(each * each for each in across) + own
+    return Pendulum(math.hypot(level, upright), math.atan2(level, -upright), inertia)
+
+
+def _link_inertia(link: ElementTree.Element) -> LinkInertia:
+    inertial = link.find("inertial")
+    mass = None if inertial is None else inertial.find("mass")
+    if inertial is None or mass is None:
+        return LinkInertia(0.0, _frame(None), (0.0,) * 6)
+    tensor = inertial.find("inertia")
+    given = {} if tensor is None else tensor.attrib
+    moments = tuple(float(given.get(name, 0.0)) for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
+    return LinkInertia(float(mass.attrib["value"]), _frame(inertial.find("origin")), moments)
+
+
+def _frame(origin: ElementTree.Element | None) -> Joint:
+    """Where an inertia lies, as a fixed joint would place it."""
+    given = {} if origin is None else origin.attrib
+    (x, y, z), (roll, pitch, yaw) = (map(float, given.get(name, "0 0 0").split()) for name in ("xyz", "rpy"))
+    return Joint("", "fixed", "", "", (x, y, z), (roll, pitch, yaw), (0.0, 0.0, 1.0))
+
+
+def _subtree_masses(
+    link: str, joints: tuple[Joint, ...], masses: dict[str, LinkInertia], axis: Vector
+) -> list[tuple[float, Vector, float]]:
+    """Of ``link`` and all that hang on it: masses [kg], their places [m] in its frame, and their own inertia [kg m2]
+    about ``axis``, a direction in its frame."""
+    own = masses[link]
+    found = [(own.mass, own.frame.xyz, own.moment_about(axis))]
+    for joint in joints:
+        if joint.parent == link:
+            turn = joint.rotation()
+            for mass, place, moment in _subtree_masses(joint.child, joints, masses, rotate(_conjugate(turn), axis)):
+                x, y, z = rotate(turn, place)
+                found.append((mass, (x + joint.xyz[0], y + joint.xyz[1], z + joint.xyz[2]), moment))
+    return found
+
+
+def _to_joint_frame(joint: Joint, joints: tuple[Joint, ...], vector: Vector) -> Vector:
+    """A vector of the root frame in the frame of a joint."""
+    above = {each.child: each for each in joints}
+    chain = [joint]
+    while (upper := above.get(chain[-1].parent)) is not None:
+        chain.append(upper)
+    for each in reversed(chain):
+        vector = rotate(_conjugate(each.rotation()), vector)
+    return vector
+
+
+def _conjugate(turn: Rotation) -> Rotation:
+    x, y, z, w = turn
+    return -x, -y, -z, w
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _torque_about(axis: Vector, place: Vector, force: Vector) -> float:
+    """The torque of a force at a place about an axis."""
+    return sum(a * b for a, b in zip(axis, _cross(place, force), strict=True))
+
+
+class StopPrediction(NamedTuple):
+    """From the last command to the standstill: s and m."""
+
+    time: float
+    distance: float
+
+
+def predict_stop(speed: float, timeout: float, brake: float) -> StopPrediction:
+    """The stop of a base whose commander falls silent, at ``speed`` [m/s] of either sign.
+
+    It keeps its speed for ``timeout`` [s] after the last command, then brakes evenly at ``brake`` > 0 [m/s2]:
+    t = timeout + v / a, s = v timeout + v^2 / 2a. An emergency stop has no time-out: 0. The distance is that of the
+    path, never negative.
+    """
+    if brake <= 0 or timeout < 0:
+        raise ValueError(f"a stop needs a brake above 0 and a time-out of at least 0, got {brake} and {timeout}")
+    v = abs(speed)
+    return StopPrediction(timeout + v / brake, v * timeout + v * v / (2 * brake))

@@ -1,0 +1,163 @@
+"""What a robot's URDF cannot say: its drive and its sensors, from ``models/<name>/model.toml``."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta
+
+from models import model_config_path, urdf_path
+from models.urdf import NoWheels, read_wheels
+
+Positive = Annotated[float, Meta(gt=0)]
+NonNegative = Annotated[float, Meta(ge=0)]
+
+
+class ModelTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A table of a model file; an unknown key is an error."""
+
+
+class WheelConfig(ModelTable, frozen=True, kw_only=True):
+    """A base with two driven wheels.
+
+    Lengths in m; ``separation`` and ``radius`` are the URDF's unless stated. ``max_linear`` [m/s] and ``max_angular``
+    [rad/s] are the hardware's; ``acceleration`` and ``brake`` [m/s2] are those of a wheel's rim, or of the base where
+    ``drive`` says ``ramp = "base"``, the second after a time-out or an emergency stop; ``torque`` [N m] per wheel.
+    """
+
+    left_joint: str
+    right_joint: str
+    separation: Positive
+    radius: Positive
+    max_linear: Positive
+    max_angular: Positive
+    acceleration: Positive
+    brake: Positive
+    torque: Positive
+
+
+class LaserConfig(ModelTable, frozen=True, kw_only=True):
+    """A turning laser: ``samples`` rays, counter-clockwise in the link's plane, from ``angle_min`` [rad, from its x
+    axis] to ``angle_max``, both included; without ``angle_max`` over a whole turn.
+
+    ``rate`` [Hz], ranges and ``noise`` (standard deviation) in m. Rays start ``clearance`` [m] from the link's origin,
+    outside the laser's own housing.
+    """
+
+    link: str
+    rate: Positive
+    samples: Annotated[int, Meta(ge=1, le=10_000)]
+    range_min: Positive
+    range_max: Positive
+    noise: NonNegative
+    clearance: Positive
+    angle_min: float = 0.0
+    angle_max: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.angle_max is None:
+            return
+        span = self.angle_max - self.angle_min
+        if not 0 < span < 2 * math.pi:
+            raise ValueError(
+                f"angle_max - angle_min is {span:.4f} rad, it lies between 0 and 2 pi; leave out a whole turn"
+            )
+        if self.samples < 2:
+            raise ValueError("from angle_min to angle_max there are at least 2 samples")
+
+    @property
+    def increment(self) -> float:
+        """The angle from one ray to the next, rad."""
+        if self.angle_max is None:
+            return 2 * math.pi / self.samples
+        return (self.angle_max - self.angle_min) / (self.samples - 1)
+
+
+class SonarConfig(ModelTable, frozen=True, kw_only=True):
+    """A ring of sonars, each at the origin of one of ``links`` and looking along its x axis.
+
+    All hear ``rate`` times a second [Hz] the nearest echo within a cone of the whole angle ``cone`` [rad]; ranges and
+    ``noise`` (standard deviation) in m. All are mounted on ``link``: their echoes are told as points in its frame.
+    """
+
+    link: str
+    links: Annotated[tuple[str, ...], Meta(min_length=1, max_length=64)]
+    rate: Positive
+    cone: Annotated[float, Meta(gt=0, lt=3.14)]
+    range_min: Positive
+    range_max: Positive
+    noise: NonNegative
+
+
+class ImuConfig(ModelTable, frozen=True, kw_only=True):
+    """An inertial unit: ``rate`` [Hz]; noises are standard deviations of one sample, rad/s and m/s2."""
+
+    link: str
+    rate: Positive
+    gyro_noise: NonNegative
+    acceleration_noise: NonNegative
+
+
+class CameraConfig(ModelTable, frozen=True, kw_only=True):
+    """A pinhole camera: ``link`` is its optical frame (z forward, y down), ``fov`` [rad] is horizontal, clips in m."""
+
+    link: str
+    rate: Positive
+    width: Annotated[int, Meta(ge=1, le=4096)]
+    height: Annotated[int, Meta(ge=1, le=4096)]
+    fov: Annotated[float, Meta(gt=0, lt=3.14)]
+    near: Positive
+    far: Positive
+
+
+class RobotModel(ModelTable, frozen=True, kw_only=True):
+    """A robot: ``radius`` [m] of the circle around ``base_frame`` that holds it, and what it carries.
+
+    ``odometry_rate`` [Hz] is that of odometry and ground truth, ``joint_rate`` [Hz] that of the joint states, the same
+    where it is not stated. ``fixed_base`` holds the root where it is. ``drive`` holds what this model's base driver
+    takes for parameters that a fleet leaves open, by the names of ``services.sim.BaseParameters``.
+    """
+
+    about: str
+    base_frame: str
+    radius: Positive
+    odometry: Literal["world", "encoder"]
+    odometry_rate: Positive
+    joint_rate: Positive | None = None
+    fixed_base: bool = False
+    wheels: WheelConfig | None = None
+    drive: dict[str, Any] = {}
+    laser: LaserConfig | None = None
+    sonar: SonarConfig | None = None
+    imu: ImuConfig | None = None
+    camera: CameraConfig | None = None
+
+
+def read_model(name: str) -> RobotModel:
+    """The figures of the robot ``name``; raises ``models.UnknownModel``."""
+    path = model_config_path(name)
+    return _read(name, path, path.stat().st_mtime_ns)
+
+
+@lru_cache(64)
+def _read(name: str, path: Path, _: int) -> RobotModel:
+    """Its file, read again when that has changed."""
+    table = msgspec.toml.decode(path.read_bytes())
+    if "wheels" in table:
+        _fill_from_urdf(table["wheels"], name)
+    return msgspec.convert(table, RobotModel)
+
+
+def _fill_from_urdf(wheels: dict[str, Any], name: str) -> None:
+    """Fill in from the URDF what the model file leaves out of its wheels."""
+    if {"separation", "radius"} <= wheels.keys() or not {"left_joint", "right_joint"} <= wheels.keys():
+        return
+    pair = read_wheels(urdf_path(name), wheels["left_joint"], wheels["right_joint"])
+    if pair.left_radius is None and "radius" not in wheels:
+        raise NoWheels(f"{name}: neither [wheels] nor a collision sphere or cylinder of the left wheel tells a radius")
+    wheels.setdefault("separation", pair.separation)
+    wheels.setdefault("radius", pair.left_radius)

@@ -1,0 +1,281 @@
+"""Reads bags, ours and those of others: messages in order, their simulated time line, and their records."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+from messages.base import Message, WrongPayload
+from messages.cdr.definitions import BadDefinition, Definitions, parse
+from messages.cdr.read import plain_reader, record_reader
+from messages.cdr.sidecar import EXTRAS, ROS_RECORDS, join
+from messages.names import BadName, validate
+from messages.records import RECORDS
+from services.bag.channel import CDR, RAW, SENDER_SIDECAR, SIDECAR, Channel, Sender
+from services.bag.mcap_reader import McapScanner
+from services.bag.mcap_writer import MAGIC
+from services.bag.metadata import METADATA_FILE, read_file_list
+from services.bag.writer import file_number
+from services.runtime.errors import BadInput
+
+JUMP_NS = 1_000_000_000
+"""When time falls back by more, it has begun anew; less is a message that came late."""
+GAP_NS = 24 * 3600 * 1_000_000_000
+"""When it goes on by more, it has begun anew as well: a message without a time before one with, or a damaged time."""
+
+
+class BagTime(NamedTuple):
+    """``position`` [ns] from the start of the bag; simulated ``time`` [ns]; how often that began anew: ``segment``."""
+
+    position: int
+    segment: int
+    time: int
+
+
+class Timeline:
+    """Places messages in the order of their recording; positions never fall."""
+
+    def __init__(self) -> None:
+        self._last: int | None = None
+        self._position = self._segment = 0
+        self._epoch: int | None = None
+
+    def locate(self, time: int, epoch: int | None = None) -> BagTime:
+        """The moment of a message of simulated ``time`` [ns]; ``epoch`` is known of the clock's own messages."""
+        if self._last is None:
+            self._last = time
+        if not self._last - JUMP_NS <= time <= self._last + GAP_NS:
+            self._new_segment(time)
+            self._epoch = None
+        elif epoch is not None and self._epoch is not None and epoch != self._epoch:
+            self._new_segment(time)
+        elif time > self._last:
+            self._position += time - self._last
+            self._last = time
+        self._epoch = epoch if epoch is not None else self._epoch
+        return BagTime(self._position, self._segment, self._last)
+
+    def _new_segment(self, time: int) -> None:
+        self._segment += 1
+        self._last = time
+
+
+class Entry(NamedTuple):
+    """One message as it is recorded; times in ns. In bags of ours, ``publish_time`` is simulated time."""
+
+    channel: Channel
+    sequence: int
+    log_time: int
+    publish_time: int
+    data: bytes
+
+
+@dataclass
+class Bag:
+    """The files of a bag, in order.
+
+    ``problems`` lists what could not be read so far, ``known_problems`` what metadata.yaml alone shows to be missing.
+    ``from_elea`` is true while everything read so far was written by our recorder.
+    """
+
+    path: Path
+    files: list[Path]
+    known_problems: tuple[str, ...] = ()
+    problems: list[str] = field(default_factory=list)
+    metadata: dict[str, str] = field(default_factory=dict)
+    from_elea: bool = False
+
+    @property
+    def size(self) -> int:
+        """Bytes of all files."""
+        return sum(each.stat().st_size for each in self.files)
+
+    def entries(self) -> Iterator[Entry]:
+        """Every message in the order of its recording; raises BadInput when nothing at all can be read."""
+        self.problems, self.metadata, self.from_elea = [*self.known_problems], {}, True
+        for file in self.files:
+            yield from self._read_file(file)
+
+    def channels(self) -> list[Channel]:
+        """Every topic that has a message, in the order of their names."""
+        return sorted({entry.channel for entry in self.entries()}, key=lambda channel: channel.topic)
+
+    def _read_file(self, file: Path) -> Iterator[Entry]:
+        try:
+            stream = file.open("rb")
+        except OSError as error:
+            raise BadInput(f"the bag {file} cannot be read: {error.strerror}") from None
+        with stream:
+            scan = McapScanner(stream, file)
+            for message in scan.messages():
+                self.from_elea = self.from_elea and scan.from_elea
+                yield Entry(scan.channels[message.channel], *message[1:])
+            self.problems += scan.problems
+            self.metadata |= scan.metadata
+
+
+def open_bag(path: Path) -> Bag:
+    """The bag at ``path``, an MCAP file or a folder of them; raises BadInput that says what it is instead."""
+    if path.is_dir():
+        return Bag(path, *_list_files(path))
+    if not path.exists():
+        raise BadInput(f"there is no bag {path}")
+    if not path.is_file():
+        raise BadInput(f"{path} is not a bag: it is no file and no folder")
+    _check_magic(path)
+    return Bag(path, [path])
+
+
+def _list_files(folder: Path) -> tuple[list[Path], tuple[str, ...]]:
+    """The files of a bag in their order, and what of it is missing by its metadata.yaml."""
+    present = sorted(
+        (each for each in folder.glob("*.mcap") if each.is_file()), key=lambda file: (file_number(file), file.name)
+    )
+    listed = read_file_list(folder)
+    if not present:
+        others = sorted(each.name for each in folder.glob("*.db3"))
+        if others:
+            raise BadInput(f"{folder} holds {others[0]}, a bag in SQLite: convert it to MCAP with 'ros2 bag convert'")
+        if packed := sorted(each.name for each in folder.glob("*.mcap.zstd")):
+            raise BadInput(f"{folder} holds {packed[0]}, compressed as a whole: unpack it first, with 'zstd -d'")
+        what = "it has a metadata.yaml, but no .mcap file" if (folder / METADATA_FILE).exists() else "no .mcap file"
+        raise BadInput(f"{folder} is not a bag: {what}")
+    for file in present:
+        _check_magic(file)
+    named = [folder / name for name in listed.names or ()]
+    missing = [listed.problem] if listed.problem else []
+    missing += [
+        f"{each} is missing, though {METADATA_FILE} names it: was the bag copied whole?"
+        for each in named
+        if each not in present
+    ]
+    in_order = [each for each in named if each in present]
+    return in_order if set(present) <= set(named) else present, tuple(missing)
+
+
+def _check_magic(path: Path) -> None:
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(len(MAGIC))
+    except OSError as error:
+        raise BadInput(f"the bag {path} cannot be read: {error.strerror}") from None
+    if not head:
+        raise BadInput(f"{path} is empty: its recorder was killed before it wrote anything, or the disk was full")
+    if head != MAGIC:
+        kind = (
+            "a bag of ROS 1: convert it with 'rosbags-convert'" if head.startswith(b"#ROSBAG") else "not an MCAP file"
+        )
+        raise BadInput(f"{path} is not a bag: it is {kind}")
+
+
+_SIDECAR_RECORDS = {each.ROS_TYPE: each for each in EXTRAS.values()} | {Sender.ROS_TYPE: Sender}
+_RECORDS_BY_ROS_TYPE = {ros.ROS_TYPE: ours for ours, ros in ROS_RECORDS.items()}
+
+Decoder = Callable[[bytes], Any]
+
+
+def record_type(channel: Channel) -> type[Message] | None:
+    """The record that the messages of a channel become; None for types that are unknown here."""
+    return _RECORDS_BY_ROS_TYPE.get(channel.type) or RECORDS.get(channel.type)
+
+
+def unknown_record(ros_type: str) -> type[Message]:
+    """A record without fields that stands for a type which is unknown here."""
+    made = msgspec.defstruct("Unknown", [], bases=(Message,), namespace={"ROS_TYPE": ros_type}, frozen=True)
+    assert issubclass(made, Message)
+    return made
+
+
+def is_sidecar(channel: Channel) -> bool:
+    """Whether a channel holds what another one lacks."""
+    ending = SENDER_SIDECAR if channel.type == Sender.ROS_TYPE else SIDECAR
+    return channel.topic.endswith(ending) and channel.type in _SIDECAR_RECORDS
+
+
+def unplayable_reason(channel: Channel) -> str:
+    """Why a channel cannot be put on the bus; empty when it can."""
+    try:
+        validate(channel.name)
+    except BadName as error:
+        return str(error)
+    return unreadable_reason(channel)
+
+
+def unreadable_reason(channel: Channel) -> str:
+    """Why the messages of a channel cannot be read; empty when they can, or belong to another channel."""
+    if channel.encoding == RAW and channel.type:
+        return ""
+    if channel.encoding != CDR:
+        return f"its messages are encoded as {channel.encoding or 'nothing that is named'}, not as cdr"
+    if not is_sidecar(channel) and record_type(channel) is None:
+        return f"its type {channel.type or 'without a name'} is not one of this project"
+    try:
+        _definitions(channel)
+    except BadDefinition as error:
+        return f"its schema cannot be read: {error}"
+    return ""
+
+
+class MessageDecoder:
+    """Gives the record of one entry after the other; what was recorded beside a message is put back into it."""
+
+    def __init__(self) -> None:
+        self._decoders: dict[Channel, Decoder] = {}
+        self._sidecars: dict[str, tuple[int, int, Message]] = {}
+        self._senders: dict[str, tuple[int, int, bytes]] = {}
+
+    def decode(self, entry: Entry) -> Message | None:
+        """The record; None for what belongs to the message that follows. Raises WrongPayload.
+
+        The channel must be one that ``unreadable_reason`` has nothing against.
+        """
+        channel = entry.channel
+        read = self._decoders.get(channel)
+        if read is None:
+            read = self._decoders[channel] = _record_decoder(channel)
+        found: Message = read(entry.data)
+        if isinstance(found, Sender):
+            self._senders[channel.topic.removesuffix(SENDER_SIDECAR)] = (entry.sequence, entry.log_time, found.node)
+            return None
+        if is_sidecar(channel):
+            self._sidecars[channel.topic.removesuffix(SIDECAR)] = (entry.sequence, entry.log_time, found)
+            return None
+        extra = self._sidecars.pop(channel.topic, None)
+        belongs = extra is not None and extra[:2] == (entry.sequence, entry.log_time)
+        return join(found, extra[2] if extra is not None and belongs else None)
+
+    def sender(self, entry: Entry) -> bytes:
+        """Which of several nodes on a latched topic has sent this message; empty for the first of them."""
+        noted = self._senders.pop(entry.channel.topic, None)
+        return noted[2] if noted is not None and noted[:2] == (entry.sequence, entry.log_time) else b""
+
+
+def plain_decoder(channel: Channel) -> Decoder:
+    """A function from the data of a channel to plain values, whatever its type; raises WrongPayload."""
+    if channel.encoding != CDR or channel.schema_encoding != "ros2msg":
+        raise WrongPayload(f"{channel.topic}: only CDR with a ros2msg schema can be read, not {channel.encoding}")
+    try:
+        return plain_reader(channel.type, _definitions(channel))
+    except BadDefinition as error:
+        raise WrongPayload(f"{channel.topic}: its schema cannot be read: {error}") from None
+
+
+def _record_decoder(channel: Channel) -> Decoder:
+    target = _SIDECAR_RECORDS[channel.type] if is_sidecar(channel) else record_type(channel)
+    assert target is not None
+    return record_reader(ROS_RECORDS.get(target, target), _definitions(channel))
+
+
+def _definitions(channel: Channel) -> Definitions:
+    """The definition that the file itself holds: of another version of ROS, or of this project, perhaps."""
+    if channel.schema_encoding != "ros2msg":
+        raise BadDefinition(f"it is written as {channel.schema_encoding or 'nothing'}, not as ros2msg")
+    return _parsed(channel.type, channel.schema)
+
+
+_parsed = lru_cache(maxsize=256)(parse)

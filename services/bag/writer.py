@@ -1,0 +1,173 @@
+"""A bag in the making: a rosbag2 folder with one MCAP file after the other, and its metadata.yaml."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from services.bag.channel import Channel
+from services.bag.mcap_reader import read_stats
+from services.bag.mcap_writer import CHUNK_SIZE, McapWriter
+from services.bag.metadata import METADATA_FILE, FileStats, metadata_text
+from services.runtime.errors import BadInput
+
+MIN_FILE_SIZE = 1 << 16
+"""Bytes; no file is split below this."""
+_MIN_CHUNKS_PER_FILE = 8
+"""Chunks are so many times smaller than a file may be, at least."""
+
+
+@dataclass
+class TimeSpan:
+    """The first and last of a topic's simulated times [ns]."""
+
+    first: int = 0
+    last: int = 0
+
+
+class BagWriter:
+    """Writes ``folder``, files ``NAME_0.mcap``, ``NAME_1.mcap``, … ; ``with`` opens and closes it.
+
+    A new file begins when one has ``max_size`` [bytes] or spans ``max_duration`` [s of log time]; 0 is no limit.
+    What the disk does not take is told by OSError of ``add`` and ``flush``, and counted in ``unwritten``; what comes
+    later is tried again. With ``resume`` the folder may be there: its files are kept and the numbers of files go on.
+    """
+
+    def __init__(self, folder: Path, max_size: int = 0, max_duration: float = 0.0, resume: bool = False) -> None:
+        self.folder, self._resume = folder, resume
+        self._max_size, self._max_ns = max_size, round(max_duration * 1e9)
+        self.time_spans: dict[Channel, TimeSpan] = {}
+        self.metadata: dict[str, str] = {}
+        self._resumed_files: list[FileStats] = []
+        self._closed_files: list[FileStats] = []
+        self._dropped = 0
+        self._file: McapWriter | None = None
+        self._channel_ids: dict[Channel, int] = {}
+        self._file_start: int | None = None
+
+    def __enter__(self) -> Self:
+        """Raises BadInput when the folder cannot be made, or is there already."""
+        try:
+            self.folder.mkdir(parents=True, exist_ok=self._resume)
+            there = sorted(self.folder.glob("*.mcap"), key=lambda file: (file_number(file), file.name))
+            self._resumed_files = [facts for each in there if (facts := read_stats(each)) is not None]
+            self._next = max(map(file_number, there), default=-1) + 1
+            self._open_file()
+        except FileExistsError:
+            raise BadInput(f"{self.folder} is there already: choose another folder for the bag") from None
+        except OSError as error:
+            raise BadInput(f"the bag {self.folder} cannot be written: {error.strerror}") from None
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def unwritten(self) -> int:
+        """Messages that the disk did not take."""
+        return self._dropped + (self._file.unwritten if self._file is not None else 0)
+
+    @property
+    def files(self) -> int:
+        """Files so far."""
+        return len(self._file_stats())
+
+    @property
+    def size(self) -> int:
+        """Bytes written so far."""
+        return sum(each.size for each in self._file_stats())
+
+    @property
+    def count(self) -> int:
+        """Messages written so far."""
+        return sum(each.messages for each in self._file_stats())
+
+    def write(self, channel: Channel, sequence: int, log_time: int, publish_time: int, data: bytes) -> None:
+        """Add a message; times in ns. Raises OSError, after which the bag can be used further."""
+        file = self._file
+        if file is None:
+            try:
+                file = self._open_file()
+            except OSError:
+                self._dropped += 1
+                raise
+        if (tally := self.time_spans.get(channel)) is None:
+            tally = self.time_spans[channel] = TimeSpan(publish_time)
+        tally.last = publish_time
+        number = self._channel_ids.get(channel)
+        if number is None:
+            number = self._channel_ids[channel] = file.register_channel(channel)
+        if self._file_start is None:
+            self._file_start = log_time
+        file.add_message(number, sequence, log_time, publish_time, data)
+        if file.due:
+            file.flush()
+        full = self._max_size and file.size + self._chunk > self._max_size
+        if full or file.full or (self._max_ns and log_time - self._file_start >= self._max_ns):
+            self._close_file()
+
+    def flush_due(self) -> None:
+        """Write what has come, if it is time to; raises OSError."""
+        if self._file is not None and self._file.due:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what has come; raises OSError."""
+        if self._file is not None:
+            self._file.flush()
+
+    def close(self) -> None:
+        """Write what is left; raises OSError."""
+        self._close_file()
+
+    def _open_file(self) -> McapWriter:
+        self._chunk = (
+            min(CHUNK_SIZE, max(self._max_size, MIN_FILE_SIZE) // _MIN_CHUNKS_PER_FILE)
+            if self._max_size
+            else CHUNK_SIZE
+        )
+        file = McapWriter(self.folder / f"{self.folder.name}_{self._next}.mcap", self._chunk)
+        file.__enter__()
+        self._file, self._channel_ids, self._file_start = file, {}, None
+        self._next += 1
+        return file
+
+    def _close_file(self) -> None:
+        """Close the file, and describe the bag as it is then."""
+        if self._file is None:
+            return
+        spans = {each.topic: [tally.first, tally.last] for each, tally in self.time_spans.items()}
+        try:
+            self._file.close({**self.metadata, "simulated": json.dumps(spans)})
+        finally:
+            self._closed_files, self._dropped = self._file_stats(), self.unwritten
+            self._file = None
+            self._write_metadata()
+
+    def _file_stats(self) -> list[FileStats]:
+        if (file := self._file) is None:
+            return self._closed_files
+        now = FileStats(file.path.name, file.size, file.count, file.start, file.end, file.channel_counts)
+        return [*self._closed_files, now]
+
+    def _write_metadata(self) -> None:
+        """Write metadata.yaml, whole or not at all; raises OSError."""
+        text = metadata_text([*self._resumed_files, *self._closed_files])
+        temporary = self.folder / f".{METADATA_FILE}"
+        try:
+            temporary.write_text(text)
+            temporary.replace(self.folder / METADATA_FILE)
+        except OSError:
+            temporary.unlink(missing_ok=True)
+            raise
+
+
+def file_number(file: Path) -> int:
+    """The number that ends a file's name; -1 without one."""
+    tail = file.stem.rpartition("_")[2]
+    return int(tail) if tail.isascii() and tail.isdigit() else -1

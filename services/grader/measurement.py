@@ -1,0 +1,221 @@
+"""The measurement of a run: processes the messages of all robots in stamp order, and counts losses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from messages.base import saturating_add
+from messages.control import JointControllerState
+from messages.elea import BaseStatus, GoalStatus, Health, LockstepState
+from messages.nav import Odometry, Path
+from messages.sensor import JointState
+from messages.std import SECOND
+from services.grader import ArmSpec, BrakingSpec
+from services.grader.arm import ArmMeter
+from services.grader.records import EndReason, Measurements
+from services.grader.robot import Point, RobotMeter
+from services.grader.trajectory import trajectory_hash
+
+MAX_PROCESSES = 4096
+MAX_TOPICS = 1 << 16
+"""Processes, and topics of each, that are remembered: whoever else beats is not counted."""
+
+
+@dataclass
+class _Process:
+    """What the heartbeats of one life of a node have told; ``total`` is over all its topics."""
+
+    total: int = 0
+    missed: int = 0
+    by_topic: dict[str, int] = field(default_factory=dict)
+
+
+class MessageLosses:
+    """The last counts of every process; a restarted process counts anew beside its predecessor.
+
+    A heartbeat tells the total, and of a node with many topics those with new losses first: each topic's count is the
+    last one told. The losses of ``readers``, which are nodes, are the run's, those of all nodes when none is named.
+    What others miss, who only look on, is told apart: a browser that is slow says nothing of a run.
+    """
+
+    def __init__(self, readers: Collection[str] = ()) -> None:
+        self._readers = frozenset(readers)
+        self._processes: dict[tuple[str, int], _Process] = {}
+
+    def add_heartbeat(self, health: Health) -> None:
+        """Take one heartbeat."""
+        who = health.node, health.pid
+        if (known := self._processes.get(who)) is None:
+            if len(self._processes) >= MAX_PROCESSES:
+                return
+            known = self._processes[who] = _Process()
+        known.missed = health.missed
+        for each in health.inputs:
+            if (topic := each.topic.strip("/")) in known.by_topic or (each.lost and len(known.by_topic) < MAX_TOPICS):
+                known.by_topic[topic] = each.lost
+        known.total = max(health.lost, sum(known.by_topic.values()))
+
+    def total_losses(self) -> int:
+        """Messages that readers lost, on all topics."""
+        return saturating_add(0, sum(each.total for (node, _), each in self._processes.items() if self._counts(node)))
+
+    def robot_losses(self, robot: str) -> int:
+        """Messages that readers lost on the topics of one robot."""
+        own = f"{robot}/"
+        counting = (each for (node, _), each in self._processes.items() if self._counts(node))
+        return saturating_add(
+            0, sum(lost for each in counting for at, lost in each.by_topic.items() if at.startswith(own))
+        )
+
+    def missed_ticks(self) -> dict[str, int]:
+        """The ticks that each reader missed because it was late; those that missed none are left out."""
+        found: dict[str, int] = {}
+        for (node, _), each in sorted(self._processes.items()):
+            if each.missed and self._counts(node):
+                found[node] = saturating_add(found.get(node, 0), each.missed)
+        return found
+
+    def observer_losses(self) -> dict[str, int]:
+        """What each node missed that is no reader; those that missed nothing are left out."""
+        found: dict[str, int] = {}
+        for (node, _), each in sorted(self._processes.items(), key=lambda item: item[0]):
+            if each.total and not self._counts(node):
+                found[node] = saturating_add(found.get(node, 0), each.total)
+        return found
+
+    def _counts(self, node: str) -> bool:
+        return not self._readers or node in self._readers
+
+
+StampedMessage = Odometry | Path | GoalStatus | BaseStatus | JointState | JointControllerState
+GradedMessage = StampedMessage | BrakingSpec | ArmSpec
+
+
+MAX_PENDING = 20_000
+"""Messages stamped ahead of the time that are kept; of more, those furthest ahead are dropped: they are no run's."""
+
+
+class MessageKind(IntEnum):
+    """The order in which messages of one stamp are judged."""
+
+    PLAN = 0
+    STATUS = 1
+    ODOMETRY = 2
+    TRUTH = 3
+    BASE = 4
+    BRAKING = 5
+    JOINTS = 6
+    CONTROL = 7
+    ARM = 8
+
+
+class Measurement:
+    """Everything measured since the start or the last reset of the simulation.
+
+    Nothing depends on the order of arrival: messages wait until ``advance`` passes their stamps.
+    """
+
+    def __init__(
+        self,
+        robots: Iterable[str],
+        reach_tolerance: float,
+        halting: Mapping[str, BrakingSpec] | None = None,
+        arms: Mapping[str, ArmSpec] | None = None,
+        readers: Collection[str] = (),
+    ) -> None:
+        bases, jointed = halting or {}, arms or {}
+        self.robots: dict[str, RobotMeter | ArmMeter] = {
+            name: ArmMeter(jointed[name]) if name in jointed else RobotMeter(reach_tolerance, bases.get(name))
+            for name in sorted(robots)
+        }
+        self.losses = MessageLosses(readers)
+        self._pending: list[tuple[int, MessageKind, str, GradedMessage]] = []
+        self._end = 0
+        self._distance_stamp = -1
+        self._positions: dict[str, Point] = {}
+
+    def add_messages(self, kind: MessageKind, robot: str, messages: Iterable[StampedMessage]) -> None:
+        """Take messages of one robot, to be judged when ``advance`` passes their stamps."""
+        self._pending += [(message.header.stamp.ns, kind, robot, message) for message in messages]
+
+    def set_braking(self, stamp: int, robot: str, halting: BrakingSpec) -> None:
+        """The base of a robot stops like this from ``stamp`` [ns] on."""
+        self._pending.append((stamp, MessageKind.BRAKING, robot, halting))
+
+    def set_arm(self, stamp: int, robot: str, arm: ArmSpec) -> None:
+        """What is known of an arm from ``stamp`` [ns] on."""
+        self._pending.append((stamp, MessageKind.ARM, robot, arm))
+
+    def add_heartbeats(self, beats: Iterable[Health]) -> None:
+        """Take heartbeats of any nodes."""
+        for beat in beats:
+            self.losses.add_heartbeat(beat)
+
+    def advance(self, end: int) -> None:
+        """Judge everything stamped up to ``end`` [ns]."""
+        self._end = max(self._end, end)
+        ready = [each for each in self._pending if each[0] <= end]
+        self._pending = [each for each in self._pending if each[0] > end]
+        if len(self._pending) > MAX_PENDING:
+            self._pending = sorted(self._pending, key=lambda each: each[:3])[:MAX_PENDING]
+        ready.sort(key=lambda each: each[:3])
+        for each in ready:
+            self._process(*each)
+
+    @property
+    def finished(self) -> bool:
+        """Whether every robot has finished its plan, and every arm rests where it should."""
+        return bool(self.robots) and all(meter.finished_at is not None for meter in self.robots.values())
+
+    def measurements(self, ended: EndReason, lockstep: LockstepState | None = None) -> Measurements:
+        """All figures up to the last ``advance``; ``lockstep`` is what the simulation told last of its members."""
+        return Measurements(
+            ended=ended,
+            sim_seconds=self._end / SECOND,
+            trajectory_hash=trajectory_hash({name: meter.fingerprint for name, meter in self.robots.items()}),
+            messages_lost=self.losses.total_losses(),
+            onlookers_lost=self.losses.observer_losses(),
+            members_lost=lockstep.lost if lockstep is not None else None,
+            members_left=lockstep.left if lockstep is not None else (),
+            ticks_missed=self.losses.missed_ticks(),
+            robots={name: meter.result(self._messages_lost(name)) for name, meter in self.robots.items()},
+        )
+
+    def _messages_lost(self, name: str) -> int:
+        jointed = isinstance(self.robots[name], ArmMeter)
+        return self.losses.robot_losses(name) + (self.losses.robot_losses("robot_control") if jointed else 0)
+
+    def _process(self, stamp: int, kind: MessageKind, name: str, message: GradedMessage) -> None:
+        match self.robots[name], kind, message:
+            case RobotMeter() as meter, MessageKind.TRUTH, Odometry():
+                self._update_distances(stamp, name, meter.add_truth(message))
+            case RobotMeter() as meter, MessageKind.ODOMETRY, Odometry():
+                meter.odometry_error.add_odometry(message)
+            case RobotMeter() as meter, MessageKind.PLAN, Path():
+                meter.add_message(message)
+            case RobotMeter() as meter, MessageKind.STATUS, GoalStatus():
+                meter.add_message(message)
+            case RobotMeter() as meter, MessageKind.BASE, BaseStatus():
+                meter.add_base_status(message)
+            case RobotMeter() as meter, MessageKind.BRAKING, BrakingSpec():
+                meter.stops.braking = message
+            case ArmMeter() as arm, MessageKind.JOINTS, JointState():
+                arm.add_joint_state(message)
+            case ArmMeter() as arm, MessageKind.CONTROL, JointControllerState():
+                arm.add_control_state(message)
+            case ArmMeter() as arm, MessageKind.ARM, ArmSpec():
+                arm.arm = message
+
+    def _update_distances(self, stamp: int, name: str, here: Point) -> None:
+        """Distances between the robots that have a sample of one and the same instant."""
+        if stamp != self._distance_stamp:
+            self._distance_stamp, self._positions = stamp, {}
+        for other, there in self._positions.items():
+            distance = math.hypot(here[0] - there[0], here[1] - there[1])
+            for each in (self.robots[name], self.robots[other]):
+                assert isinstance(each, RobotMeter)
+                each.min_distance = min(each.min_distance, distance)
+        self._positions[name] = here

@@ -1,0 +1,30 @@
+"""Recordings of earlier lives of a logger: a new one lies beside them, never over them."""
+
+from __future__ import annotations
+
+from itertools import count
+from pathlib import Path
+
+from services.runtime.errors import BadInput
+
+
+def rotate(file: Path) -> Path | None:
+    """Give what was recorded until now another name, ``run-1.rrd``, ``run-2.rrd`` …; None when there is nothing.
+
+    A logger that crashed or hung is started again with the same file, and rerun begins a file by emptying it.
+    Raises BadInput when the folder cannot be written.
+    """
+    try:
+        if not file.is_file() or file.stat().st_size == 0:
+            return None
+        aside = next(each for n in count(1) if not (each := file.with_stem(f"{file.stem}-{n}")).exists())
+        return file.rename(aside)
+    except OSError as error:
+        raise BadInput(f"the recording cannot be written: {file.parent}: {error.strerror}") from None
+
+
+def rotated(file: Path) -> list[Path]:
+    """The recordings that were set aside for this one, oldest first."""
+    found = (each for each in file.parent.glob(f"{file.stem}-*{file.suffix}"))
+    numbered = [(each.stem.removeprefix(f"{file.stem}-"), each) for each in found]
+    return [each for number, each in sorted((int(n), each) for n, each in numbered if n.isdecimal())]

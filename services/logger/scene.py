@@ -1,0 +1,165 @@
+"""A robot's 3-D scene in a recording: its URDF, logged once, its colours, and the transforms that move it."""
+
+from __future__ import annotations
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+from rerun.urdf import UrdfTree
+
+import models
+from models.model import read_model
+from models.palette import Colour
+from models.urdf import read_joints
+from services.logger import entity_paths
+from services.logger.columns import Batch
+from services.runtime.errors import BadInput
+
+
+def lightened(full: Colour) -> Colour:
+    """Halfway to white, for what a robot believes or sees."""
+    red, green, blue = full
+    return (red + 255) // 2, (green + 255) // 2, (blue + 255) // 2
+
+
+def darkened(full: Colour) -> Colour:
+    """A darker shade of a colour, for what is wanted rather than what is."""
+    red, green, blue = full
+    return red * 5 // 9, green * 5 // 9, blue * 5 // 9
+
+
+TRAIL_WIDTH = -1.8
+"""Radius of a trail; rerun reads a negative one as points on the screen instead of metres."""
+
+ODOMETRY_TRAIL_WIDTH = -0.9
+"""Radius of the trail by odometry, as TRAIL_WIDTH."""
+
+SCAN_POINT_SIZE, GOAL_SIZE, NEXT_GOAL_SIZE = -1.6, -2.6, -5.0
+"""Radii of a laser's echo, of a goal, and of the one that a robot heads for, as TRAIL_WIDTH."""
+
+DISC_MARGIN = 0.055
+"""How far a robot's coloured disc on the ground reaches beyond it, m."""
+
+LABEL_HEIGHT, ARM_LABEL_HEIGHT = 0.6, 1.6
+"""Of the name over the ground, m: over a robot that drives, and over an arm."""
+
+Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+
+class RobotScene:
+    """The robot ``name``, built as ``model``; raises BadInput for an unknown model or an unreadable URDF.
+
+    ``is_arm`` tells that it does not drive: it is an arm.
+    """
+
+    def __init__(self, name: str, model: str, colour: Colour) -> None:
+        self.name, self.colour = name, colour
+        try:
+            urdf = models.urdf_path(model)
+            self._tree = UrdfTree.from_file_path(
+                urdf, entity_path_prefix=name, frame_prefix=f"{name}/", static_transform_entity_path=f"{name}/tf_static"
+            )
+        except models.UnknownModel as error:
+            raise BadInput(f"logger, robot {name}: {error}") from None
+        except (RuntimeError, ValueError, OSError) as error:
+            raise BadInput(f"logger, robot {name}: the URDF of {model} cannot be read: {error}") from None
+        figures = read_model(model)
+        self.is_arm = figures.wheels is None
+        self._radius = figures.radius + DISC_MARGIN
+        self._joints = {joint.name: joint for joint in read_joints(model) if joint.kind != "fixed"}
+        self.tree_name = self._tree.name
+        self._frame = f"{name}/{self._tree.root_link().name}"
+
+    def log_to(self, stream: rr.RecordingStream) -> None:
+        """Log what does not change: geometry, fixed transforms, styles of trail and reference path."""
+        self._tree.log_urdf_to_recording(stream)
+        if not self.is_arm:
+            self._log_disc(stream)
+        stream.log(
+            f"{entity_paths.marker(self.name)}/name",
+            rr.CoordinateFrame(self._frame),
+            rr.Points3D(
+                [(0, 0, ARM_LABEL_HEIGHT if self.is_arm else LABEL_HEIGHT)],
+                radii=[0.0],
+                colors=[self.colour],
+                labels=[self.name],
+                show_labels=True,
+            ),
+            static=True,
+        )
+        stream.log(
+            entity_paths.trail(self.name),
+            rr.CoordinateFrame("world"),
+            rr.LineStrips3D.from_fields(colors=[self.colour], radii=[TRAIL_WIDTH]),
+            static=True,
+        )
+        stream.log(entity_paths.reference(self.name), rr.CoordinateFrame("world"), static=True)
+        stream.log(
+            entity_paths.odometry_trail(self.name),
+            rr.CoordinateFrame("world"),
+            rr.LineStrips3D.from_fields(colors=[lightened(self.colour)], radii=[ODOMETRY_TRAIL_WIDTH]),
+            static=True,
+        )
+        for entity, colour, size in (
+            (entity_paths.goals(self.name), darkened(self.colour), GOAL_SIZE),
+            (entity_paths.goal(self.name), self.colour, NEXT_GOAL_SIZE),
+            (entity_paths.scan(self.name), lightened(self.colour), SCAN_POINT_SIZE),
+        ):
+            points = rr.Points3D.from_fields(colors=[colour], radii=[size])
+            stream.log(entity, rr.CoordinateFrame("world"), points, static=True)
+
+    def _log_disc(self, stream: rr.RecordingStream) -> None:
+        stream.log(
+            entity_paths.marker(self.name),
+            rr.CoordinateFrame(self._frame),
+            rr.Cylinders3D(
+                lengths=[0.002],
+                radii=[self._radius],
+                centers=[(0, 0, 0.002)],
+                colors=[(*self.colour, 150)],
+                fill_mode="solid",
+            ),
+            static=True,
+        )
+
+    def transforms(self, batch: Batch) -> tuple[Stamps, rr.ComponentColumnList]:
+        """Times and rows of all that moves. The frames are named in each row, since a transform is one whole."""
+        times, positions, quaternions = [batch.times], [batch.positions], [batch.quaternions]
+        parents, children = ["world"] * len(batch.times), [self._frame] * len(batch.times)
+        for name, angles in zip(batch.joints, batch.angles.T, strict=True):
+            if (joint := self._joints.get(name)) is not None and len(angles):
+                times.append(batch.joint_times)
+                positions.append(np.tile(joint.xyz, (len(angles), 1)))
+                quaternions.append(joint_rotations(joint.rotation(), joint.axis, angles))
+                parents += [f"{self.name}/{joint.parent}"] * len(angles)
+                children += [f"{self.name}/{joint.child}"] * len(angles)
+        all_times = np.concatenate(times)
+        order = np.argsort(all_times, kind="stable")
+        columns = rr.Transform3D.columns(
+            translation=np.concatenate(positions)[order],
+            quaternion=np.concatenate(quaternions)[order],
+            parent_frame=[parents[i] for i in order],
+            child_frame=[children[i] for i in order],
+        )
+        return all_times[order], columns
+
+
+def joint_rotations(
+    mount: tuple[float, float, float, float], axis: tuple[float, float, float], angles: Floats
+) -> Floats:
+    """Quaternions (n, 4) of a joint mounted as ``mount`` and turned about ``axis`` by ``angles`` (n,) [rad].
+
+    The product ``mount * (axis sin(a/2), cos(a/2))``, components x, y, z, w.
+    """
+    x, y, z, w = mount
+    i, j, k = (part * np.sin(angles / 2) for part in axis)
+    c = np.cos(angles / 2)
+    return np.column_stack(
+        (
+            w * i + x * c + y * k - z * j,
+            w * j - x * k + y * c + z * i,
+            w * k + x * j - y * i + z * c,
+            w * c - x * i - y * j - z * k,
+        )
+    )

@@ -1,0 +1,327 @@
+"""Screenshots of a recording by a headless viewer: repair of a torn file, close views, PNG files."""
+
+from __future__ import annotations
+
+import copy
+import io
+import os
+import socket
+import subprocess
+import tempfile
+import time
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from PIL import Image
+from rerun.chunk import RrdReader
+from rerun.experimental import ViewerClient
+
+from models.palette import COLOURS
+from services.logger import entity_paths
+from services.logger.entity_paths import TIMELINE
+from services.logger.scene import ARM_LABEL_HEIGHT, DISC_MARGIN
+from services.logger.viewer import RERUN, VIEWER_ENVIRONMENT
+from services.runtime.errors import BadInput, unknown_name
+
+REPAIR_TIMEOUT_S = 120.0
+"""Wall time given to the repair."""
+
+
+def repaired(rrd: Path, folder: Path) -> Path:
+    """The recording itself, or a copy in ``folder`` without its torn end.
+
+    Raises BadInput when neither can be read, or when what is left of it bears no time: the viewer would wait for it.
+    """
+    if not rrd.is_file():
+        raise BadInput(f"no recording {rrd}")
+    trouble = _read_error(rrd)
+    if not trouble:
+        if not _has_times(rrd):
+            raise BadInput(f"{rrd} holds shapes alone, nothing at any time: its writer ended before the run began")
+        return rrd
+    copy = folder / f"mended-{rrd.name}"
+    try:
+        subprocess.run([RERUN, "rrd", "optimize", rrd, "-o", copy], capture_output=True, timeout=REPAIR_TIMEOUT_S)
+    except subprocess.TimeoutExpired:
+        raise BadInput(f"{rrd} could not be mended within {REPAIR_TIMEOUT_S:.0f} s of wall time") from None
+    if not copy.is_file() or _read_error(copy):
+        raise BadInput(f"{rrd} is not a recording that can be shown: {trouble}")
+    if not _has_times(copy):
+        raise BadInput(
+            f"{rrd} is cut off after {rrd.stat().st_size} bytes, before anything that moves was recorded, so there is "
+            f"nothing to show: was it copied whole? ({trouble})"
+        )
+    return copy
+
+
+def _read_error(rrd: Path) -> str:
+    """Why rerun cannot read the file; empty when it can."""
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            held = RrdReader(rrd).recordings()
+    except RuntimeError as error:
+        return str(error)
+    return "" if held else "it holds no recording"
+
+
+def _has_times(rrd: Path) -> bool:
+    """Whether a recording holds anything at a time; raises BadInput for a damaged one."""
+    try:
+        with warnings.catch_warnings(action="ignore"):
+            return any(chunk.timeline_names for chunk in RrdReader(rrd).stream())
+    except RuntimeError as error:
+        raise BadInput(f"{rrd} is damaged: {error}") from None
+
+
+Layout = dict[str, Any]
+Point = tuple[float, float, float]
+
+EYE_DIRECTION = (-0.45, -0.75, 0.55)
+"""From where the eye looks at a robot, in units of its distance: from the south-west and above."""
+
+EYE_DISTANCE, EYE_DISTANCE_RADII = 0.7, 5.0
+"""Distance of the eye: so many metres, and so many radii of the robot more."""
+
+
+def robot_radii(rrd: Path) -> dict[str, float]:
+    """The robots of a recording, each with the radius [m] of what it takes on the ground; 0 for an arm."""
+    found: dict[str, float] = {}
+    for chunk in RrdReader(rrd).stream():
+        name, _, rest = chunk.entity_path.removeprefix("/").partition("/")
+        if rest == "marker/name":
+            found.setdefault(name, 0.0)
+        elif rest == "marker":
+            radii = chunk.to_record_batch().column("Cylinders3D:radii").to_pylist()
+            found[name] = float(radii[0][0]) - DISC_MARGIN
+    return found
+
+
+def robot_position(rrd: Path, robot: str, timeline: str, at: float) -> Point:
+    """Where a robot's base truly is ``at`` [s], m; raises BadInput when the recording does not tell."""
+    latest, place = -1, None
+    for chunk in RrdReader(rrd).stream():
+        if chunk.entity_path != entity_paths.transforms(robot) or timeline not in chunk.timeline_names:
+            continue
+        batch = chunk.to_record_batch()
+        times = np.array(batch.column(timeline).cast("int64").to_pylist(), np.int64)
+        parents = batch.column("Transform3D:parent_frame").to_pylist()
+        spots = batch.column("Transform3D:translation").to_pylist()
+        for stamp, parent, spot in zip(times, parents, spots, strict=True):
+            if parent == ["world"] and latest < stamp <= round(at * 1e9):
+                latest, place = int(stamp), spot[0]
+    if place is None:
+        raise BadInput(f"{rrd}: it is not known where {robot} is at {at:g} s of simulation time")
+    return float(place[0]), float(place[1]), float(place[2])
+
+
+def close_view(layout: Layout, radius: float, robot: str, place: Point) -> Layout:
+    """The layout of a viewer with the eye beside ``robot`` at ``place`` and its plots in front, up to the cursor."""
+    made = copy.deepcopy(layout)
+    for path, parts in layout.items():
+        name = parts.get("ViewBlueprint", {}).get("display_name")
+        if name == "World":
+            made[f"{path}/EyeControls3D"] = {"EyeControls3D": _eye(place, radius)}
+        if "TimeAxis" in parts:
+            made[path]["TimeAxis"]["view_range"] = {"start": "Infinite", "end": {"CursorRelative": 0}}
+        own = parts.get("ContainerBlueprint", {})
+        if own.get("display_name") == "plots":
+            for each in own["contents"]:
+                if layout.get(f"/{each}", {}).get("ContainerBlueprint", {}).get("display_name") == robot:
+                    made[path]["ContainerBlueprint"]["active_tab"] = each
+    return made
+
+
+def _eye(place: Point, radius: float) -> dict[str, list[float]]:
+    stands = radius <= 0
+    away = EYE_DISTANCE + EYE_DISTANCE_RADII * (ARM_LABEL_HEIGHT / 3 if stands else radius)
+    height = ARM_LABEL_HEIGHT / 2 if stands else radius / 2
+    target = [place[0], place[1], place[2] + height]
+    # An arm swings in its x-z plane and is best seen along y.
+    side = (-0.25, -0.9, 0.3) if stands else EYE_DIRECTION
+    return {
+        "position": [each + away * part for each, part in zip(target, side, strict=True)],
+        "look_target": target,
+        "eye_up": [0.0, 0.0, 1.0],
+    }
+
+
+SIZE = (1920, 1080)
+"""Pixels."""
+MENU_HEIGHT = 37
+"""Height of the viewer's own menu, which is cut off."""
+PALETTE_SIZE = 256
+"""In a picture, those of the robots among them: a third of the size in bytes, and no difference that is seen."""
+LOAD_TIMEOUT_S = 60.0
+"""Wall time given to the viewer to start and to load the recording; a lap of four robots takes about 2 s."""
+SETTLE_TIMEOUT_S = 30.0
+"""Wall time given to the picture to come to rest."""
+SETTLE_PERIOD_S = 0.7
+"""Wall time between two looks that decide whether the picture has come to rest."""
+
+
+class Screenshot(NamedTuple):
+    """A picture to be made: its file, the simulation time [s], and the robot to look at closely.
+
+    Without a time it is the end of the recording; without a robot, the recording as it opens.
+    """
+
+    png: Path
+    at: float | None = None
+    robot: str = ""
+
+
+def screenshot(rrd: Path, png: Path, at: float | None = None) -> None:
+    """Write one picture of the recording as it opens; see ``screenshots``."""
+    screenshots(rrd, [Screenshot(png, at)])
+
+
+def screenshots(rrd: Path, shots: Sequence[Screenshot], size: tuple[int, int] = SIZE) -> None:
+    """Write pictures of ``size`` in pixels.
+
+    Raises BadInput when the recording cannot be shown or has no such robot, or when this machine cannot draw: the text
+    says what to install.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        file = repaired(rrd, Path(folder))
+        robots = robot_radii(file) if any(shot.robot for shot in shots) else {}
+        for shot in shots:
+            if shot.robot and shot.robot not in robots:
+                raise unknown_name("robot", shot.robot, robots, str(rrd))
+        _take(rrd, file, shots, size, robots)
+
+
+def _take(rrd: Path, file: Path, shots: Sequence[Screenshot], size: tuple[int, int], robots: dict[str, float]) -> None:
+    """Take the pictures of ``file``, which is the recording ``rrd`` without its torn end."""
+    with headless_viewer(file, size) as viewer:
+        timeline, end = _timeline(viewer)
+        whole = viewer.get_blueprint(of="recording").blueprint
+        for shot in shots:
+            now = end if shot.at is None else shot.at
+            layout = whole
+            if shot.robot:
+                place = robot_position(file, shot.robot, timeline, now)
+                layout = close_view(whole, robots[shot.robot], shot.robot, place)
+            viewer.set_blueprint(layout, of="recording")
+            viewer.set_time(timeline, duration=now, play_state="paused")
+            _write(shot.png, _cropped(_settled_image(viewer)))
+            _check(viewer, rrd)
+
+
+@contextmanager
+def headless_viewer(rrd: Path, size: tuple[int, int] = SIZE) -> Iterator[ViewerClient]:
+    """A viewer without a window that shows the recording; it listens on 127.0.0.1 only and ends with the block.
+
+    A recording whose writer was killed is shown up to its torn end.
+    Raises BadInput when it cannot start or does not show the recording within LOAD_TIMEOUT_S.
+    """
+    port = _free_port()
+    command = [str(RERUN), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--hide-welcome-screen"]
+    command += ["--window-size", f"{size[0]}x{size[1] + MENU_HEIGHT}"]
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as said:
+        command.append(str(repaired(rrd, Path(folder)).absolute()))
+        try:
+            process = subprocess.Popen(
+                command, env={**os.environ, **VIEWER_ENVIRONMENT}, stdin=subprocess.DEVNULL, stdout=said, stderr=said
+            )
+        except OSError as error:
+            raise BadInput(f"the viewer cannot be started: {error}") from None
+        try:
+            yield _loaded(process, f"rerun+http://127.0.0.1:{port}/proxy", rrd)
+        except (RuntimeError, ConnectionError) as error:
+            said.seek(0)
+            raise BadInput(_failure_reason(said.read().decode(errors="replace"), str(error))) from None
+        finally:
+            process.terminate()
+            try:
+                process.wait(5.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def _loaded(process: subprocess.Popen[bytes], url: str, rrd: Path) -> ViewerClient:
+    """The viewer, once all of the recording has arrived; raises ConnectionError when it has ended."""
+    deadline = time.monotonic() + LOAD_TIMEOUT_S
+    viewer: ViewerClient | None = None
+    while time.monotonic() < deadline:
+        if process.poll() is not None:
+            raise ConnectionError(f"the viewer ended with status {process.returncode}")
+        try:
+            viewer = viewer or ViewerClient.connect(url)
+            state = viewer.get_state()
+        except (RuntimeError, ConnectionError):
+            viewer = None
+        else:
+            if state.recordings and not state.loading and state.recordings[0].timelines:
+                return viewer
+            if refused := [each.message for each in viewer.get_logs() if each.level == "ERROR"]:
+                raise BadInput(f"{rrd} cannot be shown: {refused[-1]}")
+        time.sleep(0.1)
+    raise BadInput(f"the viewer did not show {rrd} within {LOAD_TIMEOUT_S:.0f} s of wall time")
+
+
+def _timeline(viewer: ViewerClient) -> tuple[str, float]:
+    """The timeline that the recording opens on, and its end [s]."""
+    recording = viewer.get_state().recordings[0]
+    name = recording.current_timeline or TIMELINE
+    ends = [each.end for each in recording.timelines if each.name == name and each.end is not None]
+    return name, (ends[0] if ends else 0) / 1e9
+
+
+def _settled_image(viewer: ViewerClient) -> bytes:
+    """The PNG of a picture that no longer changes and misses nothing; the last one, if it never rests."""
+    deadline = time.monotonic() + SETTLE_TIMEOUT_S
+    before, now = b"", viewer.take_screenshot()
+    while time.monotonic() < deadline:
+        if now == before and not viewer.get_transform_graph()["missing_chunks"]:
+            break
+        time.sleep(SETTLE_PERIOD_S)
+        before, now = now, viewer.take_screenshot()
+    return now
+
+
+def _check(viewer: ViewerClient, rrd: Path) -> None:
+    """Raise BadInput for a view that reports an error."""
+    for view in viewer.get_state().views:
+        for report in view.reports:
+            if report.severity == "error":
+                raise BadInput(f"{rrd}: the view {view.name!r} cannot be drawn: {report.summary}")
+
+
+def _write(png: Path, taken: bytes) -> None:
+    try:
+        png.write_bytes(taken)
+    except OSError as error:
+        raise BadInput(f"the picture cannot be written: {error}") from None
+
+
+def _cropped(taken: bytes) -> bytes:
+    """The picture without the viewer's menu, small enough to be kept beside text."""
+    with Image.open(io.BytesIO(taken)) as whole, io.BytesIO() as out:
+        below = whole.convert("RGB").crop((0, MENU_HEIGHT, whole.width, whole.height))
+        palette = below.quantize(PALETTE_SIZE - len(COLOURS), Image.Quantize.MEDIANCUT)
+        palette.putpalette(bytes([*(palette.getpalette() or []), *(part for each in COLOURS for part in each)]))
+        below.quantize(palette=palette, dither=Image.Dither.NONE).save(out, "PNG", optimize=True)
+        return out.getvalue()
+
+
+def _failure_reason(said: str, error: str) -> str:
+    """Why the viewer failed, from what it printed."""
+    if "render context" in said or "graphics adapter" in said or "No suitable" in said:
+        return (
+            "no picture: this machine has no Vulkan driver to draw with; "
+            "on Debian: apt-get install --no-install-recommends libvulkan1 mesa-vulkan-drivers"
+        )
+    last = next((line for line in reversed(said.splitlines()) if "panicked" in line or "ERROR" in line), "")
+    return f"no picture: the viewer failed: {last or error}"
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+    return port

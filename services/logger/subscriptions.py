@@ -1,0 +1,54 @@
+"""What the logger hears of one robot."""
+
+from __future__ import annotations
+
+from messages.topics import CMD_VEL, CONTROL_STATE, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, SCAN, STATUS
+from services.logger import LoggerParameters
+from services.logger.columns import RobotColumns
+from services.runtime.context import Context
+from services.runtime.tf.buffer import TransformBuffer
+
+
+class RobotSubscriptions:
+    """Subscribes to a robot's topics and hands them to its columns; ``state`` is that of an arm's controller.
+
+    ``scans`` says whether to listen to its laser, which the simulation turns only for those who do.
+    """
+
+    def __init__(
+        self, ctx: Context[LoggerParameters], robot: str, frames: TransformBuffer, state: str = "", scans: bool = False
+    ) -> None:
+        self.robot, self.columns = robot, RobotColumns(frames=frames)
+        self._truth = ctx.stream(GROUND_TRUTH, f"/{robot}/{GROUND_TRUTH.name}")
+        self._odometry = ctx.stream(ODOM, f"/{robot}/{ODOM.name}")
+        self._commands = ctx.stream(CMD_VEL, f"/{robot}/{CMD_VEL.name}")
+        self._joints = ctx.stream(JOINT_STATES, f"/{robot}/{JOINT_STATES.name}")
+        self._plans = ctx.stream(PLAN, f"/{robot}/{PLAN.name}")
+        self._status = ctx.stream(STATUS, f"/{robot}/{STATUS.name}")
+        self._scans = ctx.stream(SCAN, f"/{robot}/{SCAN.name}") if scans else None
+        self._control = ctx.stream(CONTROL_STATE, state) if state else None
+
+    def collect(self, now: int, dt: float) -> None:
+        """Take over what came in the ``dt`` [s] before ``now`` [ns]."""
+        self.columns.add_truth(self._truth.drain())
+        self.columns.add_odometry(self._odometry.drain())
+        self.columns.add_commands(self._commands.drain(), now, dt)
+        self.columns.add_joints(self._joints.drain())
+        if self._scans is not None:
+            self.columns.add_scans(self._scans.drain())
+        if self._control is not None:
+            self.columns.add_control(self._control.drain())
+        for plan in self._plans.drain():
+            self.columns.add_plan(plan)
+        for status in self._status.drain():
+            self.columns.add_status(status)
+
+    def collect_remaining(self, now: int) -> None:
+        """Take over what came after the last tick."""
+        streams = (self._truth, self._odometry, self._commands, self._joints, self._plans, self._status)
+        for stream in streams:
+            stream.refresh()
+        for optional in (self._scans, self._control):
+            if optional is not None:
+                optional.refresh()
+        self.collect(now, 0.0)

@@ -1,0 +1,173 @@
+"""Authentication of pages: token, tickets, Host and Origin, and a limit on connections without a token."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import time
+from http.cookies import CookieError, SimpleCookie
+from urllib.parse import parse_qs
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import PlainTextResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+HEADERS = {
+    "content-security-policy": (
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
+        "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    "x-content-type-options": "nosniff",
+    "x-frame-options": "DENY",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "permissions-policy": "camera=(), microphone=(), geolocation=()",
+    "cache-control": "no-store",
+}
+
+TICKET_S = 60.0
+"""Wall time in which a browser that was started must have asked for its page."""
+
+
+class Authenticator:
+    """What must be shown to come in. A browser sends cookies of all ports of a host: the port is in the name."""
+
+    def __init__(self, token: str, port: int) -> None:
+        self.token = token
+        self._tickets: dict[str, float] = {}
+        self.cookie = f"elea_panel_{port}"
+        self.hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
+
+    def is_valid(self, token: str) -> bool:
+        """Whether this is the token; the time it takes tells nothing."""
+        return secrets.compare_digest(token.encode(), self.token.encode())
+
+    def query_is_valid(self, scope: Scope) -> bool:
+        """Whether the address holds the token."""
+        query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
+        return self.is_valid(query.get("token", [""])[-1])
+
+    def issue_ticket(self) -> str:
+        """Words that let one browser in, once and within TICKET_S; its command line may show them to other users."""
+        made = secrets.token_urlsafe(24)
+        self._tickets = {**self._valid_tickets(), made: time.monotonic() + TICKET_S}
+        return made
+
+    def redeem_ticket(self, ticket: str) -> bool:
+        """Whether this is such a ticket, which now counts no more."""
+        self._tickets = self._valid_tickets()
+        return self._tickets.pop(ticket, None) is not None
+
+    def _valid_tickets(self) -> dict[str, float]:
+        now = time.monotonic()
+        return {ticket: until for ticket, until in self._tickets.items() if until > now}
+
+    def cookie_is_valid(self, headers: Headers) -> bool:
+        """Whether the cookie does."""
+        try:
+            morsel = SimpleCookie(headers.get("cookie", "")).get(self.cookie)
+        except CookieError:
+            return False
+        return morsel is not None and self.is_valid(morsel.value)
+
+    def is_same_origin(self, headers: Headers) -> bool:
+        """Whether a page of this server asks: its Origin is the host that it was sent to."""
+        return headers.get("origin", "") in {f"http://{host}" for host in self.hosts}
+
+
+class AuthMiddleware:
+    """Refuses foreign hosts, and sockets of foreign pages or without the token; puts the headers on every answer."""
+
+    def __init__(self, app: ASGIApp, auth: Authenticator) -> None:
+        self._app, self._gate = app, auth
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+
+        async def dressed(message: Message) -> None:
+            if message["type"] in ("http.response.start", "websocket.http.response.start"):
+                headers = MutableHeaders(scope=message)
+                for name, value in HEADERS.items():
+                    headers.setdefault(name, value)
+            await send(message)
+
+        refusal = self._reject_reason(scope)
+        if refusal:
+            await PlainTextResponse(refusal, 403)(scope, receive, dressed)
+        else:
+            await self._app(scope, receive, dressed)
+
+    def _reject_reason(self, scope: Scope) -> str:
+        """Why it may not come in; empty when it may."""
+        headers = Headers(scope=scope)
+        if headers.get("host", "") not in self._gate.hosts:
+            return "this host is not mine: open the page as 127.0.0.1"
+        if scope["type"] == "websocket":
+            if not self._gate.is_same_origin(headers):
+                return "a page from elsewhere may not speak to this one"
+            if not self._gate.cookie_is_valid(headers):
+                return "the token is missing or old: open the address that ./elea panel prints"
+        elif headers.get("origin") is not None and not self._gate.is_same_origin(headers):
+            return "a page from elsewhere may not read this one"
+        return ""
+
+
+AUTH_TIMEOUT_S = 5.0
+"""Wall time in which a connection must have sent a request that shows the token."""
+MAX_UNAUTHENTICATED = 32
+"""Connections that have not; one more takes the place of the oldest. A browser opens six."""
+
+
+class UnauthenticatedConnections:
+    """Closes those that wait too long or are too many. All in the thread of the web server."""
+
+    def __init__(self, auth: Authenticator) -> None:
+        self._gate = auth
+        self._waiting: dict[asyncio.Transport, asyncio.TimerHandle] = {}
+
+    def add(self, transport: asyncio.Transport) -> None:
+        """Somebody has connected."""
+        if len(self._waiting) >= MAX_UNAUTHENTICATED:
+            self._abort(next(iter(self._waiting)))
+        timer = asyncio.get_running_loop().call_later(AUTH_TIMEOUT_S, self._abort, transport)
+        self._waiting[transport] = timer
+
+    def on_data(self, transport: asyncio.Transport, protocol: H11Protocol) -> None:
+        """Let in whose last request shows the token."""
+        if transport not in self._waiting or protocol.scope is None:
+            return
+        if self._gate.cookie_is_valid(Headers(raw=protocol.headers)) or self._gate.query_is_valid(dict(protocol.scope)):
+            self.remove(transport)
+
+    def remove(self, transport: asyncio.Transport) -> None:
+        """It waits no longer."""
+        if (timer := self._waiting.pop(transport, None)) is not None:
+            timer.cancel()
+
+    def _abort(self, transport: asyncio.Transport) -> None:
+        self.remove(transport)
+        transport.abort()
+
+
+def guarded_protocol(auth: Authenticator) -> type[H11Protocol]:
+    """uvicorn's HTTP for connections that come through a door of their own."""
+    connections = UnauthenticatedConnections(auth)
+
+    class Watched(H11Protocol):
+        def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+            super().connection_made(transport)
+            connections.add(transport)
+
+        def data_received(self, data: bytes) -> None:
+            super().data_received(data)
+            connections.on_data(self.transport, self)
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            connections.remove(self.transport)
+            super().connection_lost(exc)
+
+    return Watched

@@ -1,0 +1,116 @@
+"""What a page asks of other nodes: the request behind each word, with a deadline, while the loop goes on."""
+
+from __future__ import annotations
+
+import uuid
+from typing import Any, NamedTuple
+
+import msgspec
+
+from messages.base import Message, encode
+from messages.parameters import Assignment, HistoryOf, ResetParameters, SetParameters, UndoParameters
+from messages.requests import (
+    PARAMS_HISTORY,
+    PARAMS_RESET,
+    PARAMS_SET,
+    PARAMS_UNDO,
+    PAUSE,
+    RESET,
+    RESET_WORLD,
+    RESUME,
+    STEP,
+    SUPERVISOR_RESTART,
+    SUPERVISOR_START,
+    SUPERVISOR_STOP,
+    Name,
+    Request,
+)
+from messages.simulation import Steps
+from messages.std import Empty
+from services.panel.pages import Page, send_reply
+from services.panel.protocol import ClientRequest, History, Pause, Process, Reset, Resume, Set, Step, Undo, Unset
+from services.runtime.errors import BadInput, CallFailed
+from services.runtime.identity import Identity
+from services.runtime.requests import read_replies
+from services.runtime.transport.api import PendingReplies, Transport
+
+_SUPERVISOR_REQUESTS = {"start": SUPERVISOR_START, "stop": SUPERVISOR_STOP, "restart": SUPERVISOR_RESTART}
+
+MAX_PENDING_REQUESTS = 8
+"""Requests of a page that wait for their answers; more are refused."""
+
+
+class _PendingRequest(NamedTuple):
+    """A question that is under way."""
+
+    page: Page
+    number: int
+    request: Request[Any, Any]
+    key: str
+    pending: PendingReplies
+    deadline: float
+
+
+class RequestClient:
+    """Asks other nodes, and gives the answers to the pages that wanted them. Nothing here waits."""
+
+    def __init__(self, transport: Transport, identity: Identity) -> None:
+        self._transport, self._identity = transport, identity
+        self._pending: list[_PendingRequest] = []
+
+    @property
+    def busy(self) -> bool:
+        """Whether any answer is outstanding."""
+        return bool(self._pending)
+
+    def send(self, page: Page, said: ClientRequest, deadline: float) -> None:
+        """Ask for a page; the answer, or after ``deadline`` [s] the reason for none, reaches it by ``poll``."""
+        waiting = sum(each.page is page for each in self._pending)
+        if waiting >= MAX_PENDING_REQUESTS:
+            raise BadInput(f"{waiting} requests wait for their answers already")
+        request, message = self._request(said)
+        key = self._identity.key(request.name)
+        pending = self._transport.query_async(key, encode(message), deadline)
+        self._pending.append(_PendingRequest(page, said.id, request, key, pending, deadline))
+
+    def poll(self) -> None:
+        """Hand on the answers that have come."""
+        if not self._pending:
+            return
+        waiting = []
+        for each in self._pending:
+            replies = each.pending.poll()
+            if replies is None:
+                waiting.append(each)
+                continue
+            try:
+                reply = read_replies(each.request, each.key, replies, each.deadline, self._transport)
+                send_reply(each.page, each.number, True, msgspec.to_builtins(reply))
+            except CallFailed as error:
+                send_reply(each.page, each.number, False, str(error))
+        self._pending = waiting
+
+    def _request(self, said: ClientRequest) -> tuple[Request[Any, Any], Message]:
+        who, number = self._identity.node, uuid.uuid4().hex
+        match said:
+            case Pause():
+                return PAUSE, Empty()
+            case Resume():
+                return RESUME, Empty()
+            case Step(count=count):
+                return STEP, Steps(count=count)
+            case Reset(time=time):
+                return (RESET if time else RESET_WORLD), Empty()
+            case Process(verb=verb, name=name):
+                return _SUPERVISOR_REQUESTS[verb], Name(name=name)
+            case Set():
+                values = tuple(Assignment(name=name, value=value) for name, value in said.values.items())
+                return PARAMS_SET, SetParameters(set=said.set, values=values, run=said.run, id=number, who=who)
+            case Unset():
+                return PARAMS_RESET, ResetParameters(set=said.set, names=said.names, id=number, who=who)
+            case Undo():
+                return PARAMS_UNDO, UndoParameters(set=said.set, id=number, who=who)
+            case History():
+                return PARAMS_HISTORY, HistoryOf(set=said.set, limit=said.limit)
+            case _:
+                raise BadInput(f"{type(said).__name__} is no request of another node")

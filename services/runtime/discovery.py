@@ -1,0 +1,196 @@
+"""Discovery: which nodes there are, whether they can be reached, and waiting for those of a fleet.
+
+A newcomer's own token reaches the router ahead of its question. So of two nodes that come at the same moment under one
+name, at least one is told of the other.
+
+Peers talk straight to each other and never through the router, and they listen for this machine only. So a peer on
+another machine, or in another network namespace, that joins their router hears nobody, and nobody hears it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Iterable, Set
+
+import msgspec
+
+from messages.base import DECODE_ERRORS, decoder, encode
+from services.runtime.graph import Entity, token_pattern
+from services.runtime.log import Log
+from services.runtime.transport.api import ADMIN_SPACE, PendingReplies, TokenWatch, Transport
+
+DIRECTORY_KEY = f"{ADMIN_SPACE}/register"
+DIRECTORY_TIMEOUT_S = 0.5
+"""Wall time that the router has for its answer."""
+DIRECTORY_LOOK_S = 0.05
+"""Wall time that the router looks for tokens beyond those of which it was told; a node that hangs would delay all."""
+
+
+class NodeList(msgspec.Struct, frozen=True, array_like=True):
+    """The tokens of all nodes."""
+
+    nodes: tuple[str, ...] = ()
+
+
+_read_nodes = decoder(NodeList)
+
+
+class NodeDirectory:
+    """The router's side."""
+
+    def __init__(self, transport: Transport) -> None:
+        self._transport, self._server = transport, transport.serve(DIRECTORY_KEY)
+
+    def answer(self) -> None:
+        """Answer those who wait, all alike: their tokens are there by now."""
+        waiting = list(iter(self._server.recv, None))
+        if not waiting:
+            return
+        there = encode(NodeList(tuple(self._transport.tokens(token_pattern("node"), DIRECTORY_LOOK_S))))
+        for query in waiting:
+            query.reply(there)
+
+
+def known_nodes(transport: Transport) -> frozenset[str] | None:
+    """The tokens of all nodes that the router sees; None when there is no router, or none that says."""
+    for reply in transport.query(DIRECTORY_KEY, b"", DIRECTORY_TIMEOUT_S):
+        try:
+            return frozenset(_read_nodes(reply.payload).nodes)
+        except DECODE_ERRORS:
+            continue
+    return None
+
+
+REACH_FIRST_S = 2.0
+"""Wall time from joining to the first look: by then the links are up."""
+REACH_RETRY_S = 1.0
+"""Wall time to the next look after one that found a node cut off: two must find it."""
+REACH_PERIOD_S = 10.0
+"""Wall time between looks that find all well."""
+_MAX_LISTED = 5
+"""Nodes that are named at most."""
+
+
+def unreached(known: Set[str], seen: Set[str]) -> list[str]:
+    """The nodes, by name, of which a node that is cut off sees nothing; empty for one that is not cut off.
+
+    Args:
+        known: tokens of nodes that the router knows, without the node's own and the router's.
+        seen: tokens of nodes that the node itself sees.
+
+    It is cut off when it sees less than half of them. The others miss it alone, and say nothing.
+    """
+    missed = known - seen
+    if 2 * len(missed) <= len(known):
+        return []
+    found = (Entity.parse(key) for key in missed)
+    return sorted(each.node for each in found if each is not None)
+
+
+class ReachabilityCheck:
+    """Looks now and then, and logs when the node is cut off, and when it is no longer."""
+
+    def __init__(self, transport: Transport, log: Log) -> None:
+        self._transport, self._log = transport, log
+        self._due = time.monotonic() + REACH_FIRST_S
+        self._watch: TokenWatch | None = None
+        self._seen: set[str] = set()
+        self._asked: PendingReplies | None = None
+        self._suspected = self._told = False
+
+    def update(self) -> None:
+        """Look if it is time; from the loop, without waiting."""
+        if self._asked is None and time.monotonic() < self._due:
+            return
+        self._watch = self._watch or self._transport.watch(token_pattern("node"))
+        while (event := self._watch.poll()) is not None:
+            (self._seen.add if event.alive else self._seen.discard)(event.key)
+        if self._asked is None:
+            self._asked = self._transport.query_async(DIRECTORY_KEY, b"", DIRECTORY_TIMEOUT_S)
+        elif (replies := self._asked.poll()) is not None:
+            self._asked, self._due = None, time.monotonic() + REACH_PERIOD_S
+            for reply in replies:
+                if reply.ok:
+                    self._judge(reply.payload)
+
+    def _judge(self, answer: bytes) -> None:
+        try:
+            listed = frozenset(_read_nodes(answer).nodes)
+        except DECODE_ERRORS:
+            return
+        found = {key: Entity.parse(key) for key in listed}
+        known = {
+            key
+            for key, each in found.items()
+            if each is not None and each.name != "router" and each.session != self._transport.session
+        }
+        missed = unreached(known, self._seen)
+        if missed and not self._told:
+            self._due = time.monotonic() + REACH_RETRY_S
+            if self._suspected:
+                self._told = True
+                self._log.error(_unreachable_message(missed, len(known)))
+        elif self._told and not missed:
+            self._told = False
+            self._log.info(f"this node now reaches the {len(known)} nodes that the router knows")
+        self._suspected = bool(missed)
+
+
+def _unreachable_message(missed: list[str], known: int) -> str:
+    named = ", ".join(missed[:_MAX_LISTED]) + (
+        f" and {len(missed) - _MAX_LISTED} more" if len(missed) > _MAX_LISTED else ""
+    )
+    return (
+        f"this node is cut off from {len(missed)} of the {known} nodes that the router knows ({named}): in topology "
+        "direct they talk to each other without the router, on links that end at their own machine or network "
+        "namespace. Start this node with --topology star, which goes through the router"
+    )
+
+
+START_PATIENCE_S = 60.0
+"""Wall time to wait for further nodes while none becomes ready. A busy machine starts a fleet slowly, but on and on."""
+
+
+def missing_nodes(transport: Transport, roster: Iterable[str]) -> list[str]:
+    """The nodes of the roster that are not ready: they neither tick nor say that they are at work."""
+    keys = [*transport.tokens(token_pattern("step")), *transport.tokens(token_pattern("ready"))]
+    ready = {entity.node for entity in map(Entity.parse, keys) if entity is not None}
+    return [node for node in roster if node not in ready]
+
+
+def wait_for_nodes(
+    transport: Transport,
+    roster: Iterable[str],
+    idle: Callable[[], None],
+    patience_s: float = START_PATIENCE_S,
+    tell: Callable[[list[str], float], None] | None = None,
+    ended: Callable[[], Collection[str]] = tuple,
+) -> list[str]:
+    """Block until every node of the roster is ready.
+
+    Args:
+        transport: where the nodes show that they are ready.
+        roster: names of nodes.
+        idle: called between two looks; it blocks for a moment.
+        patience_s: wall time [s] without another node becoming ready after which the wait ends.
+        tell: called at each look with the nodes that are waited for and the wall time [s] waited.
+        ended: nodes that have ended for good: they are not waited for.
+
+    Returns:
+        The nodes that are not ready; empty when all are.
+    """
+    wanted = list(roster)
+    started = renewed = time.monotonic()
+    fewest = len(wanted) + 1
+    while absent := missing_nodes(transport, wanted):
+        now = time.monotonic()
+        if len(absent) < fewest:
+            fewest, renewed = len(absent), now
+        gone = set(ended())
+        awaited = [node for node in absent if node not in gone]
+        if not awaited or now - renewed > patience_s:
+            return absent
+        if tell is not None:
+            tell(awaited, now - started)
+        idle()
+    return []

@@ -1,0 +1,160 @@
+"""The heartbeat: sent by the loop itself, so that a hung loop has none."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Sequence
+from typing import Any, Literal
+
+from messages.base import MOST_COUNTED, encode
+from messages.elea import Health
+from services.runtime.log import Log
+from services.runtime.publisher import Publisher
+from services.runtime.refusal_counter import RefusalCounter
+from services.runtime.subscriber import Subscriber
+from services.runtime.transport.request_queue import Refusals
+
+PERIOD_S = 1.0
+"""Wall time between two heartbeats. With half of it, a machine with eight busy processes on two cores made healthy
+loops look hung."""
+
+LISTED_BYTES = 28_000
+"""What the inputs of one beat take at most, and the outputs: some 170 topics each. Both fit into ``HEALTH.largest``."""
+_ENTRY_BYTES = 128
+"""An entry without its texts: field names, and seven counts of nine bytes."""
+_LONGEST_NAME = 1000
+"""Characters of a topic that is listed; names that a node takes are shorter."""
+_NOTE_BYTES = 4000
+_COUNTS = ("received", "lost", "refused", "repeated", "resynced", "foreign")
+
+State = Literal["starting", "waiting", "running", "paused", "stopping"]
+
+End = Subscriber[Any] | RefusalCounter | Publisher[Any]
+
+
+class Heartbeat:
+    """Beats when ``beat`` is called and a period has passed, or somebody begins to listen."""
+
+    def __init__(self, node: str, log: Log | None = None) -> None:
+        self.state: State = "starting"
+        self.detail = ""
+        self.ticks = self.missed = 0
+        self._node, self._log = node, log
+        self._inputs, self._outputs = _Listing(), _Listing()
+        self._complained = False
+        self._beats = 0
+        self._due = 0.0
+        self._wanted = False
+
+    def publish_if_due(
+        self,
+        output: Publisher[Health],
+        inputs: Sequence[Subscriber[Any] | RefusalCounter],
+        outputs: Sequence[Publisher[Any]],
+        refusals: Refusals,
+    ) -> None:
+        """Publish the node's health if it is time."""
+        now, wanted = time.monotonic(), output.has_subscribers
+        if now < self._due and wanted <= self._wanted:
+            self._wanted = wanted
+            return
+        self._wanted = wanted
+        self._due = now + PERIOD_S
+        self._beats += 1
+        output.publish_encoded(self._payload(inputs, outputs, refusals, output.topic.largest))
+
+    def request_now(self) -> None:
+        """Let the next beat come at once: the state has changed."""
+        self._due = 0.0
+
+    def _payload(
+        self,
+        inputs: Sequence[Subscriber[Any] | RefusalCounter],
+        outputs: Sequence[Publisher[Any]],
+        refusals: Refusals,
+        largest: int,
+    ) -> bytes:
+        """The beat as it is sent. What cannot be told is left out, and said once: a sound node never looks hung."""
+        try:
+            payload = encode(self._health(inputs, outputs, refusals))
+            if len(payload) <= largest:
+                return payload
+            trouble = f"it has {len(payload)} bytes, the limit is {largest}"
+        except (OverflowError, ValueError, TypeError) as error:
+            trouble = str(error)
+        if self._log is not None and not self._complained:
+            self._complained = True
+            self._log.error(f"the heartbeat tells totals alone, and nothing of single topics: {trouble}")
+        return encode(self._health(inputs, outputs, refusals, listed=False))
+
+    def _health(
+        self,
+        inputs: Sequence[Subscriber[Any] | RefusalCounter],
+        outputs: Sequence[Publisher[Any]],
+        refusals: Refusals,
+        listed: bool = True,
+    ) -> Health:
+        totals = {name: min(sum(getattr(each, name) for each in inputs), MOST_COUNTED) for name in _COUNTS}
+        return Health(
+            node=self._node,
+            pid=os.getpid(),
+            beat=self._beats,
+            state=self.state,
+            note=self.detail.encode(errors="replace")[:_NOTE_BYTES].decode(errors="ignore"),
+            ticks=self.ticks,
+            missed=self.missed,
+            inputs=tuple(self._inputs.next(inputs)) if listed else (),
+            outputs=tuple(self._outputs.next(outputs)) if listed else (),
+            reads=len(inputs),
+            writes=len(outputs),
+            sent=min(sum(each.sent for each in outputs), MOST_COUNTED),
+            **totals,
+            refused_requests=refusals.count,
+            request_reason=refusals.reason[:200],
+        )
+
+
+class _Listing:
+    """Which ends of a node a beat lists: all that fit, else those with new trouble first, and the others in turn."""
+
+    def __init__(self) -> None:
+        self._next = 0
+        self._told: dict[str, int] = {}
+
+    def next(self, ends: Sequence[End]) -> list[Any]:
+        """The health of those whose turn it is, in the order given; new trouble takes half of the room at most."""
+        count, room = len(ends), LISTED_BYTES
+        first = self._next % count if count else 0
+        turns = [i for i in (*range(first, count), *range(first)) if len(ends[i].name) <= _LONGEST_NAME]
+        if len(self._told) > count:
+            there = {each.name for each in ends}
+            self._told = {name: told for name, told in self._told.items() if name in there}
+        chosen: dict[int, Any] = {}
+        for index in turns:
+            if room < LISTED_BYTES // 2:
+                break
+            if _trouble(ends[index]) != self._told.get(ends[index].name, 0):
+                room -= self._choose(index, ends[index], chosen, room)
+        for index in turns:
+            if index not in chosen:
+                taken = self._choose(index, ends[index], chosen, room)
+                if not taken:
+                    break
+                room -= taken
+            self._next = index + 1
+        return [chosen[index] for index in sorted(chosen)]
+
+    def _choose(self, index: int, end: End, chosen: dict[int, Any], room: int) -> int:
+        """List an end if there is room for it; the bytes that it takes, 0 when there is none."""
+        told = end.health()
+        size = _ENTRY_BYTES + len(told.topic.encode()) + len(getattr(told, "reason", "").encode(errors="replace"))
+        if size > room:
+            return 0
+        chosen[index] = told
+        self._told[end.name] = _trouble(end)
+        return size
+
+
+def _trouble(end: End) -> int:
+    return end.lost + end.refused + end.repeated + end.resynced if isinstance(end, Subscriber) else 0

@@ -1,0 +1,321 @@
+"""The client of the parameter service: announces a node's sets, receives their values and retries its requests."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from messages.base import Message, WrongPayload, decoder, encode
+from messages.names import key as key_of
+from messages.parameters import Announcement, Assignment, ParameterValues, UndoParameters
+from messages.requests import PARAMS_ANNOUNCE, PARAMS_UNDO, Refusal, Request
+from services.runtime.errors import CallFailed, NoAnswer
+from services.runtime.graph import Entity, token_pattern
+from services.runtime.lockstep.watermarks import Watermarks
+from services.runtime.log import Log
+from services.runtime.requests import INTERNAL, call, check_single, read_replies
+from services.runtime.transport.api import TIMEOUT, PendingReplies, Transport
+from services.runtime.transport.wire import MEMBER_BYTES, NODE_BYTES, member_id, publisher_id
+
+if TYPE_CHECKING:
+    from services.runtime.parameters.subscription import ParameterSubscription
+
+Q = TypeVar("Q", bound=Message)
+R = TypeVar("R", bound=Message)
+
+TRY_TIMEOUT_S = 2.0
+"""Wall time that one attempt waits for its answer."""
+LAST_TRY_S = 1.0
+"""Wall time to wait for somebody who serves the request at all."""
+_PAUSE_S = 0.1
+_read_refusal = decoder(Refusal)
+
+
+class OutcomeUnknown(CallFailed):
+    """The request was sent and no answer came: it may have been carried out, or not."""
+
+
+def call_idempotent(transport: Transport, request: Request[Q, R], message: Q, timeout: float = 5.0) -> R:
+    """The reply to a request with an absolute name, asked again with the same id for as long as none comes.
+
+    Raises CallFailed when it was refused, or when nobody serves it, so that it was certainly not carried out;
+    Uncertain when all attempts within ``timeout`` [s] remained without an answer, or its handler failed at each;
+    SeveralServers when more than one process answered.
+    """
+    began, sent, key, failure = time.monotonic(), False, request.name[1:], ""
+    payload = encode(message)
+    while True:
+        left = timeout - (time.monotonic() - began)
+        if sent and left <= 0:
+            raise OutcomeUnknown(
+                f"{request.name} did not answer within {timeout:g} s: "
+                f"it is unknown whether the request was carried out{failure}"
+            )
+        if not sent and not transport.tokens(token_pattern("srv", "*", request.name)):
+            if time.monotonic() - began > min(timeout, LAST_TRY_S):
+                raise CallFailed(f"nobody serves {request.name}, nothing was asked: is the process that does running?")
+            time.sleep(_PAUSE_S)
+            continue
+        sent = True
+        replies = transport.query(key, payload, max(min(left, TRY_TIMEOUT_S), _PAUSE_S))
+        check_single(request.name, replies, transport)
+        for reply in replies:
+            if reply.ok:
+                return _decode_reply(request, reply.payload)
+            if (reason := _reason(reply.payload)) is not None:
+                if not reason.startswith(INTERNAL):
+                    raise CallFailed(reason)
+                failure = f"; the last answer: {reason}"
+        time.sleep(_PAUSE_S)
+
+
+def _decode_reply(request: Request[Q, R], payload: bytes) -> R:
+    try:
+        return decoder(request.response_type)(payload)
+    except WrongPayload as error:
+        raise CallFailed(
+            f"{request.name} answered with something else than a {request.response_type.__name__}: {error}"
+        ) from None
+
+
+def _reason(payload: bytes) -> str | None:
+    """Why it was refused; None when nobody answered in time."""
+    if payload == TIMEOUT:
+        return None
+    try:
+        return _read_refusal(payload).reason
+    except WrongPayload:
+        return f"refused without a reason that can be read: {payload[:80]!r}"
+
+
+AUTHORITY = PARAMS_ANNOUNCE.name.rpartition("/")[0]
+"""The node of the parameter service: ``/params``."""
+
+SIGHT_S = 0.25
+"""Wall time that a starting node looks for a parameter service which it does not see at once."""
+START_S = 2.0
+"""Wall time that a starting node waits for the parameter service's answer, when that is there."""
+AWAIT_S = 10.0
+"""Wall time that a node waits for a parameter service that it is told to expect: links may take a while to come up."""
+ANSWER_S = 5.0
+"""The same later, when it goes on meanwhile."""
+RETRY_S = 3.0
+"""Wall time after which it asks again when it got no answer, or none that it can use."""
+
+_TOKENS = token_pattern("srv", AUTHORITY, PARAMS_ANNOUNCE.name)
+_KEY = key_of(PARAMS_ANNOUNCE.name)
+
+
+class ParameterClient:
+    """Announces a node's sets to the parameter service, now or when it comes. Nothing here blocks but ``begin``.
+
+    ``marks`` are those of lockstep, when there is any. ``quiet`` says nothing of a service that is not there.
+    """
+
+    def __init__(self, transport: Transport, node: str, log: Log, quiet: bool = False) -> None:
+        self.watermarks: Watermarks | None = None
+        self._transport, self._node, self._log, self._quiet = transport, node, log, quiet
+        self._watch = transport.watch(_TOKENS)
+        self._sessions: set[str] = set()
+        self._sets: list[ParameterSubscription[Any]] = []
+        self._asking: dict[ParameterSubscription[Any], tuple[PendingReplies | None, float]] = {}
+        self._undoing: list[tuple[PendingReplies, str]] = []
+        self._leaving: list[PendingReplies] = []
+        self._numbers = itertools.count(1)
+        self._missed = False
+        self._patience: Callable[[], bool] | None = None
+
+    @property
+    def available(self) -> bool:
+        """Whether a parameter service is there."""
+        return bool(self._sessions)
+
+    @property
+    def unanswered(self) -> bool:
+        """Whether a set was announced to a parameter service that is there, and not answered yet: neither with values
+        nor with a refusal."""
+        return self.available and any(not followed.refused for followed in self._asking)
+
+    def expect(self, stopping: Callable[[], bool]) -> None:
+        """Block until the parameter service is there, AWAIT_S have passed since this was first called, or the process
+        is to stop. ``begin`` then insists on an answer as long."""
+        if self._patience is None:
+            deadline = time.monotonic() + AWAIT_S
+            self._patience = lambda: time.monotonic() < deadline and not stopping()
+        while not self.available and self._patience():
+            self._poll_tokens()
+            time.sleep(0.01)
+
+    def attach(self, followed: ParameterSubscription[Any], wait: bool = True) -> None:
+        """Announce a set; with ``wait``, block until the answer or START_S have passed.
+
+        A service that is expected is asked again while the time of ``expect`` lasts: it may be seen before the link to
+        it carries a question.
+        """
+        if not self.available:
+            self._poll_tokens()
+            if wait and not self._quiet and self._transport.settle_s:
+                self._check_presence()
+        self._sets.append(followed)
+        if not self.available:
+            self._note_absent("no parameter service is there: running on its own values; it is followed when it comes")
+        elif not wait or self._quiet:
+            self._ask(followed)
+        else:
+            self._announce(followed)
+
+    def detach(self, followed: ParameterSubscription[Any]) -> None:
+        """Follow a set no more, and say so."""
+        self._sets.remove(followed)
+        self._asking.pop(followed, None)
+        if self.available:
+            leaving = Announcement(set=followed.set, node=self._node, leaves=True)
+            self._leaving.append(self._transport.query_async(_KEY, encode(leaving), ANSWER_S))
+
+    def next_id(self) -> str:
+        """An id for a request, another one each time: no two sets of this node may share one."""
+        return f"{self._transport.session}-{next(self._numbers)}"
+
+    def spin_once(self) -> None:
+        """Notice a parameter service that comes or goes, and take its answers."""
+        while (event := self._watch.poll()) is not None:
+            self._note(event.key, event.alive)
+        if self._asking:
+            self._retry()
+        self._leaving = [each for each in self._leaving if each.poll() is None]
+        if self._undoing:
+            self._undoing = [each for each in self._undoing if not self._undone(*each)]
+
+    def request_undo(self, followed: ParameterSubscription[Any], revision: int, reason: str) -> None:
+        """Let the parameter service undo the change that a node cannot follow, so that all agree on what counts."""
+        who = f"{self._node}: {reason}"[:255]
+        asked = UndoParameters(set=followed.set, revision=revision, id=self.next_id(), who=who)
+        key = key_of(PARAMS_UNDO.name)
+        self._undoing.append((self._transport.query_async(key, encode(asked), ANSWER_S), followed.set))
+
+    def trusts(self, publisher: bytes, key: str) -> bool:
+        """Whether a publisher of ``key`` is the parameter service: it holds the token, or lockstep has it as member."""
+        if any(publisher == publisher_id(AUTHORITY, session, key) for session in self._sessions):
+            return True
+        member, own = publisher[:MEMBER_BYTES], publisher_id(AUTHORITY, "", key)
+        same = publisher[:NODE_BYTES] == own[:NODE_BYTES] and publisher[MEMBER_BYTES:] == own[MEMBER_BYTES:]
+        return same and self.watermarks is not None and member in self.watermarks.members
+
+    def _check_presence(self) -> None:
+        """While links come up, a service that is there may be out of sight for a moment."""
+        deadline = time.monotonic() + SIGHT_S
+        while not self.available and time.monotonic() < deadline:
+            time.sleep(SIGHT_S / 5)
+            self._poll_tokens()
+
+    def _announce(self, followed: ParameterSubscription[Any]) -> None:
+        announced = announcement(self._node, followed)
+        while True:
+            try:
+                answer = call(self._transport, PARAMS_ANNOUNCE, _KEY, announced, START_S)
+            except CallFailed as error:
+                if isinstance(error, NoAnswer) and self._patience is not None and self._patience():
+                    time.sleep(0.01)
+                    continue
+                self._fail(followed, error)
+            else:
+                followed.apply_initial(answer, self._source())
+            return
+
+    def _poll_tokens(self) -> None:
+        """Ask the network who is there now; the watch may tell a moment later."""
+        for key in self._transport.tokens(_TOKENS):
+            self._note(key, True)
+
+    def _note(self, key: str, alive: bool) -> None:
+        entity = Entity.parse(key)
+        if entity is None:
+            return
+        if alive and entity.session not in self._sessions:
+            self._sessions.add(entity.session)
+            for followed in self._sets:
+                self._ask(followed)
+            if self._missed and not self._quiet:
+                self._log.info("the parameter service is there: following it")
+            self._missed = False
+        elif not alive and entity.session in self._sessions:
+            self._sessions.discard(entity.session)
+            if not self._sessions:
+                self._asking.clear()
+                self._note_absent(
+                    "the parameter service is gone: the present values stay; it is followed when it comes back"
+                )
+
+    def _note_absent(self, text: str) -> None:
+        if not self._missed:
+            self._missed = True
+            if not self._quiet:
+                self._log.info(text)
+
+    def _ask(self, followed: ParameterSubscription[Any]) -> None:
+        payload = encode(announcement(self._node, followed))
+        self._asking[followed] = self._transport.query_async(_KEY, payload, ANSWER_S), 0.0
+
+    def _retry(self) -> None:
+        for followed, (pending, again) in list(self._asking.items()):
+            if pending is None:
+                if time.monotonic() >= again:
+                    self._ask(followed)
+                continue
+            replies = pending.poll()
+            if replies is None:
+                continue
+            del self._asking[followed]
+            try:
+                answer = read_replies(PARAMS_ANNOUNCE, _KEY, replies, ANSWER_S, self._transport)
+            except CallFailed as error:
+                self._fail(followed, error)
+            else:
+                self._answered(followed, answer)
+
+    def _undone(self, pending: PendingReplies, name: str) -> bool:
+        replies = pending.poll()
+        if replies is None:
+            return False
+        try:
+            read_replies(PARAMS_UNDO, key_of(PARAMS_UNDO.name), replies, ANSWER_S, self._transport)
+        except CallFailed as error:
+            self._log.error(f"the parameters {name} are not what the parameter service says: {error}")
+        return True
+
+    def _answered(self, followed: ParameterSubscription[Any], answer: ParameterValues) -> None:
+        source = self._source()
+        # In lockstep it counts from the tick at which it comes as an update, the same for everybody.
+        if self.watermarks is None or source not in self.watermarks.members:
+            followed.enqueue(answer, source)
+
+    def _fail(self, followed: ParameterSubscription[Any], error: CallFailed) -> None:
+        followed.refused = not isinstance(error, NoAnswer)
+        if followed.error != str(error):
+            followed.error = str(error)
+            self._log.warn(f"the parameters {followed.set} are this node's own for now: {error}")
+        self._asking[followed] = None, time.monotonic() + RETRY_S
+
+    def _source(self) -> bytes:
+        """Who answers, as far as it is known."""
+        return member_id(AUTHORITY, next(iter(self._sessions))) if len(self._sessions) == 1 else b""
+
+
+def announcement(node: str, followed: ParameterSubscription[Any]) -> Announcement:
+    """What a node says of a set that it follows."""
+    return Announcement(
+        set=followed.set,
+        node=node,
+        parameters=followed.described,
+        fleet=tuple(assignments(followed.fleet)),
+        command_line=tuple(assignments(followed.command_line)),
+        run=tuple(assignments(followed.run_values)),
+    )
+
+
+def assignments(values: dict[str, Any]) -> Iterator[Assignment]:
+    """Names and values as they travel."""
+    for name, value in values.items():
+        yield Assignment(name=name, value=value)

@@ -1,0 +1,189 @@
+"""One set of parameters that a node follows: the record as it stands, checked anew at every change."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Generic, TypeVar
+
+import msgspec
+
+from messages.names import key as key_of
+from messages.parameters import Origin, ParameterDescription, ParameterValues, SetParameters
+from messages.requests import PARAMS_SET
+from messages.topics import UPDATES
+from services.runtime.errors import BadInput
+from services.runtime.node import Node
+from services.runtime.parameters.client import AUTHORITY, ParameterClient, assignments
+from services.runtime.parameters.schema import changed_names, fields_of, flatten, nest
+from services.runtime.parameters.validation import build, describe_parameters
+from services.runtime.requests import call
+from services.runtime.service import Parameters
+from services.runtime.subscriber import Subscriber
+from services.runtime.transport.wire import MEMBER_BYTES
+
+P = TypeVar("P", bound=Parameters)
+
+CHANGE_S = 0.5
+"""Wall time that ``change`` waits for the parameter service."""
+LOG_PERIOD_S = 1.0
+"""Wall time between two lines of the log about updates that are refused."""
+
+
+class ParameterSubscription(Generic[P]):
+    """``params`` is replaced as a whole, between two calls of ``refresh``; ``origins`` tells where each value is from.
+
+    ``fits`` raises BadInput for values that contradict each other; a change to such is refused, and taken back at the
+    parameter service, so that all agree. ``described`` stands instead of what the record says of its parameters;
+    ``fleet`` and ``command_line`` hold what they state, by dotted names. ``trouble`` is why the parameter service's
+    values are not followed, ``refused`` tells that it has refused the set.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        name: str,
+        params: P,
+        *,
+        fleet: Mapping[str, Any] | None = None,
+        command_line: Mapping[str, Any] | None = None,
+        described: Sequence[ParameterDescription] = (),
+        fits: Callable[[P], object] | None = None,
+        quiet: bool = False,
+    ) -> None:
+        self.set, self.params = name, params
+        self.fleet, self.command_line = dict(fleet or {}), dict(command_line or {})
+        self.described = tuple(described or describe_parameters(type(params)))
+        self.origins: dict[str, Origin] = {each.name: "default" for each in self.described}
+        self.origins.update(dict.fromkeys(self.fleet, "fleet"))
+        self.origins.update(dict.fromkeys(self.command_line, "command line"))
+        self.error, self.refused = "", False
+        self._node, self._fits = node, fits
+        self._flat = flatten(params)
+        self._live = {each.name: each.level for each in self.described if each.live}
+        self._kept = {leaf.name.partition(".")[0] for leaf in fields_of(type(params)) if leaf.structured}
+        self._subscriber: Subscriber[ParameterValues] = node.subscribe(
+            UPDATES, f"{name}/{UPDATES.name.removeprefix('~')}"
+        )
+        self._queued: list[tuple[ParameterValues, bytes]] = []
+        self._revision, self._source = -1, b""
+        self._undo_requested = False
+        if node.parameter_client is None:
+            node.parameter_client = ParameterClient(node.transport, node.identity.node, node.log, quiet)
+        self._client = node.parameter_client
+
+    def start(self, wait: bool = True) -> None:
+        """Announce the set; with ``wait``, ``params`` is what the parameter service says when this returns."""
+        if wait and self._node.expects_params:
+            self._client.expect(lambda: self._node.stopping)
+        self._client.attach(self, wait)
+
+    def close(self) -> None:
+        """Follow the set no more."""
+        self._client.detach(self)
+        self._node.unregister(self._subscriber)
+
+    @property
+    def run_values(self) -> dict[str, Any]:
+        """What was set for this run alone, for a parameter service that has forgotten it."""
+        return {name: self._flat[name] for name, origin in self.origins.items() if origin == "run"}
+
+    def apply_initial(self, values: ParameterValues, source: bytes) -> None:
+        """Take what the parameter service says as the node starts; what contradicts itself is not taken."""
+        before = self._flat
+        self._apply(values, source, undo=False)
+        if news := changed_names(self._flat, before):
+            told = ", ".join(f"{name} = {self._flat[name]} ({self.origins[name]})" for name in news)
+            self._node.log.info(f"parameters {self.set}: {told}")
+
+    def enqueue(self, values: ParameterValues, source: bytes) -> None:
+        """Keep what it says until the next ``refresh``."""
+        self._queued.append((values, source))
+
+    def update(self) -> None:
+        """Take what has come, where nobody takes the snapshot of all inputs."""
+        self._subscriber.update()
+
+    def refresh(self) -> int:
+        """Follow what was admitted; the levels of the parameters that changed, 0 when none did."""
+        if not self._subscriber.messages and not self._queued:
+            return 0
+        self._client.spin_once()
+        levels = 0
+        for values, origin in self._subscriber.messages:
+            if origin is None or not self._client.trusts(origin.publisher, self._subscriber.key):
+                self._refuse(f"not from the node {AUTHORITY} that is there")
+            else:
+                self._queued.append((values, origin.publisher[:MEMBER_BYTES]))
+        heard, self._queued, self._subscriber.messages = self._queued, [], []
+        for values, source in heard:
+            levels |= self._apply(values, source, undo=True)
+        return levels
+
+    def change(self, values: Mapping[str, Any]) -> None:
+        """Set parameters for this run, by dotted names, from the next step on.
+
+        Raises BadInput for values that are out of bounds or contradict each other, CallFailed when the parameter
+        service is there and does not agree.
+        """
+        if not values:
+            return
+        params = self._checked({**self._flat, **values})
+        if not self._client.available:
+            self._replace(params, {**self.origins, **dict.fromkeys(values, "run")})
+            return
+        asked = SetParameters(
+            set=self.set,
+            values=tuple(assignments(dict(values))),
+            run=True,
+            id=self._client.next_id(),
+            who=self._node.identity.node,
+        )
+        answer = call(self._node.transport, PARAMS_SET, key_of(PARAMS_SET.name), asked, CHANGE_S)
+        self._apply(answer, self._source, undo=True)
+
+    def _apply(self, values: ParameterValues, source: bytes, undo: bool) -> int:
+        if source == self._source and values.revision < self._revision:
+            return 0  # overtaken by the answer to a request
+        self._source, self._revision = source, values.revision
+        self.error, self.refused = "", False
+        told = {each.name: each for each in values.values if each.name in self._live}
+        flat = {**self._flat, **{name: each.value for name, each in told.items()}}
+        origins: dict[str, Origin] = {**self.origins, **{name: each.origin for name, each in told.items()}}
+        if not changed_names(flat, self._flat):
+            self.origins, self._undo_requested = origins, False
+            return 0
+        try:
+            params = self._checked(flat)
+        except BadInput as error:
+            if not undo:
+                self._refuse(f"{error}; its own values stay. ./elea param reset {self.set} forgets what was saved")
+            else:
+                self._refuse(str(error))
+                if not self._undo_requested:
+                    self._client.request_undo(self, values.revision, str(error))
+            self._undo_requested = True  # once, until something fits again
+            return 0
+        self._undo_requested = False
+        return self._replace(params, origins)
+
+    def _checked(self, flat: Mapping[str, Any]) -> P:
+        """The record with these values; raises BadInput."""
+        record = type(self.params)
+        built = build(record, nest(record, flat), self.set)
+        params = msgspec.structs.replace(built, **{name: getattr(self.params, name) for name in self._kept})
+        if self._fits is not None:
+            self._fits(params)
+        return params
+
+    def _replace(self, params: P, origins: dict[str, Origin]) -> int:
+        flat = flatten(params)
+        changed = changed_names(flat, self._flat)
+        self.params, self.origins, self._flat = params, origins, flat
+        levels = 0
+        for name in changed:
+            levels |= self._live.get(name, 0)
+        return levels
+
+    def _refuse(self, reason: str) -> None:
+        self._subscriber.reject(reason)
+        self._node.log.warn(f"a change of the parameters {self.set} is refused: {reason}", every=LOG_PERIOD_S)

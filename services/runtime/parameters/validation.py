@@ -1,0 +1,170 @@
+"""Parameters from outside: read from text and tables, checked against the bounds that their record declares."""
+
+from __future__ import annotations
+
+import json
+import math
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, TypeVar
+
+import msgspec
+from msgspec import Meta
+
+from messages.parameters import ParameterDescription
+from services.runtime.errors import BadInput, unknown_name
+from services.runtime.parameters.schema import (
+    MAX_NUMBER,
+    all_metas,
+    constraints_of,
+    fields_of,
+    flatten,
+    lengths,
+    type_name,
+    violations,
+)
+from services.runtime.service import Parameters
+
+P = TypeVar("P", bound=Parameters)
+
+
+_NOTHING = object()
+ALL_LEVELS = 2**32 - 1
+"""Every level: what listeners get at first."""
+
+
+def describe_parameters(record: type[Parameters], defaults: Parameters | None = None) -> Iterator[ParameterDescription]:
+    """Every parameter of a service, in the order of declaration, with the defaults of its record or those given.
+
+    The annotations say more by ``Meta(extra=...)``: ``unit``; ``live``, false for what a running service does not
+    follow; ``level``, the bit that listeners get when it changes, 1 unless told; ``at_most`` and ``excludes``, by names
+    beside it, what must hold between parameters. Tables in it have dotted names. Bounds of a list are those of its
+    elements. A list of tables is a JSON text that is never live.
+    """
+    given = flatten(defaults) if defaults is not None else {}
+    related = {each.name: each for each in constraints_of(record)}
+    for leaf in fields_of(record):
+        kind, choices = type_name(leaf)
+        metas = () if leaf.structured else all_metas(leaf)
+        low, above = _bound(metas, "ge", "gt")
+        high, below = _bound(metas, "le", "lt")
+        shortest, longest = lengths(leaf)
+        yield ParameterDescription(
+            name=leaf.name,
+            type=kind,
+            default=given.get(leaf.name, leaf.default),
+            low=low,
+            high=high,
+            above=above,
+            below=below,
+            choices=choices,
+            shortest=shortest,
+            longest=longest,
+            at_most=related[leaf.name].at_most if leaf.name in related else "",
+            excludes=related[leaf.name].excludes if leaf.name in related else (),
+            optional=leaf.optional,
+            unit=next((meta.extra["unit"] for meta in reversed(metas) if meta.extra and meta.extra.get("unit")), ""),
+            text=next((meta.description for meta in reversed(leaf.metas) if meta.description), ""),
+            live=bool(leaf.extra("live", True)) and not leaf.structured,
+            level=leaf.extra("level", 1),
+        )
+
+
+def read_value(text: str) -> Any:
+    """A value as JSON or TOML writes it; anything else is taken as a text."""
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError):
+        pass
+    try:
+        return tomllib.loads(f"v = {text}")["v"]
+    except (tomllib.TOMLDecodeError, RecursionError):
+        return text
+
+
+def read_assignments(pairs: Iterable[str], option: str = "--param") -> dict[str, Any]:
+    """``name=value`` texts as a table; raises BadInput."""
+    table: dict[str, Any] = {}
+    for pair in pairs:
+        name, equals, value = pair.partition("=")
+        if not equals or not name:
+            raise BadInput(f"{option} {pair!r}: write it as name=value")
+        table[name] = read_value(value)
+    return table
+
+
+def build(record: type[P], values: Mapping[str, Any], where: str = "") -> P:
+    """The record with ``values``; raises BadInput with the parameter, the bound and the value, or what contradicts
+    each other."""
+    prefix = f"{where}: " if where else ""
+    names = [each.name for each in msgspec.structs.fields(record)]
+    for name, value in values.items():
+        if name not in names:
+            raise unknown_name("parameter", name, names, where)
+        if not _finite(value):
+            raise BadInput(f"{prefix}parameter {name} = {value!r}: a number that is not finite")
+    try:
+        made = msgspec.convert(dict(values), record)
+    except msgspec.ValidationError as error:
+        text = str(error)
+        name = text.partition("`$.")[2].partition("`")[0].partition("[")[0]
+        value = _at(values, name.split("."))
+        shown = "" if value is _NOTHING else f" {name} = {value!r}"
+        raise BadInput(f"{prefix}parameter{shown}: {text}") from None
+    if (related := constraints_of(record)) and (faults := list(violations(related, flatten(made)))):
+        raise BadInput(f"{prefix}{'; '.join(faults)}")
+    return made
+
+
+def check_value(record: type[Parameters], name: str, value: Any, where: str = "") -> None:
+    """Raise BadInput unless the parameter ``name``, dotted in a table, can become ``value`` while its service runs."""
+    prefix = f"{where}: " if where else ""
+    known = {leaf.name: leaf for leaf in fields_of(record)}
+    if name not in known:
+        raise unknown_name("parameter", name, known, where)
+    leaf = known[name]
+    if leaf.structured or not leaf.extra("live", True):
+        raise BadInput(
+            f"{prefix}parameter {name} does not change while its service runs: state it as a parameter of it"
+        )
+    if not _finite(value):
+        raise BadInput(f"{prefix}parameter {name} = {value!r}: a number that is not finite")
+    try:
+        msgspec.convert(value, leaf.hint | None if leaf.optional else leaf.hint)
+    except msgspec.ValidationError as error:
+        raise BadInput(f"{prefix}parameter {name} = {value!r}: {error}") from None
+
+
+def stated(record: type[Parameters], values: Mapping[str, Any]) -> dict[str, Any]:
+    """The single values that a table states, by dotted names, checked and typed as in the record; raises BadInput."""
+    made = flatten(build(record, values))
+    return {name: value for name, value in made.items() if _at(values, name.split(".")) is not _NOTHING}
+
+
+def _at(table: Any, path: list[str]) -> Any:
+    """What a table states at a path of names, or _NOTHING."""
+    for step in path:
+        if not isinstance(table, Mapping) or step not in table:
+            return _NOTHING
+        table = table[step]
+    return table
+
+
+def _bound(metas: Iterable[Meta], inclusive: str, exclusive: str) -> tuple[float | None, bool]:
+    """The bound that the innermost annotation states, and whether it lies outside; none beyond the wire's own."""
+    for meta in metas:
+        for name in (inclusive, exclusive):
+            value = getattr(meta, name)
+            if value is not None:
+                return (float(value), name == exclusive) if abs(value) < MAX_NUMBER else (None, False)
+    return None, False
+
+
+def _finite(value: Any) -> bool:
+    if isinstance(value, float):
+        return math.isfinite(value)
+    if isinstance(value, list | tuple):
+        return all(_finite(each) for each in value)
+    if isinstance(value, dict):
+        return all(_finite(each) for each in value.values())
+    return True

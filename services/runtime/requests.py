@@ -1,0 +1,226 @@
+"""Requests: calling a server with a deadline, and serving with bounded work in each turn."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable, Collection, Sequence
+from typing import Any, Generic, TypeVar
+
+from messages.base import Message, WrongPayload, decoder, encode
+from messages.requests import Refusal, Request
+from services.runtime.errors import CallFailed, EleaError, NoAnswer, SeveralServers
+from services.runtime.graph import Entity, token_pattern
+from services.runtime.log import Log
+from services.runtime.transport.api import TIMEOUT, Reply, TokenWatch, Transport
+from services.runtime.transport.request_queue import Refusals
+
+Q = TypeVar("Q", bound=Message)
+R = TypeVar("R", bound=Message)
+
+DEADLINE_S = 5.0
+"""Wall time that a call waits for its reply unless told otherwise."""
+
+
+_read_refusal = decoder(Refusal)
+
+
+def call(transport: Transport, request: Request[Q, R], key: str, message: Q, timeout: float = DEADLINE_S) -> R:
+    """Ask and wait.
+
+    Raises NoAnswer when nobody serves or nobody answers in time, SeveralServers when more than one process answers, and
+    CallFailed when it is refused.
+    """
+    return read_replies(request, key, transport.query(key, encode(message), timeout), timeout, transport)
+
+
+def read_replies(request: Request[Q, R], key: str, replies: Sequence[Reply], timeout: float, transport: Transport) -> R:
+    """The answer in ``replies``; raises CallFailed as ``call`` does. ``transport`` tells whose they are."""
+    name = f"/{key}"
+    if not replies:
+        raise NoAnswer(f"nobody serves {name}: is the process that does running?")
+    check_single(name, replies, transport)
+    for reply in replies:
+        if not reply.ok:
+            continue
+        try:
+            return decoder(request.response_type)(reply.payload)
+        except WrongPayload as error:
+            raise CallFailed(
+                f"{name} answered with something else than a {request.response_type.__name__}: {error}"
+            ) from None
+    said = next((each for each in replies if each.payload != TIMEOUT), None)
+    if said is None:
+        raise NoAnswer(f"{name} did not answer within {timeout} s: it may be stuck, or have died")
+    raise CallFailed(_reason_of(name, said.payload))
+
+
+def check_single(name: str, replies: Sequence[Reply], transport: Transport) -> None:
+    """Raise SeveralServers, with their names, when more than one process answered the request ``name``.
+
+    A process that has died, and whose token is still in sight, answers nothing: it is none of them.
+    """
+    sessions = sorted({each.session for each in replies if each.session})
+    if len(sessions) < 2:
+        return
+    nodes = {each.session: each.node for each in servers(transport, name)}
+    said = ", ".join(f"{nodes.get(each, 'a program without a name')} (session {each[:8]})" for each in sessions)
+    raise SeveralServers(
+        f"{len(sessions)} processes serve {name}: {said}; each of them may have carried the request out. "
+        "Stop all but one; ./elea doctor names them"
+    )
+
+
+def servers(transport: Transport, name: str = "*") -> list[Entity]:
+    """Who shows by a token that it serves the request ``name``, or any at all."""
+    found = (Entity.parse(key) for key in transport.tokens(token_pattern("srv", "*", name)))
+    return [each for each in found if each is not None]
+
+
+def _reason_of(name: str, payload: bytes) -> str:
+    try:
+        return f"{name}: {_read_refusal(payload).reason}"
+    except WrongPayload:
+        return f"{name} refused without a reason that can be read: {payload[:80]!r}"
+
+
+MAX_PER_TURN = 16
+"""Requests that a node answers in one turn of its loop; the heartbeat comes between two turns."""
+MAX_TURN_S = 0.02
+"""Wall time after which a turn begins no further one."""
+DUPLICATE_S = 2.0
+"""Wall time that a second server of a request must be in sight before the log says so. The token of a process that was
+killed goes at once where its machine lives, and within the lease of a link (2 s) where it does not."""
+INTERNAL = "internal error"
+"""How the refusal begins that says nothing of the request: its handler failed."""
+_LONGEST_TRACE = 4000
+_LOG_S = 1.0
+
+
+class RequestHandler(Generic[Q, R]):
+    """One request that a node answers."""
+
+    def __init__(
+        self,
+        request: Request[Q, R],
+        key: str,
+        handler: Callable[[Q], R],
+        transport: Transport,
+        log: Log,
+        refusals: Refusals,
+    ) -> None:
+        self.request, self.name, self._key = request, f"/{key}", key
+        self._handler, self._log, self._refusals = handler, log, refusals
+        self._read = decoder(request.request_type)
+        self._server = transport.serve(key, request.largest, refusals)
+        self.waiting: Collection[object] = self._server.waiting
+
+    def answer(self) -> None:
+        """Answer the oldest request that waits, if one does.
+
+        A bad one gets its reason. When a handler fails, the asker is told so, the log has the traceback, and the
+        process goes on: one request must not end a simulation. What is asked of a wildcard reaches every request that
+        it covers, and is meant for none of them.
+        """
+        if (query := self._server.recv()) is None:
+            return
+        if query.key != self._key:
+            query.refuse(self._refusals.add(f"asked of {query.key[:80]!r}, not of {self.name} alone"))
+            return
+        try:
+            reply = encode(self._handler(self._read(query.payload)))
+        except (EleaError, ValueError) as error:
+            query.refuse(self._refusals.add(str(error)))
+        except Exception as error:  # noqa: BLE001 - whatever a handler may raise is told, logged and counted, here
+            self._log.error(f"{self.name} failed:\n{traceback.format_exc()[-_LONGEST_TRACE:]}", every=_LOG_S)
+            query.refuse(self._refusals.add(f"{INTERNAL}: {type(error).__name__}: {error}; see the log of its process"))
+        else:
+            query.reply(reply)
+
+
+class RequestServer:
+    """All requests that a node answers, in turn, so that a flood of one does not keep the others out.
+
+    ``refusals`` counts those that got an error for their answer. The log says when another process serves one of the
+    same requests.
+    """
+
+    def __init__(self, transport: Transport, log: Log) -> None:
+        self.served: list[RequestHandler[Any, Any]] = []
+        self.refusals = Refusals()
+        self._transport, self._log = transport, log
+        self._order: deque[RequestHandler[Any, Any]] = deque()
+        self._rivals: DuplicateServers | None = None
+
+    def add(self, request: Request[Q, R], key: str, handler: Callable[[Q], R]) -> None:
+        """Answer ``request`` on ``key`` from the next turn on."""
+        made = RequestHandler(request, key, handler, self._transport, self._log, self.refusals)
+        self.served.append(made)
+        self._order.append(made)
+        if self._rivals is None:
+            self._rivals = DuplicateServers(self._transport, self._log)
+        self._rivals.names.add(made.name)
+
+    def spin_once(self) -> None:
+        """Answer some of what waits; when more does, the loop is woken at once for its next turn."""
+        if self._rivals is None:
+            return
+        self._rivals.update()
+        began = 0.0
+        for _ in range(MAX_PER_TURN):
+            if (served := self._due()) is None:
+                return
+            began = began or time.monotonic()
+            served.answer()
+            if time.monotonic() - began > MAX_TURN_S:
+                break
+        self._transport.wake()
+
+    def _due(self) -> RequestHandler[Any, Any] | None:
+        """The next one, after the last that was answered, of which a request waits."""
+        for place, each in enumerate(self._order):
+            if each.waiting:
+                self._order.rotate(-place - 1)
+                return each
+        return None
+
+
+class DuplicateServers:
+    """Other processes that serve the same requests as this one, as their tokens show."""
+
+    def __init__(self, transport: Transport, log: Log) -> None:
+        self.names: set[str] = set()
+        self._session, self._log = transport.session, log
+        self._watch: TokenWatch = transport.watch(token_pattern("srv"))
+        self._seen: dict[tuple[str, str], dict[str, float]] = {}
+        self._said: set[tuple[str, str]] = set()
+
+    def update(self) -> None:
+        """Notice who comes and goes, and say who has stayed."""
+        while (event := self._watch.poll()) is not None:
+            entity = Entity.parse(event.key)
+            if entity is not None and entity.session != self._session:
+                self._note(entity, event.alive)
+        if self._seen:
+            self._warn(time.monotonic())
+
+    def _note(self, entity: Entity, alive: bool) -> None:
+        who = entity.node, entity.session
+        if alive and entity.name in self.names:
+            self._seen.setdefault(who, {})[entity.name] = time.monotonic()
+        elif not alive and who in self._seen:
+            self._seen[who].pop(entity.name, None)
+            if not self._seen[who]:
+                del self._seen[who]
+                self._said.discard(who)
+
+    def _warn(self, now: float) -> None:
+        for (node, session), names in self._seen.items():
+            since = min(names.values())
+            if (node, session) not in self._said and now - since > DUPLICATE_S:
+                self._said.add((node, session))
+                self._log.warn(
+                    f"{node} (session {session[:8]}) serves {', '.join(sorted(names))} as this node does: "
+                    "who asks gets an error that names both, until one of the two is stopped"
+                )

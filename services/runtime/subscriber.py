@@ -1,0 +1,363 @@
+"""Subscribers: samples checked, counted and snapshotted at the start of a tick, and what a loop sees of them."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from itertools import islice
+from typing import Any, Generic, TypeVar
+
+from messages.base import DECODE_ERRORS, Message, raw_decoder, saturating_add
+from messages.elea import InputHealth
+from messages.std import Header
+from messages.topics import Quality, Topic
+from services.runtime.lockstep.watermarks import Watermarks
+from services.runtime.transport.api import RawSubscriber, Sample, Transport
+from services.runtime.transport.sequences import MAX_GAP, SequenceTracker, Verdict
+from services.runtime.transport.wire import (
+    ATTACHMENT_SIZE,
+    MEMBER_BYTES,
+    NODE_BYTES,
+    SampleInfo,
+    encoding,
+    member_id,
+    publisher_id,
+    unpack_attachment,
+)
+
+M = TypeVar("M", bound=Message)
+
+QUEUE_SIZE = 1024
+"""Samples kept between two looks; more than any topic brings in a tick of the slowest reader."""
+EVENT_QUEUE_SIZE = 8192
+"""The same for events, of which a reader of bursts may lag behind by as many."""
+QUEUE_BYTES = 1 << 26
+"""What waits on one subscription at most [bytes]: large messages get shorter rings."""
+MIN_QUEUE_SIZE, MIN_RAW_QUEUE_SIZE = 4, 64
+LARGEST_ATTACHMENT = 256
+"""Bytes of an attachment that is not ours; with a longer one, a sample is refused."""
+
+WAIT_BUDGET_S = 2.0
+"""Wall time that a tick of lockstep waits for samples that were sent before, all together; then they count as lost."""
+
+
+class WaitBudget:
+    """What a tick has of PATIENCE_S, for all inputs together; ``turn`` is called again and again while one waits.
+
+    ``missed`` are the topics of which something did not come.
+    """
+
+    def __init__(self, turn: Callable[[], None] = lambda: None) -> None:
+        self.missed: list[str] = []
+        self._turn = turn
+        self._deadline = 0.0
+
+    def sleep(self) -> bool:
+        """Wait for a moment; False when nothing is left."""
+        now = time.monotonic()
+        if self._deadline == 0.0:
+            self._deadline = now + WAIT_BUDGET_S
+        elif now > self._deadline:
+            return False
+        self._turn()
+        time.sleep(0.00005)
+        return True
+
+
+def queue_size(largest: int, event: bool = False, raw: bool = False) -> int:
+    """How many samples of at most ``largest`` bytes wait for a reader; of more, the oldest are overwritten.
+
+    A ``raw`` reader does not know its messages: they are hardly ever as large as they may be.
+    """
+    return max(
+        MIN_RAW_QUEUE_SIZE if raw else MIN_QUEUE_SIZE,
+        min(EVENT_QUEUE_SIZE if event else QUEUE_SIZE, QUEUE_BYTES // largest),
+    )
+
+
+class Subscriber(Generic[M]):
+    """One subscription. Its owner calls ``admit`` once a tick; ``batch`` then holds what is new, oldest first.
+
+    Refused (wrong type, undecodable, too large, numbered absurdly), repeated and lost samples (gaps in the numbers) are
+    counted, never passed on; ``SequenceTracker`` says by which rule. A sample without our attachment is foreign: it is
+    taken if it decodes. A ``raw`` input gives bare payloads.
+    """
+
+    def __init__(self, topic: Topic[M], name: str, key: str, transport: Transport, raw: bool = False) -> None:
+        self.topic, self.name, self.key = topic, name, key
+        self.encoding = encoding(topic.record.ROS_TYPE)
+        self._capacity = queue_size(topic.largest, topic.quality is Quality.EVENT, raw)
+        self.raw: RawSubscriber = transport.subscribe(key, self._capacity, topic.quality is Quality.LATCHED)
+        self.messages: list[tuple[M, SampleInfo | None]] = []
+        self.received = self.lost = self.refused = self.foreign = self.repeated = self.resynced = 0
+        self.reason = ""
+        self._largest = topic.largest
+        self._only = member_id(topic.only, "")[:NODE_BYTES] if topic.only else b""
+        self._strict = topic.quality in (Quality.COMMAND, Quality.LATCHED)
+        self._decode: Callable[[bytes], Any] = bytes if raw else raw_decoder(topic.record)
+        self._sequences = SequenceTracker()
+        self._last, self._stamps = self._sequences.last, self._sequences.stamps
+        self._deferred: dict[bytes, deque[tuple[M, SampleInfo]]] = {}
+        """By publisher, what its member has not told of yet; the numbers grow."""
+        self._topic_bytes = publisher_id("", "", key)[MEMBER_BYTES:]
+
+    def update(self, marks: Watermarks | None = None, patience: WaitBudget | None = None) -> None:
+        """Take what has come. With ``marks`` (lockstep), members' samples wait until their tick is over."""
+        fresh = self._drain()
+        if marks is None:
+            if self._deferred:
+                fresh = [*(entry for held in self._deferred.values() for entry in held), *fresh]
+                self._deferred.clear()
+            self.messages = fresh
+            return
+        if awaited := marks.required.get(self.key):
+            self._wait_for_required(awaited, fresh, patience or WaitBudget())
+        if not fresh and not self._deferred:
+            self.messages = fresh
+            return
+        reached = marks.admitted_upto.get(self.key, {})
+        ready: list[tuple[M, SampleInfo | None]] = []
+        if self._deferred:
+            self._admit_deferred(marks, reached, ready)
+        for entry in fresh:
+            origin = entry[1]
+            if (
+                origin is not None
+                and (publisher := origin.publisher)[:MEMBER_BYTES] in marks.members
+                and origin.sequence > (last := reached.get(publisher, 0))
+            ):
+                self._defer(entry[0], origin, last)
+            else:
+                ready.append(entry)
+        if len(ready) > 1:
+            ready.sort(key=_order)
+        self.messages = ready
+
+    def recv(self) -> M | None:
+        """The next message, for who answers to each as it comes, without time; None when nothing is there."""
+        while (sample := self.raw.recv()) is not None:
+            if (entry := self._decode_sample(sample)) is not None:
+                return entry[0]
+        return None
+
+    def close(self) -> None:
+        """End the subscription."""
+        self.raw.close()
+
+    def reject(self, reason: str) -> None:
+        """Count a sample as refused, as its owner does with one that decodes and still makes no sense."""
+        self.refused += 1
+        self.reason = reason[:200]
+
+    def health(self) -> InputHealth:
+        """The counts, as they are shown."""
+        return InputHealth(
+            topic=self.name,
+            received=self.received,
+            lost=self.lost,
+            refused=self.refused,
+            foreign=self.foreign,
+            reason=self.reason,
+            repeated=self.repeated,
+            resynced=self.resynced,
+        )
+
+    def _drain(self) -> list[tuple[M, SampleInfo | None]]:
+        """What is there, at most as much as the ring holds: in a flood, more comes for as long as one takes."""
+        taken: list[tuple[M, SampleInfo | None]] = []
+        open_ = self._decode_sample
+        for sample in islice(iter(self.raw.recv, None), self._capacity):
+            if (entry := open_(sample)) is not None:
+                taken.append(entry)
+        return taken
+
+    def _decode_sample(self, sample: Sample) -> tuple[M, SampleInfo | None] | None:
+        """The message in a sample that is new, meant for this topic and of its type; gaps before it count as lost.
+
+        Asking for key and type takes 2 us: it is done for each command, for what has no publisher, and else for what
+        does not continue its publisher's numbers. The rest takes about 2 us for an Odometry.
+        """
+        payload, attachment, source = sample
+        origin = unpack_attachment(attachment)
+        follows = False
+        if origin is not None:
+            sequence, source_ns, _, publisher = origin
+            last = self._last.get(publisher)
+            follows = last is not None and sequence == last + 1
+        if (not follows or self._strict) and not self._accept(source, origin):
+            return None
+        if origin is None:
+            if len(attachment) > LARGEST_ATTACHMENT:
+                self.reject(f"an attachment of {len(attachment)} bytes; ours has {ATTACHMENT_SIZE}")
+                return None
+            self.foreign += 1
+        if len(payload) > self._largest:
+            self._reject_payload(origin, follows, f"{len(payload)} bytes, the limit is {self._largest}")
+            return None
+        try:
+            message = self._decode(payload)
+        except DECODE_ERRORS as error:
+            self._reject_payload(origin, follows, str(error))
+            return None
+        if follows:
+            self._last[publisher], self._stamps[publisher] = sequence, source_ns
+        elif origin is not None and not self._is_new(origin):
+            return None
+        self.received += 1
+        return message, origin
+
+    def _is_new(self, origin: SampleInfo) -> bool:
+        """Whether a good sample that does not continue its publisher's numbers is to be taken; it is counted so."""
+        last = self._last.get(origin.publisher, 0)
+        verdict = self._sequences.judge(origin)
+        if verdict is Verdict.REPEATED:
+            self.repeated += 1
+            return False
+        if verdict is Verdict.TOO_FAR:
+            self.reject(f"number {origin.sequence} after {last}: at most {MAX_GAP} may be missing; is it forged?")
+            return False
+        if verdict is Verdict.GAP:
+            self.lost = saturating_add(self.lost, origin.sequence - last - 1)
+        elif verdict is Verdict.RESYNCED:
+            self.resynced += 1
+        self._sequences.accept(origin)
+        return True
+
+    def _reject_payload(self, origin: SampleInfo | None, follows: bool, reason: str) -> None:
+        """Refuse a payload. The number of one that was due has been used: it is not lost as well, nor waited for."""
+        self.reject(reason)
+        if origin is not None and follows:
+            self._sequences.pass_over(origin.publisher, origin.sequence)
+
+    def _accept(self, source: Any, origin: SampleInfo | None) -> bool:
+        """A put to a wildcard reaches every topic that it covers, and is meant for none of them.
+
+        A topic of one node's alone takes nothing from others.
+        """
+        key, kind = self.raw.key(source), self.raw.encoding(source)
+        if key != self.key:
+            self.reject(f"sent to {key[:80]!r}, not to this topic alone")
+        elif kind and kind != self.encoding:
+            self.reject(f"expected {self.encoding}, got {kind[:80]}")
+        elif self._only and (origin is None or origin.publisher[:NODE_BYTES] != self._only):
+            self.reject(f"not from the node {self.topic.only}, which alone may publish it")
+        else:
+            return True
+        return False
+
+    def _wait_for_required(
+        self, awaited: dict[bytes, int], fresh: list[tuple[M, SampleInfo | None]], patience: WaitBudget
+    ) -> None:
+        """Block until every awaited sample is there; what does not come while patience lasts is counted as lost."""
+        while missing := [each for each, number in awaited.items() if self._last.get(each, 0) < number]:
+            if not patience.sleep():
+                patience.missed.append(self.name)
+                for publisher in missing:
+                    # Of one that was never heard, nothing says how many there were, nor with which number it begins.
+                    if (last := self._last.get(publisher)) is None:
+                        self.lost = saturating_add(self.lost, 1)
+                    else:
+                        self.lost = saturating_add(self.lost, awaited[publisher] - last)
+                        self._sequences.give_up(publisher, awaited[publisher])
+                return
+            fresh += self._drain()
+
+    def _admit_deferred(
+        self, marks: Watermarks, reached: dict[bytes, int], ready: list[tuple[M, SampleInfo | None]]
+    ) -> None:
+        """Take from what is held what its member has told of by now, and all of those who are no members any more."""
+        for publisher, held in list(self._deferred.items()):
+            last = reached.get(publisher, 0) if publisher[:MEMBER_BYTES] in marks.members else held[-1][1].sequence
+            while held and held[0][1].sequence <= last:
+                ready.append(held.popleft())
+            if held and marks.epoch_changed:
+                self._retract(len(held), "a member's number that was not told before time began anew: is it forged?")
+                held.clear()
+            if not held:
+                del self._deferred[publisher]
+
+    def _defer(self, message: M, origin: SampleInfo, last: int) -> None:
+        """Keep a member's sample until its number is told; ``last`` is the last one that was."""
+        publisher, number = origin.publisher, origin.sequence
+        if publisher[MEMBER_BYTES:] != self._topic_bytes:
+            self._retract(1, "under the id of a lockstep member, which does not publish this topic")
+        elif number > last + self._capacity:
+            self._retract(1, f"number {number} of a lockstep member that has told of {last}: is it forged?")
+        else:
+            held = self._deferred.setdefault(publisher, deque())
+            while held and held[-1][1].sequence >= number:  # its true numbers go on below forged ones
+                held.pop()
+                self._retract(1, f"number {number} came again from a lockstep member: was one forged?")
+            held.append((message, origin))
+
+    def _retract(self, count: int, reason: str) -> None:
+        """Count samples as refused that were taken before."""
+        self.received -= count
+        self.reject(reason)
+        self.refused += count - 1
+
+
+def _order(entry: tuple[Message, SampleInfo | None]) -> tuple[bytes, bytes, int]:
+    """Senders by name, then topic, then number: the same in every run, whatever the network's timing."""
+    origin = entry[1]
+    if origin is None:
+        return b"", b"", 0
+    return origin.publisher[:NODE_BYTES], origin.publisher[MEMBER_BYTES:], origin.sequence
+
+
+class Latest(Generic[M]):
+    """The newest message of a topic, as it stood at the start of the tick."""
+
+    def __init__(self, source: Subscriber[M], now: Callable[[], int]) -> None:
+        self._source, self._now = source, now
+        self.latched = source.topic.quality is Quality.LATCHED
+        self.value: M | None = None
+        self.info: SampleInfo | None = None
+        self._stamp = 0
+
+    def refresh(self) -> None:
+        """Follow the input's last batch."""
+        if self._source.messages:
+            self.value, self.info = self._source.messages[-1]
+            header = getattr(self.value, "header", None)
+            self._stamp = header.stamp.ns if isinstance(header, Header) else self._now()
+
+    def clear(self) -> None:
+        """Forget the value."""
+        self.value = self.info = None
+
+    @property
+    def age(self) -> float:
+        """Seconds of simulation time since the message's stamp (its arrival, when it has none); inf without one."""
+        return (self._now() - self._stamp) / 1e9 if self.value is not None else float("inf")
+
+    def fresh(self, seconds: float) -> M | None:
+        """The value, unless it is older than ``seconds`` of simulation time."""
+        return self.value if self.value is not None and self.age <= seconds else None
+
+
+class Stream(Generic[M]):
+    """Every message of a topic, in order."""
+
+    def __init__(self, source: Subscriber[M]) -> None:
+        self._source = source
+        self.latched = source.topic.quality is Quality.LATCHED
+        self._taken: list[M] = []
+
+    def refresh(self) -> None:
+        """Add the input's last batch to what was not taken yet."""
+        self._taken += [message for message, _ in self._source.messages]
+        excess = len(self._taken) - QUEUE_SIZE
+        if excess > 0:
+            self._source.lost = saturating_add(self._source.lost, excess)
+            del self._taken[:excess]
+
+    def clear(self) -> None:
+        """Forget what was not taken."""
+        self._taken = []
+
+    def drain(self) -> list[M]:
+        """What came since the last call, oldest first."""
+        taken, self._taken = self._taken, []
+        return taken

@@ -1,0 +1,90 @@
+"""Who tells of which frame: a frame has one parent and one publisher, and what breaks this is told."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+MAX_AUTHORITIES = 64
+"""On one frame; whoever made the first one is forgotten for another."""
+
+
+class Authority(NamedTuple):
+    """The parent that a publisher gives a frame, and the stamp [ns] of its last transform; None for a fixed one."""
+
+    parent: str
+    stamp: int | None
+
+
+class FrameAuthorities:
+    """The claims on each frame; one that was not renewed for ``cache_ns`` [ns] no longer counts."""
+
+    def __init__(self, cache_ns: int) -> None:
+        self._cache_ns = cache_ns
+        self._of: dict[str, dict[bytes, Authority]] = {}
+        self._conflicting: set[str] = set()
+        self._newest = 0
+
+    def moving(self, child: str, publisher: bytes, parent: str, stamp: int) -> None:
+        """A publisher has told of a moving frame."""
+        self._add(child, publisher, Authority(parent, stamp))
+        self._newest = max(self._newest, stamp)
+
+    def static(self, publisher: bytes, parents: Mapping[str, str]) -> None:
+        """A publisher has told its fixed frames, which stand instead of those before."""
+        for child, claims in self._of.items():
+            old = claims.get(publisher)
+            if old is not None and old.stamp is None and child not in parents:
+                del claims[publisher]
+        for child, parent in parents.items():
+            self._add(child, publisher, Authority(parent, None))
+
+    def clear(self) -> None:
+        """Forget what moves."""
+        self._keep(lambda claim: claim.stamp is None)
+        self._newest = 0
+
+    def prune(self) -> None:
+        """Forget what no longer counts."""
+        since = self._newest - self._cache_ns
+        self._keep(lambda claim: claim.stamp is None or claim.stamp >= since)
+
+    def publishers(self, frame: str) -> list[bytes]:
+        """Who tells of a frame now."""
+        return sorted(self._valid(frame))
+
+    def conflicts(self) -> dict[str, str]:
+        """A sentence for each frame that several publishers tell of."""
+        told = {}
+        for child in sorted(self._conflicting):
+            claims = self._valid(child)
+            if len(claims) < 2:
+                continue
+            parents = sorted({claim.parent for claim in claims.values()})
+            if len(parents) > 1:
+                told[child] = f"frame {child!r} has {len(parents)} parents, {' and '.join(map(repr, parents))}"
+            else:
+                told[child] = f"frame {child!r} has {len(claims)} publishers"
+            if len({claim.stamp is None for claim in claims.values()}) > 1:
+                told[child] += ", and is told as both fixed and moving"
+        return told
+
+    def _add(self, child: str, publisher: bytes, claim: Authority) -> None:
+        claims = self._of.setdefault(child, {})
+        if publisher not in claims and len(claims) >= MAX_AUTHORITIES:
+            del claims[next(iter(claims))]
+        claims[publisher] = claim
+        if len(claims) > 1:
+            self._conflicting.add(child)
+
+    def _valid(self, frame: str) -> dict[bytes, Authority]:
+        since = self._newest - self._cache_ns
+        claims = self._of.get(frame, {})
+        return {who: claim for who, claim in claims.items() if claim.stamp is None or claim.stamp >= since}
+
+    def _keep(self, wanted: Callable[[Authority], bool]) -> None:
+        kept = {
+            child: {who: claim for who, claim in claims.items() if wanted(claim)} for child, claims in self._of.items()
+        }
+        self._of = {child: claims for child, claims in kept.items() if claims}
+        self._conflicting = {child for child, claims in self._of.items() if len(claims) > 1}

@@ -1,0 +1,264 @@
+"""The tree of frames over the last seconds: where any frame lies in any other, with the semantics of ROS's tf2.
+
+Names do not begin with a slash; one that does is taken without it, as in tf.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from messages.geometry import TransformStamped
+from messages.se3 import IDENTITY, SE3
+from services.runtime.errors import FrameLoop, NotConnected, UnknownFrame
+from services.runtime.tf.authority import FrameAuthorities
+from services.runtime.tf.time_cache import StampedTransform, TimeCache
+
+CACHE_S = 10.0
+"""How long the past is kept [s of simulation time]; tf2's default."""
+MAX_FRAMES = 4096
+"""Frames that are kept; what comes beyond is refused."""
+MAX_PUBLISHERS = 256
+"""Publishers of fixed frames that are kept apart."""
+NOT_UNIT = 0.01
+"""How far the squared length of a quaternion may be off 1; tf2's tolerance."""
+_LISTED = 30
+
+
+class LookupResult(NamedTuple):
+    """Where a frame lies in another, and at which time [ns]; None when it is the same at any time."""
+
+    time: int | None
+    transform: SE3
+
+
+class TransformBuffer:
+    """Takes transforms, answers ``lookup``. What is old, repeated or refused is counted and has no other effect.
+
+    A frame that is told as moving and as fixed, or as fixed by several publishers, is what it was told as last: so it
+    is in tf2.
+    """
+
+    def __init__(self, cache_s: float = CACHE_S) -> None:
+        self.old = self.repeated = self.refused = 0
+        self.reason = ""
+        self._cache_ns = round(cache_s * 1e9)
+        self._moving: dict[str, TimeCache] = {}
+        self._static: dict[str, StampedTransform] = {}
+        self._parents_seen: dict[bytes, dict[str, StampedTransform]] = {}
+        self._claims = FrameAuthorities(self._cache_ns)
+        self._parents: set[str] = set()
+        self._most_parents = MAX_FRAMES
+
+    def add(self, transforms: Iterable[TransformStamped], publisher: bytes) -> None:
+        """Take moving transforms."""
+        for each in transforms:
+            if (child := self._child(each)) is None:
+                continue
+            history = self._moving.get(child)
+            if history is None:
+                if not self._room():
+                    continue
+                history = self._moving[child] = TimeCache(child, self._cache_ns)
+            stamp, parent = each.header.stamp.ns, each.header.frame_id.removeprefix("/")
+            verdict = history.add(stamp, StampedTransform(parent, SE3.from_msg(each.transform)))
+            if verdict == "old":
+                self.old += 1
+                continue
+            # Two publishers of a frame often send the same stamps: the second one's count as repeated.
+            self._claims.moving(child, publisher, parent, stamp)
+            if verdict == "repeated":
+                self.repeated += 1
+            else:
+                self._add_parent(parent)
+
+    def add_static(self, transforms: Iterable[TransformStamped], publisher: bytes) -> None:
+        """Take all fixed transforms of a publisher: they stand instead of those that it told before.
+
+        So who comes late, and gets each publisher's last message, knows the same as who was there from the start.
+        An unknown sender (no ``publisher``) cannot be told from others like it: its transforms add up. A frame that
+        moved until now is fixed from now on.
+        """
+        if publisher not in self._parents_seen and len(self._parents_seen) >= MAX_PUBLISHERS:
+            self.refused, self.reason = self.refused + 1, f"more than {MAX_PUBLISHERS} publishers of fixed frames"
+            return
+        told = dict(self._parents_seen.get(publisher, {})) if not publisher else {}
+        for each in transforms:
+            child = self._child(each)
+            if child is not None and (child in told or len(told) < MAX_FRAMES):
+                told[child] = StampedTransform(each.header.frame_id.removeprefix("/"), SE3.from_msg(each.transform))
+                self._moving.pop(child, None)
+        self._parents_seen.pop(publisher, None)  # at the end of the table: the last one told wins
+        self._parents_seen[publisher] = told
+        self._claims.static(publisher, {child: link.parent for child, link in told.items()})
+        self._static = {child: link for links in self._parents_seen.values() for child, link in links.items()}
+        self._parents |= {link.parent for link in told.values()}
+
+    def clear(self) -> None:
+        """Forget what moves: time has begun anew. What is fixed stays, as in tf2."""
+        self._moving.clear()
+        self._claims.clear()
+        self._parents = {link.parent for link in self._static.values()}
+
+    def frames(self) -> list[str]:
+        """The names of all frames."""
+        return sorted(self._parents | self._moving.keys() | self._static.keys())
+
+    def parent(self, frame: str, time: int | None = None) -> str | None:
+        """The frame in which ``frame`` is told, at a time [ns] or last; None for the root of a tree."""
+        if (history := self._moving.get(frame)) is not None:
+            return history.parent(time)
+        link = self._static.get(frame)
+        return link.parent if link is not None else None
+
+    def span(self, frame: str) -> tuple[int, int] | None:
+        """The first and last time [ns] at which a moving frame is known; None for a fixed one and a root."""
+        history = self._moving.get(frame)
+        return (history.oldest, history.newest) if history is not None else None
+
+    def conflicts(self) -> dict[str, str]:
+        """The frames that several publishers tell of, each with a sentence that says so."""
+        return self._claims.conflicts()
+
+    def publishers(self, frame: str) -> list[bytes]:
+        """Who tells of a frame."""
+        return self._claims.publishers(frame)
+
+    def lookup(self, target: str, source: str, time: int | None = None) -> LookupResult:
+        """Where ``source`` lies in ``target`` at ``time`` [ns], at the latest time that all between have when None.
+
+        It takes points told in ``source`` to ``target``, as tf2's ``lookupTransform(target, source, time)``. A frame
+        lies in itself whether or not anybody tells of it, when None at the latest time at which it is told. Raises
+        NoTransform: UnknownFrame, NotConnected, Extrapolation or FrameLoop.
+        """
+        target, source = target.removeprefix("/"), source.removeprefix("/")
+        if target == source and target:
+            return LookupResult(self._newest([target]) if time is None else time, IDENTITY)
+        target, source = self._known(target), self._known(source)
+        if time is None:
+            above, below = self._paths(target, source, None)
+            time = self._newest([*above, *below])
+        above, below = self._paths(target, source, time)
+        rigid = self._up(above, time).inverse().compose(self._up(below, time))
+        return LookupResult(time, rigid)
+
+    def lookup_full(
+        self, target: str, target_time: int | None, source: str, source_time: int | None, fixed: str
+    ) -> LookupResult:
+        """Where ``source`` lay at ``source_time`` [ns], told in ``target`` as it lies at ``target_time`` [ns].
+
+        Between the two times the frame ``fixed`` is held still, as in tf2's ``lookupTransform`` of five arguments:
+        T = T(target <- fixed, target_time) T(fixed <- source, source_time). The time of the answer is the target's. A
+        time of None is the latest common one with ``fixed``. Raises NoTransform.
+        """
+        for each in (target, source, fixed):
+            self._known(each)
+        then, now = self.lookup(fixed, source, source_time), self.lookup(target, fixed, target_time)
+        return LookupResult(now.time, now.transform.compose(then.transform))
+
+    def _child(self, transform: TransformStamped) -> str | None:
+        """The child's name of a transform that makes sense, else None."""
+        child, parent = transform.child_frame_id.removeprefix("/"), transform.header.frame_id.removeprefix("/")
+        q = transform.transform.rotation
+        square = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
+        if not child or not parent:
+            reason = f"a transform from {parent!r} to {child!r}: a frame without a name"
+        elif child == parent:
+            reason = f"frame {child!r} is its own parent"
+        elif abs(square - 1) > NOT_UNIT:
+            reason = f"frame {child!r}: its rotation is not a unit quaternion, its squared length is {square:g}"
+        else:
+            return child
+        self.refused, self.reason = self.refused + 1, reason[:200]
+        return None
+
+    def _room(self) -> bool:
+        """Whether another frame fits; those that nobody has told of for long are forgotten for it."""
+        if len(self._moving) >= MAX_FRAMES:
+            newest = max(each.newest for each in self._moving.values())
+            self._moving = {name: each for name, each in self._moving.items() if each.newest >= newest - self._cache_ns}
+            self._claims.prune()
+        if len(self._moving) < MAX_FRAMES:
+            return True
+        self.refused, self.reason = self.refused + 1, f"more than {MAX_FRAMES} frames"
+        return False
+
+    def _add_parent(self, parent: str) -> None:
+        """Note a parent; of a sender that names ever new ones, those that are no longer told of are forgotten."""
+        self._parents.add(parent)
+        if len(self._parents) > self._most_parents:
+            self._parents = {link.parent for link in self._static.values()}
+            self._parents |= {each.parent(None) for each in self._moving.values()}
+            self._most_parents = 2 * len(self._parents) + MAX_FRAMES
+
+    def _newest(self, frames: Iterable[str]) -> int | None:
+        """The latest time [ns] that all of the moving ones among these frames have; None when none of them moves."""
+        return min((self._moving[each].newest for each in frames if each in self._moving), default=None)
+
+    def _known(self, frame: str) -> str:
+        name = frame.removeprefix("/")
+        if name in self._moving or name in self._static or name in self._parents:
+            return name
+        known = self.frames()
+        if not known:
+            raise UnknownFrame(
+                f"frame {name!r} is unknown: no frame is, nothing has come on /tf or /tf_static; is anybody publishing?"
+            )
+        near = difflib.get_close_matches(name, known, 3)
+        hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
+        raise UnknownFrame(f"frame {name!r} is unknown{hint} (known: {_listed(known)})")
+
+    def _paths(self, target: str, source: str, time: int | None) -> tuple[list[str], list[str]]:
+        """The frames from each up to, without, the one that is above both; raises NotConnected or FrameLoop."""
+        above, below = self._ancestry(target, time), self._ancestry(source, time)
+        place = {frame: index for index, frame in enumerate(above)}
+        for index, frame in enumerate(below):
+            if frame in place:
+                return above[: place[frame]], below[:index]
+        raise NotConnected(
+            f"no transforms connect {target!r} and {source!r}, they lie in two trees: "
+            f"{self._tree(above[-1])}; and {self._tree(below[-1])}: who should publish a transform between them?"
+        )
+
+    def _ancestry(self, frame: str, time: int | None) -> list[str]:
+        """The frame and all above it, up to the root."""
+        line, seen = [frame], {frame}
+        while (parent := self.parent(line[-1], time)) is not None:
+            if parent in seen:
+                raise FrameLoop(
+                    f"frames in a loop: {' in '.join([*line[line.index(parent) :], parent])}; one of these transforms "
+                    "is told the wrong way round"
+                )
+            line.append(parent)
+            seen.add(parent)
+        return line
+
+    def _tree(self, root: str) -> str:
+        below = [each for each in self.frames() if each != root and self._root(each) == root]
+        return f"{root!r} with {_listed(below)}" if below else f"{root!r} alone"
+
+    def _root(self, frame: str) -> str:
+        seen = {frame}
+        while (parent := self.parent(frame)) is not None and parent not in seen:
+            frame = parent
+            seen.add(frame)
+        return frame
+
+    def _up(self, path: list[str], time: int | None) -> SE3:
+        """The first frame of a path, told in what is above its last one."""
+        here = IDENTITY
+        for frame in path:
+            history = self._moving.get(frame)
+            if history is None:
+                link = self._static[frame]
+            else:
+                assert time is not None
+                link = history.at(time)
+            here = link.transform.compose(here)
+        return here
+
+
+def _listed(frames: list[str]) -> str:
+    more = len(frames) - _LISTED
+    return ", ".join(frames[:_LISTED]) + (f" and {more} more" if more > 0 else "")

@@ -1,0 +1,105 @@
+"""Where one moving frame was: its transforms of the last seconds, in the order of their stamps."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from typing import Literal, NamedTuple
+
+from messages.se3 import SE3
+from services.runtime.errors import Extrapolation
+
+MAX_SAMPLES = 16_384
+"""Of one frame; ten seconds at more than a kilohertz. A sender that floods loses its own oldest ones."""
+
+Verdict = Literal["taken", "old", "repeated"]
+
+
+class StampedTransform(NamedTuple):
+    """A transform: the parent's frame, and where the child lies in it."""
+
+    parent: str
+    transform: SE3
+
+
+class TimeCache:
+    """The transforms of the frame ``child`` over ``cache_ns`` [ns]."""
+
+    def __init__(self, child: str, cache_ns: int) -> None:
+        self._child, self._cache_ns = child, cache_ns
+        self._stamps: list[int] = []
+        self._links: list[StampedTransform] = []
+
+    @property
+    def newest(self) -> int:
+        """The last stamp, ns."""
+        return self._stamps[-1]
+
+    @property
+    def oldest(self) -> int:
+        """The first stamp that is still kept, ns."""
+        return self._stamps[0]
+
+    def add(self, stamp: int, link: StampedTransform) -> Verdict:
+        """Take a transform. One older than the cache reaches is ``old``, a second one of a stamp is ``repeated``."""
+        stamps = self._stamps
+        if not stamps or stamp > stamps[-1]:
+            stamps.append(stamp)
+            self._links.append(link)
+            self._forget()
+            return "taken"
+        if stamp < stamps[-1] - self._cache_ns:
+            return "old"
+        place = bisect_left(stamps, stamp)
+        if stamps[place] == stamp:
+            return "repeated"
+        stamps.insert(place, stamp)
+        self._links.insert(place, link)
+        self._forget()
+        return "taken"
+
+    def parent(self, time: int | None) -> str:
+        """The parent at a time [ns], or now; beyond what is known, that of the nearest sample."""
+        if time is None or time >= self._stamps[-1]:
+            return self._links[-1].parent
+        return self._links[max(0, bisect_left(self._stamps, time + 1) - 1)].parent
+
+    def at(self, time: int) -> StampedTransform:
+        """The transform at a time [ns], between its neighbours in proportion; raises Extrapolation.
+
+        Between two samples that name different parents, the earlier one holds.
+        """
+        stamps = self._stamps
+        if not stamps[0] <= time <= stamps[-1]:
+            raise self._outside(time)
+        place = bisect_left(stamps, time)
+        after = self._links[place]
+        if stamps[place] == time:
+            return after
+        before, began = self._links[place - 1], stamps[place - 1]
+        if before.parent != after.parent:
+            return before
+        share = (time - began) / (stamps[place] - began)
+        return StampedTransform(before.parent, before.transform.interpolate(after.transform, share))
+
+    def _forget(self) -> None:
+        """Drop what is older than the cache reaches."""
+        stamps, oldest = self._stamps, self._stamps[-1] - self._cache_ns
+        if stamps[0] >= oldest and len(stamps) <= MAX_SAMPLES:
+            return
+        count = max(bisect_left(stamps, oldest), len(stamps) - MAX_SAMPLES)
+        del stamps[:count]
+        del self._links[:count]
+
+    def _outside(self, time: int) -> Extrapolation:
+        first, last = self._stamps[0] / 1e9, self._stamps[-1] / 1e9
+        past = time < self._stamps[0]
+        known = f"only {first:.3f} s is known" if first == last else f"{first:.3f} to {last:.3f} s is known"
+        cause = (
+            f"the past is kept for {self._cache_ns / 1e9:g} s"
+            if past
+            else "ask for an earlier time, or for the latest one by giving none"
+        )
+        return Extrapolation(
+            f"frame {self._child!r} at {time / 1e9:.3f} s would be extrapolated into the {'past' if past else 'future'}"
+            f" by {(self._stamps[0] - time if past else time - self._stamps[-1]) / 1e9:.3f} s: {known}; {cause}"
+        )

@@ -1,0 +1,279 @@
+"""The transport in memory, for tests of loops without processes, under the same conformance suite as Zenoh."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+import time
+from collections import deque
+from collections.abc import Collection, Sequence
+from typing import Any, Self
+
+from messages.requests import MAX_REQUEST_BYTES
+from messages.topics import Quality
+from services.runtime.errors import BadInput
+from services.runtime.transport.api import TICKER_S, TIMEOUT, RawSubscriber, Reply, Sample, TokenEvent
+from services.runtime.transport.request_queue import Refusals, RequestQueue
+
+
+def matches(pattern: str, key: str) -> bool:
+    """Whether ``key`` lies in a key expression of ``*`` and ``**`` chunks; neither matches a chunk with a leading @."""
+    return _match(pattern.split("/"), key.split("/"))
+
+
+def _match(pattern: list[str], key: list[str]) -> bool:
+    if not pattern or not key:
+        return pattern in ([], ["**"]) and not key
+    head = pattern[0]
+    if head == "**":
+        return _match(pattern[1:], key) or (not key[0].startswith("@") and _match(pattern, key[1:]))
+    return (head == key[0] or (head == "*" and not key[0].startswith("@"))) and _match(pattern[1:], key[1:])
+
+
+class MemoryBus:
+    """The network that transports of one process share; every verb holds its lock."""
+
+    def __init__(self) -> None:
+        self.changed = threading.Condition(threading.RLock())
+        self.subscribers: list[MemorySubscriber] = []
+        self.latched: dict[tuple[str, int], Sample] = {}
+        self.servers: list[MemoryServer] = []
+        self.tokens: dict[str, int] = {}
+        self.watches: list[MemoryTokenWatch] = []
+        self.numbers = itertools.count(1)
+
+    def set_token(self, key: str, alive: bool) -> None:
+        """Tell the watches that a token came or went."""
+        with self.changed:
+            for watch in self.watches:
+                if matches(watch.pattern, key):
+                    watch.events.append(TokenEvent(key, alive))
+                    watch.owner.wake()
+
+
+class MemorySubscriber:
+    """A subscription on a bounded queue."""
+
+    def __init__(self, bus: MemoryBus, key: str, capacity: int) -> None:
+        self._bus, self.pattern = bus, key
+        self.samples: deque[Sample] = deque(maxlen=capacity)
+
+    def recv(self) -> Sample | None:
+        with self._bus.changed:
+            return self.samples.popleft() if self.samples else None
+
+    def encoding(self, source: Any) -> str:
+        return str(source[0])
+
+    def key(self, source: Any) -> str:
+        return str(source[1])
+
+    def close(self) -> None:
+        with self._bus.changed:
+            if self in self._bus.subscribers:
+                self._bus.subscribers.remove(self)
+
+
+class MemoryPublisher:
+    """A publication."""
+
+    def __init__(self, bus: MemoryBus, key: str, encoding: str, latched: bool) -> None:
+        self._bus, self._key, self._encoding = bus, key, encoding
+        self._number = next(bus.numbers) if latched else None
+
+    def put(self, payload: bytes, *, attachment: bytes) -> None:
+        sample: Sample = payload, attachment, (self._encoding, self._key)
+        with self._bus.changed:
+            for inlet in self._bus.subscribers:
+                if matches(inlet.pattern, self._key):
+                    inlet.samples.append(sample)
+            if self._number is not None:
+                self._bus.latched[self._key, self._number] = sample
+            self._bus.changed.notify_all()
+
+    @property
+    def has_subscribers(self) -> bool:
+        with self._bus.changed:
+            return any(matches(inlet.pattern, self._key) for inlet in self._bus.subscribers)
+
+    def close(self) -> None:
+        with self._bus.changed:
+            if self._number is not None:
+                self._bus.latched.pop((self._key, self._number), None)
+
+
+class MemoryQuery:
+    """A request and the place for its answer."""
+
+    def __init__(self, bus: MemoryBus, key: str, payload: bytes, session: str) -> None:
+        self._bus, self.key, self.payload, self._session = bus, key, payload, session
+        self.answer: Reply | None = None
+
+    def reply(self, payload: bytes) -> None:
+        self._answer(Reply(True, payload, self._session))
+
+    def refuse(self, payload: bytes) -> None:
+        self._answer(Reply(False, payload, self._session))
+
+    def _answer(self, reply: Reply) -> None:
+        with self._bus.changed:
+            self.answer = reply
+            self._bus.changed.notify_all()
+
+
+class MemoryPendingReplies:
+    """A question to some servers; None without an answer when the time is up."""
+
+    def __init__(self, asked: list[MemoryQuery], timeout: float) -> None:
+        self._asked, self._deadline = asked, time.monotonic() + timeout
+
+    def poll(self) -> Sequence[Reply] | None:
+        if all(each.answer for each in self._asked) or time.monotonic() > self._deadline:
+            return [each.answer or Reply(False, TIMEOUT) for each in self._asked]
+        return None
+
+
+class MemoryServer:
+    """The requests on one key."""
+
+    def __init__(self, key: str, owner: MemoryTransport, backlog: RequestQueue[MemoryQuery]) -> None:
+        self.key, self.owner = key, owner
+        self.waiting: Collection[object] = backlog.items
+        self._backlog = backlog
+
+    def on_query(self, query: MemoryQuery) -> None:
+        """Called by who asks."""
+        if (refusal := self._backlog.offer(query, len(query.payload))) is None:
+            self.owner.wake()
+        else:
+            query.refuse(refusal)
+
+    def recv(self) -> MemoryQuery | None:
+        return self._backlog.pop()
+
+
+class MemoryTokenWatch:
+    """Liveliness events, in order."""
+
+    def __init__(self, pattern: str, present: list[str], owner: MemoryTransport) -> None:
+        self.pattern, self.owner = pattern, owner
+        self.events: deque[TokenEvent] = deque(TokenEvent(key, True) for key in present)
+
+    def poll(self) -> TokenEvent | None:
+        return self.events.popleft() if self.events else None
+
+    def refresh(self) -> None:
+        pass
+
+
+class MemoryToken:
+    """A liveliness token."""
+
+    def __init__(self, bus: MemoryBus, key: str) -> None:
+        self._bus, self._key = bus, key
+
+    def close(self) -> None:
+        with self._bus.changed:
+            if self._bus.tokens.pop(self._key, None) is not None:
+                self._bus.set_token(self._key, False)
+
+
+__all__ = ["MemoryBus", "MemoryTransport"]
+
+
+class MemoryTransport:
+    """One connection to a MemoryBus."""
+
+    settle_s = 0.0
+
+    def __init__(self, bus: MemoryBus) -> None:
+        self._bus = bus
+        self.session = f"{next(bus.numbers):032x}"
+        self.open = True
+        self._woken = False
+        self._owned: list[MemorySubscriber | MemoryPublisher | MemoryToken] = []
+        self._servers: list[MemoryServer] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def subscribe(self, key: str, capacity: int, latched: bool = False) -> MemorySubscriber:
+        inlet = MemorySubscriber(self._bus, key, capacity)
+        with self._bus.changed:
+            if latched:
+                inlet.samples.extend(each for each in self._bus.latched.values() if matches(key, each[2][1]))
+            self._bus.subscribers.append(inlet)
+        self._owned.append(inlet)
+        return inlet
+
+    def advertise(self, key: str, encoding: str, quality: Quality) -> MemoryPublisher:
+        if "*" in key:
+            raise BadInput(f"cannot publish on {key!r}: a publication has no wildcards")
+        outlet = MemoryPublisher(self._bus, key, encoding, quality is Quality.LATCHED)
+        self._owned.append(outlet)
+        return outlet
+
+    def serve(self, key: str, largest: int = MAX_REQUEST_BYTES, refusals: Refusals | None = None) -> MemoryServer:
+        server = MemoryServer(key, self, RequestQueue(largest, refusals))
+        with self._bus.changed:
+            self._bus.servers.append(server)
+        self._servers.append(server)
+        return server
+
+    def query(self, key: str, payload: bytes, timeout: float) -> Sequence[Reply]:
+        with self._bus.changed:
+            asked = self._send_query(key, payload)
+            self._bus.changed.wait_for(lambda: all(each.answer for each in asked), timeout)
+        return [each.answer or Reply(False, TIMEOUT) for each in asked]
+
+    def query_async(self, key: str, payload: bytes, timeout: float) -> MemoryPendingReplies:
+        with self._bus.changed:
+            return MemoryPendingReplies(self._send_query(key, payload), timeout)
+
+    def declare_token(self, key: str) -> MemoryToken:
+        token = MemoryToken(self._bus, key)
+        with self._bus.changed:
+            self._bus.tokens[key] = 1
+            self._bus.set_token(key, True)
+        self._owned.append(token)
+        return token
+
+    def tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
+        with self._bus.changed:
+            return sorted(key for key in self._bus.tokens if matches(pattern, key))
+
+    def watch(self, pattern: str) -> MemoryTokenWatch:
+        with self._bus.changed:
+            watch = MemoryTokenWatch(pattern, self.tokens(pattern), self)
+            self._bus.watches.append(watch)
+        return watch
+
+    def wait(self, inlet: RawSubscriber) -> None:
+        assert isinstance(inlet, MemorySubscriber)
+        with self._bus.changed:
+            self._bus.changed.wait_for(lambda: bool(inlet.samples) or self._woken, TICKER_S)
+            self._woken = False
+
+    def wake(self) -> None:
+        with self._bus.changed:
+            self._woken = True
+            self._bus.changed.notify_all()
+
+    def close(self) -> None:
+        self.open = False
+        for each in self._owned:
+            each.close()
+        with self._bus.changed:
+            self._bus.servers = [each for each in self._bus.servers if each not in self._servers]
+
+    def _send_query(self, key: str, payload: bytes) -> list[MemoryQuery]:
+        asked = []
+        for server in self._bus.servers:
+            if matches(server.key, key):
+                query = MemoryQuery(self._bus, key, payload, server.owner.session)
+                asked.append(query)
+                server.on_query(query)
+        return asked

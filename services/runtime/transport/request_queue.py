@@ -1,0 +1,75 @@
+"""The requests that wait at a server until its loop takes them, bounded in number and in bytes; and what is refused."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from typing import Generic, TypeVar
+
+from messages.base import encode, saturating_add
+from messages.requests import MAX_REQUEST_BYTES, Refusal
+
+MAX_WAITING = 1024
+"""Requests that wait at one server: what a simulation of 300 robots announces at once, three times over."""
+MAX_BYTES = 4 << 20
+"""Bytes of these together."""
+MAX_REASON_LENGTH = 1 << 14
+"""Characters of a reason; it travels, and is shown."""
+
+T = TypeVar("T")
+
+
+class Refusals:
+    """The requests of a node that got an error for their answer: how many, and why the last of them did."""
+
+    def __init__(self) -> None:
+        self.count, self.reason = 0, ""
+        self._lock = threading.Lock()
+
+    def add(self, reason: str) -> bytes:
+        """Count one, and give the error reply for it."""
+        sound = reason[:MAX_REASON_LENGTH].encode(errors="replace").decode()
+        with self._lock:
+            self.count = saturating_add(self.count, 1)
+            self.reason = sound
+        return encode(Refusal(reason=sound))
+
+
+class RequestQueue(Generic[T]):
+    """A queue between the thread that receives and the loop that answers.
+
+    What is too large, or finds the queue full, is not kept: ``offer`` gives the error reply for it, to be sent at once.
+
+    Args:
+        largest: Bytes that one request may have, with everything that travels beside its payload.
+        refusals: Where those are counted that are not kept.
+    """
+
+    def __init__(self, largest: int = MAX_REQUEST_BYTES, refusals: Refusals | None = None) -> None:
+        self.items: deque[tuple[T, int]] = deque()
+        self._refusals = refusals or Refusals()
+        self._largest, self._bytes = largest, 0
+        self._lock = threading.Lock()
+
+    def offer(self, item: T, size: int) -> bytes | None:
+        """Keep a request of ``size`` bytes, or give the refusal for it."""
+        if size > self._largest:
+            return self._refusals.add(f"a request of {size} bytes: at most {self._largest} are taken here")
+        with self._lock:
+            if len(self.items) < MAX_WAITING and self._bytes + size <= MAX_BYTES:
+                self.items.append((item, size))
+                self._bytes += size
+                return None
+        return self._refusals.add(
+            f"busy: {len(self.items)} requests wait already, of {MAX_WAITING} and {MAX_BYTES >> 20} MiB at most; "
+            "ask again later, and see whether a program asks without end"
+        )
+
+    def pop(self) -> T | None:
+        """The oldest one, or None."""
+        if not self.items:
+            return None
+        with self._lock:
+            item, size = self.items.popleft()
+            self._bytes -= size
+            return item

@@ -1,0 +1,119 @@
+"""The sequence numbers of publishers: which sample is new, which was lost, which is a repetition or a forgery."""
+
+from __future__ import annotations
+
+from enum import Enum
+from time import monotonic, time_ns
+
+from services.runtime.transport.wire import SampleInfo
+
+MAX_PUBLISHERS = 4096
+"""Publishers that one reader remembers; beyond that, the one silent longest is forgotten."""
+MAX_GAP = 1 << 20
+"""Samples that may be missing before the next one; a number further ahead is refused."""
+AHEAD_NS = 100_000_000
+"""A source time further ahead of this machine's clock than this is not believed where another one is."""
+RESYNC_S = 0.1
+"""Wall time for which numbers must grow beside those expected until they are followed; below every time-out."""
+
+
+class Verdict(Enum):
+    """What the number of a sample says of it."""
+
+    NEXT = "the next of its publisher, or the first"
+    GAP = "new, with samples lost before it"
+    RESYNCED = "new, though its number says otherwise: the publisher restarted its numbers, or they were forged"
+    REPEATED = "not new"
+    TOO_FAR = "too far ahead"
+
+
+class SequenceTracker:
+    """Judges the numbers of a reader's publishers.
+
+    Numbers grow by one from sample to sample. Anybody on the network can send a sample in the name of a publisher, so
+    a number alone must not silence the publisher for which it was given:
+
+    - A number counts only once the payload was accepted: the caller judges, and then calls ``accept``.
+    - A number more than LARGEST_GAP ahead is refused.
+    - A number that does not grow is a repetition (a second path, a latched value told again), unless its source time
+      is later than that of the last sample accepted: then it is new, and its number is followed from here on. A last
+      source time ahead of this machine's clock by more than AHEAD_NS does not stand against one that is not.
+    - Where source times do not help (clocks of two machines that differ), numbers that grow for RESYNC_S, while the
+      expected ones do not come, are followed. RFC 3550, A.1, does it like this.
+
+    So after a forged sample the next true one counts where clocks agree, and one within RESYNC_S or after the next
+    period, whichever is longer, where they do not. ``last`` is the number last accepted from each publisher.
+    """
+
+    def __init__(self) -> None:
+        self.last: dict[bytes, int] = {}
+        self.stamps: dict[bytes, int] = {}
+        self._seen: dict[bytes, int] = {}
+        self._rivals: dict[bytes, tuple[int, float, int]] = {}
+
+    def judge(self, origin: SampleInfo) -> Verdict:
+        """What is to be thought of a sample by its number and source time; nothing is taken over yet."""
+        sequence, stamp, _, publisher = origin
+        last = self.last.get(publisher)
+        if last is None or sequence == last + 1:
+            return Verdict.NEXT
+        if last < sequence <= last + 1 + MAX_GAP:
+            return Verdict.GAP
+        if sequence <= last:
+            latest = self.stamps[publisher]
+            believed = time_ns() + AHEAD_NS
+            if stamp > latest or stamp <= believed < latest:
+                return Verdict.RESYNCED
+        if self._persists(publisher, sequence, last):
+            return Verdict.RESYNCED
+        return Verdict.REPEATED if sequence <= last else Verdict.TOO_FAR
+
+    def accept(self, origin: SampleInfo) -> None:
+        """Take over the number and the source time of a sample that was accepted."""
+        publisher = origin.publisher
+        if publisher not in self.last and len(self.last) >= MAX_PUBLISHERS:
+            self._forget_one()
+        self.last[publisher] = origin.sequence
+        self.stamps[publisher] = origin.source_ns
+
+    def pass_over(self, publisher: bytes, sequence: int) -> None:
+        """Go on to ``sequence``, the next one of a known publisher, whose payload was refused: it is not lost as well.
+
+        Its source time is not taken over. So one that was forged is followed by the true one of the same number.
+        """
+        self.last[publisher] = sequence
+
+    def give_up(self, publisher: bytes, sequence: int) -> None:
+        """Go on to ``sequence``: what was sent up to now and comes later is not taken any more."""
+        self.last[publisher] = sequence
+        self.stamps[publisher] = time_ns()
+
+    def _persists(self, publisher: bytes, sequence: int, last: int) -> bool:
+        """Whether numbers beside the expected ones have grown for RESYNC_S, while no expected one was accepted."""
+        now = monotonic()
+        before, since, beside = self._rivals.get(publisher, (0, now, -1))
+        if beside != last or not before < sequence <= before + MAX_GAP:
+            since = now
+        elif now - since >= RESYNC_S:
+            del self._rivals[publisher]
+            return True
+        self._rivals[publisher] = sequence, since, last
+        return False
+
+    def _forget_one(self) -> None:
+        """Forget the publisher that was silent longest, as near as can be told without a note for each sample.
+
+        From the oldest on, each whose number has changed since it was last looked at gets a second chance.
+        """
+        for publisher in list(self.last):
+            number = self.last.pop(publisher)
+            if self._seen.get(publisher) == number:
+                break
+            self._seen[publisher] = number
+            self.last[publisher] = number
+        else:
+            publisher = next(iter(self.last))
+            del self.last[publisher]
+        del self.stamps[publisher]
+        self._seen.pop(publisher, None)
+        self._rivals.pop(publisher, None)

@@ -1,0 +1,165 @@
+"""Unix sockets on which the nodes of one machine meet: where they lie, and that no other user can reach them.
+
+The sockets of a fleet lie in a folder of mode 0700 that belongs to the user, named after the fleet's port. The folder
+is the border: the kernel lets no other user (but root) connect to a socket in it (path_resolution(7)).
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import socket
+import stat
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from services.runtime.errors import BadInput
+
+PROTOCOL = "unixsock-stream"
+"""What Zenoh calls a link over a Unix socket."""
+ROUTER = "router.sock"
+MAX_PATH_LENGTH = 107
+"""Bytes of a socket's path: sun_path has 108 with the closing zero (unix(7))."""
+_NODE = len("/0123456789.sock")
+"""Bytes that the name of a node's own socket takes below the folder; no name in it is longer."""
+_YOUNG_S = 2.0
+"""Wall time after which a process that has made the file of its lock holds it."""
+
+
+def socket_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """The folder that holds those of all fleets of this user.
+
+    It is ``elea`` in XDG_RUNTIME_DIR (XDG base directory specification), where that is a folder of this user's; under
+    ``sudo`` it may be somebody else's. Otherwise it is ``elea-UID`` in the temporary folder.
+    """
+    given = Path(environment.get("XDG_RUNTIME_DIR", ""))
+    try:
+        if given.is_absolute() and given.stat().st_uid == os.geteuid():
+            return given / "elea"
+    except OSError:
+        pass
+    import tempfile  # here, as it takes a while and is seldom needed
+
+    return Path(tempfile.gettempdir()) / f"elea-{os.geteuid()}"
+
+
+def router_endpoint(port: int, environment: Mapping[str, str] = os.environ) -> str:
+    """Where the router of the fleet with this port listens. The port only names it: no TCP port is opened."""
+    return router_in(socket_folder(environment) / str(port))
+
+
+def router_in(folder: Path) -> str:
+    """Where a router listens whose sockets lie in ``folder``, which is the user's alone."""
+    return f"{PROTOCOL}/{folder / ROUTER}"
+
+
+def node_endpoint(router: str) -> str:
+    """Where a node listens that meets others at the endpoint ``router``: beside it, under a name of its own."""
+    return f"{PROTOCOL}/{path_of(router).parent / os.urandom(5).hex()}.sock"
+
+
+def is_unix(endpoint: str) -> bool:
+    """Whether an endpoint is a Unix socket."""
+    return endpoint.startswith(f"{PROTOCOL}/")
+
+
+def path_of(endpoint: str) -> Path:
+    """The socket behind an endpoint that ``is_unix``."""
+    return Path(endpoint.partition("/")[2])
+
+
+def check_path(text: str) -> None:
+    """Raise BadInput for a path where no socket can be, or which Zenoh would take apart."""
+    path = Path(text)
+    if not path.is_absolute() or path.name in ("", "..") or any(each in text for each in "?#;"):
+        raise BadInput(f"{text!r} is not the path of a socket: write {PROTOCOL}//absolute/path/router.sock")
+    longest = max(len(os.fsencode(path)), len(os.fsencode(path.parent)) + _NODE)
+    if longest > MAX_PATH_LENGTH:
+        raise BadInput(
+            f"the path {text} is too long for Unix sockets: those beside it take {longest} bytes, "
+            f"and {MAX_PATH_LENGTH} is the limit: set XDG_RUNTIME_DIR (or TMPDIR) to a folder of yours with a shorter path"
+        )
+
+
+def make_private(folder: Path) -> None:
+    """Check that a folder of sockets is this user's alone, after making it if it is one below ``socket_folder``.
+
+    Raises BadInput.
+    """
+    home = socket_folder()
+    for each in (home, folder) if folder.parent == home else (folder,):
+        try:
+            if folder.parent == home:
+                each.mkdir(mode=0o700)
+        except FileExistsError:
+            pass
+        except OSError as error:
+            raise BadInput(
+                f"the folder {each} for Unix sockets cannot be made ({error.strerror}): "
+                "set XDG_RUNTIME_DIR to a folder of yours"
+            ) from None
+        _check(each)
+
+
+def is_listening(endpoint: str, patience: float = 2.0) -> None:
+    """Raise OSError unless somebody accepts a connection at an endpoint (Unix or ``tcp``) within ``patience`` [s]."""
+    if is_unix(endpoint):
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+            probe.settimeout(patience)
+            probe.connect(str(path_of(endpoint)))
+        return
+    host, _, port = endpoint.partition("/")[2].rpartition(":")
+    socket.create_connection((host.strip("[]"), int(port)), timeout=patience).close()
+
+
+def remove_stale(folder: Path) -> None:
+    """Remove the sockets that killed processes left in a fleet's folder, and the folder itself once it is empty.
+
+    What cannot be removed stays: it is in nobody's way.
+    """
+    with suppress(OSError):
+        for lock in folder.glob("*.sock.lock"):
+            if not _held(lock):
+                lock.with_suffix("").unlink(missing_ok=True)
+                lock.unlink(missing_ok=True)
+        folder.rmdir()
+
+
+def _held(lock: Path) -> bool:
+    """Whether a process listens on the socket beside which this file lies, or may be about to.
+
+    Zenoh holds a lock on it for as long as it listens; the kernel lifts that with the process.
+    """
+    try:
+        with lock.open("rb") as file:
+            fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return time.time() - os.fstat(file.fileno()).st_mtime < _YOUNG_S
+    except FileNotFoundError:
+        return False
+    except BlockingIOError:
+        return True
+
+
+def _check(folder: Path) -> None:
+    try:
+        found = folder.lstat()
+    except OSError as error:
+        raise BadInput(
+            f"the folder {folder} for Unix sockets cannot be looked at ({error.strerror}): is a fleet up? "
+            "A logout removes what lies in XDG_RUNTIME_DIR"
+        ) from None
+    mode = stat.S_IMODE(found.st_mode)
+    if not stat.S_ISDIR(found.st_mode):
+        what = "a symbolic link" if stat.S_ISLNK(found.st_mode) else "no folder"
+        raise BadInput(f"{folder} is {what}, and Unix sockets need a folder there: remove it, if it is yours")
+    if found.st_uid != os.geteuid():
+        raise BadInput(
+            f"the folder {folder} belongs to the user with number {found.st_uid}, who could take the place of the "
+            "router: set XDG_RUNTIME_DIR to a folder of yours, or name your own router with --connect"
+        )
+    if mode != 0o700:
+        raise BadInput(
+            f"the folder {folder} has mode {mode:04o}, so other users may reach the robots: chmod 700 {folder}"
+        )

@@ -1,0 +1,311 @@
+"""The configuration of a base's drive, from a model's figures and a robot's parameters, checked against the URDF."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from messages.base import Packed36, covariance
+from models import model_config_path, urdf_path
+from models.model import RobotModel, WheelConfig, read_model
+from models.urdf import NoWheels, WheelPair, read_wheels
+from services.runtime.errors import BadInput
+from services.runtime.parameters.validation import build
+from services.sim import BaseParameters
+from services.sim.drive.driver import Drive
+from services.sim.drive.kinematics import WheelGeometry, describe_mismatch
+from services.sim.drive.limiter import NO_RAMP, UNLIMITED, AxisLimits, WheelRamp, braking_limits
+from services.sim.drive.pid import PidGains
+from services.sim.parameters import AxisParameters, PidParameters
+
+
+@dataclass(frozen=True)
+class LiveParameters:
+    """The live parameters of ROS's ``diff_drive_controller``.
+
+    Multipliers of what is configured; ``publish_rate`` [Hz] of odometry, 0 for none; ``enable_odom_tf`` tells whether
+    odometry is a transform on ``/tf``, too.
+    """
+
+    wheel_separation_multiplier: float = 1.0
+    left_wheel_radius_multiplier: float = 1.0
+    right_wheel_radius_multiplier: float = 1.0
+    publish_rate: float = 50.0
+    enable_odom_tf: bool = True
+
+
+DEFAULT_WINDOW = 2
+"""Control ticks in the mean of odometry's speed: that of the seeds; ROS's default of 10 lags by 0.1 s."""
+
+
+@dataclass(frozen=True)
+class DriveConfig:
+    """Everything that a base driver is set to. ``geometry`` is without multipliers; ``drive`` has those of ``live``."""
+
+    left_joint: str
+    right_joint: str
+    torque: float
+    geometry: WheelGeometry
+    drive: Drive
+    live: LiveParameters
+    gains: PidGains | None
+    timeout: float
+    exclusive: bool
+    stamped: bool
+    publish_cmd: bool
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class OdometryConfig:
+    """Where odometry comes from, and what is said of it; a covariance of None is that of its source."""
+
+    source: Literal["world", "encoder", "open loop"]
+    window: int
+    pose: Packed36 | None
+    twist: Packed36 | None
+
+
+def effective_parameters(name: str, model: RobotModel, stated: BaseParameters) -> BaseParameters:
+    """What is ``stated``, completed by the model's ``[drive]`` where it is None; raises BadInput for a bad file."""
+    where = f"{model_config_path(name)}: [drive]"
+    ours = build(BaseParameters, model.drive, where)
+    for each in msgspec.structs.fields(BaseParameters):
+        if each.name in model.drive and each.default is not None:
+            raise BadInput(f"{where}: {each.name} is for a fleet to say, not for a model")
+    merged: BaseParameters = _merged(ours, stated)
+    return with_model_defaults(model, merged)
+
+
+def with_model_defaults(model: RobotModel, parameters: BaseParameters) -> BaseParameters:
+    """The parameters with the figures that count where they have None, as far as a single one does."""
+    wheels = model.wheels
+    if wheels is None:
+        return parameters
+    defaults = {
+        "left_wheel": wheels.left_joint,
+        "right_wheel": wheels.right_joint,
+        "wheel_separation": wheels.separation,
+        "wheel_radius": wheels.radius,
+        "wheel_separation_multiplier": 1.0,
+        "left_wheel_radius_multiplier": 1.0,
+        "right_wheel_radius_multiplier": 1.0,
+        "ramp": "wheels",
+        "jerk_rule": "ros2",
+        "keep_curvature": False,
+        "brake": wheels.brake,
+        "allow_multiple_cmd_vel_publishers": True,
+        "use_stamped_vel": False,
+        "publish_cmd": False,
+        "open_loop": False,
+        "velocity_rolling_window_size": DEFAULT_WINDOW,
+        "publish_rate": model.odometry_rate,
+        "enable_odom_tf": True,
+    }
+    missing = {name: value for name, value in defaults.items() if getattr(parameters, name) is None}
+    return msgspec.structs.replace(parameters, **missing)
+
+
+@dataclass(frozen=True)
+class RobotConfig:
+    """A model, the effective parameters of its base, and what its driver works with; None without wheels."""
+
+    model: RobotModel
+    parameters: BaseParameters
+    drive_config: DriveConfig | None
+
+
+def robot_config(name: str, stated: BaseParameters) -> RobotConfig:
+    """How a robot of the model ``name`` is driven when a fleet gives these parameters; raises BadInput."""
+    model = read_model(name)
+    parameters = effective_parameters(name, model, stated)
+    wheels = model.wheels
+    return RobotConfig(model, parameters, drive_config(name, model, wheels, parameters) if wheels else None)
+
+
+def odometry_config(model: RobotModel, parameters: BaseParameters) -> OdometryConfig:
+    """How the odometry of a robot is made; one without wheels has that of the world."""
+    chosen = model.odometry if parameters.odometry == "model" else parameters.odometry
+    source: Literal["world", "encoder", "open loop"] = chosen if model.wheels is not None else "world"
+    if parameters.open_loop and model.wheels is not None:
+        source = "open loop"
+    pose, twist = parameters.pose_covariance_diagonal, parameters.twist_covariance_diagonal
+    return OdometryConfig(
+        source=source,
+        window=parameters.velocity_rolling_window_size or DEFAULT_WINDOW,
+        pose=None if pose is None else covariance(*pose),
+        twist=None if twist is None else covariance(*twist),
+    )
+
+
+def drive_config(name: str, model: RobotModel, wheels: WheelConfig, parameters: BaseParameters) -> DriveConfig:
+    """How the base of a robot is driven. ``parameters`` are the effective ones; raises BadInput for what contradicts
+    itself, and for wheels that are exchanged."""
+    left, right = parameters.left_wheel or wheels.left_joint, parameters.right_wheel or wheels.right_joint
+    radius = parameters.wheel_radius or wheels.radius
+    geometry = WheelGeometry(parameters.wheel_separation or wheels.separation, radius, radius)
+    live = _live_parameters(model, parameters)
+    drive = _drive(wheels, parameters, geometry)
+    turned = apply_multipliers(drive, geometry, live)
+    gains = pid_gains(parameters.wheel_pid, wheels.torque)
+    idle = (
+        []
+        if gains is None or not gains.i or gains.i_min < gains.i_max
+        else ["wheel_pid: i does nothing while i_clamp is 0, its default in ROS, too"]
+    )
+    return DriveConfig(
+        left_joint=left,
+        right_joint=right,
+        torque=wheels.torque,
+        geometry=geometry,
+        drive=turned,
+        live=live,
+        gains=gains,
+        timeout=parameters.cmd_vel_timeout,
+        exclusive=parameters.allow_multiple_cmd_vel_publishers is False,
+        stamped=bool(parameters.use_stamped_vel),
+        publish_cmd=bool(parameters.publish_cmd),
+        warnings=(*_check_against_urdf(urdf_path(name), left, right, turned.geometry, parameters), *idle),
+    )
+
+
+def apply_multipliers(drive: Drive, geometry: WheelGeometry, live: LiveParameters) -> Drive:
+    """The drive with the multipliers of ``live`` on the configured ``geometry``."""
+    made = geometry.scaled(
+        live.wheel_separation_multiplier, live.left_wheel_radius_multiplier, live.right_wheel_radius_multiplier
+    )
+    return Drive(
+        made, drive.linear, drive.angular, drive.stop_linear, drive.stop_angular, drive.ramp, drive.keep_curvature
+    )
+
+
+def _live_parameters(model: RobotModel, parameters: BaseParameters) -> LiveParameters:
+    both = parameters.wheel_radius_multiplier
+    rate, tf = parameters.publish_rate, parameters.enable_odom_tf
+    return LiveParameters(
+        wheel_separation_multiplier=parameters.wheel_separation_multiplier or 1.0,
+        left_wheel_radius_multiplier=both or parameters.left_wheel_radius_multiplier or 1.0,
+        right_wheel_radius_multiplier=both or parameters.right_wheel_radius_multiplier or 1.0,
+        publish_rate=model.odometry_rate if rate is None else rate,
+        enable_odom_tf=tf is not False,
+    )
+
+
+def _drive(wheels: WheelConfig, parameters: BaseParameters, geometry: WheelGeometry) -> Drive:
+    of_base = parameters.ramp == "base"
+    around = geometry.separation / 2
+    rise = wheels.acceleration if of_base else None
+    fastest = (wheels.max_linear, wheels.max_angular) if parameters.clamp else (None, None)
+    ros1 = parameters.jerk_rule == "ros1"
+    linear = axis_limits("linear", parameters.linear, fastest[0], rise, ros1)
+    angular = axis_limits("angular", parameters.angular, fastest[1], rise and rise / around, ros1)
+    brake = parameters.brake or wheels.brake
+    keep = bool(parameters.keep_curvature)
+    if keep and (linear.limits_jerk or angular.limits_jerk):
+        raise BadInput("keep_curvature slows one axis for the other, which a jerk limit does not allow: leave one out")
+    if not of_base:
+        if parameters.brake_angular is not None:
+            raise BadInput('brake_angular needs ramp = "base": the wheels of this base brake each by itself, at brake')
+        return Drive(
+            geometry,
+            linear,
+            angular,
+            UNLIMITED,
+            UNLIMITED,
+            WheelRamp(wheels.acceleration, brake, parameters.jump),
+            keep,
+        )
+    stop_angular = braking_limits(angular, parameters.brake_angular or brake / around)
+    return Drive(geometry, linear, angular, braking_limits(linear, brake), stop_angular, NO_RAMP, keep)
+
+
+def _check_against_urdf(
+    urdf: Path, left: str, right: str, used: WheelGeometry, parameters: BaseParameters
+) -> list[str]:
+    """Warnings about figures and wheels that do not fit the URDF; raises BadInput."""
+    try:
+        pair = read_wheels(urdf, left, right)
+    except NoWheels as error:
+        raise BadInput(f"{urdf}: {error}") from None
+    if left == right:
+        raise BadInput(f"left_wheel and right_wheel are both {left!r}: a base has one on each side")
+    said = _check_sides(pair, left, right, parameters.allow_swapped_wheels)
+    if pair.left_radius is None or pair.right_radius is None:
+        return [*said, f"{urdf}: no collision sphere or cylinder tells the wheels' radii: the figures are unchecked"]
+    wrong = describe_mismatch(used, WheelGeometry(pair.separation, pair.left_radius, pair.right_radius))
+    return [*said, wrong] if wrong else said
+
+
+def _check_sides(pair: WheelPair, left: str, right: str, allowed: bool) -> list[str]:
+    if pair.left_offset >= pair.right_offset:
+        return []
+    text = (
+        f"left_wheel {left!r} stands on the robot's right (y = {pair.left_offset:.3f} m), right_wheel {right!r} on its "
+        f"left (y = {pair.right_offset:.3f} m): the base turns the wrong way, and its wheel odometry cannot see it"
+    )
+    if not allowed:
+        raise BadInput(f"{text}. Exchange the two names, or set allow_swapped_wheels = true to drive so on purpose")
+    return [text]
+
+
+def _merged(ours: Any, stated: Any) -> Any:
+    """``stated`` with the fields of ``ours`` where it has None; tables are merged field by field."""
+    fields = {}
+    for each in msgspec.structs.fields(stated):
+        mine, theirs = getattr(ours, each.name), getattr(stated, each.name)
+        if theirs is None:
+            theirs = mine
+        elif isinstance(theirs, msgspec.Struct) and mine is not None:
+            theirs = _merged(mine, theirs)
+        fields[each.name] = theirs
+    return type(stated)(**fields)
+
+
+def axis_limits(
+    name: str, stated: AxisParameters | None, fastest: float | None, rise: float | None, ros1_jerk: bool = False
+) -> AxisLimits:
+    """The limits of the axis ``name``; raises BadInput for a deceleration of 0.
+
+    The hardware's speed ``fastest`` bounds what is given; ``rise`` is the acceleration where none is given.
+    """
+    limits = stated or AxisParameters()
+    most = inf if fastest is None else fastest
+    high = _default(limits.max_velocity, inf)
+    low = _default(limits.min_velocity, -high)
+    up = _default(limits.max_acceleration, inf if rise is None else rise)
+    down = -_default(limits.min_acceleration, -up)
+    jerk = _default(limits.max_jerk, inf)
+    return AxisLimits(
+        min_velocity=max(low, -most),
+        max_velocity=min(high, most),
+        accelerate=up,
+        decelerate=_magnitude(name, "max_deceleration", limits.max_deceleration, down),
+        accelerate_reverse=_magnitude(name, "max_acceleration_reverse", limits.max_acceleration_reverse, down),
+        decelerate_reverse=_magnitude(name, "max_deceleration_reverse", limits.max_deceleration_reverse, up),
+        min_jerk=_default(limits.min_jerk, -jerk),
+        max_jerk=jerk,
+        ros1_jerk=ros1_jerk,
+    )
+
+
+def pid_gains(stated: PidParameters | None, limit: float) -> PidGains | None:
+    """The gains of a wheel whose torque is at most ``limit`` [N m]; None for one that is driven by speed."""
+    if stated is None:
+        return None
+    low = -stated.i_clamp if stated.i_clamp_min is None else stated.i_clamp_min
+    high = stated.i_clamp if stated.i_clamp_max is None else stated.i_clamp_max
+    return PidGains(stated.p, stated.i, stated.d, low, high, stated.antiwindup, limit)
+
+
+def _default(value: float | None, default: float) -> float:
+    return default if value is None else value
+
+
+def _magnitude(axis: str, name: str, value: float | None, default: float) -> float:
+    if value == 0:
+        raise BadInput(f"{axis}.{name} = 0: a base with this limit could never change its speed")
+    return default if value is None else abs(value)

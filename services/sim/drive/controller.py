@@ -1,0 +1,170 @@
+"""The differential drive controller of one robot: the command it obeys, and the wheel speeds that follow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf
+
+from messages.base import Message
+from messages.elea import BaseStatus
+from messages.geometry import Twist, TwistStamped
+from messages.std import Header, Time
+from services.runtime.log import Log
+from services.runtime.service import STEP_NS
+from services.runtime.transport.wire import MEMBER_BYTES, SampleInfo
+from services.sim.command_sources import FOREIGN_SOURCE, CommandSources
+from services.sim.drive.arbiter import BRAKE, Arbiter
+from services.sim.drive.config import DriveConfig
+from services.sim.drive.driver import AT_REST, commanded_velocity, step_drive, wheel_speeds
+from services.sim.drive.pid import INITIAL_PID_STATE, pid_torque
+from services.sim.transit_delay import TransitDelayEstimator
+
+STEP_S = STEP_NS / 1e9
+
+UNKNOWN_AGE_NS = 10**18
+"""Simulation time by which a command of unknown age is old: beyond every time-out."""
+
+ReceivedCommands = list[tuple[Message, SampleInfo | None]]
+"""What an input admitted at this tick."""
+
+
+class DiffDriveController:
+    """Two driven wheels that obey one commander at a time; settings are replaced as a whole, never changed."""
+
+    def __init__(
+        self, config: DriveConfig, command_sources: CommandSources, delays: TransitDelayEstimator, log: Log
+    ) -> None:
+        self.config, self.drive, self.live = config, config.drive, config.live
+        self.arbiter = Arbiter(config.timeout, config.exclusive)
+        self._command_sources, self._delays, self._log = command_sources, delays, log
+        self._warned_unstamped = False
+        self.reset()
+
+    def reset(self) -> None:
+        """Stand still and forget all commands."""
+        self.arbiter.clear()
+        self._state, self._last_decision, self._settled, self._force_update = AT_REST, BRAKE, True, False
+        self._pid_states = (INITIAL_PID_STATE, INITIAL_PID_STATE)
+
+    def apply_commands(self, batch: ReceivedCommands, now: int, lockstep_members: set[bytes], factor: float) -> None:
+        """Offer commands to the arbiter.
+
+        Publishers in lockstep (``lockstep_members``, ids of members) are on time by construction; the age of all other
+        commands is measured in wall time and turned into simulation time by ``factor``. A command with a stamp is as
+        old as that says, too.
+        """
+        for command, origin in batch:
+            source, priority, made, age = FOREIGN_SOURCE, 1, None, 0.0
+            if origin is not None:
+                source = origin.publisher
+                priority = self._command_sources.find(source).priority
+                if source[:MEMBER_BYTES] not in lockstep_members:
+                    age = self._delays.estimate(origin)
+                    made = now - (round(age * factor * 1e9) if age < inf else UNKNOWN_AGE_NS)
+            stale = self.arbiter.stale_dropped
+            if isinstance(command, TwistStamped):
+                made = self._command_time(command, made, now)
+                command = command.twist
+            assert isinstance(command, Twist)
+            self.arbiter.accept(source, priority, command.linear.x, command.angular.z, made, now)
+            if self.arbiter.stale_dropped == stale:
+                continue
+            if age == inf or age * factor > self.config.timeout:
+                self._warn_stale(source, age)
+            elif made is not None and self.config.stamped:
+                self._log.warn(
+                    f"a TwistStamped made at {made / 1e9:.3f} s of simulation time is dropped: older than the time-out "
+                    f"of {self.config.timeout:g} s or from the future. Is it stamped by /clock?",
+                    every=1.0,
+                )
+        if self.arbiter.conflict:
+            self._log.warn(
+                "several nodes publish cmd_vel and allow_multiple_cmd_vel_publishers is false: the base brakes until "
+                "one alone is left",
+                every=1.0,
+            )
+
+    def stop(self, on: bool) -> None:
+        """Brake and stay, or obey commands again that come from now on."""
+        if self.arbiter.e_stopped != on:
+            self.arbiter.set_e_stop(on)
+
+    def step(self, now: int) -> tuple[float, float] | None:
+        """The wheels' new target speeds [rad/s] for the step that begins at ``now``; None when they stay."""
+        decision = self.arbiter.decide(now)
+        if self._settled and decision is self._last_decision:
+            return None
+        before = self._state
+        state = step_drive(self.drive, before, decision.v, decision.w, decision.braking, STEP_S)
+        self._last_decision, self._settled = decision, state is before
+        if self._settled and not self._force_update:
+            return None
+        self._state, self._force_update = state, False
+        return wheel_speeds(self.drive, state)
+
+    def torques(self, speeds: Sequence[float]) -> tuple[float, float]:
+        """The wheels' torques [N m] for one step, where a PID drives them that now turn at ``speeds`` [rad/s]."""
+        gains = self.config.gains
+        assert gains is not None
+        wanted, (left, right) = wheel_speeds(self.drive, self._state), self._pid_states
+        one, left = pid_torque(gains, left, wanted[0] - speeds[0], STEP_S)
+        other, right = pid_torque(gains, right, wanted[1] - speeds[1], STEP_S)
+        self._pid_states = left, right
+        return one, other
+
+    def reconfigure(self, config: DriveConfig, now: int) -> None:
+        """Replace all settings from the step that begins at ``now`` [ns] on."""
+        self.config, self.drive, self.live = config, config.drive, config.live
+        self.arbiter.reconfigure(config.timeout, config.exclusive, now)
+        self._settled, self._force_update = False, True
+
+    @property
+    def commanded_velocity(self) -> tuple[float, float]:
+        """What the wheels are told, as speed [m/s] and turn rate [rad/s] of the base."""
+        return commanded_velocity(self.drive, self._state)
+
+    def status(
+        self, now: int, model: str, refused: int, colliding: bool, collisions: int, stopped_by: tuple[str, ...] = ()
+    ) -> BaseStatus:
+        """What the base obeys and refuses, and what its robot hits."""
+        arbiter = self.arbiter
+        source = arbiter.decide(now).source
+        return BaseStatus(
+            header=Header(stamp=Time.of(now)),
+            model=model,
+            source="" if source is None else self._command_sources.find(source).node or "(foreign)",
+            timed_out=arbiter.timed_out,
+            e_stopped=arbiter.e_stopped,
+            commands=arbiter.commands,
+            commands_timed_out=arbiter.commands_timed_out,
+            stale_dropped=arbiter.stale_dropped,
+            refused=arbiter.refused + refused,
+            last_command=Time.of(arbiter.last_command),
+            colliding=colliding,
+            collisions=collisions,
+            stopped_by=stopped_by,
+        )
+
+    def _warn_stale(self, source: bytes, age: float) -> None:
+        node = self._command_sources.find(source).node or "a node without a token"
+        why = (
+            f"it is {age:.2f} s old: its sender or a link was stuck, or the clock of its machine was set back"
+            if age < inf
+            else "by its stamp it is newer than any before could be: the clock of its machine was set ahead, or differs"
+        )
+        self._log.warn(f"a command of {node} is dropped: {why}", every=5.0)
+
+    def _command_time(self, command: TwistStamped, made: int | None, now: int) -> int | None:
+        """When a command was made, ns, by its stamp and by its way; a stamp of 0 means that it has none.
+
+        A stamp from the future stays one, to be refused.
+        """
+        stamp = command.header.stamp.ns
+        if stamp == 0:
+            if not self._warned_unstamped:
+                self._warned_unstamped = True
+                self._log.warn(
+                    "a TwistStamped on cmd_vel has no stamp: this one, and all like it, counts from its arrival"
+                )
+            return made
+        return stamp if made is None or stamp > now else min(stamp, made)

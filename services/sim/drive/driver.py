@@ -1,0 +1,116 @@
+"""From a velocity command to wheel speeds, once per physics step.
+
+A driver is three things: a frozen record of limits, a small state, and a pure function from one state to the next that
+returns the *same* state when nothing changes. Another kind of base brings its own three.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import NamedTuple
+
+from models.model import WheelConfig
+from services.sim.drive.kinematics import WheelGeometry, body_velocity, rim_speeds
+from services.sim.drive.limiter import NO_RAMP, UNLIMITED, AxisLimits, WheelRamp, limit, ramp_wheels
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What a command passes: the limits of the two axes, then the geometry, then the ramp of the wheels.
+
+    ``stop_linear`` and ``stop_angular`` replace the limits while the base brakes, after a time-out or an emergency
+    stop. ``keep_curvature`` slows both axes together, so that a limited command bends as the wanted one does.
+    """
+
+    geometry: WheelGeometry
+    linear: AxisLimits = UNLIMITED
+    angular: AxisLimits = UNLIMITED
+    stop_linear: AxisLimits = UNLIMITED
+    stop_angular: AxisLimits = UNLIMITED
+    ramp: WheelRamp = NO_RAMP
+    keep_curvature: bool = False
+
+    @classmethod
+    def of(cls, wheels: WheelConfig, *, clamp: bool = True, jump: float = 0.0) -> Drive:
+        """The TurtleBot3's driver: axes clamped to the hardware's speeds, or not, and wheels that ramp."""
+        v, w = (wheels.max_linear, wheels.max_angular) if clamp else (inf, inf)
+        return cls(
+            WheelGeometry(wheels.separation, wheels.radius, wheels.radius),
+            linear=AxisLimits(-v, v),
+            angular=AxisLimits(-w, w),
+            ramp=WheelRamp(wheels.acceleration, wheels.brake, jump),
+        )
+
+
+class DriveState(NamedTuple):
+    """The limited command (m/s, rad/s), for jerk limits the one of the step before, and the speeds of the rims, m/s."""
+
+    v: float = 0.0
+    w: float = 0.0
+    v_before: float = 0.0
+    w_before: float = 0.0
+    left: float = 0.0
+    right: float = 0.0
+
+
+AT_REST = DriveState()
+
+
+def step_drive(drive: Drive, state: DriveState, v: float, w: float, braking: bool, dt: float) -> DriveState:
+    """The state one step of ``dt`` [s] later under the command ``v`` [m/s], ``w`` [rad/s], both finite.
+
+    It is ``state`` itself when nothing changes.
+
+    Each axis is limited by itself. ``braking`` replaces the command by a standstill. 2 us; 6 with all limits.
+    """
+    linear, angular = drive.linear, drive.angular
+    if braking:
+        v = w = 0.0
+        linear, angular = drive.stop_linear, drive.stop_angular
+    elif drive.keep_curvature:
+        v, w = _scale_to_limits(drive, v, w)
+    after_v = limit(linear, v, state.v, state.v_before, dt)
+    after_w = limit(angular, w, state.w, state.w_before, dt)
+    if drive.keep_curvature and not braking:
+        after_v, after_w = _keep_curvature(state, (v, w), (after_v, after_w))
+    goals = rim_speeds(drive.geometry, after_v, after_w)
+    rims = ramp_wheels(drive.ramp, state.left, state.right, goals, braking, dt)
+    had_v, had_w = state.v if linear.limits_jerk else after_v, state.w if angular.limits_jerk else after_w
+    after = DriveState(after_v, after_w, had_v, had_w, *rims)
+    return state if after == state else after
+
+
+def wheel_speeds(drive: Drive, state: DriveState) -> tuple[float, float]:
+    """The wheels' turn rates, left and right, rad/s."""
+    return state.left / drive.geometry.left_radius, state.right / drive.geometry.right_radius
+
+
+def commanded_velocity(drive: Drive, state: DriveState) -> tuple[float, float]:
+    """What the wheels are told, as speed [m/s] and turn rate [rad/s] of the base: the command after all limits."""
+    if drive.ramp.acceleration == drive.ramp.brake == inf:
+        return state.v, state.w
+    return body_velocity(drive.geometry, state.left, state.right)
+
+
+def _scale_to_limits(drive: Drive, v: float, w: float) -> tuple[float, float]:
+    """The command made smaller as a whole until both axes may have it."""
+    share = 1.0
+    for wanted, axis in ((v, drive.linear), (w, drive.angular)):
+        top = axis.max_velocity if wanted > 0 else -axis.min_velocity
+        if abs(wanted) > top:
+            share = min(share, top / abs(wanted))
+    return (v, w) if share == 1.0 else (v * share, w * share)
+
+
+def _keep_curvature(
+    state: DriveState, wanted: tuple[float, float], allowed: tuple[float, float]
+) -> tuple[float, float]:
+    """Both axes changed by the same share of their ways, that of the slower one; a smaller change breaks no limit."""
+    share = 1.0
+    for now, goal, can in zip(state, wanted, allowed, strict=False):
+        if goal != now:
+            share = min(share, (can - now) / (goal - now))
+    if share >= 1.0:
+        return wanted
+    return state.v + share * (wanted[0] - state.v), state.w + share * (wanted[1] - state.w)

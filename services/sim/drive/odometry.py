@@ -1,0 +1,266 @@
+"""Odometry of one robot: integration of wheel angles or commands, its messages, and when they are published."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from messages.base import Packed36, covariance
+from messages.geometry import (
+    Point,
+    Pose,
+    PoseWithCovariance,
+    Quaternion,
+    Twist,
+    TwistWithCovariance,
+    Vector3,
+)
+from messages.nav import Odometry
+from messages.std import Header
+from services.runtime.errors import BadInput
+from services.sim.drive.config import OdometryConfig
+from services.sim.drive.controller import STEP_S, DiffDriveController
+from services.sim.drive.kinematics import WheelGeometry
+from services.sim.physics.rotation import to_body_frame
+from services.sim.physics.world import BodyState, World
+
+MIN_INTERVAL_S = 1e-4
+"""An interval below this tells a way but no speed."""
+
+Velocity = tuple[float, float]
+"""Speed [m/s] and turn rate [rad/s]."""
+
+
+class Pose2(NamedTuple):
+    """A pose on the ground: m, m, rad; the heading is not wrapped."""
+
+    x: float = 0.0
+    y: float = 0.0
+    heading: float = 0.0
+
+    def compose(self, other: Pose2) -> Pose2:
+        """The pose ``other`` of this pose's own frame."""
+        c, s = math.cos(self.heading), math.sin(self.heading)
+        return Pose2(
+            self.x + c * other.x - s * other.y, self.y + s * other.x + c * other.y, self.heading + other.heading
+        )
+
+    def inverse(self) -> Pose2:
+        """The pose of the origin, seen from this one."""
+        c, s = math.cos(self.heading), math.sin(self.heading)
+        return Pose2(-c * self.x - s * self.y, s * self.x - c * self.y, -self.heading)
+
+
+class OdometryState(NamedTuple):
+    """A pose found by counting: x, y [m], heading [rad] without bounds; the speeds v [m/s] and w [rad/s], the mean over
+    ``recent``; and the wheel angles [rad] where the last interval ended."""
+
+    x: float
+    y: float
+    heading: float
+    v: float
+    w: float
+    left: float
+    right: float
+    recent: tuple[Velocity, ...] = ()
+
+    @property
+    def pose(self) -> Pose2:
+        """Where it is."""
+        return Pose2(self.x, self.y, self.heading)
+
+
+def initial_odometry(left: float, right: float, x: float = 0.0, y: float = 0.0, heading: float = 0.0) -> OdometryState:
+    """A track that begins at rest at the given pose, with the wheels at the angles ``left`` and ``right`` [rad]."""
+    return OdometryState(x, y, heading, 0.0, 0.0, left, right)
+
+
+def integrate_encoders(
+    odometry: OdometryState, left: float, right: float, dt: float, geometry: WheelGeometry, window: int = 1
+) -> OdometryState:
+    """The track after the wheels turned on to the angles ``left`` and ``right`` [rad] in ``dt`` > 0 [s].
+
+    Its speeds are the mean over the last ``window`` intervals. Angles that are not finite change nothing.
+    """
+    if not (math.isfinite(left) and math.isfinite(right)):
+        return odometry
+    went_left, went_right = (
+        (left - odometry.left) * geometry.left_radius,
+        (right - odometry.right) * geometry.right_radius,
+    )
+    length, turn = (went_left + went_right) / 2, (went_right - went_left) / geometry.separation
+    x, y, heading = integrate_arc(odometry.x, odometry.y, odometry.heading, length, turn)
+    if dt < MIN_INTERVAL_S:
+        return OdometryState(x, y, heading, odometry.v, odometry.w, left, right, odometry.recent)
+    recent = (*odometry.recent[max(0, len(odometry.recent) + 1 - window) :], (length / dt, turn / dt))
+    count = len(recent)
+    v, w = sum(each[0] for each in recent) / count, sum(each[1] for each in recent) / count
+    return OdometryState(x, y, heading, v, w, left, right, recent)
+
+
+def integrate_commands(odometry: OdometryState, v: float, w: float, dt: float) -> OdometryState:
+    """The track after the limited command ``v`` [m/s], ``w`` [rad/s] was carried out for ``dt`` [s]: open loop."""
+    x, y, heading = integrate_arc(odometry.x, odometry.y, odometry.heading, v * dt, w * dt)
+    return odometry._replace(x=x, y=y, heading=heading, v=v, w=w)
+
+
+def integrate_arc(x: float, y: float, heading: float, length: float, turn: float) -> Pose2:
+    """The pose after an arc of ``length`` [m] that turns by ``turn`` [rad]; exact for constant speeds.
+
+    Its chord is length sin(turn/2) / (turn/2) long and points along heading + turn/2. ROS integrates the same arc, but
+    takes a mid-heading step below 1e-6 rad; the chord needs no such case.
+    """
+    half = turn / 2
+    chord = length * math.sin(half) / half if half else length
+    course = heading + half
+    return Pose2(x + chord * math.cos(course), y + chord * math.sin(course), heading + turn)
+
+
+ZERO_COVARIANCE = covariance(0, 0, 0, 0, 0, 0)
+"""Of ground truth."""
+
+PLANAR_COVARIANCE = covariance(1e-5, 1e-5, 1e12, 1e12, 1e12, 1e-3)
+"""Of a pose from odometry: x and y, then three axes that a base does not measure, then yaw. The figures of Gazebo's
+``libgazebo_ros_diff_drive``, which gives its twist ``ZERO_COVARIANCE``."""
+
+
+def body_pose(state: BodyState) -> Pose:
+    """The pose of a body in the world."""
+    (x, y, z), (i, j, k, w) = state.position, state.orientation
+    return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=i, y=j, z=k, w=w))
+
+
+def body_twist(state: BodyState) -> Twist:
+    """The velocity of a body in its own axes."""
+    vx, vy, vz = to_body_frame(state.orientation, state.linear)
+    wx, wy, wz = to_body_frame(state.orientation, state.angular)
+    return Twist(linear=Vector3(x=vx, y=vy, z=vz), angular=Vector3(x=wx, y=wy, z=wz))
+
+
+def world_odometry(
+    state: BodyState,
+    header: Header,
+    child: str,
+    pose_covariance: Packed36 = ZERO_COVARIANCE,
+    twist_covariance: Packed36 = ZERO_COVARIANCE,
+) -> Odometry:
+    """The true motion of a base: pose in the world, twist in the frame ``child``.
+
+    With ``PLANAR_COVARIANCE`` it is what the TurtleBot3's plugin calls odometry: not relative to the place of spawning.
+    """
+    return Odometry(
+        header=header,
+        child_frame_id=child,
+        pose=PoseWithCovariance(pose=body_pose(state), packed=pose_covariance),
+        twist=TwistWithCovariance(twist=body_twist(state), packed=twist_covariance),
+    )
+
+
+def encoder_odometry(
+    odometry: OdometryState,
+    header: Header,
+    child: str,
+    pose_covariance: Packed36 = PLANAR_COVARIANCE,
+    twist_covariance: Packed36 = ZERO_COVARIANCE,
+) -> Odometry:
+    """What the wheels tell, on a level ground."""
+    return Odometry(
+        header=header,
+        child_frame_id=child,
+        pose=PoseWithCovariance(pose=Pose.planar(odometry.x, odometry.y, odometry.heading), packed=pose_covariance),
+        twist=TwistWithCovariance(twist=Twist.planar(odometry.v, odometry.w), packed=twist_covariance),
+    )
+
+
+ROUNDING = 1e-6
+"""Of a period; what is nearer to its end is its end."""
+
+
+class Odometer:
+    """Keeps the ``odometry`` of a base that counts; None where odometry is the true pose in the world.
+
+    ``moved`` is where the odometry's frame lies now, seen from where it was at the start.
+    """
+
+    def __init__(
+        self, settings: OdometryConfig, world: World, name: str, controller: DiffDriveController | None
+    ) -> None:
+        self.reconfigure(settings)
+        self._world, self._name, self._controller = world, name, controller
+        if controller is not None:
+            joints = world.joints(name)
+            self._left, self._right = (
+                joints.index(joint) for joint in (controller.config.left_joint, controller.config.right_joint)
+            )
+        self._slot: int | None = None
+        self.reset()
+
+    def reset(self) -> None:
+        """Count from here, with the wheels as they stand."""
+        counts = self._controller is not None and self.config.source != "world"
+        self.state: OdometryState | None = initial_odometry(*self._angles()) if counts else None
+        self.offset = Pose2()
+        self._last_update = -1
+        self.reset_phase()
+
+    def update_from_commands(self) -> None:
+        """Follow a physics step that comes, where commands are what counts."""
+        if self.state is not None and self._controller is not None and self.config.source == "open loop":
+            self.state = integrate_commands(self.state, *self._controller.commanded_velocity, STEP_S)
+
+    def update_from_encoders(self, now: int) -> None:
+        """Follow the wheels until ``now`` [ns]."""
+        if self.state is None or self._controller is None or self.config.source != "encoder":
+            return
+        if 0 <= self._last_update < now:
+            geometry = self._controller.drive.geometry
+            self.state = integrate_encoders(
+                self.state, *self._angles(), (now - self._last_update) / 1e9, geometry, self.config.window
+            )
+        self._last_update = now
+
+    def due(self, now: int, rate: float) -> bool:
+        """Whether a message goes out at ``now`` [ns] when ``rate`` [Hz] go out; asked at every control tick.
+
+        The average rate is exact, as in ROS, and counts from time 0: at 25 Hz odometry has the stamps of ground truth,
+        whenever the robot was spawned.
+        """
+        if rate <= 0:
+            return False
+        periods = now * rate / 1e9
+        if self._slot is None:
+            self._slot = math.ceil(periods - ROUNDING) - 1
+        before, self._slot = self._slot, int(periods + ROUNDING)
+        return self._slot > before
+
+    def to_message(self, header: Header, child: str, state: BodyState) -> Odometry:
+        """Odometry as it is published; ``state`` is where the body is."""
+        covariances = self.pose_covariance, self.twist_covariance
+        if self.state is None:
+            return world_odometry(state, header, child, *covariances)
+        return encoder_odometry(self.state, header, child, *covariances)
+
+    def set_pose(self, x: float, y: float, heading: float) -> None:
+        """Count from (x [m], y [m], heading [rad]) on; raises BadInput where odometry is the true pose."""
+        if self.state is None:
+            raise BadInput(
+                f"the odometry of {self._name} is its true pose in the world, which cannot be set: move the model with "
+                'set_state, or give it odometry = "encoder"'
+            )
+        pose = Pose2(x, y, heading)
+        self.offset = self.offset.compose(self.state.pose).compose(pose.inverse())
+        self.state = self.state._replace(x=x, y=y, heading=heading)
+
+    def reconfigure(self, settings: OdometryConfig) -> None:
+        """Tell it with other covariances, over another window; the source stays what it was."""
+        self.config = settings
+        self.pose_covariance: Packed36 = PLANAR_COVARIANCE if settings.pose is None else settings.pose
+        self.twist_covariance: Packed36 = ZERO_COVARIANCE if settings.twist is None else settings.twist
+
+    def reset_phase(self) -> None:
+        """Find the rate's phase anew, as after a change of the rate."""
+        self._slot = None
+
+    def _angles(self) -> tuple[float, float]:
+        angles = self._world.joint_readings(self._name).position
+        return angles[self._left], angles[self._right]

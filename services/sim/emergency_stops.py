@@ -1,0 +1,250 @@
+"""The emergency stops that hold: by robot and holder, kept through a restart of the simulation."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from messages.elea import EmergencyStop
+from messages.std import Bool
+from messages.topics import E_STOP
+from services.runtime.atomic_file import write_atomic
+from services.runtime.errors import BadInput, unknown_name
+from services.runtime.log import Log
+from services.runtime.transport.wire import NODE_BYTES, SampleInfo
+
+ALL_ROBOTS = ""
+"""In place of a robot's name: the stop of all robots, also of those that are spawned later."""
+
+FOREIGN_ID, FOREIGN = "foreign", "(foreign)"
+"""Who publishes without an attachment: all such programs are one holder, as nothing tells them apart."""
+DAMAGED_ID, DAMAGED = "damaged", "(damaged file)"
+"""Holds all robots when the file cannot be read: it may have held any stop."""
+OTHERS_ID, OTHERS = "others", "(others)"
+"""One holder in place of all beyond MOST_HOLDERS."""
+
+MAX_HOLDERS = 32
+"""Of one robot that are told apart: whoever forges ids fills neither memory nor disk."""
+MAX_FILE_BYTES = 1 << 22
+"""Bytes of the file."""
+RETRY_S = 1.0
+"""Wall time between two attempts to write the file."""
+
+
+class _File(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The file; ``seal`` is the SHA-256 of the stops, so that any damage shows."""
+
+    version: Literal[1] = 1
+    seal: str
+    stops: tuple[EmergencyStop, ...]
+
+
+class EmergencyStopStore:
+    """The stops that hold, by robot and holder. A holder is a node by its name: it is the same after a restart.
+
+    What ends a stop: false from its holder, ``release``, or ``forget`` when the robot is deleted. That the holder's
+    process ends, or the simulation restarts, does not.
+
+    Args:
+        path: The file that keeps them; None for memory alone.
+        name_of: The name of the node whose publisher ids begin with these bytes; empty while it is not known.
+        log: Where stops, releases and trouble with the file are told.
+        wall: The machine's clock, ns.
+        monotonic: A clock that nobody sets, s.
+    """
+
+    def __init__(
+        self,
+        path: Path | None,
+        name_of: Callable[[bytes], str],
+        log: Log,
+        wall: Callable[[], int] = time.time_ns,
+        monotonic: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._path, self._node_name, self._log = path, name_of, log
+        self._wall, self._monotonic = wall, monotonic
+        self._stops: dict[str, dict[str, EmergencyStop]] = {}
+        self._changed = self._unsaved = self._warned_no_file = False
+        self._retry_at = 0.0
+
+    def load(self) -> None:
+        """Take up what the file holds; when it is damaged, all robots are stopped."""
+        if self._path is None:
+            return
+        try:
+            stops = _read(self._path)
+        except FileNotFoundError:
+            return
+        except (OSError, ValueError) as error:
+            self._fail_closed(self._path, error)
+            return
+        for each in stops:
+            self._stops.setdefault(each.robot, {})[each.id] = each
+        if stops:
+            names = ", ".join(sorted({_robot_label(each.robot) for each in stops}))
+            self._log.warn(f"emergency stops of before the restart hold on: {names} (./elea sim stops)")
+
+    @property
+    def all(self) -> tuple[EmergencyStop, ...]:
+        """Every stop that holds."""
+        return tuple(each for held in self._stops.values() for each in held.values())
+
+    def holders(self, robot: str) -> tuple[str, ...]:
+        """Whose stops hold a robot, its own and those of all robots; empty when it may move."""
+        if not self._stops:
+            return ()
+        held = (*self._stops.get(robot, {}).values(), *self._stops.get(ALL_ROBOTS, {}).values())
+        return tuple(dict.fromkeys(each.holder for each in held))
+
+    def process(self, robot: str, topic: str, batch: list[tuple[Any, SampleInfo | None]]) -> bool:
+        """Take what came on the ``e_stop`` of a robot, or of ALL; whether any of it was a stop, be it reset by now."""
+        any_stop = False
+        for message, origin in batch:
+            assert isinstance(message, Bool)
+            holder = FOREIGN_ID if origin is None else origin.publisher[:NODE_BYTES].hex()
+            if message.data:
+                any_stop = True
+                self._add(robot, topic, holder)
+            else:
+                self._reset(robot, holder)
+        return any_stop
+
+    def release(self, robot: str, holder: str = "") -> str:
+        """Release what one holder (by name or id), or every one, holds of a robot or ALL; what was done, and what is
+        left. Raises BadInput when there is nothing to release.
+        """
+        held = self._stops.get(robot, {})
+        if not held:
+            stopped = ", ".join(sorted(map(_robot_label, self._stops))) or "none"
+            raise BadInput(f"no emergency stop of {_robot_label(robot)} to release (stops that hold: {stopped})")
+        chosen = [each for each in held.values() if holder in ("", each.holder, each.id)]
+        if not chosen:
+            raise unknown_name("holder", holder, [each.holder for each in held.values()], _robot_label(robot))
+        for each in chosen:
+            self._remove(robot, each.id)
+        names = ", ".join(each.holder for each in chosen)
+        self._log.warn(f"{_robot_label(robot)}: the emergency stop of {names} is released by request")
+        left = ", ".join(self.holders(robot))
+        return f"{_robot_label(robot)}: the stop of {names} is released" + (
+            f"; stopped still by {left}" if left else ""
+        )
+
+    def remove_robot(self, robot: str) -> None:
+        """A robot was deleted: its own stops go with it."""
+        if self._stops.pop(robot, None) is not None:
+            self._changed = True
+
+    def save(self) -> bool:
+        """Write what has changed, and try again what could not be written; whether anything has changed since the
+        last call. What it returns may be told as done: it is on the disk, or the log says that it is not.
+        """
+        if self._stops:
+            self._update_names()
+        changed, self._changed = self._changed, False
+        if self._path is None:
+            if self._stops and not self._warned_no_file:
+                self._warned_no_file = True
+                self._log.warn("emergency stops are in memory alone: a restart forgets them (--param stops_file=PATH)")
+        elif changed or (self._unsaved and self._monotonic() >= self._retry_at):
+            self._write(self._path)
+        return changed
+
+    def _add(self, robot: str, topic: str, holder: str) -> None:
+        held = self._stops.get(robot, {})
+        if holder in held:
+            return
+        if len(held) >= MAX_HOLDERS:
+            holder = OTHERS_ID
+            if holder in held:
+                return
+        stop = EmergencyStop(robot=robot, topic=topic, holder=self._holder_name(holder), id=holder, since=self._wall())
+        self._stops.setdefault(robot, {})[holder] = stop
+        self._changed = True
+        self._log.warn(f"{_robot_label(robot)}: emergency stop by {stop.holder}", every=0.1)
+
+    def _reset(self, robot: str, holder: str) -> None:
+        stop = self._stops.get(robot, {}).get(holder)
+        if stop is None:
+            return
+        self._remove(robot, holder)
+        left = ", ".join(self.holders(robot))
+        still = f"; stopped still by {left}" if left else ""
+        self._log.info(f"{_robot_label(robot)}: the emergency stop of {stop.holder} is reset{still}", every=0.1)
+
+    def _remove(self, robot: str, holder: str) -> None:
+        del self._stops[robot][holder]
+        if not self._stops[robot]:
+            del self._stops[robot]
+        self._changed = True
+
+    def _holder_name(self, holder: str) -> str:
+        special = {FOREIGN_ID: FOREIGN, DAMAGED_ID: DAMAGED, OTHERS_ID: OTHERS}
+        return special.get(holder) or self._node_name(bytes.fromhex(holder)) or f"#{holder}"
+
+    def _update_names(self) -> None:
+        """The token that tells a node's name may come after its stop."""
+        for robot, held in self._stops.items():
+            for holder, stop in held.items():
+                if stop.holder == f"#{holder}" and (name := self._holder_name(holder)) != stop.holder:
+                    self._stops[robot][holder] = msgspec.structs.replace(stop, holder=name)
+                    self._changed = True
+
+    def _write(self, path: Path) -> None:
+        content = _File(seal=_checksum(self.all), stops=self.all)
+        try:
+            write_atomic(path, msgspec.json.format(msgspec.json.encode(content), indent=2) + b"\n", durable=True)
+        except OSError as error:
+            self._unsaved, self._retry_at = True, self._monotonic() + RETRY_S
+            self._log.error(
+                f"emergency stops cannot be written to {path} ({error.strerror}): they hold, but a simulation that is "
+                "restarted now may forget them; it is tried again every second. Is the disk full?",
+                every=10.0,
+            )
+            return
+        if self._unsaved:
+            self._unsaved = False
+            self._log.info(f"emergency stops are written to {path} again")
+
+    def _fail_closed(self, path: Path, error: Exception) -> None:
+        kept = path.with_name(f"{path.name}.damaged")
+        try:
+            kept.unlink(missing_ok=True)
+            # A second name and no move: were it gone and no new one could be written, the next start would stop nobody.
+            kept.hardlink_to(path)
+            where = f"it is kept as {kept}"
+        except OSError as trouble:
+            where = f"no copy of it is kept: {trouble.strerror}"
+        stop = EmergencyStop(topic=f"/{E_STOP.name}", holder=DAMAGED, id=DAMAGED_ID, since=self._wall())
+        self._stops[ALL_ROBOTS] = {DAMAGED_ID: stop}
+        self._changed = True
+        self._log.error(
+            f"the file of emergency stops {path} cannot be read ({error}), so all robots are stopped, as it may have "
+            f"held stops; {where}. ./elea sim release --all lets them move"
+        )
+
+
+def _robot_label(name: str) -> str:
+    return name or "all robots"
+
+
+def _checksum(stops: tuple[EmergencyStop, ...]) -> str:
+    return hashlib.sha256(msgspec.json.encode(stops)).hexdigest()
+
+
+def _read(path: Path) -> tuple[EmergencyStop, ...]:
+    """The stops in a file; raises OSError, or ValueError when it is damaged."""
+    with path.open("rb") as file:
+        content = file.read(MAX_FILE_BYTES + 1)
+    if len(content) > MAX_FILE_BYTES:
+        raise ValueError(f"it has more than {MAX_FILE_BYTES} bytes")
+    found = msgspec.json.decode(content, type=_File)
+    if found.seal != _checksum(found.stops):
+        raise ValueError("its seal does not fit its content")
+    if any(not each.id or not each.topic for each in found.stops):
+        raise ValueError("a stop has no holder or no topic")
+    return found.stops

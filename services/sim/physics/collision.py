@@ -1,0 +1,78 @@
+"""Collision checks before a body enters the world or moves, on copies in a client of their own.
+
+A body that starts inside another is thrown metres into the air, and one that was loaded and taken out again would
+change the trajectories of the others: so the world itself is not touched before the place is known to be free.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from models.world import WorldDescription
+from services.runtime.errors import BadInput
+from services.sim.physics._pybullet import pybullet
+from services.sim.physics.bullet_body import BulletBody, load_bullet_body
+from services.sim.physics.engine import connect, is_roller, load_world
+from services.sim.physics.world import Body, Configuration, Pose3
+
+MAX_PENETRATION = 0.002
+"""Bodies may reach this far, m, into each other or the ground: what resting on it takes, and rounding."""
+
+
+_GROUND = 0
+"""The number of what was loaded first."""
+
+
+class CollisionChecker:
+    """Copies of a world's ground, obstacles and bodies, none of which ever moves by itself."""
+
+    def __init__(self, world: WorldDescription) -> None:
+        self._client = connect(1.0)
+        self._static_bodies = {_GROUND: "the ground", **load_world(self._client, world)}
+        self._copies: dict[str, BulletBody] = {}
+
+    def add(self, body: Body, others: Mapping[str, Configuration]) -> None:
+        """Copy a newcomer; raises BadInput if it would overlap with ``others``, an obstacle or the ground."""
+        name = body.name
+        self._copies[name] = load_bullet_body(self._client, body)
+        try:
+            self.check(name, Configuration(body.pose, dict(body.initial_positions)), others)
+        except BadInput:
+            self.remove(name)
+            raise
+
+    def check(self, name: str, configuration: Configuration, others: Mapping[str, Configuration]) -> None:
+        """Raise BadInput, with what and by how much, if ``name`` would overlap with anything in a stance."""
+        copy, pose = self._copies[name], configuration.pose
+        self._set_configuration(copy, configuration)
+        for number, obstacle in self._static_bodies.items():
+            self._check_pair(name, pose, copy.body_id, number, obstacle)
+        for other, placed in others.items():
+            self._set_configuration(self._copies[other], placed)
+            self._check_pair(name, pose, copy.body_id, self._copies[other].body_id, repr(other))
+
+    def remove(self, name: str) -> None:
+        """Drop the copy of a body that left."""
+        pybullet.removeBody(self._copies.pop(name).body_id, physicsClientId=self._client)
+
+    def close(self) -> None:
+        """End the client."""
+        pybullet.disconnect(physicsClientId=self._client)
+
+    def _set_configuration(self, copy: BulletBody, configuration: Configuration) -> None:
+        pybullet.resetBasePositionAndOrientation(copy.body_id, *configuration.pose, physicsClientId=self._client)
+        copy.set_joints(configuration.joints)
+
+    def _check_pair(self, name: str, pose: Pose3, copy: int, number: int, other: str) -> None:
+        near = pybullet.getClosestPoints(copy, number, 0.0, physicsClientId=self._client)
+        depth = -min((point[8] for point in near if self._may_collide(copy, number, *point[3:5])), default=0.0)
+        if depth > MAX_PENETRATION:
+            x, y, z = pose.position
+            raise BadInput(
+                f"{name!r} at x {x:.3f} m, y {y:.3f} m, z {z:.3f} m would overlap with {other} by {depth:.3f} m"
+            )
+
+    def _may_collide(self, copy: int, number: int, link: int, other: int) -> bool:
+        # Distances know nothing of who may touch whom.
+        ground = number == _GROUND
+        return ground or not (is_roller(self._client, copy, link) or is_roller(self._client, number, other))

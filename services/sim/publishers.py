@@ -1,0 +1,223 @@
+"""The publishers of each robot's topics, and of Gazebo's states of all models and links."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+from messages.elea import BaseStatus
+from messages.gazebo import LinkStates, ModelStates
+from messages.geometry import Twist, TwistStamped
+from messages.nav import Odometry
+from messages.std import Header, String, Time
+from messages.topics import (
+    BASE_STATUS,
+    CAMERA_INFO,
+    CMD_VEL_OUT,
+    GROUND_TRUTH,
+    IMAGE,
+    IMU,
+    JOINT_STATES,
+    LINK_STATES,
+    MODEL_STATES,
+    ODOM,
+    RANGE,
+    ROBOT_DESCRIPTION,
+    SCAN,
+    SONAR,
+    Topic,
+)
+from models import urdf_path
+from models.model import RobotModel
+from services.runtime.node import Node
+from services.runtime.publisher import Publisher
+from services.runtime.service import STEP_NS
+from services.sim import RobotEntry
+from services.sim.drive.controller import DiffDriveController
+from services.sim.drive.odometry import Odometer, world_odometry
+from services.sim.entities import pose_and_twist
+from services.sim.joints.effort_controller import JointEffortController
+from services.sim.physics.rotation import to_body_frame
+from services.sim.physics.world import BodyState, World
+from services.sim.sensors import (
+    camera_image,
+    camera_info,
+    imu_reading,
+    joint_state,
+    laser_scan,
+    noise_generator,
+    range_messages,
+    sonar_cloud,
+    sonar_ranges,
+    sonar_ring,
+)
+
+
+class RobotPublishers:
+    """The publications of one robot. What costs time to make is made only while somebody listens.
+
+    ``noise`` tells whether its sensors have any.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        world: World,
+        entry: RobotEntry,
+        model: RobotModel,
+        namespace: str,
+        seed: int,
+        base: DiffDriveController | None,
+        actuators: JointEffortController | None,
+        odometer: Odometer,
+        noise: bool,
+    ) -> None:
+        self._node, self._world, self._model, self._seed = node, world, model, seed
+        self._drive_controller, self._effort_controller, self.odometer = base, actuators, odometer
+        self._name = entry.name
+        self.noise = noise
+        self._joints = world.joints(entry.name)
+        self.joint_state_steps = _steps(model.joint_rate or model.odometry_rate)
+        topics: list[Topic[Any]] = [GROUND_TRUTH, JOINT_STATES, ROBOT_DESCRIPTION]
+        topics += [] if model.fixed_base else [ODOM]
+        topics += [BASE_STATUS] if base is not None else []
+        topics += [CMD_VEL_OUT] if base is not None and base.config.publish_cmd else []
+        topics += [SCAN] if model.laser else []
+        topics += [SONAR, RANGE] if model.sonar else []
+        self._sonar_ring = sonar_ring(entry.model, model.sonar) if model.sonar else None
+        topics += [IMU] if model.imu else []
+        topics += [IMAGE, CAMERA_INFO] if model.camera else []
+        self._publishers: dict[Topic[Any], Publisher[Any]] = {
+            topic: node.advertise(topic, f"{namespace}/{topic.name}") for topic in topics
+        }
+        self._publishers[ROBOT_DESCRIPTION].publish(String(data=urdf_path(entry.model).read_text()))
+        self._base_frame = self.frame_id(model.base_frame)
+        self.reset()
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._node.unregister(*self._publishers.values())
+
+    def reset(self) -> None:
+        """Begin anew from where the body is."""
+        self.odometer.reset()
+        self.odometry: Odometry | None = None
+        self._previous_state: tuple[int, BodyState] | None = None
+
+    def frame_id(self, link: str) -> str:
+        """The frame of a link, prefixed by the robot's name."""
+        return f"{self._name}/{link}"
+
+    def publish_joint_states(self, now: int, tick: int) -> None:
+        """Publish the joints if they are due at ``tick``."""
+        if self._joints and tick % self.joint_state_steps == 0 and self._publishers[JOINT_STATES].has_subscribers:
+            readings = self._world.joint_readings(self._name)
+            if self._effort_controller is not None:
+                readings = readings._replace(effort=tuple(self._effort_controller.applied_efforts.values()))
+            self._publishers[JOINT_STATES].publish(joint_state(self._joints, readings, Header(stamp=Time.of(now))))
+
+    def publish_motion(self, now: int, tick: int) -> None:
+        """At a control tick, publish what is due of ground truth, odometry and the limited command."""
+        self.odometer.update_from_encoders(now)
+        if CMD_VEL_OUT in self._publishers and self._drive_controller is not None:
+            header = Header(stamp=Time.of(now), frame_id=self._base_frame)
+            twist = Twist.planar(*self._drive_controller.commanded_velocity)
+            self._publishers[CMD_VEL_OUT].publish(TwistStamped(header=header, twist=twist))
+        truth_due = _due(tick, self._model.odometry_rate)
+        rate = self._model.odometry_rate if self._drive_controller is None else self._drive_controller.live.publish_rate
+        odometry_due = ODOM in self._publishers and self.odometer.due(now, rate)
+        if not truth_due and not odometry_due:
+            return
+        state, stamp = self._world.state(self._name), Time.of(now)
+        if truth_due:
+            self._publishers[GROUND_TRUTH].publish(
+                world_odometry(state, Header(stamp=stamp, frame_id="world"), self._base_frame)
+            )
+        if odometry_due:
+            header = Header(stamp=stamp, frame_id=self.frame_id("odom"))
+            self.odometry = self.odometer.to_message(header, self._base_frame, state)
+            self._publishers[ODOM].publish(self.odometry)
+
+    def publish_sensors(self, now: int, tick: int) -> None:
+        """Publish the sensors that are due at ``tick``."""
+        model = self._model
+        if model.imu is not None and _due(tick, model.imu.rate):
+            self._publish_imu(now, tick)
+        if model.laser is not None and _due(tick, model.laser.rate) and self._publishers[SCAN].has_subscribers:
+            header = Header(stamp=Time.of(now), frame_id=self.frame_id(model.laser.link))
+            noise = noise_generator(self._seed, self._name, "scan", tick) if self.noise else None
+            self._publishers[SCAN].publish(laser_scan(self._world, self._name, model.laser, header, noise))
+        if model.sonar is not None and _due(tick, model.sonar.rate):
+            self._publish_sonar(now, tick)
+        if model.camera is not None and _due(tick, model.camera.rate) and self._publishers[IMAGE].has_subscribers:
+            header = Header(stamp=Time.of(now), frame_id=self.frame_id(model.camera.link))
+            self._publishers[CAMERA_INFO].publish(camera_info(model.camera, header))
+            self._publishers[IMAGE].publish(camera_image(self._world, self._name, model.camera, header))
+
+    def publish_status(self, status: BaseStatus) -> None:
+        """Publish the state of the base."""
+        self._publishers[BASE_STATUS].publish(status)
+
+    def _publish_imu(self, now: int, tick: int) -> None:
+        unit = self._model.imu
+        assert unit is not None
+        if not self._publishers[IMU].has_subscribers:
+            self._previous_state = None
+            return
+        state, before = self._world.state(self._name), self._previous_state
+        self._previous_state = now, state
+        if before is None or before[0] >= now:
+            return
+        place = self._world.link_pose(self._name, unit.link).position
+        apart = (place[0] - state.position[0], place[1] - state.position[1], place[2] - state.position[2])
+        noise = noise_generator(self._seed, self._name, "imu", tick) if self.noise else None
+        header = Header(stamp=Time.of(now), frame_id=self.frame_id(unit.link))
+        offset, dt = to_body_frame(state.orientation, apart), (now - before[0]) / 1e9
+        self._publishers[IMU].publish(imu_reading(unit, offset, before[1], state, dt, header, noise))
+
+    def _publish_sonar(self, now: int, tick: int) -> None:
+        ring, every, single = self._sonar_ring, self._publishers[SONAR], self._publishers[RANGE]
+        assert ring is not None
+        if not (every.has_subscribers or single.has_subscribers):
+            return
+        noise = noise_generator(self._seed, self._name, "sonar", tick) if self.noise else None
+        echoes = sonar_ranges(self._world, self._name, ring, noise)
+        stamp = Time.of(now)
+        if every.has_subscribers:
+            every.publish(sonar_cloud(ring, echoes, Header(stamp=stamp, frame_id=self.frame_id(ring.config.link))))
+        if single.has_subscribers:
+            headers = [Header(stamp=stamp, frame_id=self.frame_id(link)) for link in ring.config.links]
+            for each in range_messages(ring, echoes, headers):
+                single.publish(each)
+
+
+def _due(tick: int, rate: float) -> bool:
+    """Whether something of this rate [Hz] happens at a physics step."""
+    return tick % _steps(rate) == 0
+
+
+@cache
+def _steps(rate: float) -> int:
+    return round(1e9 / rate / STEP_NS)
+
+
+class GazeboStatesPublisher:
+    """Models in the order of their spawning, each with its links from the root on; all in the world's axes."""
+
+    def __init__(self, node: Node, world: World) -> None:
+        self._world = world
+        self._models: Publisher[Any] = node.advertise(MODEL_STATES)
+        self._links: Publisher[Any] = node.advertise(LINK_STATES)
+
+    def publish(self) -> None:
+        """Publish them as they are now."""
+        world = self._world
+        if self._models.has_subscribers:
+            states = [pose_and_twist(world.state(name)) for name in world.names]
+            poses, twists = tuple(pose for pose, _ in states), tuple(twist for _, twist in states)
+            self._models.publish(ModelStates(name=world.names, pose=poses, twist=twists))
+        if self._links.has_subscribers:
+            links = [(name, link) for name in world.names for link in world.links(name)]
+            states = [pose_and_twist(world.link_state(*each)) for each in links]
+            poses, twists = tuple(pose for pose, _ in states), tuple(twist for _, twist in states)
+            self._links.publish(LinkStates(name=tuple(map("::".join, links)), pose=poses, twist=twists))

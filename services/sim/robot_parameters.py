@@ -1,0 +1,206 @@
+"""The parameter set of one robot, ``NAMESPACE/base`` or ``NAMESPACE/joints``, and what is derived from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from typing import Any, Generic, Protocol, TypeVar
+
+import msgspec
+
+from messages.parameters import ParameterDescription
+from messages.simulation import DriveSettings
+from services.runtime.errors import BadInput
+from services.runtime.node import Node
+from services.runtime.parameters.schema import changed_names, flatten
+from services.runtime.parameters.subscription import ParameterSubscription
+from services.runtime.parameters.validation import describe_parameters
+from services.runtime.service import Parameters
+from services.sim import BaseParameters, JointParameters, RobotEntry
+from services.sim.drive.config import (
+    DriveConfig,
+    RobotConfig,
+    drive_config,
+    effective_parameters,
+    robot_config,
+    with_model_defaults,
+)
+from services.sim.joints.config import JointConfig, joint_config, with_urdf_defaults
+
+
+class Derived(Protocol):
+    """What follows from parameters; ``warnings`` are what of it is hardly meant so."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """One line each."""
+
+
+P = TypeVar("P", bound=Parameters)
+D = TypeVar("D", bound=Derived)
+
+
+class RobotParameterSet(Generic[P, D]):
+    """``made`` is of the parameters as they stand; whoever works by it takes it anew when ``follow`` says so.
+
+    ``given`` is what the fleet, or who spawned the robot, states; ``own`` is that completed by the model's figures,
+    ``described`` has the figures alone as defaults. ``make`` raises BadInput for what contradicts itself.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        robot: str,
+        name: str,
+        given: P,
+        own: P,
+        described: Sequence[ParameterDescription],
+        make: Callable[[P], D],
+        wait: bool,
+    ) -> None:
+        self._log, self._robot, self._derive = node.log, robot, make
+        self.derived = make(own)
+        stated = flatten(given)
+        self.parameter_set = ParameterSubscription(
+            node,
+            name,
+            own,
+            fleet={each: stated[each] for each in changed_names(stated, flatten(type(given)()))},
+            described=described,
+            fits=make,
+        )
+        self.parameter_set.start(wait)
+        if self.parameter_set.params is not own:
+            self.derived = make(self.parameter_set.params)
+        self._params = self.parameter_set.params
+        self._warn(self.derived.warnings)
+
+    @property
+    def params(self) -> P:
+        """What ``made`` is of."""
+        return self._params
+
+    def close(self) -> None:
+        """Follow the set no more."""
+        self.parameter_set.close()
+
+    def update(self) -> bool:
+        """Take what was admitted; whether anything is another now."""
+        self.parameter_set.refresh()
+        if self.parameter_set.params is self._params:
+            return False
+        before, self._params = self.derived.warnings, self.parameter_set.params
+        self.derived = self._derive(self._params)
+        self._warn(tuple(each for each in self.derived.warnings if each not in before))
+        return True
+
+    def _warn(self, warnings: tuple[str, ...]) -> None:
+        for each in warnings:
+            self._log.warn(f"{self._robot}: {each}")
+
+
+class BaseParameterSet:
+    """``settings`` follow from the parameters as they stand; whoever drives by them takes them anew after a change."""
+
+    def __init__(self, node: Node, namespace: str, entry: RobotEntry, wait: bool) -> None:
+        own = _robot_config(entry)
+        assert own.drive_config is not None
+        self.name, self._model, self._model_name = entry.name, own.model, entry.model
+        self._torque_driven = own.drive_config.gains is not None
+        figures = effective_parameters(entry.model, own.model, BaseParameters())
+        described = [self._described(each, own.parameters) for each in describe_parameters(BaseParameters, figures)]
+        self._set: RobotParameterSet[BaseParameters, DriveConfig] = RobotParameterSet(
+            node, entry.name, f"{namespace}/base", entry.parameters, own.parameters, described, self._derive, wait
+        )
+
+    @property
+    def config(self) -> DriveConfig:
+        """What the base is driven by."""
+        return self._set.derived
+
+    @property
+    def parameters(self) -> BaseParameters:
+        """What the settings are made of."""
+        return with_model_defaults(self._model, self._set.params)
+
+    def close(self) -> None:
+        """Follow the set no more."""
+        self._set.close()
+
+    def update(self) -> bool:
+        """Take what was admitted; whether the settings are others now."""
+        return self._set.update()
+
+    def set_drive(self, request: DriveSettings) -> None:
+        """Set what is asked, for this run; raises BadInput or CallFailed with nothing changed."""
+        changes: dict[str, Any] = {
+            name: value for name, value in msgspec.structs.asdict(request).items() if value is not None
+        }
+        del changes["name"]
+        sides = "left_wheel_radius_multiplier", "right_wheel_radius_multiplier"
+        both = self._set.params.wheel_radius_multiplier
+        if both is not None and any(side in changes for side in sides):
+            # It wins over those of the sides, of which one is to change now.
+            changes = {"wheel_radius_multiplier": None, **dict.fromkeys(sides, both), **changes}
+        self._set.parameter_set.change(changes)
+
+    def drive_settings(self) -> DriveSettings:
+        """All that ``change`` can change."""
+        return DriveSettings(name=self.name, **asdict(self.config.live))
+
+    def _described(self, one: ParameterDescription, own: BaseParameters) -> ParameterDescription:
+        """What cannot change of this very robot is for the fleet to say, so that nobody is told of success in vain."""
+        if (one.name.startswith("wheel_pid.") and not self._torque_driven) or (
+            one.name == "brake_angular" and own.ramp != "base"
+        ):
+            return msgspec.structs.replace(one, live=False)
+        return msgspec.structs.replace(one, optional=False) if one.name == "wheel_pid.p" else one
+
+    def _derive(self, parameters: BaseParameters) -> DriveConfig:
+        wheels = self._model.wheels
+        assert wheels is not None
+        if (parameters.wheel_pid is not None) != self._torque_driven:
+            raise BadInput("wheel_pid: a base is driven by torque or by speed from its spawn on; only gains change")
+        return drive_config(self._model_name, self._model, wheels, with_model_defaults(self._model, parameters))
+
+
+def _robot_config(entry: RobotEntry) -> RobotConfig:
+    try:
+        return robot_config(entry.model, entry.parameters)
+    except BadInput as error:
+        raise BadInput(f"{entry.name}: {error}") from None
+
+
+class JointParameterSet:
+    """``terms`` follow from the parameters as they stand; whoever acts on joints takes them anew after a change."""
+
+    def __init__(self, node: Node, namespace: str, entry: RobotEntry, wait: bool) -> None:
+        model, given = entry.model, entry.joint_parameters
+        self._set: RobotParameterSet[JointParameters, JointConfig] = RobotParameterSet(
+            node,
+            entry.name,
+            f"{namespace}/joints",
+            given,
+            with_urdf_defaults(model, given),
+            tuple(describe_parameters(JointParameters, with_urdf_defaults(model, JointParameters()))),
+            lambda params: joint_config(model, params),
+            wait,
+        )
+
+    @property
+    def config(self) -> JointConfig:
+        """How the joints take efforts, and what they resist."""
+        return self._set.derived
+
+    @property
+    def noise(self) -> bool:
+        """Whether sensors have any."""
+        return self._set.params.noise
+
+    def close(self) -> None:
+        """Follow the set no more."""
+        self._set.close()
+
+    def update(self) -> bool:
+        """Take what was admitted; whether the terms are others now."""
+        return self._set.update()

@@ -1,0 +1,252 @@
+"""The sensors of a robot as messages: laser scan, IMU, joint states, camera and sonars."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from messages.base import Float32Array
+from messages.geometry import Point32, Quaternion, Vector3
+from messages.sensor import CameraInfo, ChannelFloat32, Image, Imu, JointState, LaserScan, PointCloud, Range
+from messages.std import Header
+from models.model import CameraConfig, ImuConfig, LaserConfig, SonarConfig
+from models.urdf import read_joints
+from services.sim.physics.rotation import rotation_matrix, to_body_frame, to_world_frame
+from services.sim.physics.world import GRAVITY, BodyState, CameraModel, JointReadings, Vector, World
+
+
+def noise_generator(seed: int, robot: str, sensor: str, tick: int) -> np.random.Generator:
+    """Random numbers that depend on nothing but run, robot, sensor and tick: a replayed tick gives the same noise."""
+    return np.random.default_rng((seed, zlib.crc32(robot.encode()), zlib.crc32(sensor.encode()), tick))
+
+
+def laser_scan(
+    world: World, robot: str, laser: LaserConfig, header: Header, noise: np.random.Generator | None = None
+) -> LaserScan:
+    """One turn of a laser, all rays at the same instant, counter-clockwise in the link's plane.
+
+    A ray without an echo up to ``range_max`` gives inf, one that meets something nearer than ``range_min`` gives -inf
+    (REP 117). The rays start outside the laser's housing, so that they cannot see it. 360 rays take about 1 ms.
+    """
+    eye = world.link_pose(robot, laser.link)
+    rays = _ray_directions(laser) @ rotation_matrix(eye.orientation).T
+    origin = np.array(eye.position)
+    reach = laser.range_max - laser.clearance
+    fractions = world.cast_rays(origin + laser.clearance * rays, origin + laser.range_max * rays)
+    ranges = laser.clearance + reach * fractions
+    if noise is not None:
+        ranges += noise.normal(0.0, laser.noise, laser.samples)
+        ranges = np.where(np.isinf(fractions), np.inf, np.minimum(ranges, laser.range_max))
+    ranges[ranges < laser.range_min] = -np.inf
+    return LaserScan(
+        header=header,
+        angle_min=laser.angle_min,
+        angle_max=laser.angle_min + (laser.samples - 1) * laser.increment,
+        angle_increment=laser.increment,
+        scan_time=1 / laser.rate,
+        range_min=laser.range_min,
+        range_max=laser.range_max,
+        ranges=Float32Array(ranges),
+    )
+
+
+def _ray_directions(laser: LaserConfig) -> NDArray[np.float64]:
+    angles = laser.angle_min + np.arange(laser.samples) * laser.increment
+    return np.stack((np.cos(angles), np.sin(angles), np.zeros(laser.samples)), axis=1)
+
+
+def point_velocity(state: BodyState, offset: Vector) -> Vector:
+    """The world velocity [m/s] of the point ``offset`` [m, body axes] of a body: v + w x R r."""
+    rx, ry, rz = to_world_frame(state.orientation, offset)
+    (vx, vy, vz), (wx, wy, wz) = state.linear, state.angular
+    return vx + wy * rz - wz * ry, vy + wz * rx - wx * rz, vz + wx * ry - wy * rx
+
+
+def imu_reading(
+    unit: ImuConfig,
+    offset: Vector,
+    before: BodyState,
+    now: BodyState,
+    dt: float,
+    header: Header,
+    noise: np.random.Generator | None = None,
+) -> Imu:
+    """What an inertial unit at ``offset`` [m] of a body, with the body's axes, measures over the last ``dt`` [s].
+
+    The specific force is R^T (dv/dt + g e_z), with dv the change of the unit's own velocity from ``before`` to ``now``:
+    turning off the centre shows up, and a unit at rest measures +g upward.
+    """
+    old, new = point_velocity(before, offset), point_velocity(now, offset)
+    force = to_body_frame(
+        now.orientation, ((new[0] - old[0]) / dt, (new[1] - old[1]) / dt, (new[2] - old[2]) / dt + GRAVITY)
+    )
+    rate = to_body_frame(now.orientation, now.angular)
+    if noise is not None:
+        errors = noise.standard_normal(6)
+        rate = _add_noise(rate, errors[:3] * unit.gyro_noise)
+        force = _add_noise(force, errors[3:] * unit.acceleration_noise)
+    x, y, z, w = now.orientation
+    return Imu(
+        header=header,
+        orientation=Quaternion(x=x, y=y, z=z, w=w),
+        angular_velocity=Vector3(x=rate[0], y=rate[1], z=rate[2]),
+        angular_velocity_covariance=_isotropic(unit.gyro_noise),
+        linear_acceleration=Vector3(x=force[0], y=force[1], z=force[2]),
+        linear_acceleration_covariance=_isotropic(unit.acceleration_noise),
+    )
+
+
+def joint_state(names: Sequence[str], readings: JointReadings, header: Header) -> JointState:
+    """The angles, speeds and torques of a robot's joints."""
+    return JointState(
+        header=header,
+        name=tuple(names),
+        position=readings.position,
+        velocity=readings.velocity,
+        effort=readings.effort,
+    )
+
+
+def _add_noise(vector: Vector, errors: NDArray[np.float64]) -> Vector:
+    return vector[0] + float(errors[0]), vector[1] + float(errors[1]), vector[2] + float(errors[2])
+
+
+def _isotropic(deviation: float) -> tuple[float, ...]:
+    variance = deviation * deviation
+    return (variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance)
+
+
+def camera_image(world: World, robot: str, camera: CameraConfig, header: Header) -> Image:
+    """What the robot's camera sees, ``rgb8``; the header's frame should be the camera's optical one."""
+    lens = CameraModel(camera.width, camera.height, camera.fov, camera.near, camera.far)
+    pixels = world.render(world.link_pose(robot, camera.link), lens)
+    return Image(
+        header=header,
+        height=camera.height,
+        width=camera.width,
+        encoding="rgb8",
+        step=3 * camera.width,
+        data=pixels,
+    )
+
+
+def camera_info(camera: CameraConfig, header: Header) -> CameraInfo:
+    """The camera's intrinsics: square pixels, no distortion, the principal point in the middle.
+
+    The focal length in pixels is f = (width / 2) / tan(fov / 2).
+    """
+    focal = camera.width / 2 / math.tan(camera.fov / 2)
+    cx, cy = camera.width / 2, camera.height / 2
+    return CameraInfo(
+        header=header,
+        height=camera.height,
+        width=camera.width,
+        d=(0.0,) * 5,
+        k=(focal, 0.0, cx, 0.0, focal, cy, 0.0, 0.0, 1.0),
+        r=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
+        p=(focal, 0.0, cx, 0.0, 0.0, focal, cy, 0.0, 0.0, 0.0, 1.0, 0.0),
+    )
+
+
+CONE_CIRCLES = 3
+"""Circles of rays around a cone's axis: 1 + 6 + 12 + 18 = 37 rays. In a cone of 30 degrees they are 5 degrees apart, so
+that what lies between them seems farther by 0.13 %."""
+
+GROUND_MARGIN = 0.001
+"""Rays end this high above the ground, m: it gives no echo, since sound that meets it so flat is reflected away."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SonarRing:
+    """The ``n`` sonars of a robot in the frame ``figures.link``: where they are [m] and look, both of shape (n, 3),
+    and the rays of their cones, unit vectors of shape (n, m, 3)."""
+
+    config: SonarConfig
+    positions: Floats
+    axes: Floats
+    rays: Floats
+
+
+def sonar_ring(model: str, figures: SonarConfig) -> SonarRing:
+    """The ring of the robot ``model``, its sonars where the URDF mounts their links on ``figures.link``."""
+    mounts = {joint.child: joint for joint in read_joints(model) if joint.parent == figures.link}
+    turns = [rotation_matrix(mounts[link].rotation()) for link in figures.links]
+    return SonarRing(
+        config=figures,
+        positions=np.array([mounts[link].xyz for link in figures.links]),
+        axes=np.array([each[:, 0] for each in turns]),
+        rays=np.array([cone_rays(figures.cone) @ each.T for each in turns]),
+    )
+
+
+def cone_rays(angle: float) -> Floats:
+    """Unit vectors in a cone about the x axis, shape (m, 3): the axis, then ``CONE_CIRCLES`` circles, the last at
+    ``angle / 2`` [rad] from it."""
+    vectors = [(1.0, 0.0, 0.0)]
+    for circle in range(1, CONE_CIRCLES + 1):
+        off = angle / 2 * circle / CONE_CIRCLES
+        for step in range(6 * circle):
+            around = 2 * math.pi * step / (6 * circle)
+            vectors.append((math.cos(off), math.sin(off) * math.cos(around), math.sin(off) * math.sin(around)))
+    return np.array(vectors)
+
+
+def sonar_ranges(world: World, robot: str, ring: SonarRing, noise: np.random.Generator | None = None) -> Floats:
+    """How far each sonar's nearest echo is, m, shape (n,); all at the same instant.
+
+    inf without an echo up to ``range_max``, -inf for one nearer than ``range_min`` (REP 117). Whatever stands in the
+    cone gives an echo, however oblique. Sixteen sonars take about 2 ms.
+    """
+    figures = ring.config
+    eye = world.link_pose(robot, figures.link)
+    turn = rotation_matrix(eye.orientation)
+    rays = ring.rays @ turn.T
+    starts = np.repeat((np.array(eye.position) + ring.positions @ turn.T)[:, None, :], rays.shape[1], axis=1)
+    fall = np.minimum(rays[:, :, 2], -1e-12)
+    reach = np.clip((GROUND_MARGIN - starts[:, :, 2]) / fall, GROUND_MARGIN, figures.range_max)
+    ends = starts + reach[:, :, None] * rays
+    fractions = world.cast_rays(starts.reshape(-1, 3), ends.reshape(-1, 3)).reshape(reach.shape)
+    ranges: Floats = (reach * fractions).min(axis=1)
+    if noise is not None:
+        heard = np.isfinite(ranges)
+        errors = noise.normal(0.0, figures.noise, len(ranges))
+        ranges[heard] = np.minimum(ranges + errors, figures.range_max)[heard]
+    ranges[ranges < figures.range_min] = -np.inf
+    return ranges
+
+
+def sonar_cloud(ring: SonarRing, ranges: Floats, header: Header) -> PointCloud:
+    """The echoes as points, in the order of the sonars, as RosAria publishes them; the header's frame is the ring's.
+
+    Every sonar has a point on its axis: one that hears nothing at ``range_max``, as ARIA reports it, one whose echo is
+    too near at ``range_min``. The channel ``range`` has the readings themselves.
+    """
+    shown = np.clip(ranges, ring.config.range_min, ring.config.range_max)
+    return PointCloud(
+        header=header,
+        points=tuple(Point32(x=x, y=y, z=z) for x, y, z in (ring.positions + shown[:, None] * ring.axes).tolist()),
+        channels=(ChannelFloat32(name="range", values=Float32Array(ranges)),),
+    )
+
+
+def range_messages(ring: SonarRing, ranges: Floats, headers: Sequence[Header]) -> list[Range]:
+    """The readings one by one; each sonar's header has its own frame."""
+    figures = ring.config
+    return [
+        Range(
+            header=header,
+            radiation_type=Range.ULTRASOUND,
+            field_of_view=figures.cone,
+            min_range=figures.range_min,
+            max_range=figures.range_max,
+            range=reading,
+        )
+        for header, reading in zip(headers, ranges.tolist(), strict=True)
+    ]

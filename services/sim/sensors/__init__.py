@@ -1,1 +1,0 @@
-"""What a robot's sensors and odometry read."""

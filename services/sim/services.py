@@ -1,0 +1,412 @@
+"""The services of the simulation: models, states, resets, pause and steps; joints and wrenches; properties."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from messages.elea import EmergencyStops, ModelState
+from messages.gazebo import (
+    ApplyEffort,
+    ApplyWrench,
+    JointName,
+    LinkName,
+    LinkProperties,
+    LinkState,
+    ModelProperties,
+    SetConfiguration,
+    WorldProperties,
+)
+from messages.geometry import Point, Pose, Twist, Vector3
+from messages.joints import JointEffort, JointProperties
+from messages.requests import (
+    APPLY_EFFORT,
+    APPLY_WRENCH,
+    CLEAR_EFFORT,
+    CLEAR_WRENCH,
+    DELETE,
+    GET_STATE,
+    JOINT_PROPERTIES,
+    LINK_PROPERTIES,
+    LINK_STATE,
+    LIST,
+    LIST_STOPS,
+    MODEL_PROPERTIES,
+    PAUSE,
+    RELEASE_STOP,
+    RESET,
+    RESET_WORLD,
+    RESUME,
+    SET_CONFIGURATION,
+    SET_DRIVE,
+    SET_ODOMETRY,
+    SET_STATE,
+    SPAWN,
+    STEP,
+    WORLD_PROPERTIES,
+    Done,
+    Name,
+)
+from messages.sensor import JointState
+from messages.simulation import GetModelState, ModelList, SetModelState, SetOdometry, SimTime, SpawnModel, Steps
+from messages.std import Empty, Header, Time
+from models import UnknownModel
+from models.model import read_model
+from models.urdf import read_joint_limits
+from models.world import WorldDescription
+from services.runtime.errors import BadInput
+from services.runtime.node import Node
+from services.runtime.parameters.validation import build
+from services.runtime.service import STEP_NS
+from services.sim import BaseParameters, JointParameters, RobotEntry, SimParameters
+from services.sim.entities import (
+    WORLD_STATE,
+    ScopedName,
+    find_joint,
+    find_link,
+    frame_state,
+    pose_and_twist,
+    relative_state,
+    to_world_pose,
+)
+from services.sim.joints.config import check_positions
+from services.sim.joints.effort_controller import JointEffortController
+from services.sim.joints.jobs import schedule_job
+from services.sim.joints.wrenches import LinkWrench
+from services.sim.physics.rotation import to_world_frame
+from services.sim.physics.world import GRAVITY, SOLVER_ITERATIONS, BodyState, JointFriction, Pose3, Vector
+from services.sim.sensors import joint_state
+from services.sim.simulation import Simulation
+from services.sim.time_modes import TimeMode
+
+
+class SimulationServices:
+    """Answers requests between two steps."""
+
+    def __init__(self, simulation: Simulation, time_mode: TimeMode, node: Node) -> None:
+        self._simulation, self._time_mode = simulation, time_mode
+        self._stepping = False
+        node.serve(SPAWN, self._spawn)
+        node.serve(DELETE, self._delete)
+        node.serve(LIST, self._list)
+        node.serve(GET_STATE, self._get_state)
+        node.serve(SET_STATE, self._set_state)
+        node.serve(SET_ODOMETRY, self._set_odometry)
+        node.serve(SET_DRIVE, lambda request: simulation.find(request.name).set_drive(request, simulation.now))
+        node.serve(RESET, lambda _: self._reset(True))
+        node.serve(RESET_WORLD, lambda _: self._reset(False))
+        node.serve(PAUSE, lambda _: self._pause(True))
+        node.serve(RESUME, lambda _: self._pause(False))
+        node.serve(STEP, self._step)
+        node.serve(LIST_STOPS, lambda _: EmergencyStops(stops=simulation.stops.all))
+        node.serve(RELEASE_STOP, lambda request: Done(text=simulation.release_stop(request.name, request.holder)))
+
+    def _spawn(self, request: SpawnModel) -> ModelState:
+        joints = positions_by_joint(request.joint_names, request.joint_positions)
+        values = {each.name: each.value for each in request.parameters}
+        place = to_world_pose(frame_state(self._simulation.world, request.reference_frame), pose_from_msg(request.pose))
+        try:
+            wheeled = read_model(request.model).wheels is not None
+            entry = RobotEntry(
+                name=request.name,
+                model=request.model,
+                namespace=request.namespace,
+                parameters=build(BaseParameters, values if wheeled else {}, request.name),
+                joint_parameters=build(JointParameters, {} if wheeled else values, request.name),
+                joints=joints,
+            )
+            return self._simulation.spawn(entry, place).state()
+        except UnknownModel as error:
+            raise BadInput(str(error)) from None
+
+    def _delete(self, request: Name) -> Done:
+        self._simulation.delete(request.name)
+        return Done(text=f"{request.name} is gone")
+
+    def _list(self, _: Empty) -> ModelList:
+        return ModelList(models=tuple(robot.state() for robot in self._simulation.robots))
+
+    def _get_state(self, request: GetModelState) -> ModelState:
+        robot = self._simulation.find(request.name)
+        if not request.relative_entity:
+            return robot.state()
+        world = self._simulation.world
+        pose, twist = pose_and_twist(
+            relative_state(frame_state(world, request.relative_entity), world.state(robot.name))
+        )
+        return ModelState(name=robot.name, model=robot.entry.model, pose=pose, twist=twist)
+
+    def _set_state(self, request: SetModelState) -> ModelState:
+        robot, world = self._simulation.find(request.name), self._simulation.world
+        if robot.model.fixed_base and request.twist != Twist():
+            raise BadInput(f"{request.name} is held in the world: it takes a pose, but no twist")
+        frame = frame_state(world, request.reference_frame)
+        place = to_world_pose(frame, pose_from_msg(request.pose))
+        axes = frame.orientation if request.reference_frame else place.orientation
+        v, w = request.twist.linear, request.twist.angular
+        linear, angular = to_world_frame(axes, (v.x, v.y, v.z)), to_world_frame(axes, (w.x, w.y, w.z))
+        world.set_state(request.name, BodyState(place.position, place.orientation, linear, angular))
+        if robot.model.fixed_base:
+            self._simulation.publish_static_tf()
+        return robot.state()
+
+    def _set_odometry(self, request: SetOdometry) -> Done:
+        self._simulation.find(request.name).publishers.odometer.set_pose(request.x, request.y, request.yaw)
+        self._simulation.publish_static_tf()
+        return Done(
+            text=f"odometry of {request.name} is at ({request.x:g} m, {request.y:g} m, {request.yaw:g} rad) now"
+        )
+
+    def _reset(self, time_too: bool) -> SimTime:
+        self._simulation.reset(time_too)
+        self._time_mode.resync()
+        return self._time()
+
+    def _pause(self, paused: bool) -> SimTime:
+        if self._simulation.paused != paused:
+            self._simulation.paused = paused
+            self._time_mode.resync()
+            self._simulation.publish_clock()
+        return self._time()
+
+    def _step(self, request: Steps) -> SimTime:
+        if not self._simulation.paused:
+            raise BadInput("time is running: pause it before stepping")
+        if self._stepping:
+            raise BadInput("a step is under way already")
+        simulation = self._simulation
+        epoch, goal = simulation.epoch, simulation.tick + request.count
+        self._stepping = True
+        try:
+            while simulation.tick < goal and simulation.epoch == epoch:
+                run_tick(simulation, self._time_mode)
+        finally:
+            self._stepping = False
+        simulation.publish()
+        return self._time()
+
+    def _time(self) -> SimTime:
+        simulation = self._simulation
+        return SimTime(time=simulation.now, tick=simulation.tick, epoch=simulation.epoch)
+
+
+def run_tick(simulation: Simulation, time_mode: TimeMode) -> None:
+    """Publish, wait and listen, once at each tick, then take one physics step.
+
+    A pause that came with the wait holds time before the step; the next call takes it.
+    """
+    if not simulation.wait_done:
+        simulation.outbox.begin()  # until the timing holds
+        simulation.publish()
+        epoch, tick = simulation.epoch, simulation.tick
+        read = time_mode.wait()
+        if (simulation.epoch, simulation.tick) != (epoch, tick):
+            return
+        if read:
+            simulation.read_inputs(time_mode.watermarks, time_mode.factor)
+        simulation.wait_done = True
+        if simulation.paused:
+            return
+    simulation.step()
+
+
+def pose_from_msg(pose: Pose) -> Pose3:
+    """A pose as the world takes it; raises BadInput when its quaternion has no direction."""
+    p, q = pose.position, pose.orientation
+    norm = (q.x**2 + q.y**2 + q.z**2 + q.w**2) ** 0.5
+    if norm < 1e-6:
+        raise BadInput("the orientation (0, 0, 0, 0) is no rotation; (0, 0, 0, 1) is the identity")
+    return Pose3((p.x, p.y, p.z), (q.x / norm, q.y / norm, q.z / norm, q.w / norm))
+
+
+MAX_FORCE = 1e5
+"""N and N m in each axis; more throws a robot out of the numbers that hold it."""
+
+
+class JointServices:
+    """Answers requests between two steps."""
+
+    def __init__(self, simulation: Simulation, node: Node) -> None:
+        self._simulation, self._world = simulation, simulation.world
+        node.serve(APPLY_EFFORT, self._apply_effort)
+        node.serve(CLEAR_EFFORT, self._clear_effort)
+        node.serve(JOINT_PROPERTIES, self._properties)
+        node.serve(SET_CONFIGURATION, self._set_configuration)
+        node.serve(APPLY_WRENCH, self._apply_wrench)
+        node.serve(CLEAR_WRENCH, self._clear_wrench)
+
+    def _apply_effort(self, request: ApplyEffort) -> Done:
+        job = request.job
+        joint = find_joint(self._world, request.model, job.joint_name)
+        own = JointEffort(joint_name=joint.name, effort=job.effort, start_time=job.start_time, duration=job.duration)
+        note = self._effort_controller(joint).add_job(own, self._simulation.now)
+        return Done(text=f"{job.effort:g} on {joint} {self._describe_time(job.start_time.ns, job.duration, note)}")
+
+    def _clear_effort(self, request: JointName) -> Done:
+        joint = find_joint(self._world, request.model, request.joint_name)
+        return Done(text=f"{_count_jobs(self._effort_controller(joint).clear_jobs(joint.name))} of {joint} dropped")
+
+    def _properties(self, request: JointName) -> JointProperties:
+        joint = find_joint(self._world, request.model, request.joint_name)
+        robot = self._simulation.find(joint.body)
+        limits = read_joint_limits(robot.entry.model)[joint.name]
+        readings, place = self._world.joint_readings(joint.body), self._world.joints(joint.body).index(joint.name)
+        applied, jobs = readings.effort[place], 0
+        damping, friction = robot.joint_friction.get(joint.name, JointFriction(limits.damping, limits.friction))
+        if robot.effort_controller is not None:
+            applied, jobs = (
+                robot.effort_controller.applied_efforts[joint.name],
+                len(robot.effort_controller.jobs(joint.name)),
+            )
+        return JointProperties(
+            model=joint.body,
+            joint_name=joint.name,
+            type=limits.kind,
+            damping=damping,
+            friction=friction,
+            lower=limits.lower,
+            upper=limits.upper,
+            effort_limit=limits.effort,
+            velocity_limit=limits.velocity,
+            position=readings.position[place],
+            rate=readings.velocity[place],
+            applied_effort=applied,
+            jobs=jobs,
+        )
+
+    def _set_configuration(self, request: SetConfiguration) -> JointState:
+        robot = self._simulation.find(request.model)
+        wanted = positions_by_joint(request.joint_names, request.joint_positions)
+        wanted = {find_joint(self._world, robot.name, joint).name: position for joint, position in wanted.items()}
+        if robot.drive_controller is not None:
+            raise BadInput(f"the joints of {robot.name} are its wheels, which odometry counts: use set_state")
+        check_positions(robot.entry.model, wanted)
+        self._world.set_joints(robot.name, wanted)
+        readings = self._world.joint_readings(robot.name)
+        return joint_state(self._world.joints(robot.name), readings, Header(stamp=Time.of(self._simulation.now)))
+
+    def _apply_wrench(self, request: ApplyWrench) -> Done:
+        link = find_link(self._world, request.body_name)
+        frame_state(self._world, request.reference_frame)
+        force, torque, point = (
+            _tuple(each) for each in (request.wrench.force, request.wrench.torque, request.reference_point)
+        )
+        if any(abs(each) > MAX_FORCE for each in (*force, *torque)):
+            raise BadInput(f"force {force} N, torque {torque} N m: {MAX_FORCE:g} in each axis is the most")
+        wrench = LinkWrench(force, torque, point, request.reference_frame)
+        job, note = schedule_job(wrench, request.start_time.ns, request.duration, self._simulation.now, STEP_NS)
+        self._simulation.wrenches.add(link, job)
+        when = self._describe_time(request.start_time.ns, request.duration, note)
+        held = self._simulation.find(link.body).model.fixed_base and link.name == self._world.links(link.body)[0]
+        return Done(text=f"wrench on {link} {when}" + ("; it is held in the world and will not move" if held else ""))
+
+    def _clear_wrench(self, request: LinkName) -> Done:
+        link = find_link(self._world, request.link_name)
+        return Done(text=f"{_count_jobs(self._simulation.wrenches.clear(link))} of {link} dropped")
+
+    def _effort_controller(self, joint: ScopedName) -> JointEffortController:
+        robot = self._simulation.find(joint.body)
+        if robot.effort_controller is None:
+            raise BadInput(f"{joint} is a wheel, which its base drives: command {robot.namespace}/cmd_vel instead")
+        return robot.effort_controller
+
+    def _describe_time(self, start: int, duration: float, note: str) -> str:
+        begins = f"from {start / 1e9:g} s " if start > self._simulation.now else "from now "
+        return begins + (note or f"for {duration:g} s")
+
+
+def positions_by_joint(names: Sequence[str], values: Sequence[float]) -> dict[str, float]:
+    """Positions by the names of their joints; raises BadInput when the two do not fit."""
+    if len(names) != len(values):
+        raise BadInput(f"{len(names)} joint names and {len(values)} positions: each joint has one")
+    if len(set(names)) < len(names):
+        raise BadInput(f"a joint is named twice in {', '.join(names)}")
+    return dict(zip(names, values, strict=True))
+
+
+def _tuple(vector: Vector3 | Point) -> Vector:
+    return vector.x, vector.y, vector.z
+
+
+def _count_jobs(count: int) -> str:
+    return "1 job" if count == 1 else f"{count} jobs"
+
+
+class PropertyServices:
+    """Answers requests between two steps; of all this, only the factor of time can be set while a run lasts."""
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        time_mode: TimeMode,
+        node: Node,
+        params: SimParameters,
+        world_description: WorldDescription,
+    ) -> None:
+        self._simulation, self._time_mode, self._world, self._params, self._world_description = (
+            simulation,
+            time_mode,
+            simulation.world,
+            params,
+            world_description,
+        )
+        node.serve(LINK_STATE, self._link_state)
+        node.serve(LINK_PROPERTIES, self._link_properties)
+        node.serve(MODEL_PROPERTIES, self._model_properties)
+        node.serve(WORLD_PROPERTIES, self._world_properties)
+
+    def _link_state(self, request: LinkName) -> LinkState:
+        link = find_link(self._world, request.link_name)
+        seen = relative_state(frame_state(self._world, request.reference_frame), self._world.link_state(*link))
+        pose, twist = pose_and_twist(seen)
+        return LinkState(
+            link_name=str(link), pose=pose, twist=twist, reference_frame=request.reference_frame or "world"
+        )
+
+    def _link_properties(self, request: LinkName) -> LinkProperties:
+        link = find_link(self._world, request.link_name)
+        found = self._world.inertia(*link)
+        x, y, z = found.moments
+        centre = BodyState(found.centre.position, found.centre.orientation, WORLD_STATE.linear, WORLD_STATE.angular)
+        return LinkProperties(
+            link_name=str(link),
+            com=pose_and_twist(centre)[0],
+            mass=found.mass,
+            inertia=Vector3(x=x, y=y, z=z),
+            friction=found.friction,
+            wrenches=self._simulation.wrenches.count(link),
+        )
+
+    def _model_properties(self, request: Name) -> ModelProperties:
+        robot = self._simulation.find(request.name)
+        links = self._world.links(robot.name)
+        return ModelProperties(
+            name=robot.name,
+            model=robot.entry.model,
+            about=robot.model.about,
+            namespace=robot.namespace,
+            base_frame=robot.publishers.frame_id(robot.model.base_frame),
+            links=links,
+            joints=self._world.joints(robot.name),
+            mass=sum(self._world.inertia(robot.name, link).mass for link in links),
+            radius=robot.model.radius,
+            is_static=robot.model.fixed_base,
+            driven=robot.drive_controller is not None,
+        )
+
+    def _world_properties(self, _: Empty) -> WorldProperties:
+        simulation, params = self._simulation, self._params
+        return WorldProperties(
+            world=params.world,
+            sim_time=Time.of(simulation.now),
+            tick=simulation.tick,
+            epoch=simulation.epoch,
+            mode=params.mode,
+            factor=self._time_mode.factor,
+            pause=simulation.paused,
+            time_step=STEP_NS / 1e9,
+            gravity=Vector3(z=-GRAVITY),
+            iterations=SOLVER_ITERATIONS,
+            ground_friction=self._world_description.friction,
+            obstacles=tuple(box.name for box in self._world_description.boxes),
+            model_names=self._world.names,
+        )

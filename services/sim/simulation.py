@@ -1,0 +1,245 @@
+"""The simulation: the world with its robots and simulation time, stepped and published tick by tick."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from messages.elea import EmergencyStops as EmergencyStopList
+from messages.names import BadName, validate
+from messages.rosgraph import Clock
+from messages.std import Time
+from messages.topics import CLOCK, E_STOP, STOPS, TF, TF_STATIC
+from services.runtime.errors import BadInput, unknown_name
+from services.runtime.lockstep.watermarks import Watermarks
+from services.runtime.node import Node
+from services.runtime.publisher import Publisher
+from services.runtime.service import STEP_NS
+from services.runtime.subscriber import Subscriber
+from services.sim import RobotEntry
+from services.sim.command_sources import CommandSources
+from services.sim.emergency_stops import ALL_ROBOTS, EmergencyStopStore
+from services.sim.joints.wrenches import LinkWrenches
+from services.sim.physics.world import Pose3, World
+from services.sim.publishers import GazeboStatesPublisher
+from services.sim.robot import Robot
+from services.sim.tf import dynamic_transforms, static_transforms
+from services.sim.transit_delay import TransitDelayEstimator
+
+CONTROL_STEPS = 4
+"""Physics steps between two looks at the commands, and two messages of the clock: 50 Hz. Where joints are told faster,
+these come as often, for who controls them; in lockstep, members are heard whenever they are due."""
+TF_STEPS = 8
+"""Physics steps between two messages of ``/tf``, and of all states: 25 Hz, as odometry comes."""
+STATUS_STEPS = 40
+"""Physics steps between two states of the bases: 5 Hz."""
+
+
+class Simulation:
+    """Everything that moves, and simulation time: ``tick`` counts physics steps since the last reset.
+
+    ``held`` tells that this tick's wait is over: what is left of it is the step. ``pace`` is CONTROL, or less where
+    time follows the wall clock. Emergency stops outlive the process in ``stops_file``, where one is given.
+    """
+
+    def __init__(
+        self, node: Node, world: World, seed: int, real_time: bool = True, stops_file: Path | None = None
+    ) -> None:
+        self.world, self.tick, self.epoch, self.paused, self.wait_done = world, 0, 0, False, False
+        self.outbox = node.send_buffer
+        self._node, self._seed, self._real_time = node, seed, real_time
+        self._robots: dict[str, tuple[Robot, Pose3]] = {}
+        self.wrenches = LinkWrenches(world, node.log)
+        self._command_sources, self._delays = CommandSources(node.transport), TransitDelayEstimator()
+        self._lost_publishers: list[bytes] = []
+        self._clock_publisher: Publisher[Any] = node.advertise(CLOCK)
+        self._tf_publisher: Publisher[Any] = node.advertise(TF)
+        self._tf_static_publisher: Publisher[Any] = node.advertise(TF_STATIC)
+        self._gazebo_states = GazeboStatesPublisher(node, world)
+        self._e_stop_subscriber: Subscriber[Any] = node.subscribe(E_STOP, f"/{E_STOP.name}")
+        self.stops = EmergencyStopStore(stops_file, self._command_sources.node_name, node.log)
+        self._stops_publisher: Publisher[Any] = node.advertise(STOPS)
+        self.stops.load()
+        self.stops.save()
+        self._publish_stops()
+        self._last_published_tick = -1
+        self.input_steps = CONTROL_STEPS
+
+    @property
+    def now(self) -> int:
+        """Simulation time, ns."""
+        return self.tick * STEP_NS
+
+    @property
+    def robots(self) -> list[Robot]:
+        """All robots, in the order of their spawning."""
+        return [robot for robot, _ in self._robots.values()]
+
+    def find(self, name: str) -> Robot:
+        """The robot of a name; raises BadInput."""
+        if name not in self._robots:
+            raise unknown_name("model", name, self._robots)
+        return self._robots[name][0]
+
+    def spawn(self, entry: RobotEntry, pose: Pose3, wait: bool = False) -> Robot:
+        """Add a robot; raises BadInput when its name is taken or wrong, or it would overlap with something.
+
+        What is stopped by its name, or while all are, is so from the start. With ``wait`` it starts on the parameters
+        that the parameter service has for it, else they come a moment later.
+        """
+        try:
+            validate(entry.name)
+            validate(entry.namespace or entry.name)
+        except BadName as error:
+            raise BadInput(f"a robot cannot have this name: {error}") from None
+        if entry.name in self._robots:
+            raise BadInput(f"a robot {entry.name!r} is already there")
+        robot = Robot(self._node, self.world, entry, pose, self._seed, self._command_sources, self._delays, wait)
+        self._robots[entry.name] = robot, pose
+        robot.stop(self.stops.holders(entry.name))
+        self._set_input_steps()
+        self.publish_static_tf()
+        return robot
+
+    def delete(self, name: str) -> None:
+        """Take a robot out; raises BadInput when there is none of this name."""
+        self.find(name).close()
+        self.wrenches.remove_body(name)
+        del self._robots[name]
+        self.stops.remove_robot(name)
+        self._save_stops()
+        self._set_input_steps()
+        self.publish_static_tf()
+
+    def reset(self, time_too: bool) -> None:
+        """Put everything where it was spawned; with ``time_too`` time begins anew in a new epoch."""
+        self.world.reset()
+        self.wrenches.reset()
+        if time_too:
+            self.wait_done, self._last_published_tick = False, -1
+            self.tick = 0
+            self.epoch += 1
+        for robot in self.robots:
+            robot.reset()
+        self.publish_static_tf()
+
+    def publish(self) -> None:
+        """Publish what is due at this tick, unless that is done."""
+        now, tick = self.now, self.tick
+        if self._last_published_tick == tick:
+            return
+        self._last_published_tick = tick
+        if tick % 2 == 0:
+            for robot in self.robots:
+                robot.publishers.publish_sensors(now, tick)
+        for robot in self.robots:
+            robot.publishers.publish_joint_states(now, tick)
+        if tick % CONTROL_STEPS == 0:
+            self._publish_motion(now, tick)
+        if tick % self.input_steps == 0:
+            self.publish_clock()
+
+    def _publish_motion(self, now: int, tick: int) -> None:
+        self._update_contacts()
+        for robot in self.robots:
+            robot.publishers.publish_motion(now, tick)
+            if tick % STATUS_STEPS == 0:
+                robot.publish_status(now)
+        if tick % TF_STEPS == 0:
+            self._gazebo_states.publish()
+            if self._tf_publisher.has_subscribers:
+                for message in dynamic_transforms(self.robots, self.world, now):
+                    self._tf_publisher.publish(message)
+
+    def publish_static_tf(self) -> None:
+        """Publish the fixed transforms."""
+        self._tf_static_publisher.publish(static_transforms(self._robots.values(), self.now))
+
+    def publish_clock(self) -> None:
+        """Publish the clock."""
+        self._clock_publisher.publish(
+            Clock(clock=Time.of(self.now), tick=self.tick, epoch=self.epoch, paused=self.paused)
+        )
+
+    def read_inputs(self, watermarks: Watermarks | None, factor: float) -> None:
+        """Take the commands and parameters that have come.
+
+        ``watermarks`` are lockstep's, ``factor`` is that of real time.
+
+        Who is gone counts last: a command that came just before its sender went must not outlive it.
+        """
+        self._node.update_subscribers(watermarks)
+        self._lost_publishers += self._command_sources.lost_publishers()
+        self._apply_stops()
+        lockstep_members = watermarks.members if watermarks is not None else set()
+        lost, self._lost_publishers = self._lost_publishers, []
+        if watermarks is not None and watermarks.lost_members:
+            # Lockstep goes on without them from this tick; the tokens of their publications may go a moment later.
+            lost += self._command_sources.publishers_of(watermarks.lost_members)
+            watermarks.lost_members = set()
+        for robot in self.robots:
+            robot.update_parameters(self.now)
+            robot.apply_commands(self.now, lockstep_members, factor)
+        for source in lost:
+            for robot in self.robots:
+                robot.publisher_lost(source, self.now)
+
+    def read_stops(self, watermarks: Watermarks | None) -> None:
+        """Take the emergency stops that have come, and nothing else: while time is paused they count, too."""
+        for each in dict.fromkeys(
+            (self._e_stop_subscriber, *(robot.e_stop_subscriber for robot in self.robots))
+        ):  # robots may share one
+            each.update(watermarks)
+        self._lost_publishers += (
+            self._command_sources.lost_publishers()
+        )  # for their names; that they are gone counts with their last commands
+        self._apply_stops()
+
+    def release_stop(self, robot: str, holder: str) -> str:
+        """Release emergency stops that others hold, as ``EmergencyStopStore.release`` does; raises BadInput."""
+        done = self.stops.release(robot, holder)
+        self._save_stops()
+        return done
+
+    def step(self) -> None:
+        """One physics step."""
+        now = self.now
+        for robot, _ in self._robots.values():
+            robot.actuate(now)
+        self.wrenches.step(now)
+        self.world.step()
+        self.tick += 1
+        self.wait_done = False
+
+    def _apply_stops(self) -> None:
+        """Stop first, then write, then tell: nothing moves meanwhile, and what is told outlives this process."""
+        stop_for_all = self.stops.process(ALL_ROBOTS, self._e_stop_subscriber.name, self._e_stop_subscriber.messages)
+        for robot in self.robots:
+            new_stop = self.stops.process(robot.name, robot.e_stop_subscriber.name, robot.e_stop_subscriber.messages)
+            if new_stop or stop_for_all:
+                robot.stop(self.stops.holders(robot.name), new_stop=True)
+        self._save_stops()
+
+    def _save_stops(self) -> None:
+        if not self.stops.save():
+            return
+        for robot in self.robots:
+            robot.stop(self.stops.holders(robot.name))
+        self._publish_stops()
+
+    def _publish_stops(self) -> None:
+        self._stops_publisher.publish(EmergencyStopList(stops=self.stops.all))
+
+    def _set_input_steps(self) -> None:
+        rates = [robot.publishers.joint_state_steps for robot in self.robots if robot.effort_controller is not None]
+        self.input_steps = min([CONTROL_STEPS, *rates]) if self._real_time else CONTROL_STEPS
+
+    def _update_contacts(self) -> None:
+        contacts = self.world.contacts()
+        for robot in self.robots:
+            robot.update_contacts(frozenset(_contact_partners(robot.name, contacts)))
+
+
+def _contact_partners(name: str, contacts: tuple[Any, ...]) -> list[str]:
+    """What a body touches."""
+    return [c.other if c.body == name else c.body for c in contacts if name in (c.body, c.other)]

@@ -1,0 +1,99 @@
+"""The transforms of all robots on ``/tf`` and ``/tf_static``; frame ids are prefixed by the robot's name."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+
+from messages.geometry import Quaternion, Transform, TransformStamped, Vector3
+from messages.std import Header, Time
+from messages.tf import TFMessage, split
+from models.urdf import Joint, read_joints
+from services.sim.drive.odometry import Pose2
+from services.sim.physics.rotation import to_world_frame
+from services.sim.physics.world import ORIGIN, Pose3, World
+from services.sim.robot import Robot
+
+
+def static_transforms(robots: Iterable[tuple[Robot, Pose3]], now: int) -> TFMessage:
+    """All fixed transforms in one message, since a latched publisher keeps only its last.
+
+    ``world`` to ``odom`` is the identity for odometry in world coordinates, else where the robot was spawned, moved by
+    what odometry was set to since. A model with a fixed base has no odometry: its base stands in ``world``.
+    """
+    transforms = []
+    for robot, spawn_pose in robots:
+        fixed_base = robot.model.fixed_base
+        origin = robot.pose if fixed_base else _odom_origin(robot, spawn_pose)
+        child = f"{robot.name}/{robot.model.base_frame if fixed_base else 'odom'}"
+        header = Header(stamp=Time.of(now), frame_id="world")
+        transforms.append(_stamped(header, child, origin.position, origin.orientation))
+        for joint in _published_joints(robot):
+            if joint.kind == "fixed":
+                transforms.append(_joint_transform(robot.name, joint, 0.0, now))
+    return TFMessage(transforms=tuple(transforms))
+
+
+def dynamic_transforms(robots: Iterable[Robot], world: World, now: int) -> Iterator[TFMessage]:
+    """Where the bases are in their odometry, and how the wheels stand, in as many messages as it takes."""
+    transforms = []
+    for robot in robots:
+        odometry = robot.publishers.odometry
+        if odometry is not None and (robot.drive_controller is None or robot.drive_controller.live.enable_odom_tf):
+            pose = odometry.pose.pose
+            place = pose.position
+            transforms.append(
+                TransformStamped(
+                    header=odometry.header,
+                    child_frame_id=odometry.child_frame_id,
+                    transform=Transform(
+                        translation=Vector3(x=place.x, y=place.y, z=place.z), rotation=pose.orientation
+                    ),
+                )
+            )
+        joints = _published_joints(robot)
+        if not joints:
+            continue
+        angles = dict(zip(world.joints(robot.name), world.joint_readings(robot.name).position, strict=True))
+        for joint in joints:
+            if joint.name in angles:
+                transforms.append(_joint_transform(robot.name, joint, angles[joint.name], now))
+    return split(transforms)
+
+
+def _published_joints(robot: Robot) -> tuple[Joint, ...]:
+    """The joints whose transforms the simulation tells: all, or none when the service ``state`` does."""
+    entry = robot.entry
+    parameters = entry.parameters if robot.drive_controller is not None else entry.joint_parameters
+    return () if parameters.enable_link_tf is False else read_joints(entry.model)
+
+
+def _odom_origin(robot: Robot, spawn_pose: Pose3) -> Pose3:
+    """Where the frame of a robot's odometry lies in the world."""
+    odometer = robot.publishers.odometer
+    if odometer.state is None:
+        return ORIGIN
+    if odometer.offset == Pose2():
+        return spawn_pose
+    x, y, heading = odometer.offset
+    dx, dy, dz = to_world_frame(spawn_pose.orientation, (x, y, 0.0))
+    px, py, pz = spawn_pose.position
+    i, j, k, w = spawn_pose.orientation
+    s, c = math.sin(heading / 2), math.cos(heading / 2)
+    turned = (i * c + j * s, j * c - i * s, k * c + w * s, w * c - k * s)
+    return Pose3((px + dx, py + dy, pz + dz), turned)
+
+
+def _joint_transform(robot: str, joint: Joint, angle: float, now: int) -> TransformStamped:
+    header = Header(stamp=Time.of(now), frame_id=f"{robot}/{joint.parent}")
+    return _stamped(header, f"{robot}/{joint.child}", *joint.transform(angle))
+
+
+def _stamped(
+    header: Header, child: str, xyz: tuple[float, float, float], rotation: tuple[float, float, float, float]
+) -> TransformStamped:
+    transform = Transform(
+        translation=Vector3(x=xyz[0], y=xyz[1], z=xyz[2]),
+        rotation=Quaternion(x=rotation[0], y=rotation[1], z=rotation[2], w=rotation[3]),
+    )
+    return TransformStamped(header=header, child_frame_id=child, transform=transform)

@@ -1,0 +1,144 @@
+"""The CSV log of a square: the tutorial's columns, then ground truth and errors; each row is flushed."""
+
+from __future__ import annotations
+
+import fcntl
+import math
+from contextlib import suppress
+from pathlib import Path
+from typing import TextIO
+
+from services.driving.planar import Pose2, Transform2, wrap
+from services.runtime.errors import BadInput
+
+MAX_SAMPLES = 64
+"""Samples; more than a second of them."""
+
+
+class TruthBuffer:
+    """True poses by their stamps, the newest KEPT."""
+
+    def __init__(self) -> None:
+        self._poses: dict[int, Pose2] = {}
+
+    def add(self, stamp: int, pose: Pose2) -> None:
+        """Keep the pose of a stamp [ns]."""
+        self._poses[stamp] = pose
+        if len(self._poses) > MAX_SAMPLES:
+            del self._poses[next(iter(self._poses))]
+
+    def at(self, stamp: int) -> Pose2 | None:
+        """The pose of exactly this stamp [ns], if it is still known."""
+        return self._poses.get(stamp)
+
+
+TUTORIAL_COLUMNS = ("time", "desired_x", "desired_y", "desired_yaw", "actual_x", "actual_y", "actual_yaw")
+COLUMNS = (
+    *TUTORIAL_COLUMNS,
+    *("truth_x", "truth_y", "truth_yaw", "error", "error_yaw", "drift", "drift_yaw", "corner", "doing"),
+)
+"""s, m, rad in the frame of odometry. ``error`` is the distance of the truth from the desired position, ``drift`` that
+of odometry from the truth; ``error_yaw`` and ``drift_yaw`` are truth minus desired and odometry minus truth."""
+PERIOD_NS = 100_000_000
+"""Between two rows, ns: the tutorial's rate."""
+
+
+class CsvLog:
+    """Opened by ``with``: whoever holds the file has it alone. Raises BadInput when it cannot be written.
+
+    ``trouble`` is None until a row cannot be written, as on a full disk; then it says why, and no more are tried.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.error: str | None = None
+        self._file: TextIO | None = None
+        self._row = -1
+        self._truth_to_odom: Transform2 | None = None
+
+    def __enter__(self) -> CsvLog:
+        try:
+            if self.path.exists() and not self.path.is_file():
+                raise BadInput(f"the log {self.path} is no file: choose another path with the parameter log")
+            self._file = self.path.open("a", encoding="utf-8", newline="")
+        except OSError as error:
+            raise self._write_error(error.strerror) from None
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            self._file.close()
+            raise BadInput(
+                f"the log {self.path} is being written by another square: "
+                "give this one another path with the parameter log"
+            ) from None
+        self.reset()
+        if self.error is not None:
+            self.__exit__()
+            raise self._write_error(self.error)
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        # What could not be flushed was told when it was written.
+        with suppress(OSError):
+            if self._file is not None:
+                self._file.close()
+
+    def reset(self) -> None:
+        """Begin the file anew, as simulation time does."""
+        assert self._file is not None
+        self._row, self._truth_to_odom = -1, None
+        try:
+            self._file.seek(0)
+            self._file.truncate()
+        except OSError as error:
+            self.error = str(error.strerror)
+        self._write(COLUMNS)
+
+    def add_row(self, time: int, desired: Pose2, actual: Pose2, truth: Pose2 | None, corner: int, doing: str) -> None:
+        """Write the row of ``time`` [ns] unless there is one of this tenth of a second.
+
+        ``truth`` is told in the world; its frame is laid over that of odometry where both are first known.
+        """
+        if time // PERIOD_NS == self._row:
+            return
+        self._row = time // PERIOD_NS
+        if truth is not None and self._truth_to_odom is None:
+            self._truth_to_odom = Transform2.aligning(actual, truth)
+        numbers = [time / 1e9, desired.x, desired.y, desired.yaw, actual.x, actual.y, actual.yaw]
+        cells = [repr(each) for each in numbers]
+        cells += (
+            [""] * 7
+            if truth is None or self._truth_to_odom is None
+            else _error_columns(desired, actual, self._truth_to_odom, truth)
+        )
+        self._write((*cells, str(corner), doing))
+
+    def _write(self, cells: tuple[str, ...]) -> None:
+        assert self._file is not None
+        if self.error is not None:
+            return
+        try:
+            self._file.write(",".join(cells) + "\n")
+            self._file.flush()
+        except OSError as error:
+            self.error = str(error.strerror)
+
+    def _write_error(self, reason: str | None) -> BadInput:
+        return BadInput(
+            f"the log {self.path} cannot be written ({reason}): "
+            "choose another path with the parameter log, or none with log="
+        )
+
+
+def _error_columns(desired: Pose2, actual: Pose2, placed: Transform2, truth: Pose2) -> list[str]:
+    true = placed.apply(truth)
+    figures = (
+        true.x,
+        true.y,
+        wrap(true.yaw),
+        math.hypot(true.x - desired.x, true.y - desired.y),
+        wrap(true.yaw - desired.yaw),
+        math.hypot(actual.x - true.x, actual.y - true.y),
+        wrap(actual.yaw - true.yaw),
+    )
+    return [repr(each) for each in figures]

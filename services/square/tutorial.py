@@ -1,0 +1,158 @@
+"""The tutorial's control law for the square, step by step its loop, and a prediction of where it ends.
+
+It acts ten times a second on odometry that comes ten times a second, unsynchronised: the pose is up to 0.1 s old. It
+turns at full speed until the error is below 0.05 rad and then counts the turn as done, though the base still rotates
+and needs w^2 / (2 a) = 0.07 rad to stop. The next side begins from the pose of that moment, and the next turn from the
+heading at its own beginning, so the errors add up, in one sense.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from services.driving.planar import ZERO_TWIST, Pose2, Twist2, wrap
+from services.runtime.service import STEP_NS
+from services.square import SERVICE, SquareParameters
+from services.square.corners import Square, State, StepResult
+from services.square.profile import STANDSTILL
+
+PERIOD_NS = 100_000_000
+"""Of its loop and of its odometry, ns."""
+ANGLE_THRESHOLD = 0.05
+"""Heading error [rad] below which it takes a turn for done."""
+DISTANCE_THRESHOLD = 0.05
+"""Distance [m] before the end of a side at which it stops driving."""
+
+
+@dataclass(frozen=True, slots=True)
+class TutorialState:
+    """The variables of the tutorial's script: state, sides done, the pose that the side counts from, the heading asked.
+
+    ``seen`` is the pose of its last odometry; ``sampled`` and ``acted`` count periods since time began.
+    """
+
+    square: Square
+    side_start: Pose2
+    last_odometry: Pose2
+    rotating: bool = False
+    sides_done: int = 0
+    target_heading: float = 0.0
+    command: Twist2 = ZERO_TWIST
+    sample_index: int = -1
+    action_index: int = -1
+    finished: bool = False
+
+    @classmethod
+    def at_start(cls, square: Square) -> TutorialState:
+        """At the first side. The tutorial took its start for (0, 0, 0); here it is where the robot stands."""
+        return cls(square, square.start, square.start)
+
+
+def step(
+    now: TutorialState, time: int, here: Pose2, moving: Twist2, p: SquareParameters
+) -> tuple[TutorialState, StepResult]:
+    """The loop and the move at ``time`` [ns]; between its periods it only looks, and its move has no command."""
+    if (sampled := time // PERIOD_NS) != now.sample_index:
+        now = replace(now, last_odometry=here, sample_index=sampled)
+    acted = (time - round(p.phase * 1e9)) // PERIOD_NS
+    if acted == now.action_index:
+        return now, StepResult(
+            "finished" if now.finished else "driving", None, _index(now), _desired(now, p), _phase(now)
+        )
+    now = replace(now, action_index=acted)
+    if now.sides_done == now.square.corner_count:
+        standing = abs(moving.v) <= STANDSTILL.v and abs(moving.w) <= STANDSTILL.w
+        now = replace(now, command=ZERO_TWIST, finished=now.finished or standing)
+        done: State = "finished" if now.finished else "driving"
+        return now, StepResult(done, ZERO_TWIST, _index(now), _desired(now, p), _phase(now))
+    before = now.sides_done
+    now = _act(now, p)
+    reached = now.sides_done > before
+    state: State = "reached" if reached else "driving"
+    return now, StepResult(
+        state, now.command, now.sides_done - 1 if reached else now.sides_done, _desired(now, p), _phase(now)
+    )
+
+
+def _act(now: TutorialState, p: SquareParameters) -> TutorialState:
+    """One turn of the tutorial's loop."""
+    seen = now.last_odometry
+    if not now.rotating:
+        if math.hypot(seen.x - now.side_start.x, seen.y - now.side_start.y) < p.side - DISTANCE_THRESHOLD:
+            return replace(now, command=Twist2(p.linear_speed, 0.0))
+        return replace(
+            now, command=ZERO_TWIST, rotating=True, side_start=seen, target_heading=wrap(seen.yaw + math.pi / 2)
+        )
+    error = wrap(now.target_heading - seen.yaw)
+    if abs(error) > ANGLE_THRESHOLD:
+        return replace(now, command=Twist2(0.0, math.copysign(p.angular_speed, error)))
+    return replace(now, command=ZERO_TWIST, rotating=False, sides_done=now.sides_done + 1, side_start=seen)
+
+
+def _desired(now: TutorialState, p: SquareParameters) -> Pose2:
+    """What its log calls desired: the end of the present side while it drives, the heading asked while it turns."""
+    if now.rotating:
+        return Pose2(now.last_odometry.x, now.last_odometry.y, now.target_heading)
+    yaw = now.side_start.yaw
+    return Pose2(
+        now.side_start.x + p.side * math.cos(yaw), now.side_start.y + p.side * math.sin(yaw), now.last_odometry.yaw
+    )
+
+
+def _index(now: TutorialState) -> int:
+    return now.sides_done - 1 if now.sides_done == now.square.corner_count else now.sides_done
+
+
+def _phase(now: TutorialState) -> str:
+    if now.sides_done == now.square.corner_count:
+        return "done"
+    return "ROTATE" if now.rotating else "MOVE_FORWARD"
+
+
+STEP_S = STEP_NS / 1e9
+MAX_DURATION_S = 3600.0
+
+BaseStep = Callable[[Twist2], Twist2]
+"""A base: takes the command and gives the motion of one physics step, with what its limits leave of it."""
+
+
+class Prediction(NamedTuple):
+    """Where a square ends: m from its start, and rad by which the turns were too much, not wrapped."""
+
+    closure: float
+    excess_turn: float
+
+
+def predict(p: SquareParameters, base: BaseStep) -> Prediction | None:
+    """The end of the squares of ``p`` (one if endless) by the tutorial's law; None if not within MAX_DURATION_S.
+
+    The base moves along the middle heading of each step; a command acts from the step after it.
+    """
+    assert SERVICE.rate is not None
+    tick = round(1 / SERVICE.rate / STEP_S)
+    rounds = p.count or 1
+    loop = TutorialState.at_start(Square(Pose2(0.0, 0.0), p.side, rounds))
+    here, moving, wanted = Pose2(0.0, 0.0), ZERO_TWIST, ZERO_TWIST
+    for number in range(round(MAX_DURATION_S / STEP_S)):
+        if number % tick == 0:
+            loop, move = step(loop, number * STEP_NS, here, moving, p)
+            wanted = move.command or wanted
+            if move.state == "finished":
+                return Prediction(math.hypot(here.x, here.y), here.yaw - rounds * math.tau)
+        moving = base(wanted)
+        middle, ahead = here.yaw + moving.w * STEP_S / 2, moving.v * STEP_S
+        here = Pose2(here.x + ahead * math.cos(middle), here.y + ahead * math.sin(middle), here.yaw + moving.w * STEP_S)
+    return None
+
+
+def overrun(base: BaseStep, w: float) -> float:
+    """By how much a base that turns at ``w`` [rad/s] turns on after the command to stop, rad."""
+    for _ in range(round(60 / STEP_S)):
+        base(Twist2(0.0, w))
+    angle = 0.0
+    while (moving := base(ZERO_TWIST)).w:
+        angle += moving.w * STEP_S
+    return angle

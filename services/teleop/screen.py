@@ -1,0 +1,117 @@
+"""What the person at the keys sees: a few lines that stay where they are."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+from dataclasses import dataclass
+
+from messages.elea import BaseStatus
+from messages.geometry import Twist
+from services.teleop.keys import KEY_TABLE, Velocity
+
+REFRESH_PERIOD_S = 0.1
+"""Wall time between two looks."""
+STDOUT = 1
+
+
+@dataclass(frozen=True)
+class View:
+    """What is shown: the speeds as set and whether they are at their limits, the command that goes out, the robot.
+
+    ``sent`` is None while nothing is sent; ``trouble`` is a sentence about the network or time, or empty.
+    """
+
+    node: str
+    speed: float
+    turn: float
+    at_limit: bool
+    sent: Velocity | None
+    odometry_twist: Twist | None
+    base_status: BaseStatus | None
+    error: str = ""
+
+
+def header_text(topic: str) -> str:
+    """What is printed once, above."""
+    return f"\ndriving {topic}\n\n{KEY_TABLE}\n"
+
+
+def render_lines(view: View) -> tuple[str, ...]:
+    """The lines that change."""
+    limit = "   (the limit)" if view.at_limit else ""
+    return (
+        f"   set     speed {view.speed:.2f} m/s   turn {view.turn:.2f} rad/s{limit}",
+        f"   sends   {_command_text(view.sent)}",
+        f"   robot   {_odometry_text(view.odometry_twist)}",
+        f"   base    {view.error or _base_text(view.base_status, view.node)}",
+    )
+
+
+def _command_text(sent: Velocity | None) -> str:
+    if sent is None:
+        return "nothing: others may drive"
+    if not any(sent):
+        return "stop"
+    parts = zip((sent.x, sent.y, sent.z), ("ahead", "left", "up"), strict=True)
+    named = [f"{value:+.2f} m/s {name}" for value, name in parts if value]
+    return "   ".join((*named, f"{sent.yaw:+.2f} rad/s") if sent.yaw else named)
+
+
+def _odometry_text(moving: Twist | None) -> str:
+    if moving is None:
+        return "no odometry"
+    # Adding 0 takes the sign off a zero.
+    return f"{round(moving.linear.x, 2) + 0:+.2f} m/s   {round(moving.angular.z, 2) + 0:+.2f} rad/s"
+
+
+def _base_text(base: BaseStatus | None, node: str) -> str:
+    if base is None:
+        return "tells nothing: is the robot still in the simulation?"
+    if base.e_stopped:
+        by = f" by {', '.join(base.stopped_by)}" if base.stopped_by else ""
+        return f"EMERGENCY STOP{by}, until false is sent on e_stop"
+    what = {"": "nobody commands it", node: "obeys these keys"}.get(base.source, f"obeys {base.source}")
+    return f"{what}, touches something" if base.colliding else what
+
+
+class Screen:
+    """Standard output, if it is a terminal. It never blocks for long: what cannot be written is left out."""
+
+    def __init__(self, descriptor: int = STDOUT) -> None:
+        self._descriptor = descriptor
+        self._last_lines: tuple[str, ...] = ()
+        self._due = 0.0
+        self._enabled = os.isatty(descriptor)
+
+    def print_header(self, topic: str) -> None:
+        """Print the keys."""
+        if self._enabled:
+            self._write(header_text(topic))
+
+    def update(self, view: View, wall: float) -> None:
+        """Bring the lines up to date, at most every PERIOD_S of ``wall`` [s]."""
+        if not self._enabled or wall < self._due:
+            return
+        self._due = wall + REFRESH_PERIOD_S
+        width = self._width()
+        drawn = tuple(line[: width - 1] for line in render_lines(view))
+        if drawn == self._last_lines:
+            return
+        up = f"\x1b[{len(self._last_lines)}A" if self._last_lines else ""
+        if self._write(up + "".join(f"\r{line}\x1b[K\n" for line in drawn)):
+            self._last_lines = drawn
+
+    def _width(self) -> int:
+        try:
+            return os.get_terminal_size(self._descriptor).columns or 80
+        except OSError:
+            return 80
+
+    def _write(self, text: str) -> bool:
+        with contextlib.suppress(OSError):
+            if select.select([], [self._descriptor], [], 0)[1]:
+                os.write(self._descriptor, text.encode())
+                return True
+        return False

@@ -1,0 +1,254 @@
+"""The waypoint controller: the plan, the stop-and-turn law and the tutorial's law, one of which it runs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import Enum, auto
+from typing import Literal, NamedTuple
+
+from services.driving.guidance import limit_slew, line_of_sight_heading, stopping_speed, turn_rate
+from services.driving.planar import ZERO_TWIST, Pose2, Segment, Twist2, wrap
+from services.waypoint import WaypointParameters
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """A point [m] to stop on, and the heading [rad] to take there; None leaves the heading free."""
+
+    x: float
+    y: float
+    yaw: float | None = None
+
+
+NO_GOAL = Goal(0.0, 0.0)
+"""Stands for the goal where there is none."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Goals to reach one after the other; an endless plan begins again after the last."""
+
+    goals: tuple[Goal, ...] = ()
+    endless: bool = False
+
+    @classmethod
+    def from_parameters(cls, p: WaypointParameters) -> Plan:
+        """The list of the parameters, written out for all its laps, with the final heading on its last goal."""
+        goals = tuple(Goal(x, y) for x, y in p.goals) * max(1, p.laps)
+        if goals and p.final_yaw is not None and p.laps:
+            goals = (*goals[:-1], Goal(goals[-1].x, goals[-1].y, p.final_yaw))
+        return cls(goals, endless=p.laps == 0)
+
+    def next_index(self, index: int) -> int | None:
+        """Index of the goal that follows ``index``; None when that was the last."""
+        if index + 1 < len(self.goals):
+            return index + 1
+        return 0 if self.endless else None
+
+    def previous_goal(self, index: int) -> Goal | None:
+        """The goal that the robot comes from on its way to ``index``; None on the first leg of all."""
+        return self.goals[index - 1] if index > 0 or self.endless else None
+
+
+TUTORIAL_SWITCH_DISTANCE = 0.3
+"""Distance [m] at which the tutorial turns to its next point."""
+TUTORIAL_LINEAR_GAIN = 0.1
+"""Speed per distance of the tutorial, 1/s."""
+TUTORIAL_ANGULAR_GAIN = 0.7
+"""Turn rate per heading error of the tutorial, 1/s."""
+
+
+def tutorial_command(here: Pose2, x: float, y: float) -> Twist2:
+    """The tutorial's command towards (x, y): v = 0.1 D, w = 0.7 e, whatever the heading and without any limit.
+
+    Its eight-way case distinction is atan2, except that it keeps the last bearing when it stands exactly on the point.
+    """
+    dx, dy = x - here.x, y - here.y
+    return Twist2(
+        TUTORIAL_LINEAR_GAIN * math.hypot(dx, dy), TUTORIAL_ANGULAR_GAIN * wrap(math.atan2(dy, dx) - here.yaw)
+    )
+
+
+ALIGNED = 0.02
+"""Heading error [rad] below which the robot sets off; 0.22 m/s over 0.2 s of lag make it 1 mm of offset."""
+REALIGN_ERROR = 0.6
+"""Heading error [rad] above which a driving robot stops and turns."""
+REJOIN_DISTANCE = 0.1
+"""Offset [m] from the leg beyond which the robot, pushed or moved, takes the straight line from where it is."""
+STOP_DISTANCE = 0.001
+"""Distance left [m] at which the speed command ends; the approach speed there is 5 mm/s."""
+STANDSTILL = Twist2(0.002, 0.02)
+"""Measured speeds below which a robot stands."""
+MAX_START_TURN_RATE = 0.05
+"""Measured turn rate [rad/s] below which an aligned robot sets off."""
+
+
+class Phase(Enum):
+    """What the robot is doing about its goal."""
+
+    TURN = auto()
+    DRIVE = auto()
+    SETTLE = auto()
+    ALIGN = auto()
+    DONE = auto()
+
+
+class GoalState(NamedTuple):
+    """The way to one goal: its leg, the stage, and the last command, from which the next may differ only so much."""
+
+    goal: Goal
+    segment: Segment
+    phase: Phase = Phase.TURN
+    command: Twist2 = ZERO_TWIST
+
+
+def start_goal(goal: Goal, here: Pose2, previous: Goal | None, command: Twist2 = ZERO_TWIST) -> GoalState:
+    """Start for ``goal``: on the leg from the ``previous`` goal if the robot is near it, else straight from here."""
+    if previous is not None:
+        leg = Segment(previous.x, previous.y, goal.x, goal.y)
+        if leg.length > REJOIN_DISTANCE and math.hypot(here.x - previous.x, here.y - previous.y) < REJOIN_DISTANCE:
+            return GoalState(goal, leg, command=command)
+    return GoalState(goal, Segment(here.x, here.y, goal.x, goal.y), command=command)
+
+
+def step_goal(now: GoalState, here: Pose2, moving: Twist2, p: WaypointParameters, dt: float) -> GoalState:
+    """The next stage and command, from the pose ``here`` and the measured velocity ``moving``; ``dt`` in s."""
+    now = _next_phase(now, here, moving, p)
+    wanted = _wanted_command(now, here, p)
+    command = limit_slew(now.command, wanted, p.acceleration * dt, p.deceleration * dt, p.angular_acceleration * dt)
+    return now._replace(command=command)
+
+
+def _next_phase(now: GoalState, here: Pose2, moving: Twist2, p: WaypointParameters) -> GoalState:
+    away = now.segment.distance_to_end(here)
+    standing = abs(moving.v) < STANDSTILL.v and abs(moving.w) < STANDSTILL.w
+    match now.phase:
+        case Phase.TURN if away <= p.tolerance:
+            return now._replace(phase=Phase.SETTLE)
+        case Phase.TURN if abs(_heading_error(now, here, p)) < ALIGNED and abs(moving.w) < MAX_START_TURN_RATE:
+            return now._replace(phase=Phase.DRIVE)
+        case Phase.DRIVE:
+            left, offset = now.segment.remaining_and_offset(here)
+            if left <= STOP_DISTANCE:
+                return now._replace(phase=Phase.SETTLE)
+            if abs(offset) > REJOIN_DISTANCE:
+                return start_goal(now.goal, here, None, now.command)
+            if abs(_heading_error(now, here, p)) > REALIGN_ERROR:
+                return now._replace(phase=Phase.TURN)
+        case Phase.SETTLE if standing and away > p.tolerance:
+            return start_goal(now.goal, here, None, now.command)
+        case Phase.SETTLE if standing:
+            return now._replace(phase=Phase.DONE if now.goal.yaw is None else Phase.ALIGN)
+        case Phase.ALIGN if standing and abs(_heading_error(now, here, p)) < p.heading_tolerance:
+            return now._replace(phase=Phase.DONE)
+    return now
+
+
+def _wanted_command(now: GoalState, here: Pose2, p: WaypointParameters) -> Twist2:
+    if now.phase in (Phase.SETTLE, Phase.DONE):
+        return ZERO_TWIST
+    error = _heading_error(now, here, p)
+    w = turn_rate(error, p.max_angular, p.angular_acceleration, p.lag)
+    if now.phase is not Phase.DRIVE:
+        return Twist2(0.0, w)
+    left, _ = now.segment.remaining_and_offset(here)
+    return Twist2(stopping_speed(left, p.max_linear, p.deceleration, p.lag) * max(0.0, math.cos(error)), w)
+
+
+def _heading_error(now: GoalState, here: Pose2, p: WaypointParameters) -> float:
+    """Heading error, rad. Below 4 lag v of lookahead the offset would swing: s^2 lag + s + v / lookahead = 0."""
+    if now.phase is Phase.ALIGN and now.goal.yaw is not None:
+        return wrap(now.goal.yaw - here.yaw)
+    return wrap(line_of_sight_heading(now.segment, here, max(p.lookahead, 4 * p.lag * p.max_linear)) - here.yaw)
+
+
+State = Literal["idle", "driving", "reached", "finished", "waiting"]
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """The outcome of one tick. ``command`` is None without a plan: an idle pilot leaves the base to others."""
+
+    state: State
+    command: Twist2 | None
+    index: int = 0
+    count: int = 0
+    goal: Goal = NO_GOAL
+    distance: float = 0.0
+
+
+class WaypointController:
+    """Holds the plan, the index of the present goal, and for the steady law the approach to it."""
+
+    def __init__(self, parameters: WaypointParameters) -> None:
+        self._params = parameters
+        self.plan = Plan.from_parameters(parameters)
+        self._index = 0
+        self._done = False
+        self._goal_state: GoalState | None = None
+        self._command = ZERO_TWIST
+
+    def set_plan(self, plan: Plan) -> None:
+        """Drop the present plan for another; the command goes on from where it is, so the robot does not jerk."""
+        self.plan, self._index, self._done = plan, 0, False
+        self._goal_state = None
+
+    def reconfigure(self, parameters: WaypointParameters) -> None:
+        """Drive on by other parameters, on the same plan; the command goes on from where it is."""
+        if parameters.law != self._params.law:
+            self._goal_state = None
+        self._params = parameters
+
+    def step(self, here: Pose2, moving: Twist2, dt: float) -> Progress:
+        """One control tick: the robot stands at ``here`` and moves at ``moving``; the last tick was ``dt`` [s] ago."""
+        if not self.plan.goals:
+            return Progress("idle", None)
+        if self._done:
+            return self._finish(here)
+        return self._step_tutorial(here) if self._params.law == "seed" else self._step_stop_and_turn(here, moving, dt)
+
+    def hold(self) -> Progress:
+        """Stand still for want of odometry; the way goes on from where the robot is afterwards."""
+        self._command, self._goal_state = ZERO_TWIST, None
+        if not self.plan.goals:
+            return Progress("idle", None)
+        return Progress("waiting", ZERO_TWIST, self._index, len(self.plan.goals), self.plan.goals[self._index])
+
+    def _step_stop_and_turn(self, here: Pose2, moving: Twist2, dt: float) -> Progress:
+        if self._goal_state is not None and self._goal_state.phase is Phase.DONE and not self._advance():
+            return self._finish(here)
+        if self._goal_state is None:
+            self._goal_state = start_goal(self._goal, here, self.plan.previous_goal(self._index), self._command)
+        self._goal_state = step_goal(self._goal_state, here, moving, self._params, dt)
+        self._command = self._goal_state.command
+        return self._progress("reached" if self._goal_state.phase is Phase.DONE else "driving", here)
+
+    def _step_tutorial(self, here: Pose2) -> Progress:
+        """As in the original, the command of the tick at which it switches still belongs to the old point."""
+        self._command = tutorial_command(here, self._goal.x, self._goal.y)
+        if self._distance(here) >= TUTORIAL_SWITCH_DISTANCE:
+            return self._progress("driving", here)
+        reached = self._progress("reached", here)
+        return reached if self._advance() else replace(reached, command=ZERO_TWIST)
+
+    @property
+    def _goal(self) -> Goal:
+        return self.plan.goals[self._index]
+
+    def _advance(self) -> bool:
+        following = self.plan.next_index(self._index)
+        self._done = following is None
+        self._index = self._index if following is None else following
+        self._goal_state = None
+        return not self._done
+
+    def _finish(self, here: Pose2) -> Progress:
+        self._command = ZERO_TWIST
+        return self._progress("finished", here)
+
+    def _distance(self, here: Pose2) -> float:
+        return math.hypot(self._goal.x - here.x, self._goal.y - here.y)
+
+    def _progress(self, state: State, here: Pose2) -> Progress:
+        return Progress(state, self._command, self._index, len(self.plan.goals), self._goal, self._distance(here))

@@ -1,0 +1,80 @@
+"""The benchmark on short spans: each figure that it promises is there, a missed bound fails. No speed is judged."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import deploy.bench
+from deploy.bench import fleet, lockstep, wire
+from deploy.bench.figures import Figure, ratios
+from deploy.bench.lockstep import Span, build_schedule, lab_robots, raw_factor
+from messages.geometry import Twist
+from messages.joints import JointEffort
+from services.runtime.service import STEP_NS
+
+SPAN = Span(1.0, 2.0)
+
+
+def test_a_figure_is_the_median_of_its_rounds_and_keeps_its_bound() -> None:
+    assert Figure("a", "", "", (3.0, 1.0, 2.0), at_most=2.0).ok
+    assert not Figure("a", "", "", (3.0, 1.0, 2.5), at_most=2.0).ok
+    assert not Figure("a", "", "", (3.0, 1.0, 2.0), at_least=2.1).ok
+    assert Figure("a", "", "", (3.0,)).ok
+    assert ratios([1.0, 6.0], [2.0, 3.0]) == (0.5, 2.0)
+
+
+def test_a_span_is_counted_in_steps() -> None:
+    assert SPAN.length == 1.0
+    assert len(SPAN.steps) == 1_000_000_000 // STEP_NS
+    assert SPAN.steps.start * STEP_NS == 1_000_000_000
+
+
+def test_the_raw_loop_sets_what_the_commands_come_to_and_calls_at_every_step() -> None:
+    commands = {
+        each.name: [JointEffort(joint_name="bear_link", effort=1.0)] if each.name == "arm" else [Twist.planar(0.1, 0.0)]
+        for each in lab_robots()
+    }
+    steps = build_schedule(commands, SPAN)
+    assert len(steps.efforts["arm"]) == SPAN.steps.stop
+    moving = {name for step in steps.speeds.values() for name, speeds in step if min(speeds) > 0}
+    assert moving == commands.keys() - {"arm"}
+    called: list[int] = []
+    assert raw_factor(steps, SPAN, called.append) > 0
+    assert called == list(range(SPAN.steps.stop))
+
+
+@pytest.fixture
+def brief(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few messages, little simulation time."""
+    monkeypatch.setattr(wire, "TRIPS", 50)
+    monkeypatch.setattr(wire, "MESSAGES", 500)
+    monkeypatch.setattr(wire, "TRIES", 2)
+    monkeypatch.setattr(lockstep, "SPAN", SPAN)
+    monkeypatch.setattr(fleet, "FROM_S", 1.0)
+    monkeypatch.setattr(fleet, "TO_S", 2.0)
+
+
+@pytest.mark.usefixtures("brief")
+def test_every_promised_figure_is_there(capsys: pytest.CaptureFixture[str]) -> None:
+    status = deploy.bench.bench(1, as_json=True)
+    figures = json.loads(capsys.readouterr().out)
+    assert {"echo_p50_ratio", "throughput_ratio", "lockstep_ratio", "barrier_ratio", "start_s"} <= figures.keys()
+    assert {"scans_ratio", "scans_per_s", "scans_loss_percent", "throughput_loss_percent"} <= figures.keys()
+    assert {"scan_encode_us", "scan_decode_us", "scan_list_us", "odometry_decode_us"} <= figures.keys()
+    assert {"lockstep_cpu_sim_ms", "lockstep_cpu_waypoint_ms", "lockstep_cpu_logger_ms"} <= figures.keys()
+    assert {"idle_cpu_sim_percent", "memory_sim_mib", "memory_router_mib"} <= figures.keys()
+    assert all(value >= 0 for value in figures.values())
+    assert status in (0, 1)
+
+
+def test_the_readme_tells_of_every_figure() -> None:
+    told = (Path(deploy.bench.__file__).parent / "README.md").read_text()
+    for name in ("echo_p50_ratio", "throughput_ratio", "lockstep_ratio", "barrier_ratio", "loop_cpu_ms", "start_s"):
+        assert f"| `{name}` |" in told
+    for name in ("scans_ratio", "scan_encode_us", "scan_decode_us"):
+        assert f"| `{name}` |" in told
+    for family in ("lockstep_cpu_NAME_ms", "idle_cpu_NAME_percent", "memory_NAME_mib"):
+        assert f"| `{family}` |" in told

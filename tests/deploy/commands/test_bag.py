@@ -1,0 +1,158 @@
+"""The verbs of ``elea bag`` on real processes and files: what they do, and how each bad input ends them."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from collections import Counter
+from pathlib import Path
+from subprocess import PIPE, Popen
+from time import sleep
+
+import pytest
+from rerun.chunk import RrdReader
+
+from messages.geometry import Twist
+from messages.std import String
+from messages.topics import CMD_VEL, ODOM, ROBOT_DESCRIPTION
+from services.bag.reader import open_bag
+from services.runtime.node import Node
+from tests.harness.background_fleet import interrupt
+from tests.harness.command_line import CommandLine
+from tests.harness.processes import Network
+from tests.harness.waiting import wait_until
+from tests.services.bag.sample_bags import make_bag, make_rosbag2_bag
+
+
+@pytest.fixture(scope="module")
+def bags(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with bags: ``ours``, a ``foreign`` one, one that is ``torn.mcap``, and an ``empty`` folder."""
+    folder = tmp_path_factory.mktemp("bags")
+    (folder / "empty").mkdir()
+    make_rosbag2_bag(folder / "foreign")
+    whole = (make_bag(folder / "ours", 0.2) / "ours_0.mcap").read_bytes()
+    (folder / "torn.mcap").write_bytes(whole[:-100])
+    return folder
+
+
+def test_record_takes_what_is_chosen_until_ctrl_c(network: Network, node: Node, tmp_path: Path) -> None:
+    terminal = CommandLine(tmp_path)
+    command, odometry, other = (
+        node.advertise(CMD_VEL, "/v/cmd_vel"),
+        node.advertise(ODOM, "/v/odom"),
+        node.advertise(ODOM, "/w/odom"),
+    )
+    options = ("-e", "odom$", "-x", "^/w", "-o", "lap", "-d", "0.4")
+    process = terminal.start("bag", "record", "/v/cmd_vel", *options, "--connect", network.endpoint)
+    wait_until(lambda: command.has_subscribers and odometry.has_subscribers, 30.0, "a recorder")
+    for number in range(60):
+        for out in (odometry, other):
+            out.publish(ODOM.record())
+        command.publish(Twist.planar(number / 100, 0.0))
+        sleep(0.02)
+    ended = interrupt(process)
+    assert ended.status == 0, ended.err
+    told = json.loads(terminal.run("bag", "info", "lap", "--json").out)
+    assert {each["topic"]: each["messages"] for each in told["topics"]} == {"/v/cmd_vel": 60, "/v/odom": 60}
+    assert len(told["files"]) >= 3, "a new one each 0.4 s"
+    assert "recorded 120 messages of 2 topics" in ended.err
+    node.unregister(command, odometry, other)
+
+
+def test_record_on_a_full_disk_tells_what_is_missing(network: Network, node: Node, tmp_path: Path) -> None:
+    """No file can grow beyond 128 kB: the kernel refuses it as it does on a full disk. Nobody else notices."""
+    out = node.advertise(ROBOT_DESCRIPTION, "/full/robot_description")
+    record = f"{sys.executable} -P -m deploy bag record /full/robot_description -o full --connect {network.endpoint}"
+    terminal = CommandLine(tmp_path)
+    process = Popen(
+        ["bash", "-c", f"ulimit -f 128; exec {record}"],
+        env=terminal.environment,
+        cwd=tmp_path,
+        stdout=PIPE,
+        stderr=PIPE,
+        text=True,
+    )
+    try:
+        sent = 0
+        while not (tmp_path / "full").exists() or sent < 500:
+            out.publish(String(data=os.urandom(500).hex()))
+            sent += (tmp_path / "full").exists()
+            sleep(0.005)
+            assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=30)
+    finally:
+        process.kill()
+    assert process.returncode == 1, err
+    assert "the disk does not take the recording (File too large)" in err
+    assert "messages are missing from" in err
+    kept = Counter(each.channel.topic for each in open_bag(tmp_path / "full").entries())
+    assert 0 < kept["/full/robot_description"] < 500
+    node.unregister(out)
+
+
+def test_info_and_export(bags: Path, tmp_path: Path) -> None:
+    terminal = CommandLine(tmp_path)
+    shown = terminal.run("bag", "info", str(bags / "foreign")).out
+    assert "cannot be played: its type sensor_msgs/BatteryState is not one of this project\n" in shown, (
+        "no line is cut in a pipe"
+    )
+    told = {
+        each["topic"]: each
+        for each in json.loads(terminal.run("bag", "info", str(bags / "foreign"), "--json").out)["topics"]
+    }
+    assert "is not one of this project" in told["/battery"]["reason"]
+    tables = json.loads(terminal.run("bag", "export", str(bags / "ours"), "-o", "tables", "--json").out)
+    assert tables == {"output": str(tmp_path / "tables"), "troubles": []}
+    assert len((tmp_path / "tables" / "r__odom.csv").read_text().splitlines()) == 12
+    for name, topics in (("ours", {"/r/odom", "/r/cmd_vel"}), ("foreign", {"/cmd_vel", "/battery"})):
+        ended = terminal.run("bag", "export", str(bags / name), "--to", "rrd", "-o", f"{name}.rrd")
+        assert ended.status == 0, ended.err
+        entities = {str(each.entity_path) for each in RrdReader(tmp_path / f"{name}.rrd").stream()}
+        assert topics <= entities, entities
+    torn = terminal.run("bag", "export", str(bags / "torn.mcap"), "-o", "rest")
+    assert (torn.status, "torn.mcap is torn" in torn.err) == (1, True)
+    assert len((tmp_path / "rest" / "r__odom.csv").read_text().splitlines()) == 12
+
+
+def test_bags_whose_names_have_a_dot_have_a_recording_each(tmp_path: Path) -> None:
+    """Whether or not this machine can draw it: the recording is made first."""
+    terminal = CommandLine(tmp_path)
+    for name, seconds in (("lap.1", 0.1), ("lap.2", 0.2)):
+        make_bag(tmp_path / name, seconds)
+        assert terminal.run("view", name, "--picture", "--size", "320x320").status in (0, 2)
+    held = [len(list(RrdReader(tmp_path / f"lap.{number}.rrd").stream())) for number in (1, 2)]
+    assert all(held)
+    assert sorted(each.name for each in tmp_path.glob("*.rrd")) == ["lap.1.rrd", "lap.2.rrd"]
+    assert not list(tmp_path.glob(".*.rrd")), "what is half done lies beside it until it is whole"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["record"], "nothing to record: name topics, or give --all or --regex"),
+        (["record", "-a", "/clock"], "--all records every topic"),
+        (["record", "-a", "-b", "12 parsecs"], "is no size: write bytes, or 100M"),
+        (["record", "-a", "-d", "-1"], "max_duration = -1.0"),
+        (["record", "-e", "("], "'(' is not a regular expression"),
+        (["record", "/a//b"], "parts are joined by a single '/'"),
+        (["record", "-a", "-o", "{bags}/ours"], "is there already: choose another folder"),
+        (["record", "-a", "-o", "/proc/bag"], "the bag /proc/bag cannot be written"),
+        (["info", "{bags}/nowhere"], "there is no bag"),
+        (["info", "{bags}/empty"], "is not a bag: no .mcap file"),
+        (["export", "{bags}/ours", "--topics", "/r/odomm"], "did you mean '/r/odom'?"),
+        (["export", "{bags}/ours", "--to", "xml"], "'xml' is not one of 'csv', 'rrd', 'rosbag2'"),
+        (["export", "{bags}/ours", "-o", "/dev/full/x"], "the tables cannot be written"),
+        (["recrod"], "unknown verb 'recrod'; did you mean 'record'?"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_bad_input(network: Network, bags: Path, tmp_path: Path, arguments: list[str], said: str) -> None:
+    words = [each.format(bags=bags) for each in arguments]
+    connect = ("--connect", network.endpoint) if words[0] == "record" else ()
+    ended = CommandLine(tmp_path).run("bag", *words, *connect)
+    assert (ended.status, said in ended.err) == (2, True), ended.err
+    assert ended.out == ""
+    assert "Traceback" not in ended.err

@@ -1,0 +1,130 @@
+"""The command line: help without weight, wrong names with the nearest right one, exit statuses."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from deploy.commands.cli import COMMANDS
+from services.runtime.process import ROOT
+
+HEAVY = ("zenoh", "numpy", "pybullet", "rerun", "matplotlib", "rich", "psutil")
+
+LOADED = f"""
+import sys
+from deploy.commands.cli import main
+try:
+    main()
+finally:
+    print("LOADED", [name for name in {HEAVY!r} if name in sys.modules])
+"""
+
+
+@pytest.fixture
+def state(tmp_path: Path) -> dict[str, str]:
+    """An environment in which no fleet runs."""
+    return {**os.environ, "PYTHONPATH": str(ROOT), "XDG_STATE_HOME": str(tmp_path / "state")}
+
+
+def elea(environment: dict[str, str], *arguments: str, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-P", "-m", "deploy", *arguments],
+        env=environment,
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+
+
+@pytest.mark.parametrize("verb", ["", *(each for each in COMMANDS if each != "test")])
+def test_help_loads_nothing_heavy(verb: str, state: dict[str, str]) -> None:
+    """`test` has no help of its own: pytest's comes."""
+    arguments = [each for each in (verb, "--help") if each]
+    done = subprocess.run(
+        [sys.executable, "-c", LOADED, *arguments], env=state, cwd=ROOT, capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 0, done.stderr
+    assert f"Usage: elea {verb}".strip() in done.stdout
+    assert done.stdout.endswith("LOADED []\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "hint"),
+    [
+        (["upp"], "unknown verb 'upp'; did you mean 'up'"),
+        (["up", "lap"], "unknown fleet 'lap'; did you mean 'lab'"),
+        (["up", "--mode", "reel"], "'reel' is not one of"),
+        (["up", "--factor", "0"], "--factor: Expected `float` > 0"),
+        (["up", "--duration", "nan"], "--duration"),
+        (["up", "--port", "0"], "--port: Expected `int` >= 1"),
+        (["up", "--connect", "nowhere"], "'nowhere' is not an endpoint"),
+        (["up", "--listen", "tls/127.0.0.1:7447"], "it needs certificates, which Elea does not have yet"),
+        (["up", "--listen", "0.0.0.0:7447"], "drive the robots, without a password. Listen on 127.0.0.1"),
+        (["up", "--listen", "0.0.0.0:7447"], "--insecure"),
+        (["up", "--report", "/dev/null/x"], "/dev/null/x cannot be written"),
+        (["run", "wayponit"], "unknown service 'wayponit'; did you mean 'waypoint'"),
+        (["run", "nowhere.py"], "there is no file nowhere.py"),
+        (["down"], "no fleet runs"),
+        (["restart", "sim"], "no fleet runs"),
+        (["graph", "--port", "1"], "no router at unixsock-stream/"),
+    ],
+)
+def test_bad_input(arguments: list[str], hint: str, state: dict[str, str]) -> None:
+    done = elea(state, *arguments)
+    assert done.returncode == 2
+    assert hint in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+
+
+def test_taken_port_is_told_before_anything_starts(state: dict[str, str], tmp_path: Path) -> None:
+    import socket
+
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = str(other.getsockname()[1])
+        done = elea(state, "up", "bare", "--port", port, "--report", str(tmp_path / "run"))
+    assert done.returncode == 2
+    assert f"port {port} of 127.0.0.1 is held by another program: take another one with --port" in done.stderr
+    assert list((tmp_path / "run" / "logs").iterdir()) == []
+
+
+def test_ps_without_a_fleet(state: dict[str, str]) -> None:
+    assert elea(state, "ps").stdout == "no fleet runs\n"
+    assert json.loads(elea(state, "ps", "--json").stdout) == []
+
+
+def test_run_passes_the_rest_of_the_line_to_a_file_in_its_own_folder(state: dict[str, str], tmp_path: Path) -> None:
+    (tmp_path / "beside.py").write_text("NAME = 'beside'\n")
+    (tmp_path / "mine.py").write_text(
+        "import sys, beside, messages.topics\nprint(beside.NAME, sys.argv[1:])\nsys.exit(7)\n"
+    )
+    done = elea(state, "run", "mine.py", "--name", "x", "--help", cwd=tmp_path)
+    assert done.stdout == "beside ['--name', 'x', '--help']\n"
+    assert done.returncode == 7
+
+
+def test_run_gives_a_service_its_options(state: dict[str, str]) -> None:
+    done = elea(state, "run", "waypoint", "--namespace", "/tb3_0", "--param", "laps=2", "--print-config")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["params"]["laps"] == 2
+    done = elea(state, "run", "waypoint", "--remap", "_laps:=3", "--remap", "cmd_vel:=/v", "--print-config")
+    told = json.loads(done.stdout)
+    assert (told["params"]["laps"], told["origins"], told["identity"]["rules"]) == (
+        3,
+        {"laps": "command line"},
+        [["cmd_vel", "/v"]],
+    ), "a private parameter, as ROS 1 writes it"
+    done = elea(state, "run", "waypoint", "--remap", "_lap:=3", "--print-config")
+    assert (done.returncode, "unknown parameter 'lap'; did you mean 'laps'?" in done.stderr) == (2, True)
+
+
+def test_test_has_the_exit_status_of_pytest(state: dict[str, str], tmp_path: Path) -> None:
+    (tmp_path / "test_x.py").write_text("def test_x():\n    assert False\n")
+    assert elea(state, "test", str(tmp_path / "test_x.py"), "--no-header").returncode == 1
+    assert elea(state, "test", str(tmp_path / "nowhere.py")).returncode == 4

@@ -1,0 +1,66 @@
+"""``down`` ends a fleet with its report, whatever happened to its processes before."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+
+import psutil
+
+from deploy.live.connect import connect
+from messages.base import encode
+from messages.names import key
+from messages.requests import SUPERVISOR_START, SUPERVISOR_STOP, Name
+from services.runtime.requests import call
+from services.runtime.transport.unix_sockets import router_endpoint
+from tests.deploy.supervisor.supervisor_harness import has_ended
+from tests.deploy.test_run import FleetCommandLine
+from tests.harness.waiting import wait_until
+
+HUNG = """
+import signal, time
+from services.runtime import Service, main
+
+
+def run(ctx):
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    for tick in ctx.ticks():
+        if tick.time:
+            time.sleep(1000)
+
+
+main(Service(name="hung", about="Hangs at its second tick and hears no signal.", run=run, rate=10))
+"""
+
+
+def test_down_after_a_stopped_process_a_hung_one_and_two_starts_at_once(tmp_path: Path) -> None:
+    desk = FleetCommandLine(tmp_path)
+    (tmp_path / "hung.py").write_text(HUNG)
+    fleet = Path(desk.fleet("real", "never", ""))
+    fleet.write_text(fleet.read_text() + '[[service]]\nkind = "hung.py"\n')
+    up = desk.start("up", str(fleet), "--report", str(desk.results), "--no-view", "--no-saved")
+    try:
+        wait_until(lambda: (tmp_path / "results" / "processes.json").exists(), 60, "a run")
+        before = desk.wait_until_ready("r/waypoint", 0)
+        pids = {desk.wait_until_ready(name, 0)["pid"] for name in ("router", "sim", "params", "grader", "r/waypoint")}
+        with connect(router_endpoint(desk.port)) as transport:
+            call(transport, SUPERVISOR_STOP, key(SUPERVISOR_STOP.name), Name(name="r/waypoint"), 20.0)
+            wait_until(lambda: has_ended(before["pid"]))
+            wait_until(lambda: desk.processes()["r/waypoint"]["state"] == "stopped", 30)
+            asked = key(SUPERVISOR_START.name)
+            both = [transport.query_async(asked, encode(Name(name="r/waypoint")), 20.0) for _ in range(2)]
+            wait_until(lambda: all(each.poll() is not None for each in both), 30)
+        desk.wait_until_ready("r/waypoint", 0)
+        hung = desk.processes()["hung"]["pid"]
+        psutil.Process(desk.processes()["sim"]["pid"]).send_signal(signal.SIGSTOP)
+        down = desk.start("down")
+        out, err = down.communicate(timeout=90)
+        assert (down.returncode, out) == (0, f"one has ended; results in {desk.results}\n"), err
+        assert "killing its supervisor" not in err
+        assert up.wait(10) in (0, 1)
+        assert desk.report()["run"]["ended"] == "stopped"
+        assert [pid for pid in (*pids, hung) if pid and not has_ended(pid)] == []
+    finally:
+        desk.start("down").communicate(timeout=90)
+        up.communicate(timeout=30)

@@ -1,0 +1,153 @@
+"""``elea sim`` against a running simulation: every doing, in words and as JSON, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from messages.topics import CLOCK
+from tests.harness.processes import ROOT, Network
+from tests.harness.waiting import wait_until
+
+ROBOTS = [{"name": "arm", "model": "arm_corrected"}, {"name": "tb3", "model": "burger", "x": 3.0}]
+
+
+class SimCommandLine:
+    """The command line on one network."""
+
+    def __init__(self, endpoint: str) -> None:
+        self._endpoint = endpoint
+
+    def run(self, *words: str) -> subprocess.CompletedProcess[str]:
+        """``elea sim WORDS``."""
+        command = [sys.executable, "-P", "-m", "deploy", "sim", *words, "--connect", self._endpoint]
+        return subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=ROOT, check=False)
+
+    def output(self, *words: str) -> str:
+        """What it prints when all is well."""
+        done = self.run(*words)
+        assert (done.returncode, done.stderr) == (0, ""), done.stderr
+        return done.stdout
+
+    def output_json(self, *words: str) -> Any:
+        """The same, as JSON."""
+        return json.loads(self.output(*words, "--json"))
+
+
+@pytest.fixture(scope="module")
+def line(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimCommandLine]:
+    """A simulation of an arm and a burger in which time stands still."""
+    with Network(tmp_path_factory.mktemp("sim")) as network, network.node() as node:
+        network.start("sim", "--param", f"robots={json.dumps(ROBOTS)}")
+
+        clock = node.subscribe(CLOCK)
+        wait_until(lambda: clock.recv() is not None, 20.0, "a simulation")
+        made = SimCommandLine(network.endpoint)
+        made.output("pause")
+        yield made
+
+
+def test_time(line: SimCommandLine) -> None:
+    before = line.output_json("pause")
+    assert line.output_json("step", "20")["tick"] == before["tick"] + 20
+    assert line.output("step").startswith("1 steps taken: t = ")
+    assert line.output_json("reset") == {"time": 0, "tick": 0, "epoch": before["epoch"] + 1}
+    assert "models are where they were spawned: t = 0.000 s" in line.output("reset-world")
+    assert line.output("resume").startswith("running: t = ")
+    refused = line.run("step", "5")
+    assert (refused.returncode, refused.stderr) == (1, "elea: /sim/step: time is running: pause it before stepping\n")
+    line.output("pause")
+
+
+def test_models_come_move_and_go(line: SimCommandLine) -> None:
+    placed = ("-x", "-1.5", "-y", "-1", "-Y", "1.57", "--frame", "tb3")
+    spawned = line.output_json("spawn", "arm", "new", *placed, "-J", "bear_link=-0.4", "--param", "effort_mode=sum")
+    assert spawned["pose"]["position"] == pytest.approx({"x": 1.5, "y": -1.0, "z": 0.0}, abs=1e-3)
+    listed = line.output("list")
+    assert [row.split()[0] for row in listed.splitlines()] == ["name", "arm", "tb3", "new"]
+    assert listed.splitlines()[-1].split() == ["new", "arm", "1.500", "-1.000", "0.000", "1.570"]
+    assert line.output_json("joints", "new")[0]["position"] == -0.4
+    moved = line.output_json("set-state", "tb3", "-y", "0.5")
+    assert moved["pose"]["position"] == pytest.approx({"x": 3.0, "y": 0.5, "z": 0.0}, abs=1e-3)
+    seen = line.output_json("state", "tb3", "--relative", "arm")
+    assert seen["pose"]["position"]["y"] == pytest.approx(0.5, abs=1e-3)
+    words = line.output("state", "new::end_link").splitlines()
+    assert [row.split("  ")[0] for row in words[1:]] == [
+        "position m",
+        "roll, pitch, yaw rad",
+        "velocity m/s",
+        "turn rate rad/s",
+    ]
+    assert line.output("delete", "new") == "new is gone\n"
+    assert [each["name"] for each in line.output_json("list")["models"]] == ["arm", "tb3"]
+
+
+def test_efforts_and_positions(line: SimCommandLine) -> None:
+    assert (
+        line.output("effort", "bear_link", "-30", "--duration", "0.2") == "-30 on arm::bear_link from now for 0.2 s\n"
+    )
+    line.output("step", "10")
+    (joint,) = line.output_json("joints", "arm::bear_link")
+    assert (joint["applied_effort"], joint["jobs"], joint["velocity_limit"]) == (-30.0, 1, 20.0)
+    assert joint["position"] < -0.01
+    header, row = line.output("joints", "arm").splitlines()
+    assert header.split()[:4] == ["joint", "type", "position", "rate"]
+    assert row.split()[:2] == ["arm::bear_link", "revolute"]
+    assert len(line.output("joints").splitlines()) == 4, "the arm's and both wheels"
+    assert line.output("clear", "arm/bear_link") == "1 job of arm::bear_link dropped\n"
+    assert line.output("configure", "arm", "bear_link=-0.5") == "arm: bear_link -0.5\n"
+    assert line.output_json("joints", "arm")[0]["position"] == -0.5
+    line.output("reset")
+
+
+def test_wrenches(line: SimCommandLine) -> None:
+    pushed = line.output("wrench", "tb3", "--force", "-1", "0", "30", "--duration", "-1")
+    assert pushed == "wrench on tb3::base_footprint from now until it is cleared\n"
+    line.output("step", "20")
+    assert line.output_json("properties", "tb3::base_footprint")["wrenches"] == 1
+    assert line.output_json("state", "tb3::base_footprint")["twist"]["linear"]["z"] > 1.0
+    assert line.output("clear", "--wrench", "tb3") == "1 job of tb3::base_footprint dropped\n"
+    line.output("reset")
+
+
+def test_properties(line: SimCommandLine) -> None:
+    world = line.output_json("properties")
+    assert (world["model_names"], world["mode"], world["pause"]) == (["arm", "tb3"], "real", True)
+    assert "gravity          x 0, y 0, z -9.81" in line.output("properties")
+    assert line.output_json("properties", "arm")["is_static"] is True
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "says"),
+    [
+        (("effort", "elbow", "1"), 1, "elea: /sim/apply_effort: unknown joint 'elbow' (known: arm::bear_link, tb3::"),
+        (("effort", "bear_link", "much"), 2, "'much' is not a valid float"),
+        (("effort", "bear_link", "nan"), 1, "job.effort"),
+        (("configure", "arm", "bear_link"), 2, "write it as joint=position"),
+        (("configure", "arm", "bear_link=3"), 1, "its limits are -1.5708 and 1.5708"),
+        (("configure", "arm"), 2, "Missing argument"),
+        (("spawn", "arn", "new"), 1, "unknown model 'arn'; did you mean 'arm'"),
+        (("spawn", "burger", "tb3"), 1, "already there"),
+        (("delete", "nobody"), 1, "unknown model 'nobody'"),
+        (("step", "0"), 2, "0 is not in the range"),
+        (("stepp",), 2, "unknown verb 'stepp'; did you mean 'step'"),
+    ],
+)
+def test_what_is_refused(line: SimCommandLine, words: tuple[str, ...], status: int, says: str) -> None:
+    done = line.run(*words)
+    assert (done.returncode, done.stdout) == (status, "")
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_without_a_fleet_it_says_where_it_looked(tmp_path: Path) -> None:
+    done = SimCommandLine("tcp/127.0.0.1:1").run("list")
+    assert done.returncode == 2
+    assert "no router at tcp/127.0.0.1:1" in done.stderr
+    assert "is a fleet up?" in done.stderr

@@ -1,0 +1,168 @@
+"""``doctor``: each check says what it saw, why it matters, and what to do."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from deploy.doctor import fleet, installation, machine, network
+from deploy.instance_lock import FleetInstance
+from deploy.network_address import NetworkAddress
+from messages.base import encode
+from messages.elea import Health, InputHealth
+from messages.topics import ODOM, Quality
+from services.runtime.graph import Entity
+from services.runtime.process import ROOT
+from services.runtime.transport.unix_sockets import router_endpoint
+from services.runtime.transport.wire import encoding
+from tests.harness.ports import free_port
+from tests.harness.processes import Network
+from tests.harness.waiting import wait_until
+from tests.services.state.conftest import run_command
+
+
+def test_a_sound_machine_passes_and_a_busy_network_is_told(tmp_path: Path) -> None:
+    with Network(tmp_path) as net, net.node() as node:
+        source = node.subscribe(ODOM, "/odom")
+        node.transport.advertise("odom", encoding("geometry_msgs/Twist"), Quality.SENSOR).put(
+            encode({"linear": {"x": 1}}), attachment=b""
+        )
+        wait_until(lambda: (source.update(), source.refused)[1], 10.0, "a refusal")
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "deploy", "doctor", "--json", "--connect", net.endpoint],
+            cwd=ROOT,
+            env={**os.environ, "XDG_STATE_HOME": str(tmp_path)},
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        deadline = time.monotonic() + 60
+        while process.poll() is None and time.monotonic() < deadline:
+            node.spin_once()
+            time.sleep(0.05)
+        assert process.stdout is not None
+        told = json.loads(process.stdout.read())
+    checks = {each["name"]: each for each in told["checks"]}
+    assert {each["name"] for each in told["checks"] if each["state"] == "fail"} == set()
+    assert process.returncode == 0
+    for name in ("platform", "python", "version", "packages", "libraries", "loopback", "clock", "run folder", "router"):
+        assert checks[name]["state"] == "ok", checks[name]
+    refused = checks["node /tester"]
+    assert (refused["state"], refused["why"].startswith("/odom: 1 messages refused")) == ("warn", True)
+    assert "geometry_msgs/Twist" in refused["why"]
+    assert refused["do"]
+    assert all(each["why"] and (each["do"] or each["state"] == "ok") for each in told["checks"])
+
+
+def test_a_missing_router_fails_with_advice() -> None:
+    ran = run_command("doctor", "--connect", f"tcp/127.0.0.1:{free_port()}")
+    assert ran.returncode == 1
+    line = next(line for line in ran.stdout.splitlines() if line.startswith("fail"))
+    assert "no router at" in line
+    assert "-> start a fleet: ./elea up" in ran.stdout
+    assert ran.stdout.splitlines()[-1].endswith("1 failures")
+
+
+def test_the_advice_is_about_the_router_that_was_asked_for() -> None:
+    lab = FleetInstance(fleet="lab", mode="real", port=7500, pid=1, folder="", started="")
+    assert "its router hang" in network._advice(router_endpoint(7500), [lab])
+    assert network._advice(router_endpoint(7447), [lab]).endswith("running: lab with --port 7500")
+
+
+def test_a_port_in_foreign_hands_is_told() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+        [found] = [f for f in network.ports(NetworkAddress(f"tcp/127.0.0.1:{port}", "")) if f.name == "port"]
+    assert found.state == "warn"
+    assert "no fleet of yours" in found.why
+    assert f":{port}" in found.do
+
+
+def test_packages_that_differ_from_the_lock_are_named(tmp_path: Path) -> None:
+    lock = "numpy==0.1.0 \\\n    --hash=x\nnot-there==1.0 \\\n    --hash=x\nelsewhere==1 ; sys_platform == 'win32' \\\n"
+    (tmp_path / "requirements.lock").write_text(lock)
+    [found] = installation.packages(tmp_path)
+    assert found.state == "fail"
+    assert "the lock says 0.1.0; not-there is missing" in found.why
+    assert "elsewhere" not in found.why
+    (tmp_path / "requirements.lock").unlink()
+    assert next(installation.packages(tmp_path)).state == "fail"
+
+
+def test_versions_that_differ_are_told(tmp_path: Path) -> None:
+    (tmp_path / "pyproject.toml").write_text('[project]\nversion = "9.9.9"\n')
+    [found] = installation.version(tmp_path)
+    assert (found.state, "9.9.9" in found.why) == ("fail", True)
+    assert next(installation.environment(tmp_path)).state == "warn"
+
+
+def test_a_library_that_does_not_load_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(installation, "NATIVE_LIBRARIES", ("json", "not_there"))
+    [found] = installation.libraries()
+    assert (found.state, found.why) == ("fail", "not_there: ModuleNotFoundError: No module named 'not_there'")
+
+
+def test_a_folder_that_cannot_be_written_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    [found] = machine.run_folder_writable(tmp_path / "runs")
+    assert found.state == "ok"
+    [found] = machine.run_folder_writable(Path("/proc/runs"))
+    assert (found.state, "cannot be written" in found.why) == ("fail", True)
+    monkeypatch.setattr(machine, "MIN_DISK_MIB", 1 << 40)
+    assert next(machine.run_folder_writable(tmp_path)).state == "fail"
+
+
+def test_displays_are_told_apart(tmp_path: Path) -> None:
+    assert next(machine.display({})).why.startswith("none")
+    assert next(machine.display({"DISPLAY": ":4711"})).state == "warn"
+    assert next(machine.display({"DISPLAY": "far:0"})).state == "ok"
+    assert next(machine.display({"WAYLAND_DISPLAY": "w", "XDG_RUNTIME_DIR": str(tmp_path)})).state == "warn"
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(str(tmp_path / "w"))
+        assert next(machine.display({"WAYLAND_DISPLAY": "w", "XDG_RUNTIME_DIR": str(tmp_path)})).state == "ok"
+
+
+def test_the_machine_is_looked_at() -> None:
+    assert [
+        each.state
+        for check in (machine.python_version, machine.platform_supported, machine.loopback)
+        for each in check()
+    ] == ["ok"] * 3
+    assert {each.name for each in machine.cores_and_memory()} == {"cores", "memory"}
+
+
+def test_nodes_tell_what_troubles_them() -> None:
+    entities = [Entity("1", "node", each) for each in ("/sim", "/hung", "/_tf_echo_12")]
+    lossy = InputHealth(topic="/odom", received=90, lost=10)
+    beats = {"/sim": Health(node="/sim", state="running", inputs=(lossy,)), "/w": Health(node="/w", state="waiting")}
+    found = [(each.name, each.state, each.why) for each in network.nodes(entities, beats)]
+    assert found == [
+        ("node /hung", "warn", "no heartbeat in 2 s: it is busy, stopped or hung"),
+        ("node /sim", "warn", "/odom: 10 of 100 messages were lost on the way"),
+        ("node /w", "warn", "it waits: it does not say for what"),
+    ]
+
+
+def test_a_process_that_lost_its_supervisor_is_found(tmp_path: Path) -> None:
+    """A service is started by a shell that ends at once, so nobody has it any more."""
+    command = f"{sys.executable} -P -m services.router --param listen=tcp/127.0.0.1:{free_port()} & echo $!"
+    shell = subprocess.run(
+        ["bash", "-c", f"{command.replace(' & ', ' >/dev/null 2>&1 & ')}"],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=20,
+        check=True,
+    )
+    pid = int(shell.stdout)
+    try:
+        wait_until(lambda: f"services.router ({pid})" in next(fleet.orphans()).why, 10.0, "the orphan")
+        assert next(fleet.orphans()).state == "warn"
+    finally:
+        os.kill(pid, 9)

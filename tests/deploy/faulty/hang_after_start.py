@@ -1,9 +1,0 @@
-"""Beats once, then its loop hangs."""
-
-import threading
-
-from tests.deploy.faulty.beating import beat, start
-
-start()
-beat()
-threading.Event().wait(60)

@@ -1,0 +1,15 @@
+"""An idle fleet for the tests of the verbs on topics; they come last in this folder, so that it is in nobody's way."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.harness.background_fleet import BackgroundFleet, background_fleet
+
+
+@pytest.fixture(scope="package")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BackgroundFleet]:
+    with background_fleet(tmp_path_factory.mktemp("idle")) as made:
+        yield made

@@ -1,0 +1,89 @@
+"""The clock of those who look on, on a bus in memory: what time a moment had, and where that cannot be known."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+
+from deploy.live.subscribers import ClockSubscriber
+from messages.base import encode
+from messages.rosgraph import Clock
+from messages.std import Time
+from messages.topics import CLOCK
+from services.runtime.transport.memory import MemoryBus, MemoryTransport
+from services.runtime.transport.wire import encoding
+
+TICK = 20_000_000
+"""Between two clocks, ns of simulation time and here of the wall clock as well."""
+
+
+class ClockPublisher:
+    """A clock, and who tells it."""
+
+    def __init__(self, bus: MemoryBus) -> None:
+        self.clock = ClockSubscriber(MemoryTransport(bus))
+        self._out = MemoryTransport(bus).advertise("clock", encoding(Clock.ROS_TYPE), CLOCK.quality)
+
+    def tell(self, number: int, epoch: int = 0, off: int = 0) -> None:
+        """The clock of this number, sent at as many ticks of the wall clock and ``off`` [ns] more."""
+        message = Clock(clock=Time.of(number * TICK), epoch=epoch)
+        beside = struct.pack("<qqB16s", number, number * TICK + off, 16, b"simulation")
+        self._out.put(encode(message), attachment=beside)
+        self.clock.update()
+
+
+@pytest.fixture
+def told() -> ClockPublisher:
+    return ClockPublisher(MemoryBus())
+
+
+def test_a_moment_has_the_time_of_the_last_clock_before_it(told: ClockPublisher) -> None:
+    for number in range(1, 5):
+        told.tell(number)
+    assert told.clock.time_at(TICK - 1) is None
+    assert [told.clock.time_at(round(each * TICK)) for each in (1, 1.9, 2, 4.5)] == [TICK, TICK, 2 * TICK, 4 * TICK]
+    assert told.clock.covers(4 * TICK - 1)
+    assert not told.clock.covers(4 * TICK)
+
+
+def test_where_a_clock_was_lost_the_time_is_not_known(told: ClockPublisher) -> None:
+    for number in (1, 2, 4, 5):
+        told.tell(number)
+    assert [told.clock.time_at(round(each * TICK)) for each in (1.5, 2, 2.5, 3.5)] == [TICK, None, None, None]
+    assert told.clock.time_at(round(4.5 * TICK)) == 4 * TICK
+    assert told.clock.now == 5 * TICK
+
+
+def test_time_that_begins_anew_forgets_what_was_before(told: ClockPublisher) -> None:
+    told.tell(8)
+    told.tell(10, epoch=1)
+    assert told.clock.time_at(9 * TICK) is None
+    assert told.clock.time_at(11 * TICK) == 10 * TICK
+
+
+HOUR = 3600 * 10**9
+
+
+@pytest.mark.parametrize("off", [-TICK // 2, -5 * TICK, -HOUR, HOUR])
+def test_it_is_right_again_with_the_first_clock_after_the_wall_clock_was_set(told: ClockPublisher, off: int) -> None:
+    for number in range(1000, 1010):
+        told.tell(number)
+    for number in range(1010, 1015):
+        told.tell(number, off=off)
+        assert told.clock.time_at(number * TICK + off) == number * TICK
+        assert told.clock.covers(number * TICK + off - 1)
+        assert told.clock.now == number * TICK
+
+
+@pytest.mark.parametrize("off", [-HOUR, HOUR])
+def test_a_wrong_stamp_costs_nothing_after_the_next_clock(told: ClockPublisher, off: int) -> None:
+    for number in range(1000, 1010):
+        told.tell(number, epoch=1)
+    told.tell(1010, epoch=2, off=off)
+    for number in range(1011, 1015):
+        told.tell(number, epoch=2)
+        assert told.clock.time_at(number * TICK) == number * TICK
+        assert told.clock.covers(number * TICK - 1)
+        assert not told.clock.covers(number * TICK)
+        assert told.clock.since <= number * TICK, "samples of the new epoch count as such"

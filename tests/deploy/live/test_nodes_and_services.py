@@ -1,0 +1,221 @@
+"""The verbs on nodes and requests, the completion at the TAB key, and time that begins anew, on one fleet."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import pytest
+
+from deploy.commands.completion import PARAMETER, SET
+from deploy.live.message_builder import read_yaml
+from services.runtime.process import ROOT
+from services.sim import SERVICE
+from tests.harness.background_fleet import BackgroundFleet, background_fleet, interrupt
+from tests.harness.waiting import wait_until
+
+
+@pytest.fixture(scope="module")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[BackgroundFleet]:
+    with background_fleet(tmp_path_factory.mktemp("idle")) as made:
+        yield made
+
+
+def test_nodes(running: BackgroundFleet) -> None:
+    assert running.run("node", "list").out == "/grader\n/params\n/router\n/sim\n/supervisor\n"
+    assert running.run("node", "list", "-c").out == "5\n"
+    assert {"node": "/sim", "kind": "sim"}.items() <= running.run_json("node", "list")[3].items()
+    with running.start("topic", "echo", "/tb3_0/cmd_vel"):
+        wait_until(lambda: "/_echo_" in running.run("node", "list", "-a").out, 20.0, "a tool in the graph")
+        assert "/_echo_" not in running.run("node", "list").out
+
+
+def test_a_node(running: BackgroundFleet) -> None:
+    shown = running.run("node", "info", "sim").out
+    assert shown.startswith("/sim  (sim)\n  running")
+    assert "  Publishers:\n    /clock: rosgraph_msgs/Clock  sent " in shown
+    assert "    /sim/delete: elea_msgs/Name\n" in shown
+    told = running.run_json("node", "info", "/grader")
+    assert (told["node"], told["kind"], told["health"]["state"]) == ("/grader", "grader", "running")
+    odom = next(each for each in told["subscribers"] if each["topic"] == "/tb3_0/odom")
+    assert (odom["lost"], odom["refused"], odom["type"]) == (0, 0, "nav_msgs/Odometry")
+    for name, said in (("/sim2", "no node /sim2 is on the network; did you mean '/sim'"), ("/s*", "wildcards")):
+        assert said in running.run("node", "info", name, status=2).err
+
+
+def test_services(running: BackgroundFleet) -> None:
+    names = running.run("service", "list").out.splitlines()
+    assert set(names) >= {each.name for each in SERVICE.serves} | {"/supervisor/restart"}
+    assert int(running.run("service", "list", "-c").out) == len(names)
+    assert "/sim/spawn [elea_msgs/SpawnModel -> elea_msgs/ModelState]\n" in running.run("service", "list", "-t").out
+    assert "  /sim: put a model into the world\n" in running.run("service", "list", "-v").out
+    servers = {each["name"]: each["nodes"] for each in running.run_json("service", "list")}
+    assert (servers["/params/set"], servers["/sim/spawn"]) == (["/params"], ["/sim"])
+    assert running.run("service", "type", "/sim/pause").out == "std_msgs/Empty -> elea_msgs/SimTime\n"
+    assert "/sim/delete\n" in running.run("service", "find", "elea_msgs/srv/Name").out
+    assert running.run_json("service", "find", "elea_msgs/ModelList") == ["/sim/list"]
+    assert "no request has nav_msgs/Path now" in running.run("service", "find", "nav_msgs/Path", status=1).err
+
+
+def test_calls(running: BackgroundFleet) -> None:
+    assert running.run_json("service", "call", "/sim/get_state", "{name: tb3_1}")["pose"]["position"][
+        "y"
+    ] == pytest.approx(1.0, abs=1e-3)
+    by_place = running.run("service", "call", "sim/get_state", "elea_msgs/srv/GetModelState", "tb3_0").out
+    assert read_yaml(by_place)["model"] == "burger"
+    assert running.run("service", "call", "/sim/list", "--flow-style").out.startswith("{models: [{name: tb3_0, ")
+    paused = running.run_json("service", "call", "/sim/pause")
+    stepped = running.run_json("service", "call", "/sim/step", "{count: 40}")
+    assert (stepped["tick"], stepped["time"]) == (paused["tick"] + 40, paused["time"] + 200_000_000)
+    running.run("service", "call", "/sim/resume")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "said"),
+    [
+        (["/sim/get_state", "{name: nobody}"], 1, "/sim/get_state: unknown model 'nobody'"),
+        (["/sim/step", "{count: 0}"], 2, "elea_msgs/Steps at count: Expected `int` >= 1"),
+        (["/sim/step", "{cuont: 1}"], 2, "unknown field 'cuont'; did you mean 'count'"),
+        (["/sim/spwan", "{}"], 2, "no service /sim/spwan is on the network; did you mean '/sim/spawn'"),
+        (["/sim/spawn", "std_msgs/String", "x"], 2, "/sim/spawn asks elea_msgs/SpawnModel, not std_msgs/String"),
+        (["/sim/**", "{}"], 2, "wildcards are not allowed"),
+        (["/sim/step", "{count: ["], 2, "is not YAML"),
+    ],
+)
+def test_calls_that_fail(running: BackgroundFleet, arguments: list[str], status: int, said: str) -> None:
+    ended = running.run("service", "call", *arguments, status=status)
+    assert said in ended.err
+    assert ended.out == ""
+
+
+def test_a_rate_survives_a_reset(running: BackgroundFleet) -> None:
+    with running.start("topic", "hz", "/tb3_0/odom") as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        epoch = running.run_json("service", "call", "/sim/reset")["epoch"]
+        running.run("topic", "hz", "/tb3_0/odom", "-n", "10")
+        ended = interrupt(process)
+    assert f"simulation time began anew (epoch {epoch})" in ended.err
+    assert "average rate: 25.000 by simulation time" in ended.out.splitlines()[-5]
+
+
+def completed(running: BackgroundFleet, *words: str, **environment: str) -> list[str]:
+    """What bash gets for these words, of which the last one is being typed."""
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "deploy"],
+        env={
+            **running.command_line.environment,
+            "_ELEA_COMPLETE": "bash_complete",
+            "COMP_WORDS": " ".join(("./elea", *words)),
+            "COMP_CWORD": str(len(words)),
+            **environment,
+        },
+        capture_output=True,
+        text=True,
+        timeout=30,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    return [line.removeprefix("plain,") for line in done.stdout.splitlines() if line]
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        (("to",), ["topic"]),
+        (("topic", "e"), ["echo"]),
+        (("topic", "echo", "/tb3_1/c"), ["/tb3_1/camera/camera_info", "/tb3_1/camera/image", "/tb3_1/cmd_vel"]),
+        (("topic", "hz", "/clock", "tb3_0/od"), ["tb3_0/odom"]),
+        (("topic", "echo", "/tb3_0/odom", "--field", "pose.pose.p"), ["pose.pose.position"]),
+        (("topic", "pub", "/tb3_0/cmd_vel", "geometry_msgs/msg/TwistS"), ["geometry_msgs/msg/TwistStamped"]),
+        (("topic", "find", "rosgraph_msgs/C"), ["rosgraph_msgs/Clock"]),
+        (("node", "info", "/s"), ["/sim", "/supervisor"]),
+        (("service", "call", "/sim/sp"), ["/sim/spawn"]),
+        (("up", "bar"), ["bare"]),
+        (("restart", "gr"), ["grader"]),
+        (("logs", "ro"), ["router"]),
+        (("run", "way"), ["waypoint"]),
+        (("topic", "echo", "--connect", "tcp/127.0.0.1:1", "/tb"), []),
+        (("topic", "echo", "--onc"), ["--once"]),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_completion(running: BackgroundFleet, words: tuple[str, ...], wanted: list[str]) -> None:
+    wait_until(lambda: completed(running, *words) == wanted, 20.0, "an answer within the time that completion has")
+
+
+def test_sets_and_parameters_are_completed(running: BackgroundFleet) -> None:
+    context, option = click.Context(click.Command("get")), click.Argument(["set"])
+    context.params = {"connect": running.endpoint, "set": "tb3_0/base"}
+
+    def offered(kind: click.ParamType[str], begun: str) -> list[str]:
+        return [each.value for each in kind.shell_complete(context, option, begun)]
+
+    wait_until(lambda: offered(SET, "/"), 20.0, "an answer within the time that completion has")
+    assert offered(SET, "/tb3_0") == ["/tb3_0/base"]
+    assert offered(SET, "tb3_1") == ["tb3_1/base"]
+    assert offered(PARAMETER, "cmd_vel") == ["cmd_vel_timeout"]
+
+
+def test_completion_in_bash_itself(running: BackgroundFleet, tmp_path: Path) -> None:
+    """The script that bash evaluates finds what it is asked by the program as it was typed."""
+    program = tmp_path / "elea"
+    program.write_text(f'#!/bin/sh\nexec {sys.executable} -P -m deploy "$@"\n')
+    program.chmod(0o755)
+    typed = (
+        'eval "$(_ELEA_COMPLETE=bash_source ./elea)"; complete -p elea; COMP_WORDS=(./elea topic type /tb3_0/sc); '
+        'COMP_CWORD=3; _elea_completion ./elea; echo "${COMPREPLY[@]}"'
+    )
+
+    def press() -> str:
+        done = subprocess.run(
+            ["bash", "--norc", "-c", typed],
+            env=running.command_line.environment,
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+        assert done.stderr == ""
+        return done.stdout
+
+    wanted = "complete -o nosort -F _elea_completion elea\n/tb3_0/scan\n"
+    wait_until(lambda: press() == wanted, 20.0, "an answer within the time that completion has")
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_other_shells_ask_the_script_by_its_place(shell: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "deploy"],
+        env={**os.environ, "PYTHONPATH": str(ROOT), "_ELEA_COMPLETE": f"{shell}_source"},
+        capture_output=True,
+        text=True,
+        timeout=30,
+    )
+    assert f"{shell}_complete" in done.stdout
+    assert f" {ROOT / 'elea'})" in done.stdout
+    assert "$+commands" not in done.stdout
+
+
+def test_a_router_that_hangs_delays_no_completion(running: BackgroundFleet) -> None:
+    [told] = running.run_json("ps")
+    router = next(each["pid"] for each in told["processes"] if each["name"] == "router")
+    os.kill(router, signal.SIGSTOP)
+    began = time.monotonic()
+    found = completed(running, "topic", "echo", "/tb3_0/")
+    took = time.monotonic() - began
+    began = time.monotonic()
+    assert completed(running, "up", "bar") == ["bare"]
+    alone = time.monotonic() - began
+    # The supervisor ends what hangs, and starts it again.
+    wait_until(
+        lambda: completed(running, "topic", "echo", "/tb3_0/od") == ["/tb3_0/odom"], 30.0, "a router that answers"
+    )
+    assert found == []
+    assert took < alone + 2.0, "longer than one that asks nobody"

@@ -1,0 +1,112 @@
+"""Messages as text: YAML that reads back, cut lists, rows of CSV; and paths into them."""
+
+from __future__ import annotations
+
+import csv
+import io
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from deploy.live.message_builder import read_yaml
+from deploy.live.message_format import csv_cells, csv_row, to_flow_yaml, to_yaml, truncate
+from deploy.live.message_types import check_path, complete_path, get_field, parse_path
+from messages.nav import Odometry
+from messages.plain import plain_record
+from messages.tf import TFMessage
+from services.runtime.errors import BadInput
+
+TEXTS = st.text(max_size=20)
+SCALARS = st.none() | st.booleans() | st.integers(-(2**63), 2**63) | st.floats(allow_nan=False) | TEXTS
+VALUES = st.recursive(
+    SCALARS, lambda inner: st.lists(inner, max_size=4) | st.dictionaries(TEXTS, inner, max_size=4), max_leaves=12
+)
+ODOMETRY = plain_record(Odometry())
+
+
+@given(VALUES)
+def test_both_styles_read_back(value: Any) -> None:
+    assert read_yaml(to_yaml(value)) == value
+    assert read_yaml(to_flow_yaml(value)) == value
+    assert to_flow_yaml(value).isprintable()
+
+
+@pytest.mark.parametrize(
+    "text", ["", "yes", "Null", "1e3", "0x10", "a: b", "- a", "#", "a\nb", "~", "2020-01-01", "'", '"']
+)
+def test_text_stays_text(text: str) -> None:
+    assert read_yaml(to_yaml({text: text})) == {text: text}
+
+
+def test_it_looks_as_ros_users_know_it() -> None:
+    assert to_yaml(ODOMETRY).startswith(
+        "header:\n  stamp:\n    sec: 0\n    nanosec: 0\n  frame_id: ''\nchild_frame_id: ''\n"
+    )
+    assert "      x: 0.0\n      y: 0.0\n" in to_yaml(ODOMETRY)
+    assert "  covariance:\n  - 0.0\n" in to_yaml(ODOMETRY)
+
+
+def test_long_lists_are_cut() -> None:
+    value = {"list": list(range(200)), "text": "x" * 200, "data": bytes(200)}
+    cut = truncate(value)
+    assert [len(each) for each in cut.values()] == [129, 131, 129]
+    assert to_yaml(cut).count("- ...\n") == 2
+    assert truncate(value, most=None)["list"] == value["list"]
+    assert truncate(value, arrays=False, strings=False) == {
+        "list": "<array of 200 values>",
+        "text": "<string of 200 characters>",
+        "data": "<array of 200 bytes>",
+    }
+
+
+def test_rows() -> None:
+    value = {"a": [1.5, float("inf")], "b": {"c": 'x,"y'}, "d": True}
+    names, values = zip(*csv_cells(value), strict=True)
+    assert names == ("a[0]", "a[1]", "b.c", "d")
+    assert next(csv.reader(io.StringIO(csv_row(list(values))))) == ["1.5", "inf", 'x,"y', "true"]
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("pose.pose.position", {"x": 0.0, "y": 0.0, "z": 0.0}),
+        ("pose/pose/position/x", 0.0),
+        ("pose.covariance[35]", 0.0),
+        ("pose.covariance.-1", 0.0),
+    ],
+)
+def test_paths(path: str, value: object) -> None:
+    steps = parse_path(path)
+    check_path(Odometry, steps)
+    assert get_field(ODOMETRY, steps) == value
+
+
+@pytest.mark.parametrize(
+    ("path", "said"),
+    [
+        ("pose.poze", "unknown field 'poze'; did you mean 'pose'"),
+        ("pose.pose.position.x.y", "nothing below a single value"),
+        ("pose.covariance.x", "asked by its number"),
+        ("pose..x", "is not a field path"),
+        ("", "is not a field path"),
+        ("a[", "is not a field path"),
+    ],
+)
+def test_bad_paths(path: str, said: str) -> None:
+    with pytest.raises(BadInput, match=said.replace("[", r"\[")):
+        check_path(Odometry, parse_path(path))
+
+
+def test_bad_paths_in_messages_of_unknown_types() -> None:
+    for path, said in (("b", "unknown field 'b'"), ("a[3]", "there are 2 elements"), ("a[0].x", "nothing below")):
+        with pytest.raises(BadInput, match=said):
+            get_field({"a": [1, 2]}, parse_path(path))
+
+
+def test_paths_are_completed_a_step_at_a_time() -> None:
+    assert complete_path(Odometry, "") == ["header", "child_frame_id", "pose", "twist"]
+    assert complete_path(Odometry, "pose.pose.p") == ["pose.pose.position", "pose.pose.orientation"]
+    assert "transforms.0.header" in complete_path(TFMessage, "transforms.0.")
+    assert complete_path(Odometry, "nothing.x") == []

@@ -1,0 +1,103 @@
+"""How the verbs on topics end: by Ctrl-C, with their reader, on a full disk, after a wait, and by bad input."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+
+import pytest
+
+from tests.harness.background_fleet import BackgroundFleet, external_publisher, interrupt
+from tests.harness.waiting import wait_until
+
+
+@pytest.mark.parametrize("verb", ["echo", "hz", "bw", "delay"])
+def test_ctrl_c_ends_it_with_a_last_word(running: BackgroundFleet, verb: str) -> None:
+    with running.start("topic", verb, "/tb3_0/odom") as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        ended = interrupt(process)
+    assert ended.status == 0
+    assert [line for line in ended.err.splitlines() if "lost" not in line] == []
+    last = {"echo": "---", "hz": "lost: ", "bw": "lost: ", "delay": "window:"}[verb]
+    assert last in ended.out.splitlines()[-1]
+
+
+def test_interrupted_before_what_was_asked(running: BackgroundFleet) -> None:
+    with running.start("topic", "hz", "/tb3_0/odom", "-n", "100000") as process:
+        assert process.stdout is not None
+        process.stdout.readline()
+        assert interrupt(process).status == 130
+
+
+@pytest.mark.parametrize("topic", ["/tb3_0/odom", "/tb3_0/robot_description"])
+def test_a_closed_pipe_ends_it_quietly(running: BackgroundFleet, topic: str) -> None:
+    """The second topic tells nothing more after its first message."""
+    line = f"{sys.executable} -P -m deploy topic echo --flow-style {topic} | head -n 1"
+    began = time.monotonic()
+    done = subprocess.run(
+        ["bash", "-o", "pipefail", "-c", line],
+        env=running.command_line.environment,
+        cwd=running.command_line.folder,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert (done.returncode, done.stderr, done.stdout.count("\n")) == (0, "", 1)
+    assert time.monotonic() - began < 20
+
+
+def test_a_full_disk_is_told(running: BackgroundFleet) -> None:
+    done = subprocess.run(
+        ["bash", "-c", f"{sys.executable} -P -m deploy topic echo /tb3_0/odom > /dev/full"],
+        env=running.command_line.environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert (done.returncode, done.stderr) == (1, "elea: the output cannot be written: No space left on device\n")
+
+
+def test_waiting_for_a_topic(running: BackgroundFleet) -> None:
+    with running.start("topic", "echo", "--wait", "--once", "/lab/later", "--timeout", "30", "--json") as waiting:
+        wait_until(lambda: "/_echo_" in running.run("node", "list", "-a").out, 20.0, "the echo in the graph")
+        with external_publisher(running.endpoint, "lab/later", {"a": 1}):
+            out, err = waiting.communicate(timeout=30)
+    assert json.loads(out) == {"a": 1}
+    assert "nobody publishes /lab/later yet: waiting" in err
+    silent = running.run("topic", "hz", "/tb3_0/cmd_vel", "--timeout", "1", status=1)
+    assert "nothing came on /tb3_0/cmd_vel within 1 s" in silent.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["echo", "/tb3_0/odm"], "no topic /tb3_0/odm is on the network; did you mean '/tb3_0/odom'?"),
+        (["hz", "/tb3_0/odm"], "no topic /tb3_0/odm is on the network; did you mean '/tb3_0/odom'?"),
+        (["type", "/tb3_0/odm"], "did you mean '/tb3_0/odom'?"),
+        (["info", "/tb3_0/odm"], "did you mean '/tb3_0/odom'?"),
+        (["echo", "/tb3_*/odom"], "wildcards are not allowed"),
+        (["info", "/tb3_0//odom"], "parts are joined by a single '/'"),
+        (["bw", "~odom"], "is private to a node"),
+        (["echo", "/tb3_0/odom", "--field", "pose.poze"], "unknown field 'poze'; did you mean 'pose'"),
+        (["echo", "/tb3_0/odom", "--field", "pose..x"], "is not a field path"),
+        (["echo", "/tb3_0/odom/pose/poze"], "unknown field 'poze'"),
+        (["echo", "/tb3_0/odom", "nav_msgs/Odometri"], "did you mean 'nav_msgs/Odometry'"),
+        (["echo", "/tb3_0/odom", "--csv", "--json"], "exclude each other"),
+        (["echo", "/tb3_0/odom", "--once", "-n", "2"], "exclude each other"),
+        (["echo", "/tb3_0/odom", "-n", "0"], "x>=1"),
+        (["hz", "/tb3_0/odom", "--window", "1"], "x>=2"),
+        (["echo", "/tb3_0/odom", "--timeout", "0"], "x>0"),
+        (["find", "geometry_msgs/Twits"], "did you mean 'geometry_msgs/Twist'"),
+        (["ecoh", "/tb3_0/odom"], "unknown verb 'ecoh'; did you mean 'echo'"),
+        (["list", "--port", "1"], "no fleet runs on port 1"),
+        (["list", "--connect", "tcp/127.0.0.1:1"], "no router at tcp/127.0.0.1:1"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_bad_input(running: BackgroundFleet, arguments: list[str], said: str) -> None:
+    ended = running.run("topic", *arguments, status=2)
+    assert said in ended.err
+    assert ended.out == ""

@@ -1,0 +1,95 @@
+"""Messages as ``topic echo`` shows them, on a running fleet."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+import pytest
+
+from deploy.live.message_builder import read_yaml
+from tests.harness.background_fleet import WEATHER, BackgroundFleet, external_publisher
+
+
+def test_echo_of_a_field(running: BackgroundFleet) -> None:
+    shown = running.run("topic", "echo", "--once", "--field", "pose.pose.position", "/tb3_1/odom").out
+    body, mark = shown.split("---")
+    assert mark == "\n"
+    assert read_yaml(body)["y"] == pytest.approx(1.0, abs=1e-3)
+    # As in rostopic: the field behind the topic's name.
+    assert running.run("topic", "echo", "-n", "1", "/tb3_1/odom/header/frame_id").out == "tb3_1/odom\n---\n"
+    assert running.run_json_lines("topic", "echo", "--once", "tb3_0/joint_states", "--field", "name[0]") == [
+        "wheel_left_joint"
+    ]
+    many = running.run_json_lines(
+        "topic", "echo", "--once", "tb3_0/odom", "--field", "child_frame_id", "--field", "header.stamp.sec"
+    )
+    assert list(many[0]) == ["child_frame_id", "header.stamp.sec"]
+
+
+def test_echo_counts_and_styles(running: BackgroundFleet) -> None:
+    shown = running.run("topic", "echo", "-n", "3", "/clock").out
+    assert [read_yaml(each)["epoch"] for each in shown.split("---\n")[:-1]] == [0, 0, 0]
+    flowing = running.run("topic", "echo", "-n", "2", "/clock", "--flow-style").out.splitlines()
+    assert flowing[1::2] == ["---", "---"]
+    assert read_yaml(flowing[0]).keys() == {"clock", "tick", "epoch", "paused"}
+    ticks = [each["tick"] for each in running.run_json_lines("topic", "echo", "-n", "5", "/clock")]
+    assert ticks == sorted(set(ticks))
+    assert {each % 4 for each in ticks} == {0}
+
+
+def test_echo_as_csv(running: BackgroundFleet) -> None:
+    text = running.run(
+        "topic", "echo", "--csv", "-n", "2", "tb3_0/imu", "--field", "header.stamp", "--field", "orientation"
+    ).out
+    head, *rows = csv.reader(io.StringIO(text))
+    assert head == ["header.stamp.sec", "header.stamp.nanosec", *(f"orientation.{each}" for each in "xyzw")]
+    assert [len(each) for each in rows] == [6, 6]
+    assert float(rows[0][5]) == pytest.approx(1.0, abs=1e-6)
+    whole = running.run("topic", "echo", "-p", "--no-header", "--once", "tb3_0/scan").out
+    assert len(next(csv.reader(io.StringIO(whole)))) == 10 + 360
+
+
+def test_echo_cuts_lists_and_texts(running: BackgroundFleet) -> None:
+    assert "ranges: '<array of 360 values>'\n" in running.run("topic", "echo", "--once", "tb3_0/scan", "--no-arr").out
+    ranges = ("topic", "echo", "--once", "tb3_0/scan", "--field", "ranges")
+    assert len(running.run(*ranges).out.splitlines()) == 128 + 2
+    assert len(running.run(*ranges, "-l", "5").out.splitlines()) == 5 + 2
+    assert len(running.run(*ranges, "-f").out.splitlines()) == 360 + 1
+    assert len(running.run_json_lines(*ranges)[0]) == 360
+    late = running.run("topic", "echo", "--once", "tb3_0/robot_description", "--no-str").out
+    assert late.startswith("data: '<string of ")
+
+
+def test_echo_with_what_comes_beside_the_message(running: BackgroundFleet) -> None:
+    first, second = running.run_json_lines("topic", "echo", "-n", "2", "tb3_0/odom", "--include-message-info")
+    assert second["info"]["sequence"] == first["info"]["sequence"] + 1 + second["info"]["lost_before"]
+    assert first["info"]["type"] == "nav_msgs/Odometry"
+    assert not first["info"]["foreign"]
+    assert first["message"]["child_frame_id"] == "tb3_0/base_footprint"
+
+
+def test_echo_of_unknown_types_and_foreign_senders(running: BackgroundFleet) -> None:
+    with external_publisher(running.endpoint, "lab/weather", WEATHER, encoding="application/msgpack;lab_msgs/Weather"):
+        ended = running.run("topic", "echo", "--once", "lab/weather")
+        assert read_yaml(ended.out.removesuffix("---\n")) == {
+            "temperature": 20.5,
+            "wind": [1, 2],
+            "grid": [[0, 1], [2, 3]],
+        }
+        assert "the type lab_msgs/Weather is not known here" in ended.err
+        assert "a foreign sender" in ended.err
+        assert (
+            "unknown field 'hail'"
+            in running.run("topic", "echo", "--once", "lab/weather", "--field", "hail", status=2).err
+        )
+    with external_publisher(running.endpoint, "lab/speed", {"linear": {"x": 1}}):
+        [typed] = running.run_json_lines("topic", "echo", "--once", "lab/speed", "geometry_msgs/msg/Twist")
+        assert typed["angular"] == {"x": 0, "y": 0, "z": 0}
+    with external_publisher(running.endpoint, "tb3_1/cmd_vel", {"linear": {"x": "fast"}}):
+        ended = running.run("topic", "echo", "--once", "tb3_1/cmd_vel")
+        assert read_yaml(ended.out.removesuffix("---\n")) == {"linear": {"x": "fast"}}
+        assert "no geometry_msgs/Twist, readers refuse it" in ended.err
+    with external_publisher(running.endpoint, "lab/noise", b"\xc1\xc1"):
+        ended = running.run("topic", "echo", "--once", "lab/noise", "--timeout", "1.5", status=1)
+        assert "2 bytes that are not MessagePack" in ended.err

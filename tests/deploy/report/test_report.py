@@ -1,0 +1,328 @@
+"""The report: its schema, its bounds, its table and its picture, made from a simulated run."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+from pathlib import Path
+
+import jsonschema
+import msgspec
+import pytest
+
+from deploy.fleet import ChangeConfig
+from deploy.report import schema
+from deploy.report.checks import Bound, Bounds, check_bounds
+from deploy.report.picture import draw_figure, shorten_name
+from deploy.report.record import PICTURE_FILE, REPORT_FILE, Report, RunFacts
+from deploy.report.table import format_fixed, format_number, print_report
+from deploy.report.write import build_report, read_measurements, to_json, write_report
+from deploy.supervisor.node import RunMonitor
+from messages.elea import LockstepState
+from messages.parameters import ScheduledChange, ScheduledChanges
+from messages.simulation import SimStatus
+from messages.std import Time
+from models.palette import colour, hexadecimal
+from services.grader.records import EndReason, Measurements
+from services.grader.results import prepare_folder, write_atomic, write_results
+from services.runtime.errors import BadInput
+from tests.services.grader.simulated_run import measure_all, robot_messages
+
+NAMES = ("tb3_0", "tb3_1")
+FACTS = RunFacts(fleet="lab", mode="lockstep", seed=1, version="0.1.0", wall_seconds=50.0, restarts=0)
+ISSUED_RUN = "fleet mode sim_seconds wall_seconds real_time_factor seed version trajectory_hash messages_lost restarts"
+ISSUED_ROBOT = (
+    "points points_reached cross_track_rms_m cross_track_max_m odometry_error_max_m path_length_m min_distance_m "
+    "collisions commands_timed_out"
+)
+
+
+def put_run(folder: Path, end: float = 400.0, ended: EndReason = "goals") -> Path:
+    run = measure_all(
+        [post for shift, name in enumerate(NAMES) for post in robot_messages(name, 0.5 * shift)], NAMES, end
+    )
+    write_results(
+        prepare_folder(folder), run.measurements(ended, LockstepState(members=("/tb3_0/waypoint",))), run.robots
+    )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return put_run(tmp_path_factory.mktemp("run"))
+
+
+@pytest.fixture(scope="module")
+def measured(folder: Path) -> Measurements:
+    return read_measurements(folder)
+
+
+def test_the_report_of_a_run_fits_its_schema_and_holds_the_promised_keys(folder: Path) -> None:
+    report = write_report(folder, FACTS, {})
+    tree = json.loads((folder / REPORT_FILE).read_text())
+    jsonschema.Draft202012Validator(schema.schema()).validate(tree)
+    assert tree["schema"] == 1
+    assert tree["ok"] is report.ok is True
+    assert set(ISSUED_RUN.split()) <= set(tree["run"])
+    assert set(tree["robots"]) == set(NAMES)
+    for figures in tree["robots"].values():
+        assert set(ISSUED_ROBOT.split()) <= set(figures)
+    assert all({"name", "value", "bound", "ok"} <= set(each) for each in tree["checks"])
+    assert tree["run"]["real_time_factor"] == pytest.approx(8.0)
+
+
+def test_the_schema_refuses_a_report_without_a_key(folder: Path, measured: Measurements) -> None:
+    tree = json.loads(to_json(build_report(measured, FACTS, {})))
+    del tree["robots"]["tb3_0"]["collisions"]
+    with pytest.raises(jsonschema.ValidationError) as refused:
+        jsonschema.Draft202012Validator(schema.schema()).validate(tree)
+    assert any("collisions" in each.message for each in refused.value.context or ())
+
+
+def test_the_schema_file_is_that_of_the_records_and_every_key_is_documented() -> None:
+    assert schema.SCHEMA_FILE.read_text() == schema.text()
+    text = schema.SCHEMA_FILE.with_name("README.md").read_text()
+    definitions = schema.schema()["$defs"]
+    records = {"RunFigures": "run.", "RobotFigures": "robots.*.", "CornerFigures": "robots.*.corners.*."}
+    records |= {"ArmFigures": "robots.*.", "StepFigures": "robots.*.steps.*."}
+    for record, prefix in {
+        **records,
+        "Check": "checks.*.",
+        "EffectiveParameter": "parameters.*.*.",
+        "Report": "",
+    }.items():
+        for key in definitions[record]["properties"]:
+            assert re.search(rf"`{re.escape(prefix + key)}[`.]", text), prefix + key
+
+
+def test_the_picture_is_a_png_of_a_readable_size(folder: Path) -> None:
+    write_report(folder, FACTS, {})
+    head = (folder / PICTURE_FILE).read_bytes()[:24]
+    assert head[:8] == b"\x89PNG\r\n\x1a\n"
+    assert int.from_bytes(head[16:20]) >= 1200
+
+
+def test_everything_drawn_has_data_units_and_a_look_of_its_own(folder: Path, measured: Measurements) -> None:
+    """Two robots that do the same, one of them with a long name: both are seen, and told apart without colours."""
+    figure = draw_figure(build_report(measured, FACTS, {}), folder / "trajectories.npz")
+    assert [each.get_title(loc="left") for each in figure.axes] == [
+        "Paths seen from above",
+        "True speed",
+        "Distance of the true position from the reference path",
+    ]
+    for axes in figure.axes:
+        assert axes.lines, axes.get_title(loc="left")
+        assert all(re.search(r"\[.+\]$", label) for label in (axes.get_xlabel(), axes.get_ylabel()))
+    for axes in figure.axes[1:]:
+        looks = {(line.get_linewidth(), str(line.get_linestyle())) for line in axes.lines}
+        assert len(looks) == len(axes.lines) == 2
+        assert [line.get_color() for line in axes.lines] == [hexadecimal(colour(0)), hexadecimal(colour(1))]
+    assert shorten_name("/robot_control/tracking_controller/error", 20) == "\N{HORIZONTAL ELLIPSIS}ng_controller/error"
+    assert shorten_name("tb3_0", 20) == "tb3_0"
+
+
+def test_numbers_have_no_rests_of_calculations() -> None:
+    assert [format_number(value, 30.0) for value in (-9.52e-10, 0.0, 1e-4, -12.5)] == ["0", "0", "0.0001", "-12.5"]
+    assert [format_fixed(value, 2) for value in (-0.001, 0.004, -0.2)] == ["0.00", "0.00", "-0.20"]
+    assert [format_fixed(value, 1, sign=True) for value in (-0.01, 0.2, -0.2)] == ["0.0", "+0.2", "-0.2"]
+
+
+def test_a_change_that_was_not_made_and_a_node_that_was_missing_are_named(measured: Measurements) -> None:
+    made, refused, late = (
+        ChangeConfig(at=at, set="/arm/joints", values={"damping": at}) for at in (1.0, 2.0, measured.sim_seconds + 1)
+    )
+    conduct = RunMonitor()
+    told = ScheduledChange(number=1, made=False, time=Time(sec=2), reason="damping is out of bounds")
+    conduct.on_scheduled_changes(
+        ScheduledChanges(changes=(ScheduledChange(number=0, made=True, time=Time(sec=1)), told))
+    )
+    # The parameter service was started anew, and tells of its own life alone.
+    conduct.on_scheduled_changes(ScheduledChanges(changes=(ScheduledChange(number=1, made=True, time=Time(sec=3)),)))
+    conduct.on_sim_status(b"first", SimStatus(begun=True, absent=("/logger",), lags=2, lag=0.5))
+    conduct.on_sim_status(b"second", SimStatus(begun=True, lags=1, lag=0.25))
+    # In the file they stand in any order.
+    changes = conduct.change_figures((late, refused, made), measured.sim_seconds)
+    assert [(each.at_s, each.made, each.made_at_s) for each in changes[:2]] == [(1.0, True, 1.0), (2.0, False, None)]
+    assert changes[2].made is None
+    facts = msgspec.structs.replace(FACTS, changes=changes, absent=conduct.absent_nodes, lag_s=conduct.lag_s)
+    report = build_report(measured, facts, {})
+    assert (report.ok, report.run.changes_missed, report.run.absent, report.run.lag_s) == (False, 1, ("/logger",), 0.75)
+    assert [each.name for each in report.checks if not each.ok] == ["changes_missed", "nodes_absent"]
+    out = io.StringIO()
+    print_report(report, out)
+    assert (
+        "\n  the change of /arm/joints at 2 s was not made (damping = 2.0): damping is out of bounds\n"
+        in out.getvalue()
+    )
+    assert "\n  time began without /logger\n" in out.getvalue()
+    assert "not reached before the end: the scheduled changes of /arm/joints at 401 s\n" in out.getvalue()
+    assert list(conduct.new_problems((late, refused, made))) == [
+        "time began without /logger: see ./elea logs",
+        "the change of /arm/joints scheduled at 2 s was not made: damping is out of bounds",
+    ]
+    assert list(conduct.new_problems((late, refused, made))) == [], "each is said once"
+    silent = RunMonitor().change_figures((made,), measured.sim_seconds)
+    assert silent[0].made is False, "nobody tells of it"
+
+
+def test_a_late_machine_is_named_where_it_may_be_to_blame(measured: Measurements) -> None:
+    late = msgspec.structs.replace(measured, ticks_missed={"/tb3_0/waypoint": 7})
+    real = msgspec.structs.replace(FACTS, mode="real", factor=2.0)
+    assert build_report(late, real, {}).notes == (), "a tick now and then, and all checks hold"
+    (note,) = build_report(late, real, {"collisions": -1}).notes
+    assert "did not keep up with real time at factor 2: ticks were missed by /tb3_0/waypoint 7" in note
+    (note,) = build_report(measured, msgspec.structs.replace(real, lag_s=1.5), {}).notes
+    assert "the simulation fell behind by 1.5 s in all" in note
+    assert build_report(late, FACTS, {"collisions": -1}).notes == (), "lockstep waits"
+
+
+def test_reports_and_measurements_of_earlier_versions_are_read(measured: Measurements) -> None:
+    tree = json.loads(to_json(build_report(measured, FACTS, {})))
+    tree["run"]["mode"] = "free"
+    del tree["changes"]
+    for name in ("changes_missed", "nodes_absent", "absent", "factor", "lag_s", "ticks_missed"):
+        del tree["run"][name]
+    jsonschema.Draft202012Validator(schema.schema()).validate(tree)
+    assert msgspec.convert(tree, Report).run.mode == "free"
+    old = msgspec.to_builtins(measured)
+    del old["ticks_missed"]
+    assert msgspec.convert(old, Measurements).ticks_missed == {}
+
+
+@pytest.mark.parametrize(
+    ("bounds", "missed"),
+    [
+        ({}, []),
+        ({"cross_track_rms_m": 1e-9}, ["tb3_0.cross_track_rms_m", "tb3_1.cross_track_rms_m"]),
+        ({"min_distance_m": Bound(min=0.6)}, ["tb3_0.min_distance_m", "tb3_1.min_distance_m"]),
+        ({"real_time_factor": Bound(min=9, max=20)}, ["real_time_factor"]),
+        ({"messages_lost": -1}, ["messages_lost"]),
+        ({"points_reached": Bound(min=4)}, ["tb3_0.points_reached", "tb3_1.points_reached"]),
+    ],
+)
+def test_a_missed_bound_makes_the_report_not_ok(measured: Measurements, bounds: Bounds, missed: list[str]) -> None:
+    report = build_report(measured, FACTS, bounds)
+    assert [each.name for each in report.checks if not each.ok] == missed
+    assert report.ok == (not missed)
+
+
+def test_without_bounds_points_collisions_and_losses_are_checked(measured: Measurements) -> None:
+    first = msgspec.structs.replace(measured.robots["tb3_0"], collisions=1, points_reached=2)
+    spoiled = msgspec.structs.replace(measured, messages_lost=3, robots={**measured.robots, "tb3_0": first})
+    report = build_report(spoiled, FACTS, {})
+    assert not report.ok
+    assert {each.name: each.value for each in report.checks if not each.ok} == {
+        "tb3_0.points_reached": 2,
+        "tb3_0.collisions": 1,
+        "messages_lost": 3,
+    }
+
+
+def test_what_was_not_measured_misses_its_bound(measured: Measurements) -> None:
+    """A distance to others is none where a robot drives alone: it is not checked, and does not count as held."""
+    unseen = msgspec.structs.replace(measured.robots["tb3_0"], min_distance_m=None, cross_track_rms_m=None)
+    bounds: Bounds = {"min_distance_m": Bound(min=0.3), "cross_track_rms_m": 0.01}
+    for robots, missed in (
+        ({"tb3_0": unseen}, ["tb3_0.cross_track_rms_m"]),
+        ({**measured.robots, "tb3_0": unseen}, ["tb3_0.min_distance_m", "tb3_0.cross_track_rms_m"]),
+    ):
+        report = build_report(msgspec.structs.replace(measured, robots=robots), FACTS, bounds)
+        assert [each.name for each in report.checks if not each.ok] == missed
+        assert all(each.value is not None for each in report.checks if each.ok)
+    alone = build_report(msgspec.structs.replace(measured, robots={"tb3_0": unseen}), FACTS, bounds)
+    assert not [each for each in alone.checks if each.name.endswith("min_distance_m")]
+
+
+def test_a_run_that_lockstep_lost_a_member_of_does_not_pass(measured: Measurements) -> None:
+    """One that took leave is told of; without lockstep neither is asked for, and in lockstep it must be known."""
+    lost = msgspec.structs.replace(measured, members_lost=("/tb3_0/waypoint",))
+    report = build_report(lost, FACTS, {})
+    assert [(each.name, each.value) for each in report.checks if not each.ok] == [("members_lost", 1)]
+    assert not report.ok
+    assert report.notes == ("lockstep went on without /tb3_0/waypoint: the run does not repeat",)
+    left = build_report(msgspec.structs.replace(measured, members_left=("/teleop",)), FACTS, {})
+    assert (left.ok, left.run.members_left) == (True, 1)
+    assert left.notes == ("before the end /teleop took leave of lockstep",)
+    unknown = msgspec.structs.replace(measured, members_lost=None)
+    assert [each.name for each in build_report(unknown, FACTS, {}).checks if not each.ok] == ["members_lost"]
+    assert build_report(unknown, msgspec.structs.replace(FACTS, mode="real"), {}).ok
+
+
+def test_a_bound_on_nothing_is_refused_with_the_nearest_name() -> None:
+    with pytest.raises(BadInput, match=r"fleet\.toml.*did you mean 'cross_track_rms_m'"):
+        check_bounds({"cross_track_rsm_m": 0.1}, "fleet.toml")
+    with pytest.raises(BadInput, match="min, max or both"):
+        check_bounds({"collisions": Bound()}, "fleet.toml")
+    check_bounds({"collisions": 0, "real_time_factor": Bound(min=1)}, "fleet.toml")
+
+
+def test_a_run_stopped_half_way_gives_a_partial_report(tmp_path: Path) -> None:
+    report = write_report(put_run(tmp_path, end=5.0, ended="stopped"), FACTS, {})
+    assert report.run.ended == "stopped"
+    assert report.run.sim_seconds == 5
+    assert not report.ok
+    assert report.robots["tb3_0"].points_reached < report.robots["tb3_0"].points
+    assert report.robots["tb3_0"].time_s is None
+
+
+def test_a_run_of_which_nothing_was_seen_is_drawn_but_does_not_pass(tmp_path: Path) -> None:
+    run = measure_all([], NAMES)
+    write_results(tmp_path, run.measurements("stopped", LockstepState()), run.robots)
+    report = write_report(tmp_path, FACTS, {})
+    assert [each.name for each in report.checks if not each.ok] == ["tb3_0.samples", "tb3_1.samples"]
+    figure = draw_figure(report, tmp_path / "trajectories.npz")
+    assert figure.axes == [], "a plot without data is none"
+    assert "Nothing was measured" in " ".join(text.get_text() for text in figure.texts)
+    assert (tmp_path / PICTURE_FILE).exists()
+
+
+def test_a_piped_table_is_plain_and_tells_every_robot_and_miss(measured: Measurements) -> None:
+    out = io.StringIO()
+    print_report(build_report(measured, FACTS, {"collisions": -1}), out)
+    text = out.getvalue()
+    assert "\x1b" not in text
+    assert text.isascii()
+    assert "tb3_0     3/3" in text
+    assert "missed: tb3_1.collisions is 0, should be at most -1" in text
+    assert "FAILED: 6 of 8 checks hold" in text
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_on_a_terminal_of_80_columns_the_table_is_complete_too(
+    measured: Measurements, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    out = Terminal()
+    print_report(build_report(measured, FACTS, {"cross_track_max_m": 1e-9}), out)
+    assert "…" not in out.getvalue()
+    for text in ("tb3_0", "3/3", "missed: tb3_1.cross_track_max_m", "FAILED"):
+        assert text in out.getvalue()
+
+
+def test_no_measurements_is_said_plainly(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="the grader ended before the run"):
+        write_report(tmp_path, FACTS, {})
+    (tmp_path / "measurements.json").write_text('{"ended": "goals"}')
+    with pytest.raises(BadInput, match="sim_seconds"):
+        read_measurements(tmp_path)
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_the_run(tmp_path: Path) -> None:
+    occupied = tmp_path / "file"
+    occupied.write_text("")
+    with pytest.raises(BadInput, match="cannot be written"):
+        prepare_folder(occupied / "run")
+    with pytest.raises(BadInput, match="cannot be written"):
+        write_atomic(tmp_path / "missing" / "report.json", b"{}")
+    assert os.listdir(tmp_path) == ["file"]
+
+
+def test_the_report_can_be_read_back(measured: Measurements) -> None:
+    report = build_report(measured, FACTS, {})
+    assert msgspec.json.decode(to_json(report), type=Report) == report

@@ -1,0 +1,8 @@
+"""Does its work in the given time [s], then ends with status 0."""
+
+import sys
+
+from tests.deploy.supervisor.faulty.heartbeat import send_heartbeats, start
+
+start()
+send_heartbeats(float(sys.argv[2]))

@@ -1,0 +1,10 @@
+"""Beats for a minute, then ends; ends at once when asked."""
+
+import signal
+import sys
+
+from tests.deploy.supervisor.faulty.heartbeat import send_heartbeats, start
+
+signal.signal(signal.SIGINT, lambda number, frame: sys.exit(0))
+start()
+send_heartbeats(60)

@@ -1,0 +1,9 @@
+"""Beats once, then its loop hangs."""
+
+import threading
+
+from tests.deploy.supervisor.faulty.heartbeat import send_heartbeat, start
+
+start()
+send_heartbeat()
+threading.Event().wait(60)

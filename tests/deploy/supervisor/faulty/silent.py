@@ -1,0 +1,8 @@
+"""Never beats."""
+
+import threading
+
+from tests.deploy.supervisor.faulty.heartbeat import start
+
+start()
+threading.Event().wait(60)

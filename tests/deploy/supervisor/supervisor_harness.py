@@ -1,0 +1,125 @@
+"""What the tests of the supervisor share: children as processes, a stage that runs them, and time limits."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from deploy.processes import ProcessSpec
+from deploy.restart_policy import RestartPolicy
+from deploy.supervisor.managed_process import ManagedProcess
+from deploy.supervisor.reaper import Reaper
+from deploy.supervisor.spawner import Spawner
+from deploy.supervisor.supervisor import Outcome, Supervisor
+from messages.elea import FleetState
+from tests.deploy.supervisor.fake_bus import FakeBus
+
+
+def faulty_process(script: str, node: str, *arguments: str, **options: Any) -> ProcessSpec:
+    """A faulty child as a process of a fleet."""
+    argv = (sys.executable, "-P", "-m", f"tests.deploy.supervisor.faulty.{script}", node, *arguments)
+    return ProcessSpec(name=node.strip("/"), node=node, kind=options.pop("kind", script), argv=argv, **options)
+
+
+class SupervisorHarness:
+    """A run's folder, a warden and a bus; it witnesses every change of state."""
+
+    def __init__(self, folder: Path, patience: Sequence[float] = (0.5, 0.5), grace: float = 20.0) -> None:
+        (folder / "logs").mkdir(parents=True, exist_ok=True)
+        self.folder, self.bus, self.warden = folder, FakeBus(folder), Reaper()
+        self.nursery = Spawner(folder, self.warden)
+        self.state_changes: list[tuple[float, str, str]] = []
+        self.notes: list[str] = []
+        self._patience, self._grace = patience, grace
+
+    def supervisor(self, *processes: ProcessSpec) -> Supervisor:
+        made = Supervisor(
+            "test", "real", processes, self.bus, self.nursery, self, stop_timeouts=self._patience, grace=self._grace
+        )
+        self.lives = made.processes
+        return made
+
+    def on_state_change(self, life: ManagedProcess, fleet: FleetState) -> None:
+        self.state_changes.append((time.monotonic(), life.spec.name, life.state))
+
+    def on_note(self, text: str) -> None:
+        self.notes.append(text)
+
+    def on_poll(self, lives: Sequence[ManagedProcess]) -> None:
+        pass
+
+    def print_line(self, line: str) -> None:
+        """What a person is told, when this is the screen too."""
+        self.notes.append(line)
+
+    def set_status(self, line: str) -> None:
+        pass
+
+    def states(self, name: str) -> list[str]:
+        """The states that a process went through."""
+        return [state for _, process, state in self.state_changes if process == name]
+
+    def time_of(self, name: str, state: str, occurrence: int = 0) -> float:
+        """When a process came to a state [s]."""
+        return [at for at, process, reached in self.state_changes if (process, reached) == (name, state)][occurrence]
+
+    def log(self, name: str) -> str:
+        return (self.folder / "logs" / f"{name}.log").read_text()
+
+    def run(self, script: Callable[[Supervisor], Any], *processes: ProcessSpec) -> Outcome:
+        """Run the processes with ``script``, a coroutine function that acts on the supervisor; then interrupt it."""
+
+        async def both() -> Outcome:
+            supervisor = self.supervisor(*processes)
+            running = asyncio.create_task(supervisor.run())
+            try:
+                await asyncio.wait_for(script(supervisor), 30)
+            finally:
+                supervisor.interrupt()
+                outcome = await asyncio.wait_for(running, 30)
+            return outcome
+
+        try:
+            return asyncio.run(both())
+        finally:
+            self.warden.close()
+
+
+async def wait_until(condition: Callable[[], object], seconds: float = 20.0) -> None:
+    """Wait for a condition; fail when it does not come."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "it did not happen in time"
+        await asyncio.sleep(0.02)
+
+
+async def wait_all_ready(supervisor: Supervisor) -> None:
+    """Wait until every process beats."""
+    await wait_until(lambda: all(life.state == "ready" for life in supervisor.processes.values()))
+
+
+def has_ended(pid: int) -> bool:
+    """Whether a process has ended; a zombie that nobody has reaped counts as ended."""
+    try:
+        return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True
+
+
+def unexcused_silence(log: str) -> float:
+    """For how long the process that was killed last had been silent while it could have beaten [s]."""
+    said = re.findall(r"no heartbeat for ([\d.]+) s(?:, ([\d.]+) s of them in wait for a processor)?", log)
+    assert said, log
+    silent, held_up = said[-1]
+    return float(silent) - float(held_up or 0)
+
+
+FAST_POLICY = RestartPolicy(first=0.05, longest=0.2, limit=3)
+"""A policy that gives up soon."""

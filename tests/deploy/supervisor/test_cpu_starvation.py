@@ -1,0 +1,62 @@
+"""A machine that is too busy: who waits for a processor is left alone, who hangs beside it is not."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import time
+from pathlib import Path
+
+import psutil
+
+from deploy.progress import ProgressReporter
+from deploy.supervisor.heartbeat_monitor import HEARTBEAT_TIMEOUT_S
+from deploy.supervisor.supervisor import Supervisor
+from tests.deploy.supervisor.supervisor_harness import (
+    SupervisorHarness,
+    faulty_process,
+    unexcused_silence,
+    wait_all_ready,
+    wait_until,
+)
+
+SILENT_S = HEARTBEAT_TIMEOUT_S + 2.0
+"""Longer than a process that hangs is left alone."""
+
+
+def test_who_waits_for_a_processor_is_told_from_who_hangs(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path)
+    progress = ProgressReporter(stage, tmp_path)
+
+    async def starve(supervisor: Supervisor) -> None:
+        await wait_all_ready(supervisor)
+        starved, frozen = supervisor.processes["starved"], supervisor.processes["frozen"]
+        pid = starved.state_message().pid
+        (tmp_path / "starve").touch()
+        psutil.Process(frozen.state_message().pid).suspend()
+        await wait_until(lambda: starved.starved_for(time.monotonic()) > SILENT_S)
+        for _ in range(2):
+            progress.on_poll([starved])
+        for hog in (tmp_path / "hogs").read_text().split():
+            os.kill(int(hog), signal.SIGKILL)
+        await wait_until(lambda: starved.is_healthy(time.monotonic()))
+        assert (starved.state, starved.state_message().pid) == ("ready", pid)
+        await wait_until(lambda: frozen.state == "ready")
+
+    outcome = stage.run(starve, faulty_process("starved", "/starved"), faulty_process("good", "/frozen"))
+    (told,) = stage.notes
+    assert re.fullmatch(r"starved: no heartbeat for \d+\.\d s, it waits for a processor: .* too busy .*", told)
+    assert stage.states("starved") == ["waiting", "starting", "ready", "stopping", "stopped"]
+    assert outcome.restarts == stage.states("frozen").count("backing off") == 1
+    assert HEARTBEAT_TIMEOUT_S - 0.1 < unexcused_silence(stage.log("frozen")) < HEARTBEAT_TIMEOUT_S + 1.0
+
+
+def test_an_endless_loop_is_no_wait_for_a_processor(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path)
+
+    async def watch(supervisor: Supervisor) -> None:
+        await wait_until(lambda: stage.states("a").count("ready") == 2)
+
+    stage.run(watch, faulty_process("spin", "/a"))
+    assert unexcused_silence(stage.log("a")) < HEARTBEAT_TIMEOUT_S + 1.0

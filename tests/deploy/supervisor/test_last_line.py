@@ -1,0 +1,30 @@
+"""What a process that ended itself has said last, as the terminal shows it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from deploy.supervisor.log_file import MAX_LINE_LENGTH, append_note, last_line
+
+
+@pytest.mark.parametrize(
+    ("written", "words"),
+    [
+        ("", ""),
+        ("one\nparams: no file\n\n", "params: no file"),
+        ("half a line", "half a line"),
+        ("\n--- a ready\n", ""),
+        ("\xff\xfe bytes\n", "\xff\xfe bytes"),
+        ("x" * (2 * MAX_LINE_LENGTH), "x" * MAX_LINE_LENGTH),
+    ],
+)
+def test_its_last_line_counts_and_the_supervisor_s_own_do_not(tmp_path: Path, written: str, words: str) -> None:
+    log = tmp_path / "a.log"
+    assert last_line(log) == ""
+    log.write_text(written)
+    assert last_line(log) == words
+    if written.endswith("\n"):
+        append_note(log, "a failed: exit status 2")
+        assert last_line(log) == words

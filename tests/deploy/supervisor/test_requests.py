@@ -1,0 +1,155 @@
+"""Orders that come together: whatever is asked, a name has one process, and the fleet ends with all of them."""
+
+from __future__ import annotations
+
+import asyncio
+from itertools import product
+from pathlib import Path
+
+import psutil
+
+from deploy.supervisor.node import SupervisorNode
+from deploy.supervisor.supervisor import ActionHandler, ProcessAction, Supervisor
+from messages.base import encode
+from messages.elea import FleetState, Health
+from messages.names import key
+from messages.requests import SUPERVISOR_START, Done, Name
+from services.runtime.errors import CallFailed
+from services.runtime.graph import token_pattern
+from services.runtime.identity import Identity
+from services.runtime.log import Log
+from services.runtime.node import Node
+from services.runtime.requests import read_replies
+from services.runtime.transport.api import PendingReplies, QueryServer, Transport
+from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh_config import configuration
+from tests.deploy.supervisor.supervisor_harness import SupervisorHarness, faulty_process, wait_all_ready, wait_until
+from tests.harness.processes import Network
+
+
+def processes(node: str) -> list[psutil.Process]:
+    """The children of this test that run under the node's name."""
+    alive = []
+    for each in psutil.Process().children():
+        try:
+            if node in each.cmdline():
+                alive.append(each)
+        except psutil.NoSuchProcess:
+            continue
+    return alive
+
+
+def test_two_orders_of_one_turn_leave_one_process_at_most(tmp_path: Path) -> None:
+    verbs: tuple[ProcessAction, ...] = ("start", "stop", "restart")
+    stage = SupervisorHarness(tmp_path)
+    answers = stage.bus.answers
+
+    async def order(supervisor: Supervisor) -> None:
+        await wait_all_ready(supervisor)
+        life = supervisor.processes["a"]
+
+        def settled() -> bool:
+            return life.state == ("ready" if life.is_running else "stopped")
+
+        for runs, first, second in product((True, False), verbs, verbs):
+            if life.is_running != runs:
+                answers.clear()
+                stage.bus.orders.append(("start" if runs else "stop", "a"))
+                await wait_until(lambda: answers and not supervisor.is_busy("a") and settled())
+            answers.clear()
+            stage.bus.orders += [(first, "a"), (second, "a")]
+            await wait_until(lambda: len(answers) == 2 and not supervisor.is_busy("a") and settled())
+            assert len(processes("/a")) == life.is_running, (runs, first, second, answers)
+            if (first, second) == ("start", "start"):
+                assert [each.startswith("refused: a runs already") for each in answers] == [runs, True]
+            if "stop" in (first, second) and (first, second) != ("stop", "start"):
+                assert not runs or not life.is_running, "a process that was to be stopped runs"
+
+    outcome = stage.run(order, faulty_process("good", "/a"))
+    assert outcome.ended == "interrupted"
+    assert processes("/a") == []
+
+
+class TransportGate:
+    """A bus whose orders are held back while it is shut: they are then answered in one turn."""
+
+    def __init__(self, bus: SupervisorNode, behind: QueryServer, stage: SupervisorHarness) -> None:
+        self.shut, self.behind = False, behind
+        self._bus, self._stage = bus, stage
+
+    def heartbeats(self) -> list[Health]:
+        return [*self._stage.bus.heartbeats()]
+
+    @property
+    def flooded(self) -> bool:
+        return self._bus.flooded
+
+    def router_answers(self) -> bool:
+        return self._bus.router_answers()
+
+    def publish(self, state: FleetState) -> None:
+        self._bus.publish(state)
+
+    def answer_requests(self, carry_out: ActionHandler) -> None:
+        if not self.shut:
+            self._bus.answer_requests(carry_out)
+
+
+def test_two_starts_over_the_network_answered_in_one_turn(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path)
+    told: list[Done | CallFailed] = []
+
+    async def start_twice(supervisor: Supervisor, gate: TransportGate, network: Network) -> None:
+        await wait_all_ready(supervisor)
+        supervisor.handle_action("stop", "a")
+        await wait_until(lambda: supervisor.processes["a"].state == "stopped" and not supervisor.is_busy("a"))
+        with network.node() as node:
+            seen = node.transport.tokens
+            await wait_until(lambda: seen(token_pattern("srv", "/supervisor", SUPERVISOR_START.name)))
+            gate.shut = True
+            payload, asked = encode(Name(name="a")), key(SUPERVISOR_START.name)
+            pending = [node.transport.query_async(asked, payload, 20.0) for _ in range(2)]
+            node.transport.query_async("behind", b"", 20.0)  # what arrives behind both tells that they are there
+            await wait_until(gate.behind.recv)
+            gate.shut = False
+            for each in pending:
+                told.append(await answer(each, node.transport))
+        await wait_all_ready(supervisor)
+        assert len(processes("/a")) == 1
+
+    async def run(gate: TransportGate, network: Network) -> str:
+        supervisor = Supervisor("test", "real", [faulty_process("good", "/a")], gate, stage.nursery, stage)
+        running = asyncio.create_task(supervisor.run())
+        try:
+            await asyncio.wait_for(start_twice(supervisor, gate, network), 60)
+        finally:
+            supervisor.interrupt()
+            outcome = await asyncio.wait_for(running, 30)
+        return outcome.ended
+
+    identity = Identity.of("supervisor")
+    try:
+        with (
+            Network(tmp_path) as network,
+            ZenohTransport(configuration("direct", (network.endpoint,))) as transport,
+            Node(transport, identity, "supervisor", Log(identity.node)) as node,
+        ):
+            ended = asyncio.run(run(TransportGate(SupervisorNode(node), transport.serve("behind"), stage), network))
+    finally:
+        stage.warden.close()
+    assert ended == "interrupted"
+    assert processes("/a") == []
+    assert sorted(type(each).__name__ for each in told) == ["CallFailed", "Done"]
+    assert any("a runs already (" in str(each) for each in told)
+
+
+async def answer(pending: PendingReplies, transport: Transport) -> Done | CallFailed:
+    """The reply to an order, or why it was refused."""
+    replies = None
+    while replies is None:
+        await asyncio.sleep(0.02)
+        replies = pending.poll()
+    try:
+        return read_replies(SUPERVISOR_START, key(SUPERVISOR_START.name), replies, 20.0, transport)
+    except CallFailed as error:
+        return error

@@ -1,0 +1,173 @@
+"""What the supervisor restarts, how soon, and when it gives up: crashes, hangs and crash loops of real processes."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from pathlib import Path
+
+import msgspec
+import psutil
+
+from deploy.supervisor.heartbeat_monitor import HEARTBEAT_TIMEOUT_S
+from deploy.supervisor.supervisor import Supervisor
+from tests.deploy.supervisor.supervisor_harness import (
+    FAST_POLICY,
+    SupervisorHarness,
+    faulty_process,
+    unexcused_silence,
+    wait_all_ready,
+    wait_until,
+)
+
+
+def test_killed_process_is_ready_again_soon(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path)
+
+    async def kill_one(supervisor: Supervisor) -> None:
+        await wait_all_ready(supervisor)
+        killed = supervisor.processes["a"].state_message().pid
+        psutil.Process(killed).kill()
+        await wait_until(lambda: supervisor.processes["a"].state == "backing off")
+        await wait_all_ready(supervisor)
+        assert supervisor.processes["a"].state_message().pid != killed
+
+    outcome = stage.run(kill_one, faulty_process("good", "/a"), faulty_process("good", "/b"))
+    assert stage.states("a")[2:6] == ["ready", "backing off", "waiting", "starting"]
+    assert outcome.restarts == 1
+    assert stage.states("b") == ["waiting", "starting", "ready", "stopping", "stopped"]
+    assert "killed by signal 9" in stage.log("a")
+
+
+def test_hanging_loop_is_killed_after_three_missed_beats(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path)
+
+    async def watch(supervisor: Supervisor) -> None:
+        await wait_until(lambda: stage.states("a").count("ready") == 2)
+
+    stage.run(watch, faulty_process("hang_after_start", "/a"))
+    silence = stage.time_of("a", "backing off") - stage.time_of("a", "ready")
+    assert silence > HEARTBEAT_TIMEOUT_S - 0.2
+    assert unexcused_silence(stage.log("a")) < HEARTBEAT_TIMEOUT_S + 1.0
+
+
+def test_stopped_process_counts_as_hanging(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path)
+
+    async def freeze(supervisor: Supervisor) -> None:
+        await wait_all_ready(supervisor)
+        psutil.Process(supervisor.processes["a"].state_message().pid).suspend()
+        await wait_until(lambda: stage.states("a").count("ready") == 2)
+
+    assert stage.run(freeze, faulty_process("good", "/a")).restarts == 1
+
+
+def test_when_no_heartbeat_at_all_comes_through_nobody_is_killed_and_it_is_told(tmp_path: Path) -> None:
+    """While the router answers, the fault is the topic; without an answer, each is judged as ever."""
+    stage = SupervisorHarness(tmp_path)
+
+    async def lose_the_topic(supervisor: Supervisor) -> None:
+        await wait_all_ready(supervisor)
+        lives, bus = supervisor.processes.values(), stage.bus
+        for flood in (False, True):
+            bus.mute, bus.answers_router, bus.flooded = {"/a", "/b"}, not flood, flood
+            await wait_until(
+                lambda: all(each._heartbeat.silence(time.monotonic()) > HEARTBEAT_TIMEOUT_S + 1.0 for each in lives)
+            )
+            assert ("flood" if flood else "no heartbeat of any process") in bus.published[-1].note
+            assert stage.notes[-1].startswith(bus.published[-1].note)
+            bus.mute, bus.answers_router, bus.flooded = set(), False, False
+            await wait_until(
+                lambda: bus.published[-1].note == "" and all(each.is_healthy(time.monotonic()) for each in lives)
+            )
+        assert all("backing off" not in stage.states(name) for name in "ab")
+        assert len(stage.notes) == 4, "each is told once, and that it is over"
+        bus.mute = {"/a", "/b"}
+        await wait_until(lambda: all("backing off" in stage.states(name) for name in "ab"))
+
+    assert stage.run(lose_the_topic, faulty_process("good", "/a"), faulty_process("good", "/b")).ended == "interrupted"
+
+
+def test_process_that_never_beats_is_given_up_after_its_grace(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path, grace=0.3)
+
+    async def watch(supervisor: Supervisor) -> None:
+        await wait_until(lambda: supervisor.processes["a"].state == "failed")
+
+    stage.run(watch, faulty_process("silent", "/a", policy=FAST_POLICY))
+    assert "ready" not in stage.states("a")
+    assert "no heartbeat" in stage.log("a")
+
+
+def test_beats_of_another_life_do_not_count(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path, grace=1.0)
+    (tmp_path / "beats").write_text('{"node": "/a", "pid": 1}\n')
+
+    async def watch(supervisor: Supervisor) -> None:
+        await wait_until(lambda: supervisor.processes["a"].state == "backing off")
+
+    stage.run(watch, faulty_process("silent", "/a"))
+    assert "ready" not in stage.states("a")
+
+
+def test_silence_is_excused_while_what_carries_the_beats_is_down(tmp_path: Path) -> None:
+    """A router that hangs silences everybody, and comes back some time before they are heard again."""
+    stage = SupervisorHarness(tmp_path)
+
+    async def silence(supervisor: Supervisor) -> None:
+        await wait_all_ready(supervisor)
+        stage.bus.mute = {"/router", "/a"}
+        await wait_until(lambda: stage.states("router").count("starting") == 2)
+        stage.bus.mute = {"/a"}
+        await wait_until(lambda: supervisor.processes["router"].state == "ready")
+        await asyncio.sleep(1.0)
+        stage.bus.mute = set()
+        await asyncio.sleep(HEARTBEAT_TIMEOUT_S)
+
+    outcome = stage.run(
+        silence, faulty_process("good", "/router"), faulty_process("good", "/a", depends_on=("router",))
+    )
+    assert stage.states("a") == ["waiting", "starting", "ready", "stopping", "stopped"]
+    assert outcome.restarts == 1
+
+
+def test_crash_loop_fails_and_leaves_the_others_alone(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path)
+
+    async def watch(supervisor: Supervisor) -> None:
+        await wait_until(lambda: supervisor.processes["a"].state == "failed")
+        assert supervisor.processes["b"].state == "ready"
+
+    outcome = stage.run(watch, faulty_process("crash_at_once", "/a", policy=FAST_POLICY), faulty_process("good", "/b"))
+    assert stage.states("a").count("starting") == 1 + FAST_POLICY.limit
+    assert outcome.restarts == FAST_POLICY.limit
+    assert outcome.ended == "interrupted"
+    shown = next(each for each in stage.bus.published[-1].processes if each.name == "a")
+    assert (shown.state, shown.exit_status) == ("failed", 1)
+    assert "restarted 3 times" in shown.reason
+    assert "bad config" in stage.log("a")
+
+
+def test_bad_input_is_final_and_its_reason_is_told(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path)
+    bad = faulty_process("bad_input", "/a", policy=FAST_POLICY, required=True)
+
+    async def wait(supervisor: Supervisor) -> None:
+        await wait_until(lambda: supervisor.processes["a"].state == "failed")
+
+    outcome = stage.run(wait, bad, faulty_process("good", "/b"))
+    assert stage.states("a").count("starting") == 1
+    assert (outcome.ended, outcome.restarts) == ("failed", 0)
+    assert outcome.reason == "a failed: exit status 2: a: there is no file reference.csv"
+
+
+def test_program_that_does_not_exist_fails(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path)
+    missing = faulty_process("good", "/a", policy=FAST_POLICY, required=True)
+
+    async def wait(supervisor: Supervisor) -> None:
+        await wait_until(lambda: supervisor.processes["a"].state == "failed")
+
+    outcome = stage.run(wait, msgspec.structs.replace(missing, argv=("/nowhere/program",)))
+    assert outcome.ended == "failed"
+    assert "cannot start /nowhere/program" in stage.log("a")

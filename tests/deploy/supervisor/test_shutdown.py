@@ -1,0 +1,147 @@
+"""How a fleet of real processes ends: by its grader, by a required process, by force, and with all grandchildren."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import psutil
+
+from deploy.processes import ProcessSpec
+from deploy.supervisor.supervisor import Supervisor
+from messages.elea import Health
+from tests.deploy.supervisor.supervisor_harness import (
+    FAST_POLICY,
+    SupervisorHarness,
+    faulty_process,
+    has_ended,
+    wait_all_ready,
+    wait_until,
+)
+
+
+def run_to_end(stage: SupervisorHarness, *processes: ProcessSpec) -> tuple[str, str]:
+    async def run() -> tuple[str, str]:
+        supervisor = stage.supervisor(*processes)
+        outcome = await asyncio.wait_for(supervisor.run(), 30)
+        return outcome.ended, outcome.reason
+
+    try:
+        return asyncio.run(run())
+    finally:
+        stage.warden.close()
+
+
+def test_grader_that_finishes_ends_the_run(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path)
+    ended, _ = run_to_end(
+        stage, faulty_process("good", "/a"), faulty_process("brief", "/g", "0.5", kind="grader", required=True)
+    )
+    assert ended == "graded"
+    assert stage.states("g")[-1] == "finished"
+    assert stage.states("a")[-1] == "stopped"
+
+
+def test_wall_time_counts_from_when_simulation_time_can_begin(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path)
+
+    async def rest(supervisor: Supervisor) -> None:
+        await wait_all_ready(supervisor)
+        await asyncio.sleep(0.3)
+
+    late = faulty_process("good", "/late", depends_on=("begins",))
+    outcome = stage.run(rest, faulty_process("good", "/begins", begins=True), late)
+    interrupted = stage.time_of("late", "stopping")
+    assert abs(interrupted - stage.time_of("begins", "ready") - outcome.wall_seconds) < 0.1
+
+
+def test_required_process_that_fails_ends_the_fleet(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path)
+    crash = faulty_process("crash_later", "/r", "0.3", required=True, policy=FAST_POLICY)
+    ended, reason = run_to_end(stage, faulty_process("good", "/a"), crash)
+    assert ended == "failed"
+    assert reason.startswith("r failed: exit status 1; restarted 3 times")
+    assert stage.states("a")[-1] == "stopped"
+
+
+def test_required_process_that_finishes_too_early_ends_the_fleet(tmp_path: Path) -> None:
+    ended, reason = run_to_end(
+        SupervisorHarness(tmp_path), faulty_process("good", "/a"), faulty_process("brief", "/r", "0.3", required=True)
+    )
+    assert (ended, reason) == ("failed", "r finished: exit status 0")
+
+
+def test_finished_service_is_not_restarted(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path)
+
+    async def watch(supervisor: Supervisor) -> None:
+        await wait_until(lambda: supervisor.processes["a"].state == "finished")
+        await asyncio.sleep(0.3)
+
+    assert stage.run(watch, faulty_process("brief", "/a", "0.2")).restarts == 0
+    assert stage.states("a")[-1] == "finished"
+
+
+def test_deaf_process_is_killed_in_turn(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path, patience=(0.4, 0.3))
+    stage.run(wait_all_ready, faulty_process("deaf", "/a"))
+    assert 0.7 <= stage.time_of("a", "stopped") - stage.time_of("a", "stopping") < 2.0
+    assert stage.bus.published[-1].processes[0].exit_status == -signal.SIGKILL
+
+
+def test_second_interrupt_kills_at_once(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path, patience=(20.0, 20.0))
+
+    async def twice(supervisor: Supervisor) -> None:
+        await wait_all_ready(supervisor)
+        supervisor.interrupt()
+        await wait_until(lambda: stage.states("a")[-1] == "stopping")
+        supervisor.interrupt()
+
+    started = time.monotonic()
+    stage.run(twice, faulty_process("deaf", "/a"))
+    assert time.monotonic() - started < 15
+
+
+def test_error_of_the_supervisor_itself_ends_the_fleet_in_order(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path)
+    beats = stage.bus.heartbeats
+
+    def fail_once_ready() -> Sequence[Health]:
+        if stage.states("a")[-1:] == ["ready"]:
+            raise RuntimeError("the bus broke")
+        return beats()
+
+    stage.bus.heartbeats = fail_once_ready  # type: ignore[method-assign]
+    ended, reason = run_to_end(stage, faulty_process("good", "/a"))
+    assert (ended, reason) == ("failed", "internal error of the supervisor (watch): RuntimeError: the bus broke")
+    assert stage.states("a")[-1] == "stopped"
+
+
+def test_grandchild_goes_with_its_group(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path)
+    pids = []
+
+    async def watch(supervisor: Supervisor) -> None:
+        await wait_all_ready(supervisor)
+        pids.append(int((tmp_path / "grandchild").read_text()))
+        assert not has_ended(pids[0])
+
+    stage.run(watch, faulty_process("parent", "/a"))
+    assert has_ended(pids[0])
+
+
+def test_grandchild_of_a_process_that_crashed_goes_before_the_restart(tmp_path: Path) -> None:
+    stage = SupervisorHarness(tmp_path)
+
+    async def watch(supervisor: Supervisor) -> None:
+        await wait_all_ready(supervisor)
+        first = int((tmp_path / "grandchild").read_text())
+        psutil.Process(supervisor.processes["a"].state_message().pid).kill()
+        await wait_until(lambda: stage.states("a").count("ready") == 2)
+        assert has_ended(first)
+
+    stage.run(watch, faulty_process("parent", "/a"))

@@ -1,0 +1,118 @@
+"""One fleet for each port: who holds it is told, and a supervisor that died holds nothing."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+
+from deploy.instance_lock import FleetInstance, instance_lock, instances_folder, running_fleets
+from services.runtime.errors import BadInput
+from services.runtime.process import ROOT
+from services.runtime.transport.unix_sockets import router_endpoint
+from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh_config import configuration
+
+HOLDER = """
+import sys, time
+from deploy.instance_lock import Running, instance_lock
+entry = Running(fleet="other", mode="real", port=int(sys.argv[1]), pid=0, folder="/x", started="today")
+with instance_lock(entry):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.fixture
+def port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> int:
+    """A port that nobody holds, and an empty state folder."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def entry(port: int) -> FleetInstance:
+    return FleetInstance(fleet="mine", mode="real", port=port, pid=os.getpid(), folder="/runs/1", started="now")
+
+
+def hold(port: int) -> subprocess.Popen[str]:
+    """Another process that holds the port."""
+    holder = subprocess.Popen([sys.executable, "-c", HOLDER, str(port)], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    assert holder.stdout is not None
+    assert holder.stdout.readline() == "held\n"
+    return holder
+
+
+def test_a_fleet_is_listed_as_long_as_it_runs(port: int) -> None:
+    with instance_lock(entry(port)):
+        assert running_fleets() == (entry(port),)
+    assert running_fleets() == ()
+
+
+def test_another_fleet_is_named(port: int) -> None:
+    with hold(port) as holder:
+        try:
+            with (
+                pytest.raises(BadInput, match=rf"port {port} is held by the fleet other .* --port"),
+                instance_lock(entry(port)),
+            ):
+                pass
+        finally:
+            holder.kill()
+
+
+def test_a_killed_supervisor_holds_nothing_although_its_file_is_there(port: int) -> None:
+    with hold(port) as holder:
+        assert [each.fleet for each in running_fleets()] == ["other"]
+        holder.kill()
+    assert (instances_folder() / f"{port}.json").exists()
+    assert running_fleets() == ()
+    with instance_lock(entry(port)):
+        assert running_fleets() == (entry(port),)
+
+
+def test_another_program_on_the_port(port: int) -> None:
+    open_to_all = replace(entry(port), listen=(f"tcp/127.0.0.1:{port}",))
+    with socket.create_server(("127.0.0.1", port)):
+        with (
+            pytest.raises(BadInput, match=f"port {port} of 127.0.0.1 is held by another program"),
+            instance_lock(open_to_all),
+        ):
+            pass
+        with instance_lock(entry(port)):
+            assert running_fleets() == (entry(port),), "without TCP, the port is but a name"
+    assert running_fleets() == ()
+
+
+def test_a_router_that_no_fleet_has_started(port: int) -> None:
+    with (
+        ZenohTransport(configuration("router", listen=(router_endpoint(port),))),
+        pytest.raises(BadInput, match=r"a router that is no fleet's already listens in .* --port"),
+        instance_lock(entry(port)),
+    ):
+        pass
+
+
+def test_an_address_that_is_not_of_this_machine(port: int) -> None:
+    away = replace(entry(port), listen=(f"tcp/192.0.2.1:{port}",))
+    with pytest.raises(BadInput, match=f"the router cannot listen on tcp/192.0.2.1:{port}"), instance_lock(away):
+        pass
+
+
+def test_state_folder_that_cannot_be_made(port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
+    with pytest.raises(BadInput, match="set XDG_STATE_HOME"), instance_lock(entry(port)):
+        pass
+
+
+def test_damaged_entry_is_no_fleet(port: int) -> None:
+    with instance_lock(entry(port)):
+        (instances_folder() / f"{port}.json").write_text("{")
+        assert running_fleets() == ()

@@ -1,0 +1,53 @@
+"""A node that only looks: robots, heartbeats, liveliness and the supervisor's word, taken whenever the test asks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from messages.elea import Health, ProcessState
+from messages.topics import FLEET_STATE, HEALTH
+from services.runtime.graph import Entity, token_pattern
+from services.runtime.node import Node
+from tests.harness.robot_recorder import RobotRecorder
+
+
+class FleetRecorder:
+    """Everything seen so far; ``look`` adds what is new."""
+
+    def __init__(self, node: Node, robots: Iterable[str]) -> None:
+        self.node = node
+        self.robots = {name: RobotRecorder(node, name) for name in robots}
+        self.health: dict[str, tuple[int, Health]] = {}
+        self.processes: dict[str, ProcessState] = {}
+        self.started_ns: dict[int, int] = {}
+        self.sessions: dict[str, set[str]] = {}
+        self._health, self._fleet = node.subscribe(HEALTH), node.subscribe(FLEET_STATE)
+        self._tokens = node.transport.watch(token_pattern("node"))
+
+    def poll(self) -> None:
+        """Take what has come: the newest heartbeat of each node with the time [ns] of its sending, the processes, when
+        the supervisor first told [ns] of each process id, the sessions that hold each node's token.
+        """
+        for track in self.robots.values():
+            track.poll()
+        self._health.update()
+        self.health |= {beat.node: (origin.source_ns, beat) for beat, origin in self._health.messages if origin}
+        self._fleet.update()
+        for state, origin in self._fleet.messages:
+            self.processes = {each.name: each for each in state.processes}
+            if origin is not None:
+                self.started_ns = {each.pid: origin.source_ns for each in state.processes} | self.started_ns
+        while (event := self._tokens.poll()) is not None:
+            entity = Entity.parse(event.key)
+            if entity is None:
+                continue
+            sessions = self.sessions.setdefault(entity.node, set())
+            (sessions.add if event.alive else sessions.discard)(entity.session)
+
+    def alive(self, node: str) -> bool:
+        """Whether a token says that the node is there."""
+        return bool(self.sessions.get(node))
+
+    def state(self, node: str) -> str:
+        """What the node's newest heartbeat says it does."""
+        return self.health[node][1].state if node in self.health else ""

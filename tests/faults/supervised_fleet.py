@@ -1,0 +1,191 @@
+"""A fleet under the real supervisor, faults for its processes, and an observer on its network."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Self
+
+import psutil
+
+from messages.elea import ProcessState
+from messages.geometry import Twist
+from messages.std import String
+from services.runtime.identity import Identity
+from services.runtime.log import Log
+from services.runtime.node import Node
+from services.runtime.publisher import Publisher
+from services.runtime.transport.unix_sockets import router_endpoint
+from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh_config import Role, configuration
+from tests.faults.fleet_recorder import FleetRecorder
+from tests.faults.services.faulty_controller import FAULT
+from tests.faults.services.faulty_controller import FULL_SPEED as FORWARD
+from tests.harness.ports import free_port
+from tests.harness.processes import Process
+from tests.harness.robot_recorder import FULL_SPEED, RobotRecorder
+from tests.harness.waiting import wait_until
+
+START_S = 60.0
+"""Wall time that a fleet has to start, on a machine that is busy."""
+WITHIN_S = 20.0
+"""Wall time for what takes one or two seconds on a machine that is not busy."""
+
+
+class SupervisedFleet:
+    """``up`` with a fleet file of the test's own; ``with`` ends it and makes sure that nothing of it is left."""
+
+    def __init__(self, description: str, robots: int, folder: Path, port: int = 0) -> None:
+        self.port = port or free_port()
+        self.endpoint = router_endpoint(self.port)
+        self.folder = folder
+        self._description = description
+        self._robots = [f"tb3_{number}" for number in range(robots)]
+        self._stack = ExitStack()
+        self.descendants: set[psutil.Process] = set()
+
+    def __enter__(self) -> Self:
+        self.folder.mkdir(parents=True, exist_ok=True)
+        file = self.folder / "fleet.toml"
+        file.write_text(self._description)
+        command = ["-m", "tests.faults.up_with_faults", "up", str(file), "--report", str(self.folder / "run")]
+        command += ["--port", str(self.port), "--no-view"]
+        environment = {"XDG_STATE_HOME": str(self.folder.parent / "state")}
+        self._stack.callback(self._assert_no_survivors)
+        self.supervisor = self._stack.enter_context(Process(command, self.folder / "up.log", environment))
+        self._stack.callback(self.note_descendants)
+        self.recorder = FleetRecorder(
+            self._stack.enter_context(self.node(f"observer_{self.folder.name}")), self._robots
+        )
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._stack.close()
+
+    @contextmanager
+    def node(self, name: str, role: Role = "direct") -> Iterator[Node]:
+        """A node of the test's own on the fleet's network."""
+        identity = Identity.of(name)
+        with (
+            ZenohTransport(configuration(role, (self.endpoint,))) as transport,
+            Node(transport, identity, "tester", Log(identity.node)) as node,
+        ):
+            yield node
+
+    def robot(self, name: str) -> RobotRecorder:
+        """What is seen of a robot."""
+        return self.recorder.robots[name]
+
+    def process(self, name: str) -> ProcessState:
+        """What the supervisor says of a process."""
+        return self.recorder.processes.get(name, ProcessState(name=name))
+
+    def log(self, name: str) -> str:
+        """What a process has written, all its lives together."""
+        file = self.folder / "run" / "logs" / f"{name.replace('/', '.')}.log"
+        return file.read_text(errors="replace") if file.exists() else ""
+
+    def wait(self, probe: Callable[[], object], what: str, within: float = WITHIN_S) -> None:
+        """Look until something is so."""
+
+        def look() -> object:
+            self.recorder.poll()
+            assert self.supervisor.status is None, f"the supervisor has ended:\n{self.supervisor.text}"
+            return probe()
+
+        wait_until(look, within, what)
+
+    def wait_ready(self, *names: str, within: float = WITHIN_S) -> None:
+        """Until the supervisor says that all, or these processes, are ready and their heartbeats come."""
+
+        def ready() -> bool:
+            known = self.recorder.processes
+            return bool(known) and all(known[name].state == "ready" for name in names or known)
+
+        self.wait(ready, f"ready: {', '.join(names) or 'all'}", within)
+        self.note_descendants()
+
+    def wait_full_speed(self, *robots: str) -> None:
+        """Until these robots drive at full speed."""
+        self.wait(lambda: all(self.robot(each).speed > FULL_SPEED for each in robots), f"{robots} at full speed")
+
+    def wait_simulated(self, seconds: float, robot: str = "tb3_0") -> None:
+        """Until simulation time has advanced."""
+        self.recorder.poll()
+        track = self.robot(robot)
+        end = track.samples[-1].time + seconds * 1e9
+        self.wait(lambda: track.samples[-1].time >= end, f"{seconds} s of simulation time")
+
+    def wait_restarted(self, before: ProcessState, within: float = WITHIN_S) -> int:
+        """Until a process is ready again as another one; when the supervisor told [ns] that it had started it."""
+
+        def ready() -> bool:
+            now = self.process(before.name)
+            return now.state == "ready" and now.pid != before.pid and now.restarts == before.restarts + 1
+
+        self.wait(ready, f"{before.name} ready again", within)
+        self.note_descendants()
+        return self.recorder.started_ns[self.process(before.name).pid]
+
+    def drive(self, commands: Publisher[Twist], probe: Callable[[], object], what: str) -> None:
+        """Send commands at full speed until something is so."""
+
+        def step() -> object:
+            commands.publish(FORWARD)
+            return probe()
+
+        self.wait(step, what)
+
+    def send_signal(self, name: str, number: signal.Signals) -> int:
+        """Signal a process; the instant, as ``send_signal`` tells it."""
+        return send_signal(self.process(name).pid, number)
+
+    def kill(self, name: str) -> int:
+        """SIGKILL for a process; the instant."""
+        return self.send_signal(name, signal.SIGKILL)
+
+    def trigger_fault(self, name: str) -> None:
+        """Make a faulty service fail."""
+        told = self.recorder.node.advertise(FAULT, f"/{name}/fault")
+        self.wait(lambda: told.has_subscribers, f"/{name} to listen")
+        told.publish(String(data="now"))
+
+    def note_descendants(self) -> set[psutil.Process]:
+        """All processes of the fleet up to now; none of them may outlive it."""
+        try:
+            top = psutil.Process(self.supervisor.pid)
+            self.descendants |= {top, *top.children(recursive=True)}
+        except psutil.NoSuchProcess:
+            pass
+        return self.descendants
+
+    def survivors(self) -> list[psutil.Process]:
+        """Those that still run; a zombie has ended."""
+        return [each for each in self.descendants if _runs(each)]
+
+    def _assert_no_survivors(self) -> None:
+        left = self.survivors()
+        for each in left:
+            each.kill()
+        assert left == [], self.supervisor.text
+
+
+def send_signal(pid: int, number: signal.Signals) -> int:
+    """Signal a process; the instant [ns of the machine's clock] after which it does nothing more, or goes on."""
+    process, before = psutil.Process(pid), time.time_ns()
+    process.send_signal(number)
+    if number is signal.SIGCONT:
+        return before
+    if number is signal.SIGSTOP:
+        wait_until(lambda: process.status() == psutil.STATUS_STOPPED)
+    return time.time_ns()
+
+
+def _runs(process: psutil.Process) -> bool:
+    try:
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False

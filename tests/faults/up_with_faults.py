@@ -1,0 +1,35 @@
+"""``./elea up`` for fleets with faulty services: a member named after a file in ``services`` is run from there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from unittest.mock import patch
+
+import msgspec
+
+from deploy.commands.cli import main
+from deploy.fleet import Fleet
+from deploy.processes import ProcessSpec, plan_processes
+from deploy.service_parameters import RunOptions
+from services.runtime.process import die_with_parent
+
+FAULTY = Path(__file__).parent / "services"
+
+
+def with_faults(fleet: Fleet, terms: RunOptions) -> tuple[ProcessSpec, ...]:
+    """The processes of a fleet; all but the modules of the faulty ones is as the fleet file says."""
+    return tuple(_replaced(each) for each in plan_processes(fleet, terms))
+
+
+def _replaced(process: ProcessSpec) -> ProcessSpec:
+    name = process.node.rpartition("/")[2]
+    if not (FAULTY / f"{name}.py").is_file():
+        return process
+    real, faulty = f"services.{process.kind}", f"tests.faults.services.{name}"
+    return msgspec.structs.replace(process, argv=tuple(faulty if each == real else each for each in process.argv))
+
+
+if __name__ == "__main__":
+    die_with_parent()
+    with patch("deploy.run_fleet.plan_processes", with_faults):
+        main()

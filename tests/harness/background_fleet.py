@@ -1,0 +1,129 @@
+"""A fleet in the background, the verbs on it, and a program beside it that keeps to none of the project's rules."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import numpy as np
+import zenoh
+
+from services.runtime.transport.unix_sockets import router_endpoint
+from services.runtime.transport.wire import pack_attachment
+from tests.harness.command_line import CommandLine, CommandResult
+from tests.harness.external_client import external_client
+
+IDLE = """
+name = "idle"
+description = "A burger and a waffle, and nobody who drives them"
+
+[run]
+mode = "real"
+ends = "never"
+
+[[robot]]
+name = "tb3_0"
+model = "burger"
+
+[[robot]]
+name = "tb3_1"
+model = "waffle"
+pose = { x = 0.0, y = 1.0, yaw = 0.0 }
+"""
+WEATHER = {
+    "temperature": 20.5,
+    "wind": [1, 2],
+    "grid": msgpack.ExtType(1, msgpack.packb(["<i2", [2, 2], np.arange(4, dtype="<i2").tobytes()])),
+}
+"""A message of a type that this project does not know."""
+SAMPLE_S = 0.02
+"""Wall time between two samples of the foreign program."""
+
+
+class BackgroundFleet:
+    """A running fleet."""
+
+    def __init__(self, terminal: CommandLine) -> None:
+        self.command_line = terminal
+        self.endpoint = router_endpoint(terminal.port)
+
+    def run(self, *arguments: str, status: int = 0) -> CommandResult:
+        """Run a verb to its end, with an exit status."""
+        ended = self.command_line.run(*arguments)
+        assert ended.status == status, ended.out + ended.err
+        assert "Traceback" not in ended.err
+        return ended
+
+    def run_json(self, *arguments: str, status: int = 0) -> Any:
+        """The JSON document that a verb prints."""
+        return json.loads(self.run(*arguments, "--json", status=status).out)
+
+    def run_json_lines(self, *arguments: str, status: int = 0) -> list[Any]:
+        """The JSON lines that a verb prints."""
+        return [json.loads(each) for each in self.run(*arguments, "--json", status=status).out.splitlines()]
+
+    @contextmanager
+    def start(self, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+        """A verb that goes on; it is killed if the test has not ended it."""
+        process = self.command_line.start(*arguments)
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                process.kill()
+            process.communicate()
+
+
+def interrupt(process: subprocess.Popen[str]) -> CommandResult:
+    """End a verb by Ctrl-C."""
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.send_signal(signal.SIGINT)
+    # Not communicate: it would not see what a readline before it has left over.
+    out, err = process.stdout.read(), process.stderr.read()
+    return CommandResult(process.wait(20), out, err)
+
+
+@contextmanager
+def background_fleet(folder: Path, text: str = IDLE) -> Iterator[BackgroundFleet]:
+    """A fleet of the text of its file."""
+    file = folder / "fleet.toml"
+    file.write_text(text)
+    terminal = CommandLine(folder)
+    started = terminal.run_fleet(file, folder / "results", "--detach")
+    try:
+        assert started.status == 0, started.err
+        yield BackgroundFleet(terminal)
+    finally:
+        terminal.run("down")
+
+
+@contextmanager
+def external_publisher(
+    endpoint: str, key: str, payload: Any, *, encoding: str = "", numbers: bool = False
+) -> Iterator[None]:
+    """A foreign program that sends ``payload`` again and again; with ``numbers`` it leaves out each fourth."""
+    stop = threading.Event()
+
+    def send(session: zenoh.Session) -> None:
+        number, packed = 0, payload if isinstance(payload, bytes) else msgpack.packb(payload)
+        while not stop.wait(SAMPLE_S):
+            number += 2 if number % 4 == 2 else 1
+            beside = {"attachment": pack_attachment(number, b"stranger-stranger"[:16])} if numbers else {}
+            session.put(key, packed, **beside, **({"encoding": encoding} if encoding else {}))
+
+    with external_client(endpoint) as session:
+        thread = threading.Thread(target=send, args=(session,))
+        thread.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            thread.join()

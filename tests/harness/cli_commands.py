@@ -1,0 +1,25 @@
+"""Every verb of the command line, with those below it."""
+
+from __future__ import annotations
+
+import click
+
+from deploy.commands.cli import elea
+from deploy.commands.lazy_group import LazyGroup
+
+
+def all_commands() -> list[tuple[str, ...]]:
+    """The words of each verb, ``("topic",)`` and ``("topic", "echo")`` for two."""
+    return _below(elea, ())
+
+
+def _below(command: click.Command, words: tuple[str, ...]) -> list[tuple[str, ...]]:
+    if not isinstance(command, click.Group):
+        return []
+    assert isinstance(command, LazyGroup)
+    found = []
+    for name in command.list_commands(click.Context(command)):
+        inner = command.get_command(click.Context(command), name)
+        assert inner is not None
+        found += [(*words, name), *_below(inner, (*words, name))]
+    return found

@@ -1,0 +1,60 @@
+"""The command line as a person uses it, with a state folder and a port of its own."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+from services.runtime.process import ROOT
+from tests.harness.ports import free_port
+
+WITHIN_S = 100.0
+"""Wall time that a command has; on a busy machine a run of some seconds takes half of it."""
+
+
+class CommandResult(NamedTuple):
+    """What a command left: exit status, standard output, standard error."""
+
+    status: int
+    out: str
+    err: str
+
+
+class CommandLine:
+    """Runs ``python -m deploy``; whatever it starts lies in ``folder``."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.port = free_port()
+        self.environment = {**os.environ, "PYTHONPATH": str(ROOT), "XDG_STATE_HOME": str(folder / "state")}
+
+    def run(self, *arguments: str, within: float = WITHIN_S) -> CommandResult:
+        """Run a verb to its end; one that does not end is killed, and with it all that it started."""
+        process = self.start(*arguments)
+        try:
+            out, err = process.communicate(timeout=within)
+        except subprocess.TimeoutExpired:
+            process.send_signal(signal.SIGKILL)
+            _, err = process.communicate()
+            raise AssertionError(f"{' '.join(arguments)} did not end within {within} s:\n{err}") from None
+        return CommandResult(process.returncode, out, err)
+
+    def start(self, *arguments: str) -> subprocess.Popen[str]:
+        """Begin a verb, for a test that ends it."""
+        return subprocess.Popen(
+            [sys.executable, "-P", "-m", "deploy", *arguments],
+            env=self.environment,
+            cwd=self.folder,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def run_fleet(self, fleet: str | Path, results: Path, *options: str) -> CommandResult:
+        """Run a fleet to its end."""
+        return self.run("up", str(fleet), "--port", str(self.port), "--report", str(results), "--no-view", *options)

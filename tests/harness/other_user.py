@@ -1,0 +1,50 @@
+"""A program of another user of the machine: it tries to listen to a robot, and to drive it, with Zenoh alone."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+NOBODY = 65534
+
+# It loads all that it needs before it becomes the other one: who may not read this user's Python could not later.
+PROGRAM = """
+import json, logging, os, queue, socket, sys, threading, time
+import msgpack, zenoh
+connect, listen, user = sys.argv[1:]
+os.setgroups([])
+os.setgid(int(user))
+os.setuid(int(user))
+for path in json.loads(listen):
+    try:
+        with socket.socket(socket.AF_UNIX) as probe:
+            probe.connect(path)
+        print("in by", path, flush=True)
+    except OSError as error:
+        print(type(error).__name__, flush=True)
+config = {"mode": "client", "connect": {"endpoints": [connect], "timeout_ms": 3000, "exit_on_failure": True}}
+config["scouting"] = {"multicast": {"enabled": False}}
+try:
+    session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+except zenoh.ZError as error:
+    sys.exit(f"out: {error}")
+odometry = session.declare_subscriber("tb3_0/odom")
+print("heard", msgpack.unpackb(odometry.recv().payload.to_bytes())["child_frame_id"], flush=True)
+while True:
+    session.put("tb3_0/cmd_vel", msgpack.packb({"linear": {"x": 0.1}}))
+    time.sleep(0.05)
+"""
+
+
+@contextmanager
+def run_as_other_user(connect: str, paths: Sequence[str] = ()) -> Iterator[subprocess.Popen[str]]:
+    """The program; it first tries to connect to the sockets at ``paths``. Only root can start it, as CI does."""
+    command = [sys.executable, "-I", "-c", PROGRAM, connect, json.dumps(list(paths)), str(NOBODY)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as program:
+        try:
+            yield program
+        finally:
+            program.kill()

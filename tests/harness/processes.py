@@ -1,0 +1,153 @@
+"""Real processes for tests: each is started with its log in a file, and ended by the test that started it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Self
+
+from services.runtime.identity import Identity
+from services.runtime.log import Log
+from services.runtime.node import Node
+from services.runtime.process import PARENT, ROOT
+from services.runtime.transport.unix_sockets import is_listening, router_endpoint
+from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh_config import configuration
+from tests.harness.ports import free_port
+from tests.harness.waiting import wait_until
+
+STOP_S = 10.0
+"""Wall time that a process has to end by SIGINT before it is killed."""
+
+
+class Process:
+    """A running program of the project's Python; output and errors go to ``log``. It dies with the test.
+
+    ``through`` are the words of a program that becomes this one, as ``ip netns exec NAME``.
+
+    As a context manager it is stopped at the end. ``wait`` and ``stop`` return the exit status, -N for signal N.
+    """
+
+    def __init__(
+        self,
+        arguments: Sequence[str],
+        log: Path,
+        env: Mapping[str, str] | None = None,
+        through: Sequence[str] = (),
+    ) -> None:
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), PARENT: str(os.getpid()), **(env or {})}
+        self.log = log
+        with log.open("ab") as out:
+            self._child = subprocess.Popen(
+                [*through, sys.executable, "-P", *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=subprocess.STDOUT,
+                cwd=log.parent,
+                env=environment,
+                start_new_session=True,
+            )
+        self.pid = self._child.pid
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.stop()
+
+    @property
+    def text(self) -> str:
+        """What it has written so far."""
+        return self.log.read_text(errors="replace")
+
+    @property
+    def status(self) -> int | None:
+        """The exit status, None while it runs."""
+        return self._child.poll()
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send a signal, SIGSTOP for one; nothing happens when it has ended."""
+        self._child.send_signal(number)
+
+    def wait(self, within: float = STOP_S) -> int:
+        """Block until it ends by itself; fails after ``within`` [s]."""
+        try:
+            return self._child.wait(within)
+        except subprocess.TimeoutExpired:
+            raise AssertionError(f"process {self.pid} still runs after {within} s:\n{self.text}") from None
+
+    def stop(self) -> int:
+        """End it by SIGINT, and by SIGKILL if it does not go within STOP_S."""
+        self.signal(signal.SIGCONT)
+        self.signal(signal.SIGINT)
+        try:
+            return self._child.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            return self.kill()
+
+    def kill(self) -> int:
+        """End it by SIGKILL."""
+        self._child.kill()
+        return self._child.wait(STOP_S)
+
+
+def start_service(name: str, *arguments: str, logs: Path, env: Mapping[str, str] | None = None) -> Process:
+    """``python -P -m services.NAME`` with ``arguments``, its log in the folder ``logs``."""
+    return Process(["-m", f"services.{name}", *arguments], _unused(logs, name), env)
+
+
+class Network:
+    """A router on a port of its own, and the processes started on it; ``with`` ends them all."""
+
+    def __init__(self, logs: Path) -> None:
+        self.port = free_port()
+        self.endpoint = router_endpoint(self.port)
+        self._logs = logs
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        self.router = start_service("router", "--param", f"listen={self.endpoint}", logs=self._logs)
+        self._stack.enter_context(self.router)
+        wait_until(self._listens, what=f"a router on {self.endpoint}")
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._stack.close()
+
+    def start(self, name: str, *arguments: str, env: Mapping[str, str] | None = None) -> Process:
+        """A service of the project that joins this network."""
+        process = start_service(name, "--connect", self.endpoint, *arguments, logs=self._logs, env=env)
+        return self._stack.enter_context(process)
+
+    def run(self, file: Path, *arguments: str) -> Process:
+        """A Python file with a service of its own that joins this network, as ``./elea run FILE`` does it."""
+        command = ["-m", "deploy", "run", str(file), "--connect", self.endpoint, *arguments]
+        return self._stack.enter_context(Process(command, _unused(self._logs, file.stem)))
+
+    @contextmanager
+    def node(self, name: str = "tester", domain: str = "") -> Iterator[Node]:
+        """A node in the test itself; ``node.read(TOPIC, "/name")`` gives an input to ``admit`` and look at."""
+        identity = Identity.of(name)
+        with (
+            ZenohTransport(configuration("direct", (self.endpoint,), domain=domain)) as transport,
+            Node(transport, identity, "tester", Log(identity.node)) as node,
+        ):
+            yield node
+
+    def _listens(self) -> bool:
+        assert self.router.status is None, self.router.text
+        try:
+            is_listening(self.endpoint)
+        except OSError:
+            return False
+        return True
+
+
+def _unused(logs: Path, name: str) -> Path:
+    """A log of its own for each life: ``NAME-0.log``, ``NAME-1.log``, …"""
+    return logs / f"{name}-{len(list(logs.glob(f'{name}-*.log')))}.log"

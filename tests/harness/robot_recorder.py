@@ -1,0 +1,134 @@
+"""What was seen of one robot, on two clocks: simulation time, and the machine's clock at which each sample was sent.
+
+Senders and observer are on one machine, so sending times tell cause from effect whatever the network's delay: a motion
+that was reported before a command was sent is none of its doing.
+"""
+
+from __future__ import annotations
+
+from math import hypot
+from typing import NamedTuple
+
+from messages.elea import BaseStatus
+from messages.geometry import Twist
+from messages.nav import Odometry
+from messages.topics import BASE_STATUS, CMD_VEL, GROUND_TRUTH
+from models.model import WheelConfig, read_model
+from services.runtime.node import Node
+from services.runtime.transport.wire import SampleInfo
+from services.sim import BaseParameters
+from services.sim.time_modes import MAX_LAG_S
+
+BURGER = read_model("burger")
+assert BURGER.wheels is not None
+WHEELS: WheelConfig = BURGER.wheels
+FULL_SPEED = 0.95 * WHEELS.max_linear
+STANDSTILL_SPEED = 0.002
+"""m/s; below this a robot stands."""
+PERIOD_S = 1 / BURGER.odometry_rate
+"""Simulation time between two samples of ground truth."""
+
+TIMEOUT_S = BaseParameters().cmd_vel_timeout
+BRAKING_S = WHEELS.max_linear / WHEELS.brake
+LATEST_STOP_S = TIMEOUT_S + BRAKING_S + 2 * PERIOD_S + MAX_LAG_S
+"""Simulation time from the last command to a robot that stands: both ends lie between two samples, and the simulation
+may just then make up for what it lagged behind the wall clock."""
+
+
+class TruthSample(NamedTuple):
+    """A sample of ground truth: simulation time [ns], when it was sent [ns], speed [m/s], position [m]."""
+
+    time: int
+    sent: int
+    speed: float
+    x: float
+    y: float
+
+
+class CommandSample(NamedTuple):
+    """A command as observed: when it was sent [ns], whether it is to move, whether none before it was missed."""
+
+    sent: int
+    moves: bool
+    consecutive: bool
+
+
+class RobotRecorder:
+    """The samples of one robot, and what they say."""
+
+    def __init__(self, node: Node, name: str) -> None:
+        self.name = name
+        self.truth = node.subscribe(GROUND_TRUTH, f"/{name}/ground_truth")
+        self._commands = node.subscribe(CMD_VEL, f"/{name}/cmd_vel")
+        self._status = node.subscribe(BASE_STATUS, f"/{name}/base_status")
+        self.samples: list[TruthSample] = []
+        self.command_samples: list[CommandSample] = []
+        self._numbers: dict[bytes, int] = {}
+        self.statuses: list[tuple[int, BaseStatus]] = []
+
+    def poll(self) -> None:
+        """Take what has come."""
+        for input_ in (self.truth, self._commands, self._status):
+            input_.update()
+        self.samples += [_truth_sample(message, o.source_ns) for message, o in self.truth.messages if o]
+        self.command_samples += [self._command_sample(message, o) for message, o in self._commands.messages if o]
+        self.statuses += [(o.source_ns, message) for message, o in self._status.messages if o]
+
+    @property
+    def speed(self) -> float:
+        """The newest speed [m/s]; 0 before the first sample."""
+        return self.samples[-1].speed if self.samples else 0.0
+
+    @property
+    def base(self) -> BaseStatus:
+        """The newest state of the base."""
+        return self.statuses[-1][1] if self.statuses else BaseStatus()
+
+    def first_stop_after(self, instant: int) -> TruthSample | None:
+        """The first sight of the robot standing after an instant [ns of the machine's clock]."""
+        return next((each for each in self.samples if each.sent > instant and each.speed < STANDSTILL_SPEED), None)
+
+    def sim_time_at(self, instant: int) -> int:
+        """The last simulation time [ns] that was told before an instant."""
+        return max(each.time for each in self.samples if each.sent <= instant)
+
+    def seconds_to_stop(self, instant: int) -> float:
+        """Simulation time [s] from an instant until the robot stood."""
+        stood = self.first_stop_after(instant)
+        assert stood is not None, f"{self.name} did not stop"
+        return (stood.time - self.sim_time_at(instant)) / 1e9
+
+    @property
+    def command_instants(self) -> list[int]:
+        """When each command to move was sent."""
+        return [each.sent for each in self.command_samples if each.moves]
+
+    def first_command_after(self, instant: int) -> int | None:
+        """When the first command to move after an instant was sent."""
+        return next((each for each in self.command_instants if each > instant), None)
+
+    def uncommanded_motion(self, instant: int, able: int) -> list[TruthSample]:
+        """Sights of a motion between the stop after an instant and the first fresh command after that stop.
+
+        A commander that joins anew may reach the robot before it reaches the observer. Where a command was missed so,
+        ``able`` [ns] counts: before that there was none who could command.
+        """
+        stood = self.first_stop_after(instant)
+        assert stood is not None, f"{self.name} did not stop"
+        first = next((each for each in self.command_samples if each.sent > stood.sent), None)
+        fresh = self.first_command_after(stood.sent) if first is not None and first.consecutive else None
+        return [
+            each for each in self.samples if stood.sent < each.sent < (fresh or able) and each.speed >= STANDSTILL_SPEED
+        ]
+
+    def _command_sample(self, command: Twist, origin: SampleInfo) -> CommandSample:
+        before = self._numbers.get(origin.publisher, 0)
+        self._numbers[origin.publisher] = origin.sequence
+        return CommandSample(
+            origin.source_ns, bool(command.linear.x or command.angular.z), origin.sequence == before + 1
+        )
+
+
+def _truth_sample(truth: Odometry, sent: int) -> TruthSample:
+    at, v, w = truth.pose.pose.position, truth.twist.twist.linear, truth.twist.twist.angular
+    return TruthSample(truth.header.stamp.ns, sent, hypot(v.x, v.y) + abs(w.z) * WHEELS.separation / 2, at.x, at.y)

@@ -1,0 +1,19 @@
+"""Waiting for what other processes and threads do: until it is so, never for a time that hopes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+def wait_until(probe: Callable[[], T], within: float = 10.0, what: str = "") -> T:
+    """The first true value of ``probe``; fails after ``within`` [s]."""
+    deadline = time.monotonic() + within
+    while not (value := probe()):
+        if time.monotonic() > deadline:
+            raise AssertionError(f"not within {within} s: {what or probe}")
+        time.sleep(0.005)
+    return value

@@ -1,0 +1,107 @@
+"""The logger's loop on the bus: it records what is sent, also what came last, and begins anew at a reset."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from messages.geometry import Twist
+from messages.rosgraph import Log
+from messages.std import Header, Time
+from messages.topics import CMD_VEL, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, ROSOUT, STATUS
+from services.logger import SERVICE, LoggerParameters
+from services.logger.loop import pair_models
+from services.logger.viewer import should_open
+from services.runtime.errors import BadInput
+from tests.harness.ports import free_port
+from tests.harness.service_harness import ServiceHarness, run_service
+from tests.services.logger.recording_reader import columns, poses, table
+from tests.services.logger.synthetic_drive import SyntheticRobot
+
+
+def drive(bench: ServiceHarness, robot: SyntheticRobot, until: float, epoch: int = 0) -> None:
+    """A robot's messages and the clock, sample by sample."""
+    while robot.time < round(until * 1e9):
+        robot.step()
+        bench.publish(GROUND_TRUTH, "tb3_0/ground_truth", robot.truth())
+        bench.publish(ODOM, "tb3_0/odom", robot.odometry())
+        bench.publish(JOINT_STATES, "tb3_0/joint_states", robot.joints())
+        bench.publish(CMD_VEL, "tb3_0/cmd_vel", Twist.planar(robot.wanted, 0.0))
+    bench.publish_clock(robot.time / 1e9, epoch)
+
+
+def settings(file: Path, port: int) -> LoggerParameters:
+    return LoggerParameters(robots=("/tb3_0",), file=str(file), port=port, view="never", window=0.02)
+
+
+def test_it_records_all_that_came_until_it_was_stopped(tmp_path: Path) -> None:
+    robot = SyntheticRobot(y0=0.0)
+    with run_service(SERVICE, "/", settings(tmp_path / "run.rrd", free_port())) as bench:
+        bench.publish_clock(0.0)
+        bench.publish(PLAN, "tb3_0/plan", robot.plan())
+        bench.publish(STATUS, "tb3_0/status", robot.status())
+        for end in np.arange(0.2, 6.1, 0.2):
+            drive(bench, robot, end)
+        said = Log(header=Header(stamp=Time.of(6_000_000_000)), name="/tb3_0/waypoint", msg="there")
+        bench.publish(ROSOUT, "rosout", said)
+    times, _ = poses(tmp_path / "run.rrd", "tb3_0", "base_footprint")
+    assert times.tolist() == [20_000_000 * k for k in range(1, 301)]
+    times, cross = table(tmp_path / "run.rrd", "/plots/cross_track")
+    assert len(times) == 300
+    assert (cross < 0.1).all()
+    _, text = columns(tmp_path / "run.rrd", "/log/tb3_0/waypoint", "TextLog:text")
+    assert text == [["tb3_0/waypoint: there"]]
+    assert "recording to" in bench.log
+
+
+def test_a_reset_begins_a_new_timeline(tmp_path: Path) -> None:
+    file = tmp_path / "run.rrd"
+    with run_service(SERVICE, "/", settings(file, free_port())) as bench:
+        bench.publish_clock(0.0)
+        drive_until_written(bench, SyntheticRobot(y0=0.0), file, "sim_time")
+        bench.publish_clock(0.0, epoch=1)
+        again = SyntheticRobot(y0=0.5)
+        drive_until_written(bench, again, file, "sim_time_2", epoch=1)
+    times, found = poses(file, "tb3_0", "base_footprint", "sim_time_2")
+    assert times[-1] == again.time
+    assert np.abs(found[:, 1] - 0.5).max() < 0.2
+    _, before = poses(file, "tb3_0", "base_footprint", "sim_time")
+    assert np.abs(before[:, 1]).max() < 0.2
+
+
+def drive_until_written(
+    bench: ServiceHarness, robot: SyntheticRobot, file: Path, timeline: str, epoch: int = 0
+) -> None:
+    """Drive until the first batch is in the file: what is sent while a reset is under way is not recorded.
+
+    The file cannot be read while a message is half written.
+    """
+    for _ in range(100):
+        drive(bench, robot, robot.time / 1e9 + 0.2, epoch)
+        try:
+            written, _ = poses(file, "tb3_0", "base_footprint", timeline)
+        except RuntimeError:
+            continue
+        if len(written):
+            return
+    raise AssertionError("nothing was written")
+
+
+def test_one_model_stands_for_all_and_wrong_counts_are_refused() -> None:
+    assert pair_models(("a", "/b"), ("burger",)) == [("a", "burger"), ("b", "burger")]
+    assert pair_models(("a", "b"), ("burger", "waffle")) == [("a", "burger"), ("b", "waffle")]
+    assert pair_models((), ("burger",)) == []
+    with pytest.raises(BadInput, match="2 models for 3 robots"):
+        pair_models(("a", "b", "c"), ("burger", "waffle"))
+    with pytest.raises(BadInput, match="twice"):
+        pair_models(("a", "/a"), ("burger",))
+
+
+def test_a_viewer_opens_where_there_is_a_display() -> None:
+    assert should_open("auto", {"DISPLAY": ":0"})
+    assert should_open("auto", {"WAYLAND_DISPLAY": "wayland-0"})
+    assert not should_open("auto", {"DISPLAY": ""})
+    assert not should_open("never", {"DISPLAY": ":0"})
+    assert should_open("always", {})

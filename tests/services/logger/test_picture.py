@@ -1,0 +1,83 @@
+"""A real viewer without a window opens the recording, finds no fault, and draws it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import psutil
+import pytest
+
+from models.palette import COLOURS
+from services.logger.screenshots import headless_viewer, screenshot
+from services.runtime.errors import BadInput
+from tests.services.logger.conftest import LENGTH_S, RecordedDrive
+
+DRIVERS = any(Path("/usr/share/vulkan/icd.d").glob("*.json"))
+PACKAGES = r"libvulkan1 mesa-vulkan-drivers"
+
+
+def test_the_picture_shows_every_trail_in_its_colour(driven: RecordedDrive, tmp_path: Path) -> None:
+    png = tmp_path / "run.png"
+    if not DRIVERS:
+        with pytest.raises(BadInput, match=PACKAGES):
+            screenshot(driven.file, png)
+        return
+    screenshot(driven.file, png)
+    pixels = np.rint(matplotlib.image.imread(png)[:, :, :3] * 255).astype(int)
+    assert pixels.shape == (1080, 1920, 3)
+    world, plots = pixels[:, :1000], pixels[:, 1060:]
+    for colour in COLOURS[:4]:
+        assert count_of(world, colour) > 300, f"trail {colour}"
+    assert sum(count_of(plots, colour) for colour in COLOURS[:4]) > 300
+    assert children() == []
+
+
+def test_the_viewer_reports_nothing_wrong(driven: RecordedDrive) -> None:
+    if not DRIVERS:
+        with pytest.raises(BadInput, match=PACKAGES), headless_viewer(driven.file):
+            pass
+        return
+    with headless_viewer(driven.file) as viewer:
+        viewer.set_time("sim_time", duration=30.0, play_state="paused")
+        viewer.take_screenshot()
+        state = viewer.get_state()
+        graph = viewer.get_transform_graph(frame_filter="named")
+        errors = [each.message for each in viewer.get_logs() if each.level == "ERROR"]
+    assert [(view.name, view.reports) for view in state.views if view.reports] == []
+    assert errors == []
+    assert {view.view_class for view in state.views} == {"3D", "TimeSeries", "TextLog"}
+    timeline = state.recordings[0].timelines[0]
+    assert (timeline.name, timeline.end) == ("sim_time", round(LENGTH_S * 1e9))
+    edges = {(edge["parent"], edge["child"]) for edge in graph["edges"]}
+    for k in range(4):
+        assert ("world", f"tb3_{k}/base_footprint") in edges
+        assert (f"tb3_{k}/base_link", f"tb3_{k}/wheel_left_link") in edges
+
+
+def test_a_machine_that_cannot_draw_is_told_what_to_install(
+    driven: RecordedDrive, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("VK_DRIVER_FILES", "/nonexistent.json")
+    monkeypatch.setenv("VK_ICD_FILENAMES", "/nonexistent.json")
+    with pytest.raises(BadInput, match=PACKAGES):
+        screenshot(driven.file, tmp_path / "run.png")
+    assert children() == []
+
+
+def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="no recording"):
+        screenshot(tmp_path / "absent.rrd", tmp_path / "run.png")
+    (tmp_path / "bad.rrd").write_text("not a recording")
+    with pytest.raises(BadInput, match=r"bad\.rrd is not a recording"):
+        screenshot(tmp_path / "bad.rrd", tmp_path / "run.png")
+    assert children() == []
+
+
+def count_of(pixels: np.ndarray, colour: tuple[int, int, int]) -> int:
+    return int((np.abs(pixels - np.array(colour)).max(axis=2) < 25).sum())
+
+
+def children() -> list[str]:
+    return [each.name() for each in psutil.Process().children(recursive=True) if each.name() == "rerun"]

@@ -1,0 +1,232 @@
+"""One fleet with a panel and one headless Chromium, shared by the tests of this folder that need them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Self
+
+import pytest
+from playwright.sync_api import Browser, Page, expect, sync_playwright
+
+from messages.elea import BaseStatus, FleetState, ProcessState
+from messages.geometry import Pose, PoseStamped
+from messages.nav import Odometry
+from messages.requests import RESET_WORLD
+from messages.std import Empty, Header
+from messages.topics import BASE_STATUS, FLEET_STATE, GOAL_POSE, GROUND_TRUTH
+from services.panel.address import Address, read_address
+from services.panel.auth import Authenticator
+from services.panel.pages import PageRegistry
+from services.panel.server import Server, create_app, listen
+from services.runtime.identity import Identity
+from services.runtime.log import Log
+from services.runtime.node import Node
+from services.runtime.transport.unix_sockets import router_endpoint
+from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh_config import configuration
+from tests.harness.ports import free_port
+from tests.harness.processes import Process
+from tests.harness.waiting import wait_until
+from tests.services.panel.hub_harness import HubHarness, hub_harness
+from tests.services.panel.server_harness import TOKEN, ServerHarness
+
+STARTS = {"/tb3_0": 0.0, "/tb3_1": 1.0, "/tb3_2": -1.0}
+"""y of each robot, m; x is 0, all look along x."""
+ROBOTS = tuple(STARTS)
+FAR = 50.0
+"""m; so long a way ends in no test, however slow the page is to show what happens on it."""
+START_S = 60.0
+WITHIN_S = 20.0
+"""Wall time for what takes a second or two on a machine that is not busy."""
+
+
+class PanelFleet:
+    """A fleet of a file beside this one under the real supervisor, its panel, and a node of the test's own.
+
+    ``robots`` are the namespaces of those that drive, ``size`` is the number of its processes.
+    """
+
+    def __init__(self, folder: Path, file: str = "fleet.toml", robots: tuple[str, ...] = ROBOTS, size: int = 8) -> None:
+        self.folder, self.port = folder, free_port()
+        self._file, self._robots, self._size = Path(__file__).with_name(file), robots, size
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        command = [
+            "-m",
+            "deploy",
+            "up",
+            str(self._file),
+            "--report",
+            str(self.folder / "run"),
+            "--port",
+            str(self.port),
+        ]
+        state = {"XDG_STATE_HOME": str(self.folder / "state")}
+        self.up = self._stack.enter_context(Process([*command, "--no-view"], self.folder / "up.log", state))
+        self.node = self._stack.enter_context(self.join("tester"))
+        self._state = self.node.subscribe(FLEET_STATE)
+        self._truth = {robot: self.node.subscribe(GROUND_TRUTH, f"{robot}/ground_truth") for robot in self._robots}
+        self._base = {robot: self.node.subscribe(BASE_STATUS, f"{robot}/base_status") for robot in self._robots}
+        self.processes: dict[str, ProcessState] = {}
+        self.truth: dict[str, Odometry] = {}
+        self.base: dict[str, BaseStatus] = {}
+        self.wait(self._all_ready, START_S)
+        self.wait(lambda: len(self.truth) == len(self.base) == len(self._robots))
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._stack.close()
+
+    @contextmanager
+    def join(self, name: str) -> Iterator[Node]:
+        """A node on the fleet's network."""
+        identity = Identity.of(name)
+        with (
+            ZenohTransport(configuration("direct", (self.endpoint,))) as transport,
+            Node(transport, identity, "tester", Log(identity.node)) as node,
+        ):
+            yield node
+
+    @property
+    def endpoint(self) -> str:
+        return router_endpoint(self.port)
+
+    @property
+    def address(self) -> Address:
+        address = read_address(self.folder / "run" / "panel.json")
+        assert address is not None
+        return address
+
+    def poll(self) -> None:
+        """Take what has come."""
+        assert self.up.status is None, self.up.text
+        self.node.update_subscribers()
+        for state, _ in self._state.messages:
+            assert isinstance(state, FleetState)
+            self.processes = {each.name: each for each in state.processes}
+        for robot in self._robots:
+            for truth, _ in self._truth[robot].messages:
+                self.truth[robot] = truth
+            for base, _ in self._base[robot].messages:
+                self.base[robot] = base
+
+    def wait(self, probe: object, within: float = WITHIN_S, what: str = "") -> None:
+        """Look until something is so."""
+        assert callable(probe)
+
+        def looked() -> object:
+            self.poll()
+            return probe()
+
+        wait_until(looked, within, what)
+
+    def speed(self, robot: str) -> float:
+        return self.truth[robot].twist.twist.linear.x
+
+    def is_standing(self, robot: str) -> bool:
+        twist = self.truth[robot].twist.twist
+        return abs(twist.linear.x) < 0.005 and abs(twist.angular.z) < 0.02
+
+    def is_moving(self, robot: str) -> bool:
+        return abs(self.speed(robot)) > 0.05
+
+    @contextmanager
+    def driving(self, robot: str) -> Iterator[None]:
+        """A robot drives straight ahead within, and then back to where it began."""
+        goals = self.node.advertise(GOAL_POSE, f"{robot}/goal_pose")
+        wait_until(lambda: goals.has_subscribers, WITHIN_S, f"who takes the goals of {robot}")
+        goals.publish(goal(FAR, STARTS[robot]))
+        self.wait(lambda: self.is_moving(robot), what=f"{robot} sets out")
+        try:
+            yield
+        finally:
+            goals.publish(goal(0.0, STARTS[robot]))
+            self.node.unregister(goals)
+
+    def reset_world(self) -> None:
+        """All robots to where they were spawned, at rest."""
+        self.node.call(RESET_WORLD, Empty())
+        self.wait(lambda: all(map(self.is_standing, self._robots)))
+
+    def _all_ready(self) -> bool:
+        return len(self.processes) == self._size and all(each.state == "ready" for each in self.processes.values())
+
+
+def goal(x: float, y: float) -> PoseStamped:
+    """A goal in the world, looking along x."""
+    return PoseStamped(header=Header(frame_id="world"), pose=Pose.planar(x, y, 0.0))
+
+
+@pytest.fixture(scope="package")
+def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PanelFleet]:
+    with PanelFleet(tmp_path_factory.mktemp("panel")) as watched:
+        yield watched
+
+
+@pytest.fixture(scope="package")
+def browser() -> Iterator[Browser]:
+    expect.set_options(timeout=WITHIN_S * 1000)
+    with sync_playwright() as play:
+        opened = play.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+        yield opened
+        opened.close()
+
+
+class PageOpener:
+    """Opens pages of the panel, each in a browser of its own as far as cookies go, and watches for their errors."""
+
+    def __init__(self, browser: Browser, fleet: PanelFleet) -> None:
+        self._browser, self._fleet = browser, fleet
+        self.errors: list[str] = []
+
+    def open(self, view: str, width: int = 1440, height: int = 900) -> Page:
+        page = self._browser.new_context(viewport={"width": width, "height": height}).new_page()
+        page.set_default_timeout(WITHIN_S * 1000)
+        page.on("pageerror", lambda error: self.errors.append(str(error)))
+        page.on("console", lambda line: self.errors.append(line.text) if line.type == "error" else None)
+        page.goto(self._fleet.address.url)
+        page.click(f"#tab-{view}")
+        expect(page.locator("#clock")).to_contain_text(":")
+        return page
+
+
+@pytest.fixture
+def pages(browser: Browser, fleet: PanelFleet) -> Iterator[PageOpener]:
+    made = PageOpener(browser, fleet)
+    yield made
+    for context in browser.contexts:
+        context.close()
+    assert made.errors == []
+
+
+@pytest.fixture
+def anew(fleet: PanelFleet) -> None:
+    """All robots begin where they were spawned."""
+    fleet.reset_world()
+
+
+@pytest.fixture
+def at() -> Iterator[HubHarness]:
+    """The panel's hub between a page and a robot, all in memory."""
+    with hub_harness() as made:
+        made.spin(0.1, tell=True)
+        yield made
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[ServerHarness]:
+    board, listening = PageRegistry(lambda: None, 2), listen(0)
+    port = listening.getsockname()[1]
+    gate = Authenticator(TOKEN, port)
+    with Server(create_app(gate, board), gate, listening, lambda: None, lambda: 0.1):
+        yield ServerHarness(board, port)
+
+
+@pytest.fixture
+def desk(server: ServerHarness) -> Iterator[ServerHarness]:
+    yield server
+    wait_until(lambda: server.board.pages == [], WITHIN_S, "all pages have left")
+    server.board.drain()

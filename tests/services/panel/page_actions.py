@@ -1,0 +1,33 @@
+"""What a person does with the widgets and plots of the page, and reads off them."""
+
+from __future__ import annotations
+
+from playwright.sync_api import Locator, Page
+
+
+def legend_value(page: Page, line: str) -> float | None:
+    """The newest value of a line, as its plot's legend shows it."""
+    text = page.locator(f".chip:has-text('{line}') .value").first.inner_text()
+    return float(text) if text != "–" else None
+
+
+def parameter_selector(page: Page, set_: str, name: str) -> str:
+    return f"details.set:has(.name:text-is('{set_}')) [data-name='{name}']"
+
+
+def set_slider(page: Page, widget: str, value: float) -> None:
+    """Drag a slider there."""
+    page.locator(f"{widget} input[type=range]").fill(str(value))
+
+
+def exported_csv(page: Page, plot: Locator) -> list[str]:
+    """All that a plot holds: the rows of its CSV, the first with the names."""
+    with page.expect_download() as saving:
+        plot.locator("button:has-text('CSV')").click()
+    return saving.value.path().read_text().splitlines()
+
+
+def map_point(page: Page, x: float, y: float) -> dict[str, float]:
+    """Where a point of the world lies on the map."""
+    at = page.evaluate("([x, y]) => window.elea.map.camera.toScreen(x, y)", [x, y])
+    return {"x": at[0], "y": at[1]}

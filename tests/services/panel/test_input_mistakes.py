@@ -1,0 +1,174 @@
+"""Hands on the page that slip: keys whose names change, buttons that mean nothing, keys instead of a mouse."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from messages.requests import WORLD_PROPERTIES
+from messages.std import Empty
+from messages.topics import GOAL_POSE, ODOM
+from tests.harness.waiting import wait_until
+from tests.services.panel.conftest import WITHIN_S, PageOpener, PanelFleet
+
+
+@pytest.fixture(autouse=True)
+def anew(fleet: PanelFleet) -> None:
+    fleet.reset_world()
+
+
+def on_map(page: Page, x: float, y: float) -> tuple[float, float]:
+    """Where a point of the world lies on the screen."""
+    wait_until(lambda: page.evaluate("window.elea.map.fitted"), WITHIN_S, "a map")
+    at = page.evaluate("([x, y]) => window.elea.map.camera.toScreen(x, y)", [x, y])
+    box = page.locator("canvas.map").bounding_box()
+    assert box is not None
+    return box["x"] + at[0], box["y"] + at[1]
+
+
+@pytest.mark.parametrize("slip", ["Shift", "menu", "Meta"])
+def test_a_key_that_slips_leaves_no_robot_driving(fleet: PanelFleet, pages: PageOpener, slip: str) -> None:
+    """A comma goes down and a semicolon comes up; a menu or a system key swallows the end of another."""
+    page = pages.open("robots")
+    page.click("[data-robot='/tb3_2']")
+    page.keyboard.down(",")
+    fleet.wait(lambda: fleet.speed("/tb3_2") < -0.05, what="tb3_2 goes back")
+    if slip == "menu":
+        page.click("#views", button="right", position={"x": 400, "y": 300})
+    else:
+        page.keyboard.down(slip)
+        page.keyboard.up(",") if slip == "Shift" else page.keyboard.up(slip)
+    fleet.wait(lambda: fleet.is_standing("/tb3_2"), 3.5, "tb3_2 stands")
+
+
+def test_the_first_button_alone_sends_a_goal_and_a_drag_says_its_heading(fleet: PanelFleet, pages: PageOpener) -> None:
+    goals = fleet.node.subscribe(GOAL_POSE, "/tb3_0/goal_pose")
+    page = pages.open("robots")
+    page.click("[data-robot='/tb3_0']")
+    page.click("#goal-mode")
+    page.mouse.click(*on_map(page, 1.0, 0.5), button="right")
+    page.mouse.click(*on_map(page, 1.0, 0.5), button="middle")
+    at, away = on_map(page, 0.2, -0.1), on_map(page, 0.2, 0.6)
+    page.mouse.move(*at)
+    page.mouse.down()
+    page.mouse.move(*away, steps=5)
+    page.mouse.up()
+    expect(page.locator(".note:has-text('/tb3_0 is sent to')")).to_have_count(1)
+    wait_until(lambda: (goals.update(), goals.messages)[1], WITHIN_S, "a goal")
+    [(goal, _)] = goals.messages
+    assert (goal.pose.position.x, goal.pose.position.y) == pytest.approx((0.2, -0.1), abs=0.02)
+    assert goal.pose.orientation.yaw == pytest.approx(1.57, abs=0.1)
+    fleet.node.unregister(goals)
+
+
+def test_the_factor_of_time_is_set_and_seen(fleet: PanelFleet, pages: PageOpener) -> None:
+    page = pages.open("robots")
+    box = page.locator("#factor-set")
+    expect(box).to_have_value("2")
+    expect(page.locator("#factor")).to_have_text(re.compile(r"^×(1\.[89]|2\.[01])"))
+    box.fill("0.5")
+    box.press("Enter")
+    wait_until(lambda: fleet.node.call(WORLD_PROPERTIES, Empty()).factor == 0.5, WITHIN_S, "the simulation is slower")
+    expect(page.locator("#factor")).to_have_text(re.compile(r"^×0\.[45]"))
+    box.fill("-1")
+    box.press("Enter")
+    expect(page.locator(".note.bad")).to_contain_text("factor")
+    expect(box).to_have_value("0.5")
+    box.fill("2")
+    box.press("Enter")
+    wait_until(lambda: fleet.node.call(WORLD_PROPERTIES, Empty()).factor == 2.0, WITHIN_S, "it is as it was")
+
+
+def test_robots_and_graph_are_reached_by_keys(fleet: PanelFleet, pages: PageOpener) -> None:
+    page = pages.open("robots")
+    name = page.locator("[data-robot='/tb3_1'] .pick")
+    name.focus()
+    page.keyboard.press("Enter")
+    expect(name).to_have_attribute("aria-pressed", "true")
+    expect(page.locator(".drive b")).to_have_text("Drive tb3_1")
+    page.click("#tab-graph")
+    page.locator("g.topic[data-topic='/tb3_1/odom']").focus()
+    with fleet.join("passer_by") as node:  # the graph is drawn anew, and the keys are still where they were
+        node.subscribe(ODOM, "/tb3_1/odom")
+        expect(page.locator("g.node[data-node='/passer_by']").first).to_be_visible()
+    page.keyboard.press("Enter")
+    expect(page.locator(".details h2")).to_have_text("/tb3_1/odom")
+
+
+def test_a_button_beside_figures_that_change_stays_the_same_button(fleet: PanelFleet, pages: PageOpener) -> None:
+    """What is pressed while the figures beside it are told anew must be there when the finger comes up."""
+    page = pages.open("graph")
+    page.locator("g.topic[data-topic='/tb3_0/odom']").click()
+    button = page.locator(".details button.link:has-text('/tb3_0/waypoint')")
+    sent = page.locator(".fact:has-text('sent')")
+    expect(sent).to_have_text(re.compile(r"sent\d+"))
+    held, before = button.element_handle(), sent.inner_text()
+    wait_until(lambda: sent.inner_text() != before, WITHIN_S, "other figures")
+    assert held is not None
+    assert held.evaluate("(each) => each.isConnected")
+    button.click()
+    expect(page.locator(".details h2")).to_have_text("/tb3_0/waypoint")
+
+
+BACKGROUND = "(each) => getComputedStyle(each).backgroundColor"
+THEME = """(name) => {
+  const probe = document.createElement("i");
+  probe.style.backgroundColor = `var(--${name})`;
+  document.body.append(probe);
+  const colour = getComputedStyle(probe).backgroundColor;
+  probe.remove();
+  return colour;
+}"""
+
+
+def test_a_button_under_the_pointer_keeps_the_colours_that_its_words_are_read_on(pages: PageOpener) -> None:
+    page = pages.open("plots")
+    pressed = page.locator("#show-parameters")
+    expect(pressed).to_have_attribute("aria-pressed", "true")
+    pressed.hover()
+    assert pressed.evaluate(BACKGROUND) == page.evaluate(THEME, "accent")
+    page.click("#reset")
+    expect(page.locator("#reset")).to_have_text("Sure?")
+    assert page.locator("#reset").evaluate(BACKGROUND) == page.evaluate(THEME, "warn")
+
+
+def test_on_a_phone_the_chosen_robot_is_in_sight(pages: PageOpener) -> None:
+    page = pages.open("robots", 390, 844)
+    for robot in ("/tb3_2", "/tb3_0"):
+        page.evaluate("(robot) => window.elea.map.hand.select(robot)", robot)
+        expect(page.locator(f"[data-robot='{robot}']")).to_be_in_viewport(ratio=0.95)
+
+
+@pytest.mark.parametrize("size", [(390, 844), (800, 600), (1024, 768), (1280, 720)])
+def test_what_stops_robots_is_whole_on_every_screen_also_when_they_are_stopped(
+    pages: PageOpener, size: tuple[int, int]
+) -> None:
+    page = pages.open("robots", *size)
+    page.click("[data-robot='/tb3_1'] .stop")
+    for text in ("STOPPED 1/3", "STOPPED"):
+        expect(page.locator("#stop")).to_have_text(text)
+        for button in ("#stop", "#stop-reset", "#pause", "#stick"):
+            expect(page.locator(button)).to_be_in_viewport(ratio=1)
+        page.click("#stop")
+    page.click("#stop-reset")
+    expect(page.locator("#stop")).to_have_text("STOP")
+
+
+def test_the_first_look_is_at_everything(pages: PageOpener) -> None:
+    page = pages.open("robots", 390, 844)
+    wait_until(lambda: page.evaluate("window.elea.map.fitted"), WITHIN_S, "a map")
+    shown = page.evaluate(
+        """() => { const { camera, robots, poses } = window.elea.map; return robots.map(({ ns }) => {
+          const [x, y] = camera.toScreen(...poses[ns]);
+          return x > 0 && y > 0 && x < camera.width && y < camera.height; }); }"""
+    )
+    assert shown == [True] * 3
+    scale = page.evaluate("window.elea.map.camera.scale")
+    page.locator("canvas.map").hover()
+    page.mouse.wheel(0, -200)
+    wait_until(lambda: page.evaluate("window.elea.map.camera.scale") > scale, WITHIN_S, "nearer")
+    near = page.evaluate("window.elea.map.camera.scale")
+    page.evaluate("window.elea.map.know(window.elea.map.robots)")
+    assert page.evaluate("window.elea.map.camera.scale") == near, "what a hand has moved stays"

@@ -1,0 +1,110 @@
+"""The page in a real browser, before real processes: what is pressed there makes robots go and stop, and time."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import expect
+
+from messages.topics import CLOCK
+from tests.harness.waiting import wait_until
+from tests.services.panel.conftest import ROBOTS, WITHIN_S, PageOpener, PanelFleet
+from tests.services.panel.page_actions import map_point
+
+pytestmark = pytest.mark.usefixtures("anew")
+
+
+def test_a_clicked_goal_makes_the_robot_go(fleet: PanelFleet, pages: PageOpener) -> None:
+    page = pages.open("robots")
+    page.click("[data-robot='/tb3_0']")
+    wait_until(lambda: page.evaluate("window.elea.map.fitted"), WITHIN_S, "a map")
+    page.click("#goal-mode")
+    page.locator("canvas.map").click(position=map_point(page, 0.6, 0.4))
+    expect(page.locator(".note:has-text('/tb3_0 is sent to (0.60 m, 0.40 m)')")).to_be_visible()
+    fleet.wait(lambda: fleet.is_moving("/tb3_0"), what="tb3_0 sets out")
+    expect(page.locator("[data-robot='/tb3_0'] .state")).to_contain_text("driving 1 of 1")
+
+    def there() -> bool:
+        at = fleet.truth["/tb3_0"].pose.pose.position
+        return abs(at.x - 0.6) < 0.05 and abs(at.y - 0.4) < 0.05
+
+    fleet.wait(there, 2 * WITHIN_S, "tb3_0 at its goal")
+    expect(page.locator("[data-robot='/tb3_0'] .state")).to_contain_text("finished")
+
+
+def test_a_stop_stops_all_until_it_is_reset(fleet: PanelFleet, pages: PageOpener) -> None:
+    page = pages.open("robots")
+    wait_until(lambda: page.evaluate("window.elea.map.fitted"), WITHIN_S, "a map")
+    with fleet.driving("/tb3_1"):
+        page.click("#stop")
+        fleet.wait(lambda: all(fleet.base[robot].e_stopped for robot in ROBOTS), what="all bases stopped")
+        fleet.wait(lambda: all(map(fleet.is_standing, ROBOTS)), what="all robots at rest")
+        expect(page.locator("#stop")).to_have_text("STOPPED")
+        page.click("#stop-reset")
+        fleet.wait(lambda: not any(fleet.base[robot].e_stopped for robot in ROBOTS), what="all bases free")
+        fleet.wait(lambda: fleet.is_moving("/tb3_1"), what="tb3_1 goes on")
+        page.click("[data-robot='/tb3_1'] .stop")
+        fleet.wait(lambda: fleet.base["/tb3_1"].e_stopped and not fleet.base["/tb3_0"].e_stopped, what="one is stopped")
+        expect(page.locator("#stop")).to_have_text("STOPPED 1/3")
+        page.click("[data-robot='/tb3_1'] button:has-text('Reset')")
+        fleet.wait(lambda: not fleet.base["/tb3_1"].e_stopped, what="it is free again")
+        expect(page.locator("#stop")).to_have_text("STOP")
+
+
+@pytest.mark.parametrize("end", ["key up", "page closes", "view changes", "page hangs"])
+def test_a_held_key_drives_and_the_robot_stops_when_the_hand_is_gone(
+    fleet: PanelFleet, pages: PageOpener, end: str
+) -> None:
+    page = pages.open("robots")
+    page.click("[data-robot='/tb3_2']")
+    page.keyboard.down("w")
+    fleet.wait(lambda: fleet.is_moving("/tb3_2"), what="tb3_2 drives")
+    fleet.wait(lambda: fleet.base["/tb3_2"].source == "/panel", what="the base obeys the panel")
+    if end == "key up":
+        page.keyboard.up("w")
+    elif end == "page closes":
+        page.context.close()
+    elif end == "view changes":
+        page.click("#tab-log")
+    else:
+        page.evaluate("setTimeout(() => { const end = Date.now() + 4000; while (Date.now() < end); }, 0)")
+    fleet.wait(lambda: fleet.is_standing("/tb3_2"), 3.5, "tb3_2 stands, long before a page that hangs comes back")
+
+
+def test_the_stick_drives_while_it_is_held(fleet: PanelFleet, pages: PageOpener) -> None:
+    page = pages.open("robots")
+    page.click("[data-robot='/tb3_0']")
+    box = page.locator("#stick").bounding_box()
+    assert box is not None
+    middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(*middle)
+    page.mouse.down()
+    page.mouse.move(middle[0], box["y"] + box["height"] - 4, steps=4)
+    fleet.wait(lambda: fleet.speed("/tb3_0") < -0.1, what="tb3_0 goes back")
+    page.mouse.up()
+    fleet.wait(lambda: fleet.is_standing("/tb3_0"), what="tb3_0 stands")
+
+
+def test_time_is_paused_stepped_and_reset(fleet: PanelFleet, pages: PageOpener) -> None:
+    page = pages.open("robots")
+    clocks = fleet.node.subscribe(CLOCK)
+
+    def clock() -> tuple[int, int, bool]:
+        wait_until(lambda: (clocks.update(), clocks.messages)[1], WITHIN_S, "a clock")
+        now = clocks.messages[-1][0]
+        return now.tick, now.epoch, now.paused
+
+    page.click("#pause")
+    wait_until(lambda: clock()[2], WITHIN_S, "a pause")
+    expect(page.locator("#pause")).to_have_text("Resume")
+    expect(page.locator("#step")).to_be_enabled()
+    before = clock()[0]
+    page.select_option("#steps", "10")
+    page.click("#step")
+    wait_until(lambda: clock()[0] == before + 10, WITHIN_S, "ten steps")
+    epoch = clock()[1]
+    page.click("#reset")
+    page.click("#reset")
+    wait_until(lambda: clock()[1] == epoch + 1, WITHIN_S, "another epoch")
+    page.click("#pause")
+    wait_until(lambda: not clock()[2], WITHIN_S, "time goes on")
+    fleet.node.unregister(clocks)

@@ -1,0 +1,220 @@
+"""The panel's mathematics and bounds: fields, times, frames, waiting parcels, places, ports, the address."""
+
+from __future__ import annotations
+
+import os
+import struct
+import subprocess
+import sys
+from math import pi
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from messages.geometry import Pose, PoseWithCovariance
+from messages.nav import Odometry
+from messages.rosgraph import Clock
+from messages.sensor import Imu, LaserScan
+from messages.std import Float32, Header, Time
+from services.panel.address import Address, read_address, token_for, write_address
+from services.panel.channels import ProcessUsage
+from services.panel.clock import SimTimeMap
+from services.panel.fields import field_unit, list_fields, message_stamp, parse_path, read_number
+from services.panel.graph import expected_rate
+from services.panel.pages import MAX_PACKETS, Page
+from services.panel.protocol import MAGIC, Samples, pack_samples
+from services.panel.robots import Pose2
+from services.panel.server import listen
+from services.runtime.errors import BadInput
+from services.runtime.transport.wire import SampleInfo
+
+ODOMETRY = Odometry(
+    header=Header(stamp=Time.of(2_500_000_000)), pose=PoseWithCovariance(pose=Pose.planar(1.5, -2.0, pi / 2))
+)
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        ("pose.pose.position.x", 1.5),
+        ("pose.pose.orientation.yaw", pi / 2),
+        ("pose.covariance[35]", 0.0),
+        ("pose.covariance[36]", None),
+        ("header.stamp.sec", 2.0),
+        ("header.frame_id", None),
+        ("pose.pose.position.nothing", None),
+        ("pose.pose.position.x.y", None),
+        ("pose[3]", None),
+    ],
+)
+def test_a_number_by_its_path(path: str, value: float | None) -> None:
+    assert read_number(ODOMETRY, parse_path(path)) == (value if value is None else pytest.approx(value))
+
+
+def test_numbers_in_arrays_maps_and_flags() -> None:
+    scan = LaserScan(ranges=LaserScan().ranges.__class__([0.5, 1.5]))
+    assert read_number(scan, parse_path("ranges[1]")) == 1.5
+    assert read_number(scan, parse_path("ranges[2]")) is None
+    assert read_number({"a": [{"b": True}]}, parse_path("a[0].b")) == 1.0
+    assert read_number({"a": float("nan")}, parse_path("a")) is None
+    assert read_number({"a": float("inf")}, parse_path("a")) is None
+
+
+@pytest.mark.parametrize(
+    "path", ["", "a..b", "__class__", "a.__dict__", "a[", "a[-1]", "a b", "a[1", "1", ".".join("abcdefghijklmnopqr")]
+)
+def test_what_is_no_path(path: str) -> None:
+    with pytest.raises(BadInput):
+        parse_path(path)
+
+
+def test_every_listed_number_is_reached_by_its_path() -> None:
+    for message in (ODOMETRY, LaserScan(ranges=LaserScan().ranges.__class__([1.0] * 500)), Float32(data=2.0)):
+        found = list_fields(message)
+        assert len(found) <= 600
+        for path, value in found:
+            if isinstance(value, int | float):
+                assert read_number(message, parse_path(path)) == float(value), path
+
+
+def test_the_stamp_of_a_message() -> None:
+    assert message_stamp(ODOMETRY) == 2_500_000_000
+    assert message_stamp(Float32()) is None
+    assert message_stamp({"header": 1}) is None
+
+
+def test_a_message_without_a_stamp_gets_the_time_that_the_clock_showed_when_it_was_sent() -> None:
+    time = SimTimeMap()
+    for tick in range(2000):
+        time.add(Clock(clock=Time.of(tick * 20_000_000)), SampleInfo(tick + 1, 10**15 + tick * 10_000_000, 16, b"c"))
+    now = 1999 * 20_000_000
+    assert time.now == now
+    assert time.at(SampleInfo(1, 10**15 + 1990 * 10_000_000 + 5_000_000, 16, b"p")) == 1990 * 20_000_000 + 10_000_000
+    assert time.at(SampleInfo(1, 10**18, 16, b"p")) == now
+    assert time.at(None) == now
+    assert time.at(SampleInfo(1, 0, 16, b"p")) <= now - 512 * 20_000_000, "older than what is remembered: the oldest"
+    assert time.epoch == 0
+    time.add(Clock(clock=Time.of(0), epoch=1), None)
+    assert (time.epoch, time.now) == (1, 0)
+
+
+@pytest.mark.parametrize("off", [-(10**6), -3600 * 10**9, 3600 * 10**9])
+def test_time_is_known_again_with_the_first_clock_after_the_wall_clock_was_set(off: int) -> None:
+    for forged in (False, True):
+        time, tick = SimTimeMap(), 20_000_000
+        for beat in range(1, 30):
+            wrong = beat == 20 if forged else beat >= 20
+            time.add(Clock(clock=Time.of(beat * tick)), SampleInfo(beat, 10**18 + beat * tick + off * wrong, 16, b"c"))
+        shift = 0 if forged else off
+        assert time.at(SampleInfo(1, 10**18 + 25 * tick + tick // 2 + shift, 16, b"p")) == 25 * tick + tick // 2
+        assert time.at(SampleInfo(1, 10**18 + 30 * tick + shift, 16, b"p")) == 29 * tick
+        assert time.epoch == 0
+
+
+@given(st.lists(st.tuples(st.floats(0, 1e6), st.floats(-1e12, 1e12)), max_size=50))
+def test_a_frame_holds_what_was_put_into_it(points: list[tuple[float, float]]) -> None:
+    samples = Samples()
+    for point in points:
+        samples.add(*point)
+    frame = pack_samples(3, [(9, len(samples), samples.encode())])
+    assert struct.unpack_from("<4I2I", frame) == (MAGIC, 3, 1, 0, 9, len(points))
+    assert len(frame) == 24 + 16 * len(points)
+    assert list(struct.unpack_from(f"<{len(points)}d", frame, 24)) == [t for t, _ in points]
+
+
+def test_a_slow_page_keeps_the_newest_state_and_a_bounded_stream() -> None:
+    roused = []
+    page = Page(1, lambda: roused.append(1))
+    for count in range(1000):
+        page.set_state("clock", f"clock {count}")
+        page.enqueue(b"frame %d" % count)
+        page.enqueue(f"text {count}")
+    page.flush()
+    page.flush()
+    assert len(roused) == 1
+    taken = page.drain()
+    assert taken[0] == "clock 999"
+    assert taken[1:1001] == [f"text {count}" for count in range(1000)], "answers and values wait longer than samples"
+    assert taken[1001:] == [b"frame %d" % count for count in range(1000 - MAX_PACKETS, 1000)]
+    assert page.dropped == 1000 - MAX_PACKETS
+    page.enqueue(b"x" * (5 << 20))
+    assert page.drain() == []
+
+
+@given(*[st.floats(-100, 100)] * 6)
+def test_a_place_seen_from_a_frame_and_back(x: float, y: float, yaw: float, px: float, py: float, pyaw: float) -> None:
+    frame, there = Pose2(x, y, yaw), Pose2(px, py, pyaw)
+    back = frame.compose(frame.between(there))
+    assert (back.x, back.y) == pytest.approx((px, py), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "rate"), [("/clock", 50), ("/tb3_0/odom", 25), ("/x/sonar/range", 160), ("/odometry", 0)]
+)
+def test_promised_rates(name: str, rate: float) -> None:
+    assert expected_rate(name) == rate
+
+
+def test_a_taken_port_gives_way_to_the_next() -> None:
+    with listen(0) as first:
+        port = first.getsockname()[1]
+        with listen(port) as second:
+            assert port < second.getsockname()[1] < port + 20
+            assert second.getsockname()[0] == "127.0.0.1"
+
+
+def test_all_ports_taken_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("services.panel.server.PORT_TRIES", 1)
+    with listen(0) as first, pytest.raises(BadInput, match="are all taken: choose another with port=N"):
+        listen(first.getsockname()[1])
+
+
+def test_the_address_is_for_its_owner_alone_and_the_token_outlives_a_restart(tmp_path: Path) -> None:
+    file = tmp_path / "panel.json"
+    token = token_for(file, 1)
+    write_address(file, Address(port=1, token=token, pid=2))
+    assert file.stat().st_mode & 0o777 == 0o600
+    assert read_address(file) == Address(port=1, token=token, pid=2)
+    assert token_for(file, 1) == token
+    assert token_for(file, 2) != token, "on another port it is told to somebody else"
+    assert token_for(None, 1) != token_for(None, 1)
+    file.write_text("{")
+    assert read_address(file) is None
+    assert token_for(file, 1) != token
+
+
+def test_the_unit_of_a_field_is_that_of_its_quantity() -> None:
+    scan, imu = LaserScan(ranges=LaserScan().ranges.__class__([1.0])), Imu()
+    for topic, message, path, expected in (
+        ("/a/odom", ODOMETRY, "pose.pose.position.x", "m"),
+        ("/a/odom", ODOMETRY, "pose.pose.orientation.yaw", "rad"),
+        ("/a/odom", ODOMETRY, "pose.pose.orientation.w", ""),
+        ("/a/odom", ODOMETRY, "pose.covariance[0]", ""),
+        ("/a/odom", ODOMETRY, "twist.twist.linear.x", "m/s"),
+        ("/a/odom", ODOMETRY, "twist.twist.angular.z", "rad/s"),
+        ("/a/odom", ODOMETRY, "header.stamp.sec", "s"),
+        ("/a/scan", scan, "ranges[0]", "m"),
+        ("/a/scan", scan, "angle_increment", "rad"),
+        ("/a/imu", imu, "linear_acceleration.z", "m/s²"),
+        ("/robot_control/error", Float32(), "data", "deg"),
+        ("/a/error", Float32(), "data", ""),
+        ("/foreign", {"speed": {"x": 1.0}}, "speed.x", ""),
+    ):
+        assert field_unit(topic, message, parse_path(path)) == expected, (topic, path)
+
+
+def test_usage_is_measured_while_a_process_lives() -> None:
+    usage = ProcessUsage()
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as child:
+        pids = {"own": os.getpid(), "child": child.pid}
+        assert usage.measure(pids)
+        assert usage.by_name["own"][1] > 10, "MiB"
+        assert "child" in usage.by_name
+        sum(i * i for i in range(300_000))
+        usage.measure(pids)
+        assert usage.by_name["own"][0] > 0, "percent of a core"
+        child.communicate(b"\n")
+    usage.measure(pids)
+    assert set(usage.by_name) == {"own"}

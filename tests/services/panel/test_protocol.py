@@ -1,0 +1,127 @@
+"""What becomes of senseless words, and of pages that do not keep to the terms: a real server, without a fleet."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+from starlette.types import Message
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import ClientConnection
+
+from services.panel.auth import Authenticator
+from services.panel.pages import PageRegistry
+from services.panel.protocol import MAX_MESSAGE_SIZE, Subscribe
+from services.panel.server import create_app
+from tests.harness.waiting import wait_until
+from tests.services.panel.server_harness import PAGE_HEADERS, TOKEN, WITHIN_S, ServerHarness, receive
+
+WRONG = [
+    "",
+    "x",
+    "[]",
+    "null",
+    '{"k":"want"',
+    '{"k":"explode"}',
+    '{"k":"want","channels":["secrets"]}',
+    '{"k":"want","more":1}',
+    json.dumps({"k": "want", "series": [{"id": 1, "topic": "/a", "path": "__class__"}]}),
+    json.dumps({"k": "want", "series": [{"id": 1, "topic": "no slash", "path": "x"}]}),
+    json.dumps({"k": "want", "series": [{"id": n, "topic": "/a", "path": "x"} for n in range(33)]}),
+    json.dumps({"k": "want", "fields": ["/a/*"]}),
+    '{"k":"drive","robot":"/a","v":1e999}',
+    '{"k":"drive","robot":"/a","v":"fast"}',
+    '{"k":"drive","robot":"/a","v":NaN}',
+    '{"k":"drive","robot":"/**","v":1}',
+    '{"k":"goal","id":1,"robot":"/a","x":1e9,"y":0}',
+    '{"k":"estop","id":1}',
+    '{"k":"step","id":1,"count":0}',
+    '{"k":"process","id":1,"verb":"kill","name":"sim"}',
+    '{"k":"set","id":1,"set":"/a","values":{}}',
+    '{"k":"set","id":1,"set":"/a","values":{"x":{"y":1}}}',
+    '{"k":"set","id":1,"set":"/a","values":{"x":"\\ud800"}}',
+    "[" * 2000,
+]
+
+
+def test_senseless_words_are_refused_with_a_reason_and_counted(desk: ServerHarness) -> None:
+    with desk.page_socket() as page:
+        for count, text in enumerate(WRONG, 1):
+            page.send(text)
+            error = receive(page)
+            assert (error["k"], bool(error["reason"])) == ("error", True), text
+            assert desk.board.pages[0].rejected == count
+        page.send(b"\x00\xff")
+        assert "only text" in receive(page)["reason"]
+        assert desk.board.drain() == [], "none of it reached the loop"
+        page.send('{"k":"want","channels":["log"]}')
+        page.send("?")
+        receive(page)
+        assert [said for _, said in desk.board.drain()] == [Subscribe(channels=("log",))]
+
+
+def consume(page: ClientConnection) -> None:
+    while True:
+        page.recv(timeout=WITHIN_S)
+
+
+def closed(page: ClientConnection) -> int:
+    """The code with which the server closes, whatever it says before."""
+    with pytest.raises(ConnectionClosed) as ended:
+        consume(page)
+    assert ended.value.rcvd is not None
+    return ended.value.rcvd.code
+
+
+def test_a_word_that_is_too_large_ends_the_page(desk: ServerHarness) -> None:
+    with desk.page_socket() as page:
+        page.send("x" * (MAX_MESSAGE_SIZE + 1))
+        assert closed(page) == 1009
+
+
+def test_a_page_that_makes_no_sense_is_closed(desk: ServerHarness) -> None:
+    with desk.page_socket() as page:
+        for _ in range(51):
+            page.send("?")
+        assert closed(page) == 1008
+
+
+def test_a_page_that_talks_without_end_is_not_heard_out(desk: ServerHarness) -> None:
+    with desk.page_socket() as page:
+        for _ in range(210):
+            page.send('{"k":"release"}')
+        assert "messages a second" in receive(page)["reason"]
+
+
+def test_only_so_many_pages(desk: ServerHarness) -> None:
+    with desk.page_socket(), desk.page_socket():
+        wait_until(lambda: len(desk.board.pages) == 2, WITHIN_S, "two are in")
+        with desk.page_socket() as third:
+            assert closed(third) == 1013
+    wait_until(lambda: desk.board.pages == [], WITHIN_S, "they have left")
+    with desk.page_socket() as again:
+        again.send("?")
+        assert receive(again)["k"] == "error", "their places are free"
+
+
+def test_a_page_that_goes_before_it_is_let_in_takes_no_place(server: ServerHarness) -> None:
+    async def receive() -> Message:
+        return {"type": "websocket.connect"}
+
+    async def send(_: Message) -> None:
+        raise OSError("the connection is gone")
+
+    board, pass_ = PageRegistry(lambda: None, 2), Authenticator(TOKEN, server.port)
+    headers = [(b"host", b"127.0.0.1:{port}"), *((k.encode(), v.encode()) for k, v in PAGE_HEADERS.items())]
+    scope = {
+        "type": "websocket",
+        "path": "/socket",
+        "query_string": b"",
+        "subprotocols": [],
+        "headers": [(name, value.replace(b"{port}", str(server.port).encode())) for name, value in headers],
+    }
+    with ThreadPoolExecutor() as beside:  # the browser of other tests has the main thread's event loop
+        beside.submit(lambda: asyncio.run(create_app(pass_, board)(scope, receive, send))).result(WITHIN_S)
+    assert board.pages == []

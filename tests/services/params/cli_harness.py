@@ -1,0 +1,62 @@
+"""The real parameter service with some sets, and ``elea param`` in this process."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+from deploy.commands.cli import main
+from tests.harness.processes import Network, Process
+from tests.services.params.parameter_client import ARM_PARAMETERS, ParameterTestClient, arm_announcement, start_and_wait
+
+SETS = "/robot_control", "/tb3_0/waypoint", "/tb3_1/waypoint"
+
+
+class CommandResult(NamedTuple):
+    """Exit status, standard output and errors of a command line."""
+
+    status: int
+    out: str
+    err: str
+
+
+RunCommand = Callable[..., CommandResult]
+
+
+class ParameterServiceProcess:
+    """A network with the service, and who announces."""
+
+    def __init__(self, network: Network, client: ParameterTestClient, folder: Path) -> None:
+        self.network, self.client, self._file = network, client, folder / "params.db"
+        self.service = self.start()
+
+    def start(self) -> Process:
+        """Start the service, on the same file again when it was there before, with everything announced."""
+        service = self.service = start_and_wait(self.network, self.client, self._file)
+        self.client.announce(arm_announcement(node="/arm"))
+        self.client.announce(arm_announcement(node="/reference", parameters=ARM_PARAMETERS[:2]))
+        for name in SETS[1:]:
+            self.client.announce(arm_announcement(name, name, parameters=ARM_PARAMETERS[1:3]))
+        return service
+
+
+def param_command(
+    bench: ParameterServiceProcess, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> RunCommand:
+    """``elea param VERB ...`` at the bench."""
+
+    def run(verb: str, *words: str) -> CommandResult:
+        monkeypatch.setattr(sys, "argv", ["elea", "param", verb, "--connect", bench.network.endpoint, *words])
+        capsys.readouterr()
+        status: Any = 0
+        try:
+            main()
+        except SystemExit as end:
+            status = end.code or 0
+        return CommandResult(status, *capsys.readouterr())
+
+    return run

@@ -1,0 +1,33 @@
+"""A client of the parameter service in a process of its own: it sets one value after the other as fast as it can."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+from services.runtime.process import exit_now
+from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh_config import configuration
+from tests.services.params.parameter_client import ParameterTestClient, value_dict
+
+PARAMETER_OF_CLIENT = "ss_Kp", "tr_Kp", "ref_angle", "offset"
+"""The parameter of each client; all of them set ``window``, too."""
+
+
+def set_repeatedly(endpoint: str, client: int, count: int) -> list[float]:
+    """What was acknowledged of ``count`` sets."""
+    own, acknowledged = PARAMETER_OF_CLIENT[client], []
+    with ZenohTransport(configuration("star", (endpoint,), domain="crowd")) as transport:
+        me = ParameterTestClient(transport, timeout=30.0)
+        for index in range(count):
+            value = client + index / 1000
+            answer = value_dict(me.set(request=f"{client}-{index}", window=index + 1, **{own: value}))
+            assert answer[own] == value
+            assert answer["window"] == index + 1
+            acknowledged.append(value)
+    return acknowledged
+
+
+if __name__ == "__main__":
+    print(json.dumps(set_repeatedly(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))), flush=True)
+    exit_now(0)

@@ -1,0 +1,39 @@
+"""An in-memory network, a clock by hand, a desk in memory, and the real service with its command line."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from tests.harness.processes import Network
+from tests.services.params.cli_harness import SETS, ParameterServiceProcess, RunCommand, param_command
+from tests.services.params.parameter_client import arm_announcement, assignments, connected_client
+from tests.services.params.server_harness import ServerHarness, server_harness
+from tests.services.runtime.conftest import bus as bus
+from tests.services.runtime.conftest import clock as clock
+
+
+@pytest.fixture
+def at() -> Iterator[ServerHarness]:
+    """A desk in memory, to which the arm has announced its set."""
+    with server_harness() as made:
+        made.server.announce(arm_announcement(fleet=assignments(ref_angle=20), command_line=assignments(tr_Kp=5)))
+        yield made
+
+
+@pytest.fixture(scope="package")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ParameterServiceProcess]:
+    """The real service, once for all files that ask it from the command line."""
+    folder = tmp_path_factory.mktemp("param")
+    with Network(folder) as network, connected_client(network) as client:
+        yield ParameterServiceProcess(network, client, folder)
+
+
+@pytest.fixture
+def line(
+    bench: ParameterServiceProcess, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Iterator[RunCommand]:
+    """``elea param VERB ...`` in this process; every set is as announced before and after."""
+    run = param_command(bench, monkeypatch, capsys)
+    yield run
+    for name in SETS:
+        run("reset", name)

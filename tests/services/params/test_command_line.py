@@ -1,0 +1,128 @@
+"""``elea param`` against the real service."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import Any
+
+import pytest
+from click.shell_completion import ShellComplete
+
+from deploy.commands.cli import elea
+from tests.services.params.cli_harness import ParameterServiceProcess, RunCommand
+from tests.services.params.parameter_client import value_dict
+
+SET = "/robot_control"
+
+
+def test_list_get_and_describe(line: RunCommand) -> None:
+    said = line("list")
+    assert f"{SET}  (followed by /arm, /reference)\n  reference_type\n  ref_angle\n" in said.out
+    assert json.loads(line("list", "waypoint", "--json").out or "null") is None
+    assert json.loads(line("list", "tb3_0/waypoint", "--json").out) == [
+        {"set": "/tb3_0/waypoint", "nodes": ["/tb3_0/waypoint"], "parameters": ["ref_angle", "ss_Kp"]}
+    ]
+    assert line("get", "robot_control", "ref_angle").out == "30.0\n"
+    assert line("get", "reference", "ref_angle").out == "30.0\n"
+    assert "ref_angle       30.0" in line("get", SET).out
+    values = json.loads(line("get", SET, "limits", "offset", "--json").out)["values"]
+    assert values == {
+        "limits": {"value": [-1.0, 1.0], "origin": "default"},
+        "offset": {"value": None, "origin": "default"},
+    }
+    assert "-90 to 90 deg" in line("describe", "arm").out
+    described = json.loads(line("describe", SET, "ref_angle", "--json").out)["parameters"][0]
+    assert (described["low"], described["unit"], described["text"]) == (-90.0, "deg", "where to be")
+
+
+@pytest.mark.parametrize(
+    ("words", "values"),
+    [
+        (["ref_angle", "-12"], {"ref_angle": -12.0}),
+        (["ref_angle=1e1", "reference_type=SINE"], {"ref_angle": 10.0, "reference_type": "sine"}),
+        (["feed_forward", "Yes"], {"feed_forward": True}),
+        (["feed_forward=t", "window=7"], {"feed_forward": True, "window": 7}),
+        (
+            ["{ref_angle: 5, feed_forward: on, limits: [1, 2.5], ss_Kp: 1e2}"],
+            {"ref_angle": 5.0, "feed_forward": True, "limits": (1.0, 2.5), "ss_Kp": 100.0},
+        ),
+        (["limits", "[3, 4]"], {"limits": (3.0, 4.0)}),
+        (["offset=2", "window=3"], {"offset": 2.0}),
+        (["offset=null", "window=3"], {"offset": None}),
+        (["--clamp", "ref_angle", "400"], {"ref_angle": 90.0}),
+        (["--run", "ref_angle", "4"], {"ref_angle": 4.0}),
+    ],
+)
+def test_set_in_every_way_of_writing(
+    line: RunCommand, bench: ParameterServiceProcess, words: list[str], values: dict[str, Any]
+) -> None:
+    said = line("set", "robot_control", *words)
+    assert said.status == 0, said
+    assert repr(values.items() <= value_dict(bench.client.get()).items()) == "True", bench.client.get()
+    changed = {each.name: each.origin for each in bench.client.get().values if each.name in values}
+    assert set(changed.values()) == {"run" if "--run" in words else "saved"}
+    assert ("was clamped" in said.err) == ("--clamp" in words)
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ([SET, "ref_angle", "95"], "ref_angle = 95.0 is out of bounds: -90 to 90 deg"),
+        ([SET, "ref_angle", "nan"], "ref_angle = nan: it is not finite"),
+        ([SET, "ref_angle", "x"], "ref_angle = 'x': it is a text, expected float"),
+        ([SET, "window", "1.5"], "it is a float, expected int"),
+        ([SET, "window", "99999999999999999999"], "an int has 64 bits"),
+        ([SET, "feed_forward", "maybe"], "'maybe': it is a text, expected bool"),
+        ([SET, "reference_type", "sin"], "expected one of step, sine"),
+        ([SET, "ref_angel", "1"], "unknown parameter 'ref_angel'; did you mean 'ref_angle'?"),
+        ([SET, "file", "x"], "cannot change while /arm, /reference runs"),
+        ([SET, "ref_angle=1", "ref_angle=2"], "given twice"),
+        ([SET, "{ref_angle: 1, ref_angle: 2}"], "given twice"),
+        ([SET, "ref_angle"], "write NAME VALUE"),
+        ([SET, "--clmap", "ref_angle=1"], "unknown option '--clmap'; did you mean '--clamp'?"),
+        ([SET], "nothing to set"),
+        (["/robot_contro", "ref_angle", "1"], "did you mean '/robot_control'?"),
+        (["waypoint", "ref_angle", "1"], "one of several sets: say which, /tb3_0/waypoint, /tb3_1/waypoint"),
+        ([SET, "ref_angle=95", "window=0", "ss_Kp=1"], "nothing was changed"),
+    ],
+)
+def test_bad_input_is_refused_with_status_2(
+    line: RunCommand, bench: ParameterServiceProcess, words: list[str], says: str
+) -> None:
+    before = bench.client.get()
+    said = line("set", *words)
+    assert said.status == 2
+    assert says in said.err
+    assert bench.client.get() == before
+
+
+def test_reset_undo_and_history(line: RunCommand, bench: ParameterServiceProcess) -> None:
+    line("set", SET, "ref_angle=10", "ss_Kp=3")
+    line("set", SET, "ref_angle", "11")
+    assert f"{SET} ref_angle: 11.0 -> 30.0  (default)" in line("reset", SET, "ref_angle").out
+    assert value_dict(bench.client.get())["ss_Kp"] == 3.0
+    assert "30.0 -> 11.0" in line("undo", SET).out
+    assert "11.0 -> 10.0" in line("undo", SET).out
+    changes = json.loads(line("history", SET, "-n", "3", "--json").out)
+    assert [each["kind"] for each in changes] == ["undo", "undo", "reset"]
+    assert changes[2]["undone"] is True
+    assert "(param)" in changes[0]["who"]
+    shown = line("history").out.splitlines()
+    assert "undo" in shown[0]
+    assert "ref_angle 11.0 -> 10.0" in shown[0]
+    assert line("undo", "/tb3_0/waypoint").status in (0, 1)
+
+
+def test_completion_knows_sets_and_parameters_and_gives_up_in_time(bench: ParameterServiceProcess) -> None:
+    completion = ShellComplete(elea, {}, "elea", "_ELEA_COMPLETE")
+
+    def of(*words: str, part: str, endpoint: str = bench.network.endpoint) -> list[str]:
+        return [each.value for each in completion.get_completions(["param", *words, "--connect", endpoint], part)]
+
+    assert of("get", part="robot") == ["robot_control"]
+    assert of("get", part="/tb3") == ["/tb3_0/waypoint", "/tb3_1/waypoint"]
+    assert of("set", "robot_control", part="ref") == ["ref_angle", "reference_type"]
+    began = time.monotonic()
+    assert of("get", part="", endpoint="tcp/127.0.0.1:1") == []
+    assert time.monotonic() - began < 1.0

@@ -1,0 +1,98 @@
+"""``elea param dump`` and ``load`` against the real service, and an answer that does not come."""
+
+from __future__ import annotations
+
+import signal
+import tomllib
+from pathlib import Path
+
+import pytest
+import yaml
+
+from messages.parameters import HistoryOf
+from messages.requests import PARAMS_HISTORY
+from services.runtime.requests import call
+from tests.services.params.cli_harness import ParameterServiceProcess, RunCommand
+from tests.services.params.parameter_client import value_dict
+
+SET = "/robot_control"
+
+
+@pytest.mark.parametrize("form", ["yaml", "toml"])
+def test_what_is_dumped_can_be_loaded(
+    line: RunCommand, bench: ParameterServiceProcess, tmp_path: Path, form: str
+) -> None:
+    file = tmp_path / f"values.{form}"
+    line("set", SET, "ref_angle=10", "reference_type=sine", "limits=[1,2]", "feed_forward=yes", "offset=-0.5")
+    line("set", "tb3_1/waypoint", "ss_Kp", "8")
+    held = {name: value_dict(bench.client.get(name)) for name in (SET, "/tb3_0/waypoint", "/tb3_1/waypoint")}
+    assert line("dump", "-o", str(file)).status == 0
+    text = file.read_text()
+    table = yaml.safe_load(text) if form == "yaml" else tomllib.loads(text)
+    assert table[SET]["limits"] == [1.0, 2.0]
+    assert "file" not in table[SET]
+    for name in held:
+        line("reset", name)
+    said = line("load", str(file))
+    assert said.status == 0, said
+    assert f"{SET} ref_angle: 30.0 -> 10.0  (saved)" in said.out
+    assert f"{SET}: 5 changed, 3 as before" in said.out
+    assert {name: value_dict(bench.client.get(name)) for name in held} == held
+    history = call(bench.client.transport, PARAMS_HISTORY, "params/history", HistoryOf(set=SET, limit=1)).changes
+    assert history[0].kind == "load"
+    assert "0 changed, 8 as before" in line("load", str(file)).out
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "says"),
+    [
+        ("a.yaml", "/robot_control: {ref_angle: 1}\n/tb3_0/waypoint: {ref_angle: 99}", "Nothing was changed"),
+        ("a.yaml", "/robot_control: {ref_angle: 1}\n/arn: {x: 1}", "unknown set of parameters '/arn'"),
+        ("a.yaml", "/robot_control: {ref_angle: 1\n", "line 2"),
+        ("a.yaml", "a: 1\na: 2\n", "line 2: a is given twice"),
+        ("a.yaml", "ref_angle: 1", "if the file has the values of one set, say --set SET"),
+        ("a.yaml", "/robot_control: {ref_angle: .nan}", "ref_angle = nan: it is not finite"),
+        ("a.yaml", "/robot_control: {ref_angle: {x: 1}}", "a parameter is a bool, number, text or list"),
+        ("a.yaml", "/robot_control: {ref_angle: 1, ref_angel: 2}", "unknown parameter 'ref_angel'; did you mean"),
+        ("a.yaml", "/robot_control: {ref_angle: 1}\nrobot_control: {ref_angle: 2}", "are given twice, under two names"),
+        ("a.yaml", "/robot_control: {7: 1}", "unknown parameter '7'"),
+        ("a.yaml", "/robot_control: {window: 99999999999999999999}", "an int has 64 bits"),
+        ("a.yaml", f"/robot_control: {{ss_Kp: 1{'0' * 400}}}", "no number may exceed"),
+        ("a.toml", "[robot_control]\nref_angle = = 1", "line 2"),
+        ("a.txt", "", "is it YAML or TOML?"),
+    ],
+)
+def test_a_file_that_is_not_right_changes_nothing(
+    line: RunCommand, bench: ParameterServiceProcess, tmp_path: Path, name: str, text: str, says: str
+) -> None:
+    (tmp_path / name).write_text(text)
+    before = bench.client.get()
+    said = line("load", str(tmp_path / name))
+    assert said.status == 2
+    assert says in said.err
+    assert bench.client.get() == before
+
+
+def test_a_file_of_one_set(line: RunCommand, bench: ParameterServiceProcess, tmp_path: Path) -> None:
+    (tmp_path / "arm.yaml").write_text("ref_angle: 7\nfeed_forward: yes\n")
+    assert line("load", str(tmp_path / "arm.yaml"), "--set", "robot_control", "--run").status == 0
+    assert value_dict(bench.client.get())["ref_angle"] == 7.0
+    assert "cannot read" in line("load", str(tmp_path / "none.yaml")).err
+
+
+def test_an_answer_that_does_not_come_is_told_as_it_is(line: RunCommand, bench: ParameterServiceProcess) -> None:
+    """The service is stopped for a while, then gone."""
+    bench.service.signal(signal.SIGSTOP)
+    try:
+        said = line("list", "-t", "0.5")
+    finally:
+        bench.service.signal(signal.SIGCONT)
+    assert said.status == 1
+    assert "unknown whether the request was carried out" in said.err
+    assert line("set", SET, "ref_angle", "3").status == 0
+    bench.service.kill()
+    said = line("set", SET, "ref_angle", "4")
+    bench.start()
+    assert said.status == 1
+    assert "nobody serves /params/list, nothing was asked" in said.err
+    assert value_dict(bench.client.get())["ref_angle"] == 3.0

@@ -1,0 +1,167 @@
+"""The file of parameters: what is not sound is refused untouched, what is sound is there to the last value."""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from messages.parameters import (
+    ParameterChange,
+)
+from services.params.store import open_store
+from services.runtime.errors import BadInput
+from tests.services.params.server_on_file import read_values, server_on_file, set_values
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any], tuple[ParameterChange, ...]]:
+    """A file with a history, and what lies in it."""
+    file = tmp_path_factory.mktemp("sound") / "params.db"
+    with server_on_file(file) as at:
+        for index in range(60):
+            set_values(at, **{f"p{(index + each) % 120}": index + each / 8 for each in range(20)})
+        held = read_values(at)
+    return file, *held
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {each.name: each.read_bytes() for each in folder.iterdir()}
+
+
+def spoilt(sound: Path, folder: Path, data: bytes) -> Path:
+    folder.mkdir()
+    file = folder / sound.name
+    file.write_bytes(data)
+    return file
+
+
+def outcome(file: Path, held: Any) -> str:
+    """``refused``, and then untouched, or ``whole``; anything else fails."""
+    before = contents(file.parent)
+    try:
+        with server_on_file(file) as at:
+            assert read_values(at) == held
+    except BadInput as error:
+        reason = str(error)
+    else:
+        return "whole"
+    assert contents(file.parent) == before
+    assert "left as it is" in reason
+    assert str(file) in reason
+    return "refused"
+
+
+def test_what_is_saved_is_there_after_the_next_start(sound: Any, tmp_path: Path) -> None:
+    file, *held = sound
+    again = spoilt(file, tmp_path / "copy", file.read_bytes())
+    for _ in range(2):
+        assert outcome(again, tuple(held)) == "whole"
+
+
+def test_a_file_truncated_anywhere_is_refused_or_whole(sound: Any, tmp_path: Path) -> None:
+    file, *held = sound
+    data, chance = file.read_bytes(), random.Random(7)
+    cuts = [0, 1, 15, 16, 50, 99, 100, 4096, len(data) - 4096, *(chance.randrange(len(data)) for _ in range(30))]
+    outcomes = [outcome(spoilt(file, tmp_path / str(i), data[:cut]), tuple(held)) for i, cut in enumerate(cuts)]
+    assert set(outcomes) == {"refused"}
+
+
+def test_corrupted_bytes_are_refused_or_harmless(sound: Any, tmp_path: Path) -> None:
+    file, *held = sound
+    data, chance = file.read_bytes(), random.Random(8)
+    outcomes = []
+    for index in range(80):
+        damaged = bytearray(data)
+        for _ in range(chance.choice((1, 4, 64))):
+            place = chance.randrange(len(data))
+            damaged[place] ^= chance.randrange(1, 256)
+        outcomes.append(outcome(spoilt(file, tmp_path / str(index), bytes(damaged)), tuple(held)))
+        shutil.rmtree(tmp_path / str(index))
+    assert outcomes.count("refused") > 40
+
+
+def test_a_changed_value_is_found_though_the_database_is_in_order(sound: Any, tmp_path: Path) -> None:
+    file, *_ = sound
+    damaged = file.read_bytes().replace(b"p7", b"p8", 1)
+    with pytest.raises(BadInput, match="damaged"), open_store(str(spoilt(file, tmp_path / "a", damaged))):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda file: file.write_bytes(b""), "is empty: it was truncated"),
+        (lambda file: file.write_text("kp: 1\n" * 99), "not a database of parameters"),
+        (lambda file: foreign(file, "CREATE TABLE t(x)"), "another program"),
+        (lambda file: foreign(file, f"PRAGMA application_id = {0x456C6561}; PRAGMA user_version = 9"), "format 9"),
+        (lambda file: file.mkdir(), "cannot write"),
+    ],
+)
+def test_what_is_not_ours_is_refused_untouched(make: Any, says: str, tmp_path: Path) -> None:
+    file = tmp_path / "params.db"
+    make(file)
+    before = contents(tmp_path) if file.is_file() else {}
+    with pytest.raises(BadInput, match=says), open_store(str(file)):
+        pass
+    assert before == (contents(tmp_path) if file.is_file() else {})
+
+
+def foreign(file: Path, script: str) -> None:
+    connection = sqlite3.connect(file)
+    connection.executescript(script + "; CREATE TABLE u(x)")
+    connection.close()
+
+
+def test_a_log_whose_file_is_gone_is_not_silently_dropped(tmp_path: Path) -> None:
+    file = tmp_path / "params.db"
+    (tmp_path / "params.db-wal").write_bytes(b"x" * 99)
+    with pytest.raises(BadInput, match="is gone, but its log"), open_store(str(file)):
+        pass
+    assert not file.exists()
+
+
+@contextmanager
+def as_nobody() -> Iterator[None]:
+    """Without the leave that a superuser has everywhere."""
+    before = os.geteuid()
+    if before == 0:
+        os.seteuid(65534)
+    try:
+        yield
+    finally:
+        os.seteuid(before)
+
+
+def test_a_folder_that_cannot_be_written_is_named() -> None:
+    with tempfile.TemporaryDirectory(dir="/tmp") as folder:
+        file = Path(folder) / "params.db"
+        with open_store(str(file)):
+            pass
+        file.chmod(0o666)
+        Path(folder).chmod(0o555)
+        with as_nobody():
+            with (
+                pytest.raises(BadInput, match=r"cannot use .*params\.db.*is its folder, .*, read-only"),
+                open_store(str(file)),
+            ):
+                pass
+            refused = pytest.raises(BadInput, match=r"cannot write .*other\.db \(Permission denied\): give another")
+            with refused, open_store(f"{folder}/other.db"):
+                pass
+        Path(folder).chmod(0o755)
+        assert [each.name for each in Path(folder).iterdir()] == ["params.db"]
+
+
+def test_folders_are_made_and_memory_is_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with server_on_file("deep/down/params.db"), server_on_file(""), server_on_file(":memory:"):
+        assert sorted(each.name for each in tmp_path.iterdir()) == ["deep"]

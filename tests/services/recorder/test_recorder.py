@@ -1,0 +1,227 @@
+"""The recorder as a real process: what it takes up, that a killed one loses a second at most, and a full disk."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import pytest
+from rosbags.highlevel import AnyReader
+
+from messages.geometry import Twist
+from messages.rosgraph import Clock
+from messages.std import String, Time
+from messages.topics import CLOCK, CMD_VEL, ODOM, ROBOT_DESCRIPTION, Quality, Topic
+from services.bag.reader import Entry, MessageDecoder, open_bag, unknown_record
+from services.recorder import RecorderParameters
+from services.recorder.bag_recorder import PublishTimes, receive_time
+from services.recorder.subscriptions import TopicFilter
+from services.runtime.errors import BadInput
+from services.runtime.node import Node
+from tests.harness.command_line import CommandLine
+from tests.harness.processes import Network, Process
+from tests.harness.waiting import wait_until
+
+LIMITED = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
+sys.argv[0] = "recorder"
+from services.recorder import SERVICE
+from services.runtime.main import main
+main(SERVICE)
+"""
+"""A recorder whose files cannot grow beyond a limit: the kernel refuses it as it does on a full disk."""
+
+SHORT_OF_SPACE = """
+import resource
+from dataclasses import replace
+from services.recorder import SERVICE
+from services.recorder.loop import run as record
+from services.runtime.main import main
+
+def run(ctx):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (150_000, 150_000))
+    record(ctx)
+
+main(replace(SERVICE, run=run))
+"""
+FLEET = """
+name = "f"
+[run]
+ends = "goals"
+duration = 30
+[[robot]]
+name = "r"
+model = "burger"
+services = [{ kind = "waypoint", parameters = { goals = [[1.5, 0.0]] } }]
+"""
+
+
+def record(network: Network, node: Node, folder: Path, *options: str) -> Process:
+    """A recorder that has subscribed to everything that the node publishes."""
+    process = network.start("recorder", "--name", f"r{time.time_ns()}", "--param", f"output={folder}", *options)
+    wait_until(lambda: "recording to" in process.text or process.status is not None, what=process.text)
+    return process
+
+
+def heard(node: Node, *topics: str) -> bool:
+    return all(each.has_subscribers for each in node.publishers if each.name in topics)
+
+
+def read(path: Path) -> list[Entry]:
+    return list(open_bag(path).entries())
+
+
+def test_it_takes_up_all_that_there_is_and_what_comes_later(network: Network, node: Node, tmp_path: Path) -> None:
+    strange = Topic("/strange", unknown_record("my_msgs/Thing"), 0, Quality.EVENT, "")
+    clock, early = node.advertise(CLOCK), node.advertise(ROBOT_DESCRIPTION, "/r/robot_description")
+    early.publish(String(data="<robot/>"))
+    raw = node.advertise(strange, "/strange")
+    with record(network, node, tmp_path / "bag", "--param", "exclude=(health|rosout)$") as process:
+        wait_until(lambda: heard(node, "/clock", "/strange"))
+        late = node.advertise(CMD_VEL, "/r/cmd_vel")
+        wait_until(lambda: late.has_subscribers)
+        for tick in range(1, 51):
+            clock.publish(Clock(clock=Time.of(tick * 20_000_000), tick=tick * 4))
+            late.publish(Twist.planar(tick / 100, 0.0))
+            raw.publish_encoded(b"\x81\xa1a" + bytes([tick]))
+            time.sleep(0.002)
+        assert process.stop() == 0, process.text
+    found, typed = read(tmp_path / "bag"), MessageDecoder()
+    of = {each.channel.topic: [e for e in found if e.channel == each.channel] for each in found}
+    assert set(of) == {"/clock", "/clock/_elea", "/r/robot_description", "/r/cmd_vel", "/strange"}
+    assert [typed.decode(each) for each in of["/r/cmd_vel"]] == [Twist.planar(k / 100, 0.0) for k in range(1, 51)]
+    assert [each.publish_time for each in of["/r/cmd_vel"]] == [k * 20_000_000 for k in range(1, 51)]
+    assert [each.data[-1] for each in of["/strange"]] == list(range(1, 51))
+    assert of["/r/robot_description"][0].channel.quality is Quality.LATCHED
+    assert "/strange is my_msgs/Thing, which is unknown here" in process.text
+    times = [each.log_time for each in found]
+    assert times == sorted(times)
+    node.unregister(clock, early, raw, late)
+
+
+def test_a_killed_recorder_has_lost_a_second_at_most(network: Network, node: Node, tmp_path: Path) -> None:
+    out = node.advertise(ODOM, "/k/odom")
+    with record(network, node, tmp_path / "bag", "--param", 'topics=["/k/odom"]') as process:
+        wait_until(lambda: out.has_subscribers)
+        begun, sent = time.monotonic(), []
+        while time.monotonic() - begun < 2.5:
+            out.publish(ODOM.record())
+            sent.append(time.monotonic())
+            time.sleep(0.005)
+        killed = time.monotonic()
+        process.kill()
+    node.unregister(out)
+    bag = open_bag(tmp_path / "bag")
+    found = list(bag.entries())
+    assert [each.sequence for each in found] == list(range(1, len(found) + 1))
+    assert len(found) >= sum(1 for at in sent if at < killed - 1.1)
+    assert "torn" in bag.problems[0]
+    terminal = CommandLine(tmp_path)
+    shown = terminal.run("bag", "info", str(tmp_path / "bag"))
+    assert (shown.status, "torn" in shown.err) == (1, True)
+    mended = terminal.run("bag", "export", str(tmp_path / "bag"), "--to", "rosbag2", "-o", "mended")
+    assert mended.status == 0, mended.err
+    with AnyReader([tmp_path / "mended"]) as reader:
+        assert reader.message_count == len(found)
+
+
+def test_a_full_disk_stops_nothing_and_is_told(tmp_path: Path) -> None:
+    robot = '[{"name":"r","model":"burger"}]'
+    members = '["/r/waypoint","/recorder"]'
+    with Network(tmp_path) as network, network.node() as node:
+        simulation = network.start(
+            "sim",
+            "--lockstep",
+            *("--param", f"robots={robot}", "--param", "mode=lockstep", "--param", f"members={members}"),
+        )
+        network.start("waypoint", "--lockstep", "--namespace", "/r", "--param", "goals=[[100,0]]")
+        command = [
+            "-c",
+            LIMITED.format(limit=400_000),
+            *("--connect", network.endpoint, "--lockstep", "--param", f"output={tmp_path / 'bag'}"),
+            *("--param", 'members=["/r/waypoint"]'),
+        ]
+        clock, odometry = node.subscribe(CLOCK), node.subscribe(ODOM, "/r/odom")
+        with Process(command, tmp_path / "recorder.log") as recorder:
+            wait_until(lambda: "the disk does not take the recording" in recorder.text, 60, recorder.text)
+            since = wait_until(lambda: (clock.update(), clock.messages)[1], 30)[-1][0].clock.ns
+            wait_until(
+                lambda: (clock.update(), clock.messages and clock.messages[-1][0].clock.ns > since + 2 * 10**9)[1], 30
+            )
+            odometry.update()
+            assert odometry.messages[-1][0].twist.twist.linear.x == pytest.approx(0.22, abs=0.01), "the robot drives on"
+            assert recorder.status is None
+            assert recorder.stop() == 1, recorder.text
+        assert "gone" not in simulation.text
+    assert "messages are missing from" in recorder.text
+    bag = open_bag(tmp_path / "bag")
+    found = list(bag.entries())
+    numbers = [each.sequence for each in found if each.channel.topic == "/r/odom"]
+    assert numbers
+    assert numbers == sorted(set(numbers)), "whole chunks, each once"
+    assert all((tmp_path / "bag" / each.name).stat().st_size <= 400_000 for each in (tmp_path / "bag").iterdir())
+
+
+def test_a_run_whose_bag_is_not_whole_says_so(tmp_path: Path) -> None:
+    """The run itself is as good as ever: its report says that all checks hold."""
+    terminal = CommandLine(tmp_path)
+    (tmp_path / "limited.py").write_text(SHORT_OF_SPACE)
+    fleet = tmp_path / "fleet.toml"
+    fleet.write_text(FLEET + '[[service]]\nkind = "limited.py"\nparameters = { output = "bag", resume = true }\n')
+    ended = terminal.run_fleet(fleet, tmp_path / "run", "--no-saved")
+    assert ended.status == 1, ended.err
+    assert "recorder ended with an error" in ended.err
+    assert "messages are missing from" in ended.err
+    assert json.loads((tmp_path / "run" / "report.json").read_text())["ok"] is True
+
+
+@pytest.mark.parametrize("mode", ["real", "lockstep"])
+def test_a_recording_begins_with_the_run(tmp_path: Path, mode: str) -> None:
+    terminal = CommandLine(tmp_path)
+    fleet = tmp_path / "fleet.toml"
+    fleet.write_text(f'name = "f"\n[run]\nmode = "{mode}"\nends = "never"\n[[robot]]\nname = "r"\nmodel = "burger"\n')
+    ended = terminal.run_fleet(fleet, tmp_path / "run", "--record", "--duration", "2")
+    assert ended.status == 0, ended.err
+    found, typed, first = read(tmp_path / "run" / "bag"), MessageDecoder(), {}
+    for each in found:
+        first.setdefault(each.channel.topic, (each.sequence, each.publish_time))
+    for topic in ("/clock", "/tf", "/r/odom", "/r/ground_truth", "/r/joint_states", "/r/scan"):
+        assert first[topic] == (1, 0), topic
+    assert first["/r/imu"] == (1, 10_000_000), "one step is needed for a specific force"
+    clock = next(typed.decode(each) for each in found if each.channel.topic == "/clock")
+    assert clock == Clock()
+
+
+def test_which_topics_are_recorded() -> None:
+    def choose(**given: object) -> TopicFilter:
+        return TopicFilter(RecorderParameters(**given), lambda name: name if name[0] == "/" else f"/r/{name}")  # type: ignore[arg-type]
+
+    names = ("/clock", "/r/odom", "/r/scan", "/q/odom")
+    assert [each for each in names if each in choose()] == list(names)
+    assert [each for each in names if each in choose(topics=("odom",))] == ["/r/odom"]
+    both = choose(topics=("/clock",), regex="/odom$")
+    assert [each for each in names if each in both] == ["/clock", "/r/odom", "/q/odom"]
+    assert [each for each in names if each in choose(exclude="^/r")] == ["/clock", "/q/odom"]
+    with pytest.raises(BadInput, match=r"regex: '\(' is not a regular expression"):
+        choose(regex="(")
+
+
+def test_simulated_time_is_the_stamp_near_the_clock_and_else_the_clock() -> None:
+    times, odom = PublishTimes(), ODOM.record
+    assert times.publish_time(Twist(), 77, timed=False) == 77, "without a clock, the wall's"
+    assert times.publish_time(Twist(), 77, timed=True) == 0, "before the first clock, the beginning"
+    assert times.publish_time(Clock(clock=Time.of(5 * 10**9)), 78, timed=True) == 5 * 10**9
+    assert times.publish_time(Twist(), 79, timed=True) == 5 * 10**9
+    assert times.publish_time(Clock(clock=Time(sec=-3)), 80, timed=True) == 0, (
+        "no bag holds a time before the beginning"
+    )
+    times.publish_time(Clock(clock=Time.of(5 * 10**9)), 80, timed=True)
+    stamped = [odom(header=type(odom().header)(stamp=Time.of(at))) for at in (5 * 10**9 - 7, 10**9, 9 * 10**9)]
+    assert [times.publish_time(each, 80, timed=True) for each in stamped] == [5 * 10**9 - 7, 5 * 10**9, 5 * 10**9]
+
+
+@pytest.mark.parametrize(("source", "wanted"), [(None, 20), (15, 15), (5, 10), (25, 20)])
+def test_a_message_came_when_it_was_sent_or_at_the_bounds_of_what_can_be(source: int | None, wanted: int) -> None:
+    assert receive_time(source, 10, 20) == wanted

@@ -1,0 +1,324 @@
+"""Lockstep where somebody else speaks on its keys, where a member falls silent, and where one never comes."""
+
+from __future__ import annotations
+
+import io
+import random
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+
+import pytest
+
+from messages.base import encode
+from messages.std import Float64
+from messages.topics import Quality, Topic
+from services.runtime.context import Context
+from services.runtime.errors import Stopped
+from services.runtime.graph import Entity
+from services.runtime.lockstep import barrier
+from services.runtime.lockstep.member import LockstepMember
+from services.runtime.lockstep.protocol import SIMULATION, StepGrant, StepReport, grant_key, report_key
+from services.runtime.service import STEP_NS, Parameters
+from services.runtime.transport.api import Transport
+from services.runtime.transport.memory import MemoryBus, MemoryTransport
+from services.runtime.transport.wire import publisher_id
+from tests.harness.memory_node import memory_node
+from tests.harness.waiting import wait_until
+from tests.services.runtime.lockstep.test_lockstep import Member, Simulation
+
+FAR = 2**62
+
+
+class LedMember:
+    """A member's side, led by hand."""
+
+    def __init__(self, bus: MemoryBus) -> None:
+        self.simulation, self.transport = MemoryTransport(bus), MemoryTransport(bus)
+        self.token = self.simulation.declare_token(Entity(self.simulation.session, "node", SIMULATION, "sim").key)
+        self.follower = LockstepMember(self.transport, "/m", STEP_NS)
+        self.answers = self.simulation.subscribe(report_key(self.simulation.session), 64)
+        self._outlet = self.simulation.advertise(grant_key(self.transport.session), "", Quality.EVENT)
+        self.greeting = self.go(roster=("/m",))
+
+    def go(self, **given: object) -> StepGrant:
+        return StepGrant(**{"simulation": self.simulation.session, "tick": 4, "time": 4 * STEP_NS, "epoch": 0} | given)  # type: ignore[arg-type]
+
+    def take(self, *gos: StepGrant) -> list[StepGrant]:
+        for go in gos:
+            self._outlet.put(encode(go), attachment=b"")
+        return list(iter(self.follower.poll, None))
+
+
+@pytest.fixture
+def led() -> LedMember:
+    return LedMember(MemoryBus())
+
+
+def test_a_go_counts_only_from_the_simulation_that_knows_the_nonce_and_never_backwards(led: LedMember) -> None:
+    counts, session = led.follower.refusals, led.simulation.session
+    forged = ("feed", "", "a?b", "a/b", "*", session, led.transport.session)
+    assert led.take(*(led.go(simulation=each) for each in forged)) == []
+    assert led.take(led.go(roster=("/other",)), led.go(roster=("/m", "\x1b[2J"))) == []
+    assert counts.refused == len(forged) + 2
+    assert led.take(led.go(simulation="feed", roster=("/m",))) == [], "it holds no token of the simulation"
+    (greeting,) = led.take(led.greeting)
+    led.follower.send_join(greeting, {}, {})
+    nonce = led.follower._nonce_for(session)
+    assert led.take(led.go()) == [], "it does not know the nonce"
+    first, later = led.go(nonce=nonce), led.go(tick=8, nonce=nonce)
+    assert led.take(first) == [first]
+    refused = counts.refused
+    bad = (
+        led.go(nonce=b"x" * 8, tick=8),
+        led.go(nonce=nonce, tick=3),
+        led.go(nonce=nonce, tick=3, paused=True),
+        led.go(nonce=nonce, tick=FAR),
+        led.go(nonce=nonce, epoch=FAR),
+        led.go(paused=True),
+        led.go(simulation="feed", roster=("/m",)),
+    )
+    assert led.take(*bad) == []
+    assert counts.refused == refused + len(bad)
+    assert led.take(led.go(nonce=nonce, paused=True), later) == [led.go(nonce=nonce, paused=True), later]
+    assert "\x1b" not in counts.reason
+
+
+def test_another_simulation_leads_only_when_the_token_of_the_one_before_is_gone(led: LedMember) -> None:
+    led.follower.send_join(led.take(led.greeting)[0], {}, {})
+    first = led.go(nonce=led.follower._nonce_for(led.simulation.session), tick=100)
+    assert led.take(first) == [first]
+    session = "feed"
+    greeting = led.go(simulation=session, roster=("/m",))
+    claim = Entity(session, "node", SIMULATION, "sim")
+    other = led.simulation.declare_token(claim.key)
+    assert led.take(greeting) == []
+    double = led.simulation.declare_token(Entity(led.simulation.session, "node", SIMULATION, "nothing").key)
+    double.close()
+    assert led.take(greeting) == [], "the token of a stranger went, not the simulation's"
+    led.token.close()
+    (taken,) = led.take(greeting)
+    led.follower.send_join(taken, {}, {})
+    again = led.go(simulation=session, nonce=led.follower._nonce_for(session), tick=0, time=0)
+    assert led.take(again) == [again], "its time stands where it likes"
+    other.close()
+
+
+def test_a_greeting_counts_once_its_senders_token_is_in_sight(led: LedMember) -> None:
+    led.token.close()
+    assert led.take(led.greeting) == []
+    led.simulation.declare_token(Entity(led.simulation.session, "node", SIMULATION, "sim").key)
+    assert led.take() == [led.greeting]
+    assert led.follower.refusals.refused == 0
+
+
+def test_a_go_that_comes_again_is_answered_again_and_stepped_once(led: LedMember) -> None:
+    led.follower.send_join(led.take(led.greeting)[0], {}, {})
+    go = led.go(nonce=led.follower._nonce_for(led.simulation.session), token=b"t" * 8)
+    assert led.take(go, go) == [go]
+    led.follower.finish(4, {"a": {b"m" * 16: 1}}, {})
+    before = list(iter(led.answers.recv, None))
+    assert led.take(go) == []
+    (again,) = iter(led.answers.recv, None)
+    assert again[0] == before[-1][0]
+
+
+@pytest.fixture
+def simulation(connect: Callable[[], Transport]) -> Iterator[Simulation]:
+    with connect() as transport, memory_node(MemoryBus(), "sim", transport=transport) as made:
+        yield Simulation(made, ("/a", "/b"))
+
+
+def test_strangers_make_no_member_and_drop_none(connect: Callable[[], Transport], simulation: Simulation) -> None:
+    members = [Member(connect(), name, 50, random.Random(0)) for name in ("a", "b")]
+    try:
+        simulation.barrier.wait_for_members()
+        simulation.step(9)
+        with connect() as stranger:
+            assert members[0].node is not None
+            victim, own = members[0].node.transport.session, stranger.session
+            outlet = stranger.advertise(report_key(simulation.node.transport.session), "", Quality.EVENT)
+            wait_until(lambda: outlet.has_subscribers, what="the simulation to hear the stranger")
+            mine = publisher_id("/a", victim, "shared")
+            for session in (victim, own, "feed"):
+                for leaving, greets in ((True, False), (False, True), (False, False)):
+                    for marks in ({}, {"shared": {mine: FAR}}):
+                        done = StepReport(
+                            session=session, tick=12, marks=marks, leaving=leaving, greets=greets, token=b"x" * 8
+                        )
+                        outlet.put(encode(done), attachment=b"")
+            tokens = [
+                stranger.declare_token(each.key)
+                for each in (
+                    Entity(own, "step", "/a", detail=str(STEP_NS)),
+                    Entity(victim, "step", "/a", detail="7"),
+                    Entity(victim, "node", "/a", "nothing"),
+                    Entity(own, "node", "/b", "member"),
+                    Entity(own, "step", "/b", detail=str(STEP_NS)),
+                    Entity(own, "step", "/nobody", detail=str(STEP_NS)),
+                    Entity(victim, "sub", "/a", "/shared", "-", "-"),
+                )
+            ]
+            counts = simulation.barrier.refusals
+            wait_until(lambda: simulation.step(4) or counts.refused == 18, what="all of it to be refused")
+            for token in tokens:
+                token.close()
+        simulation.step(41)
+        assert simulation.barrier.state.members == ("/a", "/b")
+        assert (simulation.barrier.state.lost, simulation.barrier.state.left) == ((), ())
+        last = (simulation.tick - 1) // 4 * 4 * STEP_NS
+        for each in members:
+            times = [time_ns for time_ns, _, _ in each.seen]
+            assert times == [20_000_000 * n for n in range(len(times))]
+            assert times[-1] == last, each
+            assert each.node is not None
+            assert all(source.lost == 0 for source in each.node.subscribers)
+    finally:
+        for each in members:
+            each.stop()
+
+
+class SilentMember:
+    """A member that answers its greeting and then never again; ``steps`` is how often it was let step."""
+
+    def __init__(self, transport: Transport, name: str, beats: bool = False) -> None:
+        self.steps = 0
+        self.ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, args=(transport, name, beats))
+        self._thread.start()
+
+    def _run(self, transport: Transport, name: str, beats: bool) -> None:
+        with transport, memory_node(MemoryBus(), name, transport=transport) as made:
+            follower = LockstepMember(transport, made.identity.node, STEP_NS)
+            follower.join()
+            while not self.ended.is_set():
+                if beats:
+                    made.heartbeat.request_now()
+                    made.spin_once()
+                transport.wait(follower.raw)
+                while (go := follower.poll()) is not None:
+                    if go.roster:
+                        follower.send_join(go, {}, {})
+                    else:
+                        self.steps += 1
+
+    def stop(self) -> None:
+        self.ended.set()
+        self._thread.join(10)
+        assert not self._thread.is_alive()
+
+
+def test_who_never_answers_is_named_and_given_up_and_the_others_go_on(
+    connect: Callable[[], Transport], simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(barrier, "REPORT_S", 0.1)
+    monkeypatch.setattr(barrier, "SILENT_S", 1.5)
+    log = simulation.node.log._out = io.StringIO()
+    alive, mute = Member(connect(), "a", 50, random.Random(0)), SilentMember(connect(), "b")
+    try:
+        simulation.barrier.wait_for_members()
+        simulation.step(9)
+        assert simulation.barrier.state.lost == ("/b",)
+        assert simulation.barrier.state.members == ("/a",)
+        assert len(simulation.barrier.watermarks.lost_members) == 1, "its commands go with it"
+        assert mute.steps == 1, "it was asked again and again, for the same step"
+        assert "waits for /b since" in log.getvalue()
+        assert "/b is lost, the others go on without it: no answer for" in log.getvalue()
+        assert [time_ns for time_ns, _, _ in alive.seen] == [0, 4 * STEP_NS, 8 * STEP_NS]
+    finally:
+        alive.stop()
+        mute.stop()
+
+
+def test_who_beats_is_slow_and_not_dead_for_a_while(
+    connect: Callable[[], Transport], simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, seconds in (("REPORT_S", 0.1), ("SILENT_S", 2.5), ("MAX_WAIT_S", 4.0)):
+        monkeypatch.setattr(barrier, name, seconds)
+    log = simulation.node.log._out = io.StringIO()
+    alive, mute = Member(connect(), "a", 50, random.Random(0)), SilentMember(connect(), "b", beats=True)
+    try:
+        simulation.barrier.wait_for_members()
+        simulation.step(5)
+        assert simulation.barrier.state.lost == ("/b",)
+        (line,) = [each for each in log.getvalue().splitlines() if "is lost" in each]
+        assert "no answer for 4" in line, line
+    finally:
+        alive.stop()
+        mute.stop()
+
+
+def test_time_begins_without_who_never_comes(
+    connect: Callable[[], Transport], simulation: Simulation, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(barrier, "GATHER_S", 1.0)
+    log = simulation.node.log._out = io.StringIO()
+    alone = Member(connect(), "a", 50, random.Random(0))
+    try:
+        simulation.barrier.wait_for_members()
+        assert simulation.barrier.state.lost == ("/a", "/b"), "nobody steps before all are there"
+        assert "/a, /b not there after" in log.getvalue()
+
+        def stepped() -> bool:
+            simulation.step(4)
+            return len(alone.seen) > 2
+
+        wait_until(stepped, what="the one that is there to step with the simulation")
+    finally:
+        alone.stop()
+
+
+LATCHED = Topic("/plan", Float64, 0, Quality.LATCHED, "what a member told long ago")
+
+
+def test_who_comes_late_has_what_members_and_simulation_told_long_ago(connect: Callable[[], Transport]) -> None:
+    seen: list[float] = []
+    with connect() as transport, memory_node(MemoryBus(), "sim", transport=transport) as made:
+        simulation = Simulation(made, ("/a", "/b"))
+        frame = made.advertise(LATCHED, "/frame")
+
+        def tell(ctx: Context[Parameters]) -> None:
+            for tick in ctx.ticks():
+                if tick.time == 0:
+                    ctx.publish(LATCHED, Float64(data=5.0))
+
+        def hear(ctx: Context[Parameters]) -> None:
+            plan, frames = ctx.latest(LATCHED), ctx.latest(LATCHED, "/frame")
+            for _ in ctx.ticks():
+                if plan.value is not None and frames.value is not None:
+                    seen.append(plan.value.data + frames.value.data)
+
+        def late() -> list[float]:
+            simulation.step(4)
+            return seen
+
+        with LoopingMember(connect(), "a", tell):
+            with LoopingMember(connect(), "b", lambda ctx: [None for _ in ctx.ticks()]):
+                simulation.barrier.wait_for_members()
+                frame.publish(Float64(data=2.0))
+                simulation.step(20)
+            simulation.step(20)
+            with LoopingMember(connect(), "b", hear):
+                assert wait_until(late, what="both values at who came late")[0] == 7.0
+
+
+class LoopingMember:
+    """A member's loop in a thread; ``with`` ends it."""
+
+    def __init__(self, transport: Transport, name: str, run: Callable[[Context[Parameters]], object]) -> None:
+        self._transport, self._name, self._run = transport, name, run
+        self._made = memory_node(MemoryBus(), name, transport=transport)
+        self._thread = threading.Thread(target=self._body)
+
+    def _body(self) -> None:
+        with self._transport, self._made, suppress(Stopped):
+            self._run(Context(self._made, Parameters(), 50.0, lockstep=True))
+
+    def __enter__(self) -> None:
+        self._thread.start()
+
+    def __exit__(self, *exception: object) -> None:
+        self._made.stopping = True
+        self._transport.wake()
+        self._thread.join(10)
+        assert not self._thread.is_alive()

@@ -1,0 +1,218 @@
+"""Lockstep between real loops in threads: the same run whatever the timing; members that die, join, or see a pause."""
+
+from __future__ import annotations
+
+import random
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from messages.std import Float64
+from messages.topics import Quality, Topic
+from services.runtime.context import Context
+from services.runtime.errors import BadInput, Stopped
+from services.runtime.lockstep.barrier import Barrier
+from services.runtime.lockstep.protocol import StepGrant
+from services.runtime.node import Node
+from services.runtime.service import STEP_NS, Parameters, period_of
+from services.runtime.transport.api import Transport
+from services.runtime.transport.memory import MemoryBus
+from services.runtime.transport.wire import member_id
+from tests.harness.memory_node import memory_node
+from tests.harness.waiting import wait_until
+
+TRUTH = Topic("/truth", Float64, 50, Quality.SENSOR, "what the simulation tells")
+SHARED = Topic("/shared", Float64, 50, Quality.EVENT, "what all members write and read")
+EFFORT = Topic("/effort", Float64, 50, Quality.COMMAND, "what the simulation obeys")
+
+
+class Member:
+    """A loop that mixes all that it hears into a number, dawdles, and tells the number to everybody."""
+
+    def __init__(self, transport: Transport, name: str, rate: float, dawdle: random.Random) -> None:
+        self.seen: list[tuple[int, tuple[float, ...], tuple[float, ...]]] = []
+        self.ended = threading.Event()
+        self._transport, self._name, self._rate, self._dawdle = transport, name, rate, dawdle
+        self.node: Node | None = None
+        self.thread = threading.Thread(target=self._body)
+        self.thread.start()
+
+    def _body(self) -> None:
+        with self._transport, memory_node(MemoryBus(), self._name, transport=self._transport) as made:
+            self.node = made
+            with suppress(Stopped):
+                self._run(Context(made, Parameters(), self._rate, lockstep=True))
+
+    def _run(self, ctx: Context[Any]) -> None:
+        truth, shared = ctx.stream(TRUTH), ctx.stream(SHARED)
+        value = 0.0
+        for tick in ctx.ticks():
+            heard = tuple(m.data for m in truth.drain())
+            said = tuple(m.data for m in shared.drain())
+            self.seen.append((tick.time, heard, said))
+            if self.ended.is_set():
+                self._transport.close()
+                return
+            time.sleep(self._dawdle.random() * 0.003)
+            value = 0.9 * value + sum(heard) + 0.1 * sum(said)
+            ctx.publish(SHARED, Float64(data=value))
+            ctx.publish(EFFORT, Float64(data=value + len(self._name)))
+
+    def stop(self) -> None:
+        if self.node is not None:
+            self.node.stopping = True
+            self.node.transport.wake()
+        self.thread.join(10)
+        assert not self.thread.is_alive()
+
+
+class Simulation:
+    """The smallest simulation: a number that efforts move."""
+
+    def __init__(self, made: Node, roster: tuple[str, ...]) -> None:
+        self.node, self.tick, self.state, self.paused = made, 0, 1.0, False
+        self.truth, self.effort = made.advertise(TRUTH), made.subscribe(EFFORT)
+        self.barrier = Barrier(made.transport, made.send_buffer, roster, made.log, made.wait, self.go)
+
+    def go(self) -> StepGrant:
+        session, now = self.node.transport.session, self.tick * STEP_NS
+        return StepGrant(simulation=session, tick=self.tick, time=now, epoch=0, paused=self.paused)
+
+    def step(self, count: int, latency: int = 0) -> None:
+        for _ in range(count):
+            self.node.spin_once()
+            self.barrier.update()
+            if self.tick % 4 == 0:
+                self.truth.publish(Float64(data=self.state))
+            if self.barrier.due(self.tick * STEP_NS):
+                if latency and self.tick:
+                    self.barrier.collect_reports(self.tick * STEP_NS)
+                self.barrier.grant(self.go(), self.node.publishers)
+                if not latency:
+                    self.barrier.collect_reports(self.tick * STEP_NS)
+                self.node.update_subscribers(self.barrier.watermarks)
+                for message, _ in self.effort.messages:
+                    self.state = 0.5 * self.state + 0.01 * message.data
+            self.tick += 1
+
+
+ROSTER = {"a": 50.0, "b": 25.0, "c": 10.0}
+
+
+def _run(connect: Callable[[], Transport], seed: int, latency: int, order: tuple[str, ...]) -> tuple[float, Any]:
+    dawdle = random.Random(seed)
+    with connect() as transport, memory_node(MemoryBus(), "sim", transport=transport) as made:
+        simulation = Simulation(made, tuple(f"/{name}" for name in ROSTER))
+        members = {name: Member(connect(), name, ROSTER[name], dawdle) for name in order}
+        try:
+            simulation.barrier.wait_for_members()
+            simulation.step(121, latency)
+            if latency:
+                simulation.barrier.collect_reports(0)  # a time at which all are due
+            assert all(source.lost == 0 for each in members.values() if each.node for source in each.node.subscribers)
+        finally:
+            for each in members.values():
+                each.stop()
+        return simulation.state, {name: members[name].seen for name in sorted(members)}
+
+
+@pytest.mark.parametrize("latency", [0, 1])
+def test_the_same_run_whatever_the_timing_and_the_start_order(connect: Callable[[], Transport], latency: int) -> None:
+    first = _run(connect, 1, latency, ("a", "b", "c"))
+    second = _run(connect, 2, latency, ("c", "a", "b"))
+    assert first == second
+    state, seen = first
+    assert state != 1.0
+    assert [time_ns for time_ns, _, _ in seen["a"]] == [n * 20_000_000 for n in range(31)]
+    assert [time_ns for time_ns, _, _ in seen["b"]] == [n * 40_000_000 for n in range(16)]
+    assert [time_ns for time_ns, _, _ in seen["c"]] == [n * 100_000_000 for n in range(7)]
+
+
+def test_what_is_sent_in_a_tick_is_seen_in_the_next(connect: Callable[[], Transport]) -> None:
+    _, seen = _run(connect, 3, 0, ("a", "b", "c"))
+    said = [len(shared) for _, _, shared in seen["a"]]
+    assert said[0] == 0
+    assert said[1] == 3
+    heard = [len(truth) for _, truth, _ in seen["c"]]
+    assert heard[0] == 1
+    assert heard[1:] == [5] * 6
+
+
+def test_what_is_sent_early_waits_for_its_tick(connect: Callable[[], Transport]) -> None:
+    """With latency 1: a member that has finished between two of its ticks is not heard before the second."""
+    with connect() as transport, memory_node(MemoryBus(), "sim", transport=transport) as made:
+        simulation = Simulation(made, ("/a",))
+        member = Member(connect(), "a", 25, random.Random(0))
+        barrier, reached = (
+            simulation.barrier,
+            lambda: sum(simulation.barrier.watermarks.admitted_upto["effort"].values()),
+        )
+        try:
+            barrier.wait_for_members()
+            simulation.step(9, latency=1)
+            assert reached() == 1
+            (known,) = barrier._members.values()
+            wait_until(lambda: barrier.update() or known.answer, what="the end of the second step")
+            barrier.collect_reports(12 * STEP_NS)
+            assert reached() == 1
+            barrier.collect_reports(16 * STEP_NS)
+            assert reached() == 2
+        finally:
+            member.stop()
+
+
+def test_a_member_that_dies_is_dropped_and_the_run_says_so(connect: Callable[[], Transport]) -> None:
+    with connect() as transport, memory_node(MemoryBus(), "sim", transport=transport) as made:
+        simulation = Simulation(made, ("/a", "/b"))
+        alive, dying = (Member(connect(), name, 50, random.Random(0)) for name in ("a", "b"))
+        try:
+            simulation.barrier.wait_for_members()
+            simulation.step(20)
+            dying.ended.set()
+            simulation.step(40)
+            assert simulation.barrier.state.lost == ("/b",)
+            assert dying.node is not None
+            assert simulation.barrier.watermarks.lost_members == {member_id("/b", dying.node.transport.session)}
+            assert alive.seen[-1][0] == 56 * STEP_NS
+            assert dying.seen[-1][0] == 20 * STEP_NS
+        finally:
+            alive.stop()
+            dying.stop()
+
+
+def test_a_member_that_comes_back_is_waited_for_again(connect: Callable[[], Transport]) -> None:
+    with connect() as transport, memory_node(MemoryBus(), "sim", transport=transport) as made:
+        simulation = Simulation(made, ("/a",))
+        first = Member(connect(), "a", 50, random.Random(0))
+        second: Member | None = None
+        try:
+            simulation.barrier.wait_for_members()
+            simulation.step(8)
+            first.ended.set()
+            simulation.step(8)
+            first.stop()
+            second = Member(connect(), "a", 50, random.Random(0))
+
+            def stepped() -> bool:
+                simulation.step(4)
+                return len(second.seen) >= 5 if second else False
+
+            wait_until(stepped)
+            times = [time_ns for time_ns, _, _ in second.seen]
+            assert [b - a for a, b in pairwise(times)] == [20_000_000] * (len(times) - 1)
+        finally:
+            first.stop()
+            if second is not None:
+                second.stop()
+
+
+def test_a_rate_must_be_whole_steps() -> None:
+    assert period_of(25, lockstep=True) == 40_000_000
+    assert period_of(30, lockstep=False) == 33_333_333
+    with pytest.raises(BadInput, match="no whole number of physics steps"):
+        period_of(30, lockstep=True)

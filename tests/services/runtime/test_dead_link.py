@@ -1,0 +1,135 @@
+"""A node whose link to its router answers nothing any more ends as soon as it is asked to, in both topologies."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from messages.topics import ODOM
+from services.runtime.identity import Identity
+from services.runtime.log import Log
+from services.runtime.node import Node
+from services.runtime.transport.unix_sockets import path_of
+from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh_config import configuration
+from tests.harness.processes import Network, Process
+from tests.harness.waiting import wait_until
+
+LINGER_S = 10.0
+"""Wall time for which Zenoh's sockets wait for the other side when they are closed, and a node once did."""
+SOON_S = 5.0
+"""What is asserted in place of the 2 s that are promised: this machine may be busy."""
+
+TALKER = """
+import time
+from messages.nav import Odometry
+from messages.requests import SUPERVISOR_STOP, Name
+from messages.topics import ODOM
+from services.runtime import Service, main
+
+
+def run(ctx):
+    odom = ctx.advertise(ODOM)
+    ctx.node.heartbeat.state = "running"
+    end = time.monotonic() + {talk}
+    while time.monotonic() < end:
+        ctx.idle()
+        for _ in range(20):
+            odom.publish(Odometry())
+    ctx.call(SUPERVISOR_STOP, Name(name="x"), timeout=60.0, name="/slow")
+
+
+main(Service(name="talker", about="Talks, then asks.", run=run, writes=(ODOM,)))
+"""
+
+
+class BlackHoleProxy:
+    """A way to a router that carries everything until it is ``closed``; then it takes nothing, and says nothing."""
+
+    def __init__(self, router: str) -> None:
+        self._router = str(path_of(router))
+        self._shut, self._sockets = threading.Event(), [socket.socket()]
+        # What is not read must stay with its sender: it lingers for what was not acknowledged.
+        self._sockets[0].setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        self._sockets[0].bind(("127.0.0.1", 0))
+        self._sockets[0].listen()
+        self.endpoint = f"tcp/127.0.0.1:{self._sockets[0].getsockname()[1]}"
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def shut(self) -> None:
+        self._shut.set()
+
+    def close(self) -> None:
+        for each in self._sockets:
+            each.close()
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                near, _ = self._sockets[0].accept()
+            except OSError:
+                return
+            self._sockets.append(near)
+            if self._shut.is_set():
+                continue
+            far = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            far.connect(self._router)
+            self._sockets.append(far)
+            for pair in ((near, far), (far, near)):
+                threading.Thread(target=self._copy, args=pair, daemon=True).start()
+
+    def _copy(self, origin: socket.socket, target: socket.socket) -> None:
+        try:
+            while not self._shut.is_set() and (data := origin.recv(4096)):
+                if not self._shut.is_set():
+                    target.sendall(data)
+        except OSError:
+            return
+
+
+@contextmanager
+def hole(network: Network) -> Iterator[BlackHoleProxy]:
+    made = BlackHoleProxy(network.endpoint)
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+@pytest.mark.parametrize("topology", ["direct", "star"])
+def test_node_on_a_dead_link_ends_soon(tmp_path: Path, topology: str) -> None:
+    identity = Identity.of("listener")
+    with (
+        Network(tmp_path) as network,
+        ZenohTransport(configuration("star", (network.endpoint,))) as transport,
+        Node(transport, identity, "tester", Log(identity.node)) as node,
+        hole(network) as talks,
+        hole(network) as asks,
+    ):
+        heard, slow = node.subscribe(ODOM, "/odom"), transport.serve("slow")
+
+        def begin(way: BlackHoleProxy, name: str, talk: str) -> Process:
+            (tmp_path / f"{name}.py").write_text(TALKER.format(talk=talk))
+            command = ["-m", "deploy", "run", str(tmp_path / f"{name}.py"), "--connect", way.endpoint, "--name", name]
+            return Process([*command, "--topology", topology], tmp_path / f"{name}.log")
+
+        with begin(talks, "talker", "1000") as talker, begin(asks, "asker", "0") as asker:
+            wait_until(lambda: (node.update_subscribers(), heard.messages)[1], 20, "odometry")
+            wait_until(slow.recv, 20, "a request, which is never answered")
+            talks.shut()
+            asks.shut()
+            time.sleep(1.0)  # the link is dead, and Zenoh, with a lease of 2 s, does not know it yet
+            began = time.monotonic()
+            talker.signal(signal.SIGINT)
+            asker.signal(signal.SIGINT)
+            assert (talker.wait(LINGER_S), asker.wait(LINGER_S)) == (0, 0), talker.text + asker.text
+            took = time.monotonic() - began
+            print(f"{topology}: {took:.2f} s")
+            assert took < SOON_S, f"{took:.1f} s"

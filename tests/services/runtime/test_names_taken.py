@@ -1,0 +1,95 @@
+"""Who gets a name on a real network, and whom a newcomer sees by then."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from services.runtime.discovery import DIRECTORY_KEY, known_nodes
+from services.runtime.errors import TryAgain
+from services.runtime.graph import snapshot
+from services.runtime.identity import Identity
+from services.runtime.log import Log
+from services.runtime.node import Node
+from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh_config import Role, configuration
+from tests.harness.processes import Network
+
+
+@pytest.fixture(scope="module")
+def network(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Network]:
+    with Network(tmp_path_factory.mktemp("logs")) as network:
+        yield network
+
+
+def transport(network: Network, role: Role = "direct", settle_s: float = 0.7) -> ZenohTransport:
+    return ZenohTransport(configuration(role, (network.endpoint,)), settle_s)
+
+
+def node(transport: ZenohTransport, name: str) -> Node:
+    return Node(transport, Identity.of(name), "tester", Log(name))
+
+
+@pytest.mark.parametrize("role", ["direct", "star"])
+def test_a_newcomer_has_its_name_as_soon_as_it_sees_everybody(network: Network, role: Role) -> None:
+    """It would wait for a minute if it could not tell."""
+    with ExitStack() as stack:
+        names = [f"there_{number}" for number in range(6)]
+        for name in names:
+            stack.enter_context(node(stack.enter_context(transport(network, role)), name))
+        with transport(network, role, settle_s=60.0) as newcomer, node(newcomer, "newcomer"):
+            seen = {each.node for each in snapshot(newcomer) if each.kind == "node"}
+    assert seen == {"/router", "/newcomer", *(f"/{name}" for name in names)}
+
+
+def test_of_those_that_come_at_once_one_gets_the_name(network: Network, tmp_path: Path) -> None:
+    got: list[str] = []
+    refused: list[str] = []
+    start, decided = threading.Barrier(3), threading.Barrier(3)
+
+    def come() -> None:
+        with transport(network) as mine:
+            start.wait(20)
+            try:
+                with node(mine, "same"):
+                    got.append(mine.session)
+                    decided.wait(20)
+            except TryAgain as error:
+                refused.append(str(error))
+                decided.wait(20)
+
+    threads = [threading.Thread(target=come) for _ in range(3)]
+    for each in threads:
+        each.start()
+    for each in threads:
+        each.join(30)
+    assert len(got) == 1
+    assert len(refused) == 2
+    assert all("a node /same is already there" in each for each in refused)
+
+
+def test_what_else_answers_for_the_register_is_not_believed(network: Network) -> None:
+    with transport(network) as asked, transport(network) as stranger:
+        assert known_nodes(asked) is not None
+        server = stranger.serve(DIRECTORY_KEY)
+        stop = threading.Event()
+
+        def lie() -> None:
+            while not stop.is_set():
+                if (query := server.recv()) is not None:
+                    query.reply(b"\xc1")
+                stop.wait(0.001)
+
+        liar = threading.Thread(target=lie)
+        liar.start()
+        try:
+            for _ in range(5):
+                told = known_nodes(asked)
+                assert told is None or any("/node/%router/" in each for each in told)
+        finally:
+            stop.set()
+            liar.join()

@@ -1,0 +1,244 @@
+"""What comes in is checked, counted and, in lockstep, held back until its tick is over."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+
+from messages.base import encode
+from messages.geometry import Twist
+from messages.std import String
+from messages.topics import CMD_VEL, HEALTH, Quality
+from services.runtime.lockstep.watermarks import Watermarks
+from services.runtime.subscriber import QUEUE_SIZE, Subscriber
+from services.runtime.transport.memory import MemoryBus, MemoryTransport
+from services.runtime.transport.wire import SampleInfo, encoding, pack_attachment, publisher_id
+from tests.harness.memory_node import memory_node
+
+KEY = "tb3_0/cmd_vel"
+TWIST = encoding(Twist.ROS_TYPE)
+
+
+class Sender:
+    """Puts raw samples, numbered or not; one with a number that it has sent already is the same one again."""
+
+    def __init__(self, bus: MemoryBus, node: str = "/a", kind: str = TWIST) -> None:
+        transport = MemoryTransport(bus)
+        self.id = publisher_id(node, transport.session, KEY)
+        self._outlet = transport.advertise(KEY, kind, Quality.COMMAND)
+        self._attachments: dict[int | None, bytes] = {None: b""}
+
+    def put(self, payload: bytes, number: int | None) -> None:
+        if number is not None and number not in self._attachments:
+            self._attachments[number] = pack_attachment(number, self.id)
+        self._outlet.put(payload, attachment=self._attachments[number])
+
+    def twist(self, v: float, number: int | None) -> None:
+        self.put(encode(Twist.planar(v, 0.0)), number)
+
+
+@pytest.fixture
+def bus() -> MemoryBus:
+    return MemoryBus()
+
+
+@pytest.fixture
+def source(bus: MemoryBus) -> Subscriber[Twist]:
+    return Subscriber(CMD_VEL, "/tb3_0/cmd_vel", KEY, MemoryTransport(bus))
+
+
+def _speeds(source: Subscriber[Twist]) -> list[float]:
+    return [message.linear.x for message, _ in source.messages]
+
+
+def test_gaps_are_lost_and_repeats_are_ignored(bus: MemoryBus, source: Subscriber[Twist]) -> None:
+    sender = Sender(bus)
+    for number in (4, 5, 5, 8, 4):
+        sender.twist(number, number)
+    source.update()
+    assert _speeds(source) == [4.0, 5.0, 8.0]
+    assert (source.received, source.lost, source.repeated) == (3, 2, 2)
+
+
+def test_each_publisher_is_numbered_by_itself(bus: MemoryBus, source: Subscriber[Twist]) -> None:
+    one, other = Sender(bus), Sender(bus)
+    one.twist(1, 1)
+    other.twist(2, 7)
+    one.twist(3, 2)
+    other.twist(4, 8)
+    source.update()
+    assert source.lost == 0
+    assert sorted(_speeds(source)) == [1.0, 2.0, 3.0, 4.0]
+
+
+BAD = (
+    b"",
+    encode(Twist.planar(1, 0))[:-1],
+    encode({"linear": {"x": float("nan")}}),
+    encode({"linear": {"x": 1e308}}),
+    encode({"linear": {"x": "fast"}}),
+    b"\xc1" * 50,
+    b"x" * 70_000,
+)
+
+
+@pytest.mark.parametrize("payload", BAD)
+def test_bad_payloads_are_counted_and_the_next_good_one_works(
+    bus: MemoryBus, source: Subscriber[Twist], payload: bytes
+) -> None:
+    sender = Sender(bus)
+    sender.put(payload, 1)
+    sender.put(payload, None)
+    sender.twist(0.1, 2)
+    source.update()
+    assert _speeds(source) == [0.1]
+    assert source.refused == 2
+    assert source.reason
+    assert source.health().refused == 2
+
+
+def test_another_type_is_refused_even_if_it_would_decode(bus: MemoryBus, source: Subscriber[Twist]) -> None:
+    Sender(bus, kind=encoding(String.ROS_TYPE)).put(encode(String(data="x")), 1)
+    source.update()
+    assert source.messages == []
+    assert "std_msgs/String" in source.reason
+
+
+def test_a_foreign_sample_is_taken_and_shown(bus: MemoryBus, source: Subscriber[Twist]) -> None:
+    Sender(bus, kind="").twist(0.2, None)
+    source.update()
+    assert (_speeds(source), source.foreign, source.refused) == ([0.2], 1, 0)
+
+
+def test_lockstep_holds_back_what_was_sent_in_this_tick(bus: MemoryBus, source: Subscriber[Twist]) -> None:
+    member, stranger = Sender(bus, "/member"), Sender(bus, "/stranger")
+    marks = Watermarks()
+    marks.members = {member.id[:10]}
+    member.twist(1, 1)
+    member.twist(2, 2)
+    stranger.twist(9, 1)
+    marks.advance({KEY: {member.id: 1}})
+    source.update(marks)
+    assert sorted(_speeds(source)) == [1.0, 9.0]
+    source.update(marks)
+    assert _speeds(source) == []
+    marks.advance({KEY: {member.id: 2}})
+    source.update(marks)
+    assert _speeds(source) == [2.0]
+
+
+def test_lockstep_waits_for_what_was_sent(bus: MemoryBus, source: Subscriber[Twist]) -> None:
+    member = Sender(bus, "/member")
+    marks = Watermarks()
+    marks.members = {member.id[:10]}
+    marks.advance({KEY: {member.id: 1}})
+    threading.Timer(0.05, member.twist, (1.0, 1)).start()
+    source.update(marks)
+    assert (_speeds(source), source.lost) == ([1.0], 0)
+
+
+def test_lockstep_counts_what_never_comes_as_lost(
+    bus: MemoryBus, source: Subscriber[Twist], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("services.runtime.subscriber.WAIT_BUDGET_S", 0.02)
+    member = Sender(bus, "/member")
+    marks = Watermarks()
+    marks.members = {member.id[:10]}
+    member.twist(1, 1)
+    marks.advance({KEY: {member.id: 3}})
+    source.update(marks)
+    marks.clear_required()
+    assert (_speeds(source), source.lost) == ([1.0], 2)
+
+
+def test_members_come_in_the_order_of_their_names_whoever_was_faster() -> None:
+    orders = []
+    for first, second in (("/a", "/b"), ("/b", "/a")):
+        bus = MemoryBus()
+        source: Subscriber[Twist] = Subscriber(CMD_VEL, "/tb3_0/cmd_vel", KEY, MemoryTransport(bus))
+        senders = {name: Sender(bus, name) for name in ("/a", "/b")}
+        marks = Watermarks()
+        marks.members = {each.id[:10] for each in senders.values()}
+        for name in (first, second):
+            senders[name].twist(1.0 if name == "/a" else 2.0, 1)
+        marks.advance({KEY: {each.id: 1 for each in senders.values()}})
+        source.update(marks)
+        orders.append(_speeds(source))
+    assert orders[0] == orders[1]
+
+
+def test_what_no_member_told_of_is_held_within_bounds_and_never_blocks_its_true_numbers(
+    bus: MemoryBus, source: Subscriber[Twist]
+) -> None:
+    member = Sender(bus, "/member")
+    marks = Watermarks()
+    marks.members = {member.id[:10]}
+    for number in range(2, 5 * QUEUE_SIZE, 2):
+        member.twist(9, number)
+        source.update(marks)
+    assert _speeds(source) == []
+    assert sum(map(len, source._deferred.values())) <= QUEUE_SIZE
+    assert source.received + source.refused == 5 * QUEUE_SIZE // 2 - 1
+    assert "told of 0" in source.reason
+    other = MemoryTransport(bus).advertise(KEY, TWIST, Quality.COMMAND)
+    other.put(encode(Twist.planar(9, 0)), attachment=pack_attachment(1, member.id[:10] + b"forged"))
+    refused = source.refused
+    source.update(marks)
+    assert (source.refused, "does not publish this topic" in source.reason) == (refused + 1, True)
+    marks.epoch_changed = True
+    source.update(marks)
+    marks.clear_required()
+    assert source._deferred == {}, "time began anew, and its numbers were not told before"
+    assert source.received == 0
+    member.twist(1, 5 * QUEUE_SIZE)
+    marks.advance({KEY: {member.id: 5 * QUEUE_SIZE}})
+    source.update(marks)
+    assert _speeds(source) == [1.0]
+
+
+def test_numbers_that_fall_back_take_the_place_of_those_held(source: Subscriber[Twist]) -> None:
+    """A publisher whose numbers were forged may be followed again at lower ones."""
+    id_ = publisher_id("/member", "0", KEY)
+    marks = Watermarks()
+    marks.members = {id_[:10]}
+    for number in (900, 901, 5, 6):
+        source._defer(Twist.planar(number, 0), SampleInfo(number, 0, 16, id_), 4)
+    assert source.refused == 2
+    marks.advance({}, {KEY: {id_: 5}})
+    source.update(marks)
+    assert _speeds(source) == [5.0]
+    marks.advance({}, {KEY: {id_: 6}})
+    source.update(marks)
+    assert _speeds(source) == [6.0]
+
+
+def test_all_inputs_of_a_tick_share_one_patience_and_the_heart_beats_meanwhile(
+    bus: MemoryBus, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("services.runtime.subscriber.WAIT_BUDGET_S", 1.2)
+    with memory_node(bus, "reader") as made, memory_node(bus, "witness") as witness:
+        beats = witness.subscribe(HEALTH)
+        sources = [made.subscribe(CMD_VEL, f"/r{number}/cmd_vel") for number in range(10)]
+        member = publisher_id("/member", "0", "any")
+        marks = Watermarks()
+        marks.members = {member[:10]}
+        for each in sources:
+            marks.advance({each.key: {member: 2**40}})
+        made.spin_once()
+        witness.update_subscribers()
+        made.send_buffer.begin()
+        begun = time.monotonic()
+        made.update_subscribers(marks)
+        waited = time.monotonic() - begun
+        witness.update_subscribers()
+        assert [message.node for message, _ in beats.messages] == ["/reader"] * (len(beats.messages) or 1)
+        # Ten times the patience would be 12 s; how much more than once it takes is up to the machine.
+        assert waited < 6 * 1.2
+        assert [each.lost for each in sources] == [1] * 10, "of what was never heard, one is missing for certain"
+        assert made.send_buffer.held is not None, "the burst of the step goes on"
+        late = MemoryTransport(bus).advertise(sources[0].key, TWIST, Quality.COMMAND)
+        late.put(encode(Twist.planar(1, 0)), attachment=pack_attachment(1, publisher_id("/other", "0", sources[0].key)))
+        made.update_subscribers(marks)
+        assert _speeds(sources[0]) == [1.0]

@@ -1,0 +1,52 @@
+"""A session closes when nothing of ours uses it any more."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import pytest
+
+from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh_config import configuration
+from tests.harness.ports import free_port
+
+LONG_S = 0.3
+"""Wall time of a nudge that meets the end of its session."""
+
+
+class Slow:
+    """A session in which a put lasts until the session is closed, but LONG_S at most."""
+
+    def __init__(self, session: Any) -> None:
+        self._session = session
+        self.entered, self._closed = threading.Event(), threading.Event()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._session, name)
+
+    def put(self, *arguments: Any, **options: Any) -> None:
+        self.entered.set()
+        self._closed.wait(LONG_S)
+        self._session.put(*arguments, **options)
+
+    def close(self) -> None:
+        self._session.close()
+        self._closed.set()
+
+
+def test_a_nudge_under_way_meets_no_closed_session(monkeypatch: pytest.MonkeyPatch) -> None:
+    died: list[Any] = []
+    monkeypatch.setattr(threading, "excepthook", died.append)
+    with ZenohTransport(configuration("router", listen=(f"tcp/127.0.0.1:{free_port()}",))) as transport:
+        slow = Slow(transport._zenoh)
+        monkeypatch.setattr(transport, "_zenoh", slow)
+        inlet = transport.subscribe("elea/test", 8)
+        reader = threading.Thread(target=transport.wait, args=(inlet,))
+        reader.start()
+        transport.wake()
+        assert slow.entered.wait(10)
+        transport.close()
+        reader.join(10)
+    assert not reader.is_alive()
+    assert died == []

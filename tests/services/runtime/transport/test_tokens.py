@@ -1,0 +1,57 @@
+"""Tokens under every transport: who comes and goes is told, and a crowd is seen whole."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from tests.harness.waiting import wait_until
+from tests.services.runtime.transport.conftest import Connect
+
+
+def test_tokens_come_and_go(connect: Connect) -> None:
+    watcher, other = connect(), connect()
+    early = other.declare_token("@elea/x/early")
+    wait_until(lambda: watcher.tokens("@elea/*/*") == ["@elea/x/early"])
+    watch = watcher.watch("@elea/*/*")
+    events: list[tuple[str, bool]] = []
+
+    def seen(count: int) -> Callable[[], bool]:
+        def probe() -> bool:
+            while (event := watch.poll()) is not None:
+                events.append((event.key, event.alive))
+            return len(events) >= count
+
+        return probe
+
+    wait_until(seen(1))
+    late = other.declare_token("@elea/x/late")
+    wait_until(seen(2))
+    watch.refresh()  # what is known is not told again
+    early.close()
+    wait_until(seen(3))
+    other.close()
+    wait_until(seen(4))
+    assert events == [
+        ("@elea/x/early", True),
+        ("@elea/x/late", True),
+        ("@elea/x/early", False),
+        ("@elea/x/late", False),
+    ]
+    assert late is not None
+
+
+def test_a_crowd_of_tokens_is_seen_whole_by_everyone(connect: Connect) -> None:
+    """Nine connections with 70 tokens each: more than Zenoh's own queue of answers holds."""
+    crowd = [connect() for _ in range(8)]
+    kept = [each.declare_token(f"@elea/{number}/{token}") for number, each in enumerate(crowd) for token in range(70)]
+    newcomer = connect()
+    mine = newcomer.declare_token("@elea/newcomer/0")
+    for each in (*crowd, newcomer):
+        wait_until(lambda each=each: len(each.tokens("@elea/*/*")) == len(kept) + 1, what="all tokens")
+    for each in (*crowd, newcomer):
+        assert [len(each.tokens("@elea/*/*")) for _ in range(10)] == [len(kept) + 1] * 10
+    assert len(newcomer.tokens("@elea/3/*")) == 70
+    crowd[3].close()
+    wait_until(lambda: not newcomer.tokens("@elea/3/*"), what="the end of them")
+    mine.close()
+    wait_until(lambda: not crowd[0].tokens("@elea/newcomer/*"), what="the end of one")

@@ -1,0 +1,66 @@
+"""Every key that we write is one that Zenoh knows, with the value that we meant."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import zenoh
+
+from services.runtime.errors import BadInput
+from services.runtime.transport.zenoh_config import Role, configuration, endpoint
+
+ROLES: tuple[Role, ...] = ("router", "direct", "star")
+
+
+def _leaves(tree: dict[str, Any], path: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in tree.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{path}{name}/")
+        else:
+            yield f"{path}{name}", value
+
+
+def _holds(made: Any, wanted: Any) -> bool:
+    """Whether what Zenoh made of a value is that value; in the records of a list it states more than we do."""
+    if isinstance(wanted, dict):
+        return all(name in made and _holds(made[name], value) for name, value in wanted.items())
+    if isinstance(wanted, list):
+        return len(made) == len(wanted) and all(map(_holds, made, wanted))
+    return bool(made == wanted)
+
+
+@pytest.mark.parametrize("role", ROLES)
+@pytest.mark.parametrize("reliable", [False, True])
+def test_zenoh_takes_every_key(role: Role, reliable: bool) -> None:
+    tree = configuration(role, ("127.0.0.1:7447",), ("tcp/127.0.0.1:0",), "lab", reliable)
+    made = dict(_leaves(json.loads(str(zenoh.Config.from_json5(json.dumps(tree))))))
+    for path, value in _leaves(tree):
+        assert _holds(made[path], value), path
+
+
+def test_an_unknown_key_would_be_noticed() -> None:
+    with pytest.raises(zenoh.ZError):
+        zenoh.Config.from_json5(json.dumps({"transport": {"link": {"tx": {"leese": 1}}}}))
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_nothing_listens_beyond_the_loopback(role: Role) -> None:
+    tree = configuration(role, ("tcp/127.0.0.1:7447",), ("tcp/127.0.0.1:7447",) if role == "router" else ())
+    assert all("127.0.0.1" in each for each in tree["listen"]["endpoints"])
+    assert tree["scouting"]["multicast"]["enabled"] is False
+    assert tree["transport"]["shared_memory"]["enabled"] is False
+    assert tree["listen"]["endpoints"] or role == "star"
+
+
+def test_a_domain_isolates() -> None:
+    assert configuration("direct", domain="lab")["namespace"] == "lab"
+    assert "namespace" not in configuration("direct")
+
+
+@pytest.mark.parametrize("text", ["", "7447", "tcp/127.0.0.1", "tcp/:7447", "127.0.0.1:99999", "http/127.0.0.1:80"])
+def test_a_bad_endpoint_is_refused(text: str) -> None:
+    with pytest.raises(BadInput, match="is not an endpoint"):
+        endpoint(text)

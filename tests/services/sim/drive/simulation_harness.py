@@ -1,0 +1,154 @@
+"""The simulation's stage in one process: real PyBullet, the network in memory, time that only the test moves."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+from messages.base import Message
+from messages.elea import BaseStatus
+from messages.geometry import Twist
+from messages.nav import Odometry
+from messages.requests import Request
+from messages.topics import BASE_STATUS, CMD_VEL, GROUND_TRUTH, ODOM, Topic
+from models.world import WorldDescription
+from services.runtime.identity import Identity
+from services.runtime.log import Log
+from services.runtime.node import Node
+from services.runtime.parameters.validation import build
+from services.runtime.publisher import Publisher
+from services.runtime.requests import call
+from services.runtime.service import STEP_NS
+from services.runtime.subscriber import Subscriber
+from services.runtime.transport.memory import MemoryBus, MemoryTransport
+from services.runtime.transport.wire import encoding
+from services.sim import BaseParameters, RobotEntry
+from services.sim.drive.controller import DiffDriveController
+from services.sim.physics.bullet import BulletWorld
+from services.sim.physics.world import Pose3
+from services.sim.robot import Robot
+from services.sim.services import SimulationServices
+from services.sim.simulation import CONTROL_STEPS, Simulation
+from services.sim.time_modes import RealTime
+
+M = TypeVar("M", bound=Message)
+R = TypeVar("R", bound=Message)
+NAME = "p3dx"
+CONTROL_S = CONTROL_STEPS * STEP_NS / 1e9
+
+
+class SimulationHarness:
+    """A stage with one robot, commands to it, and what it tells."""
+
+    def __init__(self, stage: Simulation, bus: MemoryBus, node: Node, log: io.StringIO) -> None:
+        self.simulation, self.bus, self.node, self._log = stage, bus, node, log
+        self._transport = MemoryTransport(bus)
+        self._outputs: dict[tuple[str, str], Publisher[Any]] = {}
+        self._inputs: dict[str, tuple[Subscriber[Any], list[Any]]] = {}
+        self.subscribe(GROUND_TRUTH)
+        self.subscribe(ODOM)
+        self.subscribe(BASE_STATUS)
+
+    @property
+    def robot(self) -> Robot:
+        return self.simulation.find(NAME)
+
+    @property
+    def log(self) -> str:
+        return self._log.getvalue()
+
+    @property
+    def now(self) -> float:
+        """Simulation time, s."""
+        return self.simulation.now / 1e9
+
+    def subscribe(self, topic: Topic[Any]) -> None:
+        """Keep what comes on a topic of the robot from now on."""
+        key = f"{NAME}/{topic.name}"
+        self._inputs[topic.name] = Subscriber(topic, f"/{key}", key, self._transport), []
+
+    def received(self, topic: Topic[M]) -> list[M]:
+        """What has come on it, oldest first."""
+        came, messages = self._inputs[topic.name]
+        came.update()
+        messages += [message for message, _ in came.messages]
+        return messages
+
+    def latest(self, topic: Topic[M]) -> M:
+        """The newest of it."""
+        return self.received(topic)[-1]
+
+    def publish(self, topic: Topic[Any], message: Message, sender: str = "/controller") -> None:
+        """Publish as a node."""
+        if (topic.name, sender) not in self._outputs:
+            key = f"{NAME}/{topic.name}"
+            self._outputs[topic.name, sender] = Publisher(topic, f"/{key}", key, sender, self._transport)
+        self._outputs[topic.name, sender].publish(message)
+
+    def run(self, seconds: float) -> None:
+        """Let simulation time go on."""
+        for _ in range(round(seconds * 1e9 / STEP_NS)):
+            self.simulation.publish()
+            if self.simulation.tick % CONTROL_STEPS == 0:
+                # Factor 0: how long the test's own process dawdles makes no command older.
+                self.simulation.read_inputs(None, 0.0)
+            self.simulation.step()
+
+    def drive(self, v: float, w: float, seconds: float, period: float = 0.04) -> None:
+        """Command at 25 Hz for a time, a whole number of control ticks."""
+        ticks = round(seconds / CONTROL_S)
+        for tick in range(ticks):
+            if tick % round(period / CONTROL_S) == 0:
+                self.publish(CMD_VEL, Twist.planar(v, w))
+            self.run(CONTROL_S)
+
+    def call(self, request: Request[M, R], message: M) -> R:
+        """Ask the simulation as another process would; raises CallFailed."""
+        with ThreadPoolExecutor(1) as pool:
+            key = request.name.lstrip("/")
+            asked = pool.submit(call, MemoryTransport(self.bus), request, key, message, 20.0)
+            while not asked.done():
+                self.node.spin_once()
+            return asked.result()
+
+    def publish_raw(self, topic: Topic[Any], payload: bytes) -> None:
+        """Publish as a program that is not ours."""
+        key = f"{NAME}/{topic.name}"
+        self._transport.advertise(key, encoding(topic.record.ROS_TYPE), topic.quality).put(payload, attachment=b"")
+
+    @property
+    def base(self) -> DiffDriveController:
+        assert self.robot.drive_controller is not None
+        return self.robot.drive_controller
+
+    def status(self) -> BaseStatus:
+        """What the base says of itself."""
+        self.robot.publish_status(self.simulation.now)
+        return self.latest(BASE_STATUS)
+
+    def truth(self) -> Odometry:
+        """Where the robot is now."""
+        self.simulation.publish()
+        return self.latest(GROUND_TRUTH)
+
+
+@contextmanager
+def run_simulation(model: str = "p3dx", at: Pose3 | None = None, **parameters: object) -> Iterator[SimulationHarness]:
+    """A robot ``p3dx`` of some model alone in an empty world."""
+    bus, log, identity = MemoryBus(), io.StringIO(), Identity.of("sim", "/")
+    with (
+        BulletWorld(WorldDescription(), STEP_NS) as world,
+        Node(MemoryTransport(bus), identity, "sim", Log(identity.node, out=log)) as node,
+    ):
+        stage = Simulation(node, world, 0)
+        SimulationServices(stage, RealTime(stage, node, 1000), node)
+        stage.spawn(RobotEntry(name=NAME, model=model, parameters=base_parameters(**parameters)), at or Pose3())
+        yield SimulationHarness(stage, bus, node, log)
+
+
+def base_parameters(**parameters: object) -> BaseParameters:
+    """Parameters as a fleet file gives them."""
+    return build(BaseParameters, parameters)

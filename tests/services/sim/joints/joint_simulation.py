@@ -1,0 +1,123 @@
+"""The simulation with arms in one process: real PyBullet, the transport in memory, time that the test advances."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+from messages.base import Message
+from messages.gazebo import ApplyEffort, JointName
+from messages.joints import JointEffort, JointProperties
+from messages.requests import JOINT_PROPERTIES, Request
+from messages.std import Time
+from messages.topics import JOINT_EFFORT, Topic
+from models.world import Box, WorldDescription
+from services.runtime.identity import Identity
+from services.runtime.log import Log
+from services.runtime.node import Node
+from services.runtime.parameters.validation import build
+from services.runtime.publisher import Publisher
+from services.runtime.requests import call
+from services.runtime.service import STEP_NS
+from services.runtime.subscriber import Subscriber
+from services.runtime.transport.memory import MemoryBus, MemoryTransport
+from services.sim import SimParameters
+from services.sim.physics.bullet import BulletWorld
+from services.sim.physics.world import Pose3
+from services.sim.services import JointServices, PropertyServices, SimulationServices
+from services.sim.simulation import Simulation
+from services.sim.time_modes import RealTime
+
+M = TypeVar("M", bound=Message)
+R = TypeVar("R", bound=Message)
+SCENE = WorldDescription(boxes=(Box(name="crate", size=(0.4, 0.4, 0.4), position=(9.0, 0.0, 0.2)),))
+
+
+class JointSimulation:
+    """A stage, what is sent to it and asked of it."""
+
+    def __init__(self, stage: Simulation, bus: MemoryBus, node: Node, log: io.StringIO) -> None:
+        self.simulation, self.bus, self.node, self._log = stage, bus, node, log
+        self._transport = MemoryTransport(bus)
+        self._outputs: dict[tuple[str, str], Publisher[Any]] = {}
+
+    @property
+    def log(self) -> str:
+        return self._log.getvalue()
+
+    def publish(
+        self, topic: Topic[Any], message: Message, robot: str = "arm", sender: str = "/controller"
+    ) -> Publisher[Any]:
+        """Publish as a node; in the namespace of a robot, or, without one, of nobody."""
+        key = f"{robot}/{topic.name}".strip("/")
+        if (key, sender) not in self._outputs:
+            self._outputs[key, sender] = Publisher(topic, f"/{key}", key, sender, self._transport)
+        self._outputs[key, sender].publish(message)
+        return self._outputs[key, sender]
+
+    def publish_effort(self, effort: float, duration: float = 0.1, joint: str = "bear_link", **more: Any) -> None:
+        """A job on the topic of the arm."""
+        self.publish(JOINT_EFFORT, JointEffort(joint_name=joint, effort=effort, duration=duration), **more)
+
+    def run(self, seconds: float, factor: float = 0.0) -> None:
+        """Let time go on. With the factor 0, the time that the test takes makes no command older."""
+        for _ in range(round(seconds * 1e9 / STEP_NS)):
+            self.simulation.publish()
+            if self.simulation.tick % self.simulation.input_steps == 0:
+                self.simulation.read_inputs(None, factor)
+            self.simulation.step()
+
+    def call(self, request: Request[Any, R], message: Message) -> R:
+        """Ask the simulation as another process would; raises CallFailed."""
+        with ThreadPoolExecutor(1) as pool:
+            asked = pool.submit(call, MemoryTransport(self.bus), request, request.name.lstrip("/"), message, 20.0)
+            while not asked.done():
+                self.node.spin_once()
+            return asked.result()
+
+    def joint_properties(self, model: str = "arm") -> JointProperties:
+        """What the joint of an arm is and does."""
+        return self.call(JOINT_PROPERTIES, JointName(model=model, joint_name="bear_link"))
+
+    def subscribe(self, topic: Topic[M], name: str) -> Subscriber[M]:
+        """An input of the test's own."""
+        return Subscriber(topic, name, name.lstrip("/"), self._transport)
+
+    def commands(self, robot: str = "arm") -> Subscriber[Any]:
+        """What the simulation reads of a robot's efforts."""
+        return next(each for each in self.node.subscribers if each.name == f"/{robot}/joint_effort")
+
+
+@contextmanager
+def run_joint_simulation(*robots: dict[str, Any]) -> Iterator[JointSimulation]:
+    """A stage with these robots, an arm of the name ``arm`` when none is stated."""
+    bus, log, identity = MemoryBus(), io.StringIO(), Identity.of("sim", "/")
+    params = build(SimParameters, {"robots": [*robots] or [{"name": "arm", "model": "arm"}]})
+    with (
+        BulletWorld(SCENE, STEP_NS) as world,
+        Node(MemoryTransport(bus), identity, "sim", Log(identity.node, out=log)) as node,
+    ):
+        stage = Simulation(node, world, 0)
+        timing = RealTime(stage, node, 1000)
+        SimulationServices(stage, timing, node)
+        JointServices(stage, node)
+        PropertyServices(stage, timing, node, params, SCENE)
+        for entry in params.robots:
+            stage.spawn(entry, Pose3((entry.x, entry.y, 0.0)))
+        yield JointSimulation(stage, bus, node, log)
+
+
+def robot_entry(name: str, model: str = "arm", **more: Any) -> dict[str, Any]:
+    """A robot as parameters state it."""
+    return {"name": name, "model": model, **more}
+
+
+def effort_request(
+    value: float, duration: float = 0.1, joint: str = "bear_link", model: str = "", start: int = 0
+) -> ApplyEffort:
+    """A job that is asked for."""
+    job = JointEffort(joint_name=joint, effort=value, duration=duration, start_time=Time.of(start))
+    return ApplyEffort(model=model, job=job)

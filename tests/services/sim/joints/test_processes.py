@@ -1,0 +1,74 @@
+"""Efforts from a controller in a process of its own: in lockstep bit for bit, and released when it is killed."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import groupby
+from pathlib import Path
+
+import pytest
+
+from messages.sensor import JointState
+from messages.topics import JOINT_STATES
+from services.runtime.service import STEP_NS
+from tests.harness.message_recorder import WITHIN_S, MessageRecorder
+from tests.harness.processes import Network, Process
+from tests.harness.waiting import wait_until
+from tests.services.sim.joints.pd_controller import __file__ as PD
+
+NODE = "/arm/pd"
+
+
+@contextmanager
+def arm(logs: Path, **settings: object) -> Iterator[tuple[Process, MessageRecorder[JointState]]]:
+    """The arm under its controller: the controller's process, and what its joint does."""
+    logs.mkdir(exist_ok=True)
+    lockstep = ["--lockstep"] if settings["mode"] == "lockstep" else []
+    given = {"robots": [{"name": "arm", "model": "arm"}], "members": [NODE] if lockstep else [], **settings}
+    words = [word for name, value in given.items() for word in ("--param", f"{name}={json.dumps(value)}")]
+    with Network(logs) as network, network.node() as node:
+        states = MessageRecorder(node.subscribe(JOINT_STATES, "/arm/joint_states"))
+        network.start("sim", *words)
+        yield network.run(Path(PD), "--namespace", "/arm", *lockstep), states
+
+
+def at(states: MessageRecorder[JointState], seconds: float) -> dict[int, tuple[float, float]]:
+    """Angle [deg] and effort [N m] by stamp, once this simulation time is reached."""
+
+    def reached() -> bool:
+        return bool(states.received()) and states.received()[-1].header.stamp.ns >= seconds * 1e9
+
+    wait_until(reached, WITHIN_S, f"simulation time {seconds} s")
+    return {each.header.stamp.ns: (math.degrees(each.position[0]), each.effort[0]) for each in states.received()}
+
+
+def test_lockstep_repeats_bit_for_bit(tmp_path: Path) -> None:
+    runs = []
+    for name in ("one", "other"):
+        with arm(tmp_path / name, mode="lockstep", latency=1) as (_, states):
+            runs.append(at(states, 3.0))
+    both = [stamp for stamp in runs[0] if stamp in runs[1]]
+    assert len(both) > 300
+    assert [runs[0][stamp] for stamp in both] == [runs[1][stamp] for stamp in both]
+    assert runs[0][max(both)][0] == pytest.approx(29.626, abs=0.01)
+
+
+@pytest.mark.parametrize("mode", ["lockstep", "real"])
+def test_a_killed_controller_lets_go_when_its_last_job_ends(tmp_path: Path, mode: str) -> None:
+    with arm(tmp_path, mode=mode) as (controller, states):
+        at(states, 1.0)
+        controller.kill()
+
+        def fallen() -> bool:
+            seen = states.received()
+            return seen[-1].effort[0] == 0.0 and math.degrees(seen[-1].position[0]) < 25.0
+
+        wait_until(fallen, WITHIN_S, "an arm that falls")
+        seen = at(states, 0.0)
+        stamps = [stamp for stamp, (_, effort) in seen.items() if effort]
+        last = [list(group) for _, group in groupby(stamps, lambda stamp: seen[stamp][1])][-1]
+        assert last[-1] - last[0] <= 20 * STEP_NS, "0.1 s from its first step to its last"
+        assert all(seen[stamp][1] == 0.0 for stamp in seen if stamp > last[-1])

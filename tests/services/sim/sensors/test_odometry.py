@@ -1,0 +1,38 @@
+"""Odometry as messages."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from messages.std import Header, Time
+from services.sim.drive.odometry import (
+    PLANAR_COVARIANCE,
+    ZERO_COVARIANCE,
+    encoder_odometry,
+    initial_odometry,
+    world_odometry,
+)
+from services.sim.physics.world import BodyState
+
+
+def test_the_twist_of_the_world_is_turned_into_the_body() -> None:
+    half = math.pi / 4
+    state = BodyState((1.0, 2.0, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)), (0.0, 0.5, 0.0), (0.0, 0.0, 0.3))
+    header = Header(stamp=Time.of(123), frame_id="world")
+    odometry = world_odometry(state, header, "tb3_0/base_footprint")
+    twist = odometry.twist.twist
+    assert (twist.linear.x, twist.linear.y, twist.linear.z) == pytest.approx((0.5, 0.0, 0.0), abs=1e-12)
+    assert twist.angular.z == pytest.approx(0.3)
+    assert odometry.pose.pose.orientation.yaw == pytest.approx(math.pi / 2)
+    assert (odometry.header, odometry.child_frame_id) == (header, "tb3_0/base_footprint")
+    assert odometry.pose.packed == odometry.twist.packed == ZERO_COVARIANCE
+
+
+def test_the_covariance_is_the_plugin_s() -> None:
+    odometry = encoder_odometry(initial_odometry(0.0, 0.0, 1.0, 2.0, 4.0), Header(), "base")
+    assert odometry.pose.covariance[::7] == (1e-5, 1e-5, 1e12, 1e12, 1e12, 1e-3)
+    assert odometry.pose.packed == PLANAR_COVARIANCE
+    assert odometry.pose.pose.position.x == 1.0
+    assert odometry.pose.pose.orientation.yaw == pytest.approx(4.0 - math.tau)

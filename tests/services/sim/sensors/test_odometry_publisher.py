@@ -1,0 +1,178 @@
+"""Odometry over time: what it counts, how often it is told, and where it can be put."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from messages.requests import RESET_WORLD, SET_DRIVE, SET_ODOMETRY
+from messages.simulation import DriveSettings, SetOdometry
+from messages.std import Empty
+from messages.topics import GROUND_TRUTH, ODOM, TF, TF_STATIC
+from services.runtime.errors import CallFailed
+from services.runtime.subscriber import Subscriber
+from services.sim.physics.world import Pose3
+from tests.services.sim.drive.simulation_harness import NAME, SimulationHarness, run_simulation
+
+HALF = math.pi / 8
+ELSEWHERE = Pose3((3.0, -2.0, 0.0), (0.0, 0.0, math.sin(HALF), math.cos(HALF)))
+
+
+def chained(world: SimulationHarness) -> tuple[float, float, float]:
+    """Where the robot is in the world by ``/tf_static`` (world to odom) and odometry."""
+    static = Subscriber(TF_STATIC, "/tf_static", "tf_static", world.node.transport)
+    static.update()
+    frames = {each.child_frame_id: each.transform for each in static.messages[-1][0].transforms}
+    odom, pose = frames[f"{NAME}/odom"], world.latest(ODOM).pose.pose
+    yaw = odom.rotation
+    turn = math.atan2(2 * yaw.w * yaw.z, 1 - 2 * yaw.z**2)
+    c, s = math.cos(turn), math.sin(turn)
+    x = odom.translation.x + c * pose.position.x - s * pose.position.y
+    y = odom.translation.y + s * pose.position.x + c * pose.position.y
+    return x, y, turn + pose.orientation.yaw
+
+
+def true(world: SimulationHarness) -> tuple[float, float, float]:
+    pose = world.received(GROUND_TRUTH)[-1].pose.pose
+    return pose.position.x, pose.position.y, pose.orientation.yaw
+
+
+def same(one: tuple[float, float, float], other: tuple[float, float, float]) -> bool:
+    apart = math.hypot(one[0] - other[0], one[1] - other[1])
+    return apart < 1e-3 and abs(math.remainder(one[2] - other[2], math.tau)) < 1.8e-3
+
+
+def test_a_square_drifts_by_less_than_a_millimetre_and_a_tenth_of_a_degree() -> None:
+    with run_simulation(at=ELSEWHERE) as world:
+        for _ in range(4):
+            world.drive(0.5, 0.0, 2.0)
+            world.drive(0.0, 0.0, 2.0)
+            world.drive(0.0, math.pi / 4, 2.0)
+            world.drive(0.0, 0.0, 1.0)
+        assert same(chained(world), true(world)), (chained(world), true(world))
+
+
+def test_odometry_is_put_and_the_frames_still_chain() -> None:
+    with run_simulation(at=ELSEWHERE) as world:
+        world.drive(0.3, 0.4, 3.0)
+        assert "(1 m, 2 m, -0.5 rad)" in world.call(SET_ODOMETRY, SetOdometry(name=NAME, x=1.0, y=2.0, yaw=-0.5)).text
+        world.simulation.publish()
+        world.drive(0.3, -0.4, 3.0)
+        assert same(chained(world), true(world))
+        world.call(SET_ODOMETRY, SetOdometry(name=NAME))
+        world.run(2.0)
+        assert world.latest(ODOM).pose.pose.position.x < 0.1, "it counts from zero"
+        assert same(chained(world), true(world))
+        world.call(RESET_WORLD, Empty())
+        world.run(0.1)
+        assert same(chained(world), true(world))
+        assert same(true(world), (3.0, -2.0, math.pi / 4))
+
+
+def test_the_true_pose_cannot_be_put() -> None:
+    with (
+        run_simulation("burger") as world,
+        pytest.raises(CallFailed, match="true pose in the world, which cannot be set"),
+    ):
+        world.call(SET_ODOMETRY, SetOdometry(name=NAME, x=1.0))
+
+
+def test_open_loop_integrates_the_limited_command() -> None:
+    with run_simulation(open_loop=True) as world:
+        world.drive(5.0, 0.0, 3.0)
+        told = world.latest(ODOM)
+        ideal = 0.75 * told.header.stamp.ns / 1e9 - 0.75**2 / (2 * 0.3)
+        assert told.pose.pose.position.x == pytest.approx(ideal, abs=0.75 * 0.005)
+        assert told.twist.twist.linear.x == 0.75
+    with run_simulation("burger", open_loop=True) as world:
+        world.drive(0.2, 0.5, 3.0)
+        assert same(chained(world), true(world))
+
+
+@pytest.mark.parametrize("rate", [50.0, 30.0, 10.0, 7.0, 0.0])
+def test_the_average_rate_is_exact(rate: float) -> None:
+    with run_simulation(publish_rate=rate) as world:
+        world.run(10.0)
+        assert len(world.received(ODOM)) in ((0,) if rate == 0 else (10 * rate, 10 * rate + 1))
+        assert len(world.received(GROUND_TRUTH)) == 500, "it does not depend on that"
+
+
+def test_odometry_has_the_stamps_of_ground_truth_whenever_the_robot_came() -> None:
+    with run_simulation("burger") as world:
+        world.run(0.02)
+        world.call(RESET_WORLD, Empty())
+        world.run(1.0)
+        told, real = ({each.header.stamp.ns for each in world.received(topic)} for topic in (ODOM, GROUND_TRUTH))
+        assert told == real == set(range(0, 1_020_000_000, 40_000_000))
+
+
+def test_covariances_are_copied_and_may_be_whole_numbers() -> None:
+    diagonal = [1, 2, 3.5, 4, 5, 6]
+    for model in ("p3dx", "burger"):
+        with run_simulation(
+            model, pose_covariance_diagonal=diagonal, twist_covariance_diagonal=[0, 0, 0, 0, 0, 1]
+        ) as world:
+            world.run(0.1)
+            odometry = world.latest(ODOM)
+            assert odometry.pose.covariance[::7] == tuple(diagonal)
+            assert sum(odometry.pose.covariance) == sum(diagonal)
+            assert odometry.twist.covariance[::7] == (0, 0, 0, 0, 0, 1)
+
+
+def test_live_parameters_change_together() -> None:
+    with run_simulation() as world:
+        world.drive(0.2, 0.5, 2.0)
+        told = world.call(SET_DRIVE, DriveSettings(name=NAME, wheel_separation_multiplier=1.2, publish_rate=10.0))
+        assert told == DriveSettings(
+            name=NAME,
+            wheel_separation_multiplier=1.2,
+            left_wheel_radius_multiplier=1.0,
+            right_wheel_radius_multiplier=1.0,
+            publish_rate=10.0,
+            enable_odom_tf=True,
+        )
+        count = len(world.received(ODOM))
+        world.drive(0.2, 0.5, 2.0)
+        assert world.truth().twist.twist.angular.z == pytest.approx(0.5 * 1.2, rel=5e-3)
+        assert len(world.received(ODOM)) - count in (20, 21)
+
+
+def test_a_steady_base_takes_new_multipliers_at_once() -> None:
+    with run_simulation(cmd_vel_timeout=0.0) as world:
+        world.drive(0.2, 0.0, 1.5)
+        world.call(
+            SET_DRIVE, DriveSettings(name=NAME, left_wheel_radius_multiplier=0.5, right_wheel_radius_multiplier=0.5)
+        )
+        world.run(1.0)
+        assert world.truth().twist.twist.linear.x == pytest.approx(0.4, rel=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("asked", "says"),
+    [
+        ({"wheel_separation_multiplier": 10.1}, r"<= 10\.0 - at `\$\.wheel_separation_multiplier`"),
+        ({"left_wheel_radius_multiplier": 0.09}, r">= 0\.1 - at `\$\.left_wheel_radius_multiplier`"),
+        ({"publish_rate": 51.0}, r"<= 50\.0 - at `\$\.publish_rate`"),
+        ({"publish_rate": math.nan}, r"publish_rate"),
+        ({"name": "p3dy"}, "unknown model 'p3dy'; did you mean 'p3dx'"),
+    ],
+)
+def test_one_that_is_out_of_bounds_changes_none(asked: dict[str, object], says: str) -> None:
+    with run_simulation() as world:
+        before = world.base.live
+        with pytest.raises(CallFailed, match=says):
+            world.call(SET_DRIVE, DriveSettings(**{"name": NAME, "right_wheel_radius_multiplier": 1.1, **asked}))  # type: ignore[arg-type]
+        assert world.base.live == before
+
+
+def test_the_transform_of_odometry_can_be_switched_off() -> None:
+    with run_simulation() as world:
+        frames = Subscriber(TF, "/tf", "tf", world.node.transport)
+        children = []
+        for enabled in (True, False):
+            world.call(SET_DRIVE, DriveSettings(name=NAME, enable_odom_tf=enabled))
+            world.run(0.2)
+            frames.update()
+            children.append({each.child_frame_id for each in frames.messages[-1][0].transforms})
+        assert children[0] - children[1] == {f"{NAME}/base_footprint"}

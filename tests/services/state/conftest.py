@@ -1,0 +1,74 @@
+"""Two burgers in a simulation, the links of one told by the service ``state``, and a robot from elsewhere."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from messages.topics import JOINT_STATES, TF, TF_STATIC
+from services.runtime.node import Node
+from services.runtime.process import ROOT
+from services.runtime.tf.listener import TransformListener
+from tests.harness.processes import Network, Process
+from tests.harness.waiting import wait_until
+from tests.services.state.sample_urdfs import GRIPPER
+
+PLACES = {"a": 0.0, "b": 1.0}
+"""y of each burger, m; x is 0."""
+
+
+class TfHarness:
+    """The network, a node that looks on, and the frames as it sees them."""
+
+    def __init__(self, network: Network, node: Node, sim: Process, state: Process, gripper: Process) -> None:
+        self.network, self.node = network, node
+        self.sim, self.state, self.gripper = sim, state, gripper
+        node.subscribe(JOINT_STATES, "/a/joint_states")
+        self.frames = TransformListener(node)
+        wait_until(lambda: self.poll().can("world", "a/wheel_left_link"), 40.0, "the frames of a")
+        wait_until(lambda: self.poll().can("gripper/base", "gripper/nail"), 40.0, "the frames of the gripper")
+
+    def poll(self) -> TransformListener:
+        """The frames with what has come until now."""
+        self.node.update_subscribers()
+        self.frames.refresh()
+        return self.frames
+
+    def run_command(self, *arguments: str, within: float = 60.0) -> subprocess.CompletedProcess[str]:
+        """A verb on this network, run to its end."""
+        return run_command(*arguments, "--connect", self.network.endpoint, within=within)
+
+
+def run_command(*arguments: str, within: float = 60.0) -> subprocess.CompletedProcess[str]:
+    """A verb, run to its end."""
+    return subprocess.run(
+        [sys.executable, "-P", "-m", "deploy", *arguments],
+        cwd=ROOT,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=within,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="package")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TfHarness]:
+    logs: Path = tmp_path_factory.mktemp("state")
+    urdf = logs / "gripper.urdf"
+    urdf.write_text(GRIPPER)
+    parameters = {"a": {"enable_link_tf": False}, "b": {}}
+    robots = [{"name": name, "model": "burger", "y": y, "parameters": parameters[name]} for name, y in PLACES.items()]
+    with Network(logs) as network, network.node() as node:
+        sim = network.start("sim", "--param", f"robots={json.dumps(robots)}", "--param", "mode=real")
+        state = network.start("state", "--namespace", "/a")
+        own = ("--param", f"urdf={urdf}", "--param", "publish_default_positions=true")
+        gripper = network.start("state", "--namespace", "/gripper", *own)
+        for topic in (TF, TF_STATIC):
+            node.subscribe(topic)
+        yield TfHarness(network, node, sim, state, gripper)

@@ -1,0 +1,175 @@
+"""``tf tree`` and ``tf echo`` on a simulation that runs."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from messages.geometry import Pose, TransformStamped
+from messages.requests import SET_STATE
+from messages.se3 import SE3
+from messages.simulation import SetModelState
+from messages.std import Header
+from messages.tf import TFMessage
+from messages.topics import TF_STATIC
+from services.runtime.process import ROOT
+from tests.harness.ports import free_port
+from tests.harness.processes import Network
+from tests.harness.waiting import wait_until
+from tests.services.state.conftest import TfHarness, run_command
+
+
+def test_the_tree_shows_who_tells_of_what_and_how_often(scene: TfHarness) -> None:
+    ran = scene.run_command("tf", "tree", "--json", "--listen", "2")
+    assert (ran.returncode, ran.stderr) == (0, "")
+    told = json.loads(ran.stdout)
+    frames = {each["frame"]: each for each in told["frames"]}
+    assert told["faults"] == []
+    assert told["time"] > 0
+    assert frames["world"]["parent"] is None
+    base = frames["a/base_footprint"]
+    assert (base["parent"], base["static"], base["publishers"]) == ("a/odom", False, ["/sim"])
+    assert base["rate"] == 25
+    assert 0 <= base["age"] < 0.5
+    link = frames["a/base_link"]
+    assert (link["static"], link["publishers"], link["rate"], link["age"]) == (True, ["/a/state"], None, None)
+    assert frames["a/wheel_left_link"]["publishers"] == ["/a/state"]
+    assert frames["b/wheel_left_link"]["publishers"] == ["/sim"]
+    assert frames["gripper/arm"]["publishers"] == ["/gripper/state"]
+    assert frames["gripper/arm"]["rate"] == pytest.approx(10, abs=0.5)
+    assert frames["eye"]["parent"] == "gripper/hand"
+
+
+def test_the_tree_is_drawn(scene: TfHarness) -> None:
+    ran = scene.run_command("tf", "tree")
+    assert ran.returncode == 0, ran.stderr
+    lines = ran.stdout.splitlines()
+    assert [line for line in lines if not line.startswith((" ", "├", "│", "└"))] == ["gripper/base", "world"]
+    assert "├── a/odom  static, /sim" in lines
+    assert any(line.startswith("│   └── a/base_footprint  25 Hz, ") for line in lines)
+    assert len(lines) == len(set(lines)) == len(scene.poll().frames())
+
+
+def test_where_a_frame_is(scene: TfHarness) -> None:
+    half = math.pi / 4
+    pose = Pose.planar(1.0, 2.0, 2 * half)
+    scene.node.call(SET_STATE, SetModelState(name="b", pose=pose), 10.0)
+    ran = scene.run_command("tf", "echo", "b/base_link", "b/base_scan", "--once", "--json")
+    assert ran.returncode == 0, ran.stderr
+    told = json.loads(ran.stdout)
+    assert (told["source"], told["target"], told["time"], told["age"]) == ("b/base_link", "b/base_scan", None, None)
+    assert told["translation"] == pytest.approx({"x": -0.032, "y": 0.0, "z": 0.172})
+    assert told["quaternion"] == pytest.approx({"x": 0, "y": 0, "z": 0, "w": 1})
+
+    def turned() -> bool:
+        moved = json.loads(scene.run_command("tf", "echo", "world", "b/base_footprint", "--once", "--json").stdout)
+        return bool(abs(moved["rpy"][2] - 2 * half) < 0.01 and abs(moved["rpy_degrees"][2] - 90) < 1)
+
+    wait_until(turned, 30.0, "the robot where it was put")
+
+
+def test_it_is_shown_as_text_and_the_inverse_too(scene: TfHarness) -> None:
+    ran = scene.run_command("tf", "echo", "gripper/arm", "gripper/post", "-n", "2", "-r", "20")
+    assert ran.returncode == 0, ran.stderr
+    lines = ran.stdout.splitlines()
+    assert len(lines) == 10
+    assert lines[0].startswith("gripper/post in gripper/arm, at ")
+    assert lines[1:5] == [
+        "- translation [m]: [0.0000, 0.0000, -0.1000]",
+        "- quaternion (x, y, z, w): [0.0000, 0.0000, 0.0000, 1.0000]",
+        "- rpy [rad]: [0.0000, 0.0000, 0.0000]",
+        "- rpy [deg]: [0.00, 0.00, 0.00]",
+    ]
+
+
+def test_the_rate_is_in_simulation_time(scene: TfHarness) -> None:
+    ran = scene.run_command("tf", "echo", "world", "a/base_link", "-n", "5", "--rate", "5", "--json")
+    assert ran.returncode == 0, ran.stderr
+    times = [json.loads(line)["time"] for line in ran.stdout.splitlines()]
+    assert len(times) == 5
+    assert all(0.1 < later - earlier < 0.4 for earlier, later in pairwise(times[1:])), times
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "told"),
+    [
+        ("world", "a/base_lnk", "frame 'a/base_lnk' is unknown; did you mean 'a/base_link'"),
+        ("world", "gripper/arm", "they lie in two trees: 'world' with a/base_footprint"),
+    ],
+)
+def test_why_it_cannot_be_told(scene: TfHarness, source: str, target: str, told: str) -> None:
+    ran = scene.run_command("tf", "echo", source, target, "--timeout", "1")
+    assert (ran.returncode, ran.stdout) == (1, "")
+    assert told in ran.stderr
+
+
+def test_a_closed_pipe_ends_it_quietly(scene: TfHarness) -> None:
+    command = (
+        f"{sys.executable} -P -m deploy tf echo world a/base_link -r 50 --connect {scene.network.endpoint} | head -1"
+    )
+    ran = subprocess.run(
+        ["bash", "-o", "pipefail", "-c", command], cwd=ROOT, capture_output=True, text=True, timeout=30, check=False
+    )
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert ran.stdout.startswith("a/base_link in world, at ")
+
+
+def test_an_interrupt_ends_it(scene: TfHarness) -> None:
+    process = subprocess.Popen(
+        [
+            sys.executable,
+            "-P",
+            "-m",
+            "deploy",
+            "tf",
+            "echo",
+            "world",
+            "a/base_link",
+            "--connect",
+            scene.network.endpoint,
+        ],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=20)
+    assert (process.returncode, said) == (0, "")
+
+
+def test_a_circle_is_no_tree(tmp_path: Path) -> None:
+    with Network(tmp_path) as network, network.node("twister") as node:
+        empty = run_command("tf", "tree", "--listen", "0.3", "--connect", network.endpoint)
+        assert empty.returncode == 1
+        assert "nobody publishes on /tf or /tf_static" in empty.stderr
+        pairs = [("p", "q"), ("q", "r"), ("r", "p")]
+        transforms = [
+            TransformStamped(header=Header(frame_id=parent), child_frame_id=child, transform=SE3().to_msg)
+            for parent, child in pairs
+        ]
+        node.advertise(TF_STATIC).publish(TFMessage(transforms=tuple(transforms)))
+        ran = run_command("tf", "tree", "--listen", "1", "--connect", network.endpoint)
+        assert ran.returncode == 1
+        assert "frames in a circle: p in r in q in p" in ran.stderr
+        assert "p in r  static, /twister, in a circle" in ran.stdout
+        echoed = run_command("tf", "echo", "p", "q", "--timeout", "1", "--connect", network.endpoint)
+        assert echoed.returncode == 1
+        assert "in a loop" in echoed.stderr
+
+
+def test_nobody_there_is_told() -> None:
+    ran = run_command("tf", "tree", "--connect", f"tcp/127.0.0.1:{free_port()}")
+    assert ran.returncode == 2
+    assert "no router at" in ran.stderr

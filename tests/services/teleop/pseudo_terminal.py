@@ -1,0 +1,128 @@
+"""A person at a terminal: a program in a pseudo-terminal of its own, keys typed as a keyboard sends them."""
+
+from __future__ import annotations
+
+import os
+import pty
+import select
+import signal
+import subprocess
+import sys
+import termios
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Self
+
+from services.runtime.process import PARENT, ROOT
+from tests.harness.waiting import wait_until
+
+END_S = 20.0
+"""Wall time that a program has to end."""
+
+# The shell is the first of a new session: the terminal that it opens becomes that session's.
+_ATTACH_TERMINAL = 'exec "$@" <>"$0" >&0 2>&0'
+
+
+class KeyEvents(NamedTuple):
+    """When the events of a key were written, s of ``time.monotonic``; ``late`` is the worst lag behind the plan."""
+
+    times: tuple[float, ...]
+    late: float
+
+
+class PseudoTerminal:
+    """Runs a program of the project's Python in a terminal; ``with`` ends it."""
+
+    def __init__(self, arguments: Sequence[str], env: dict[str, str] | None = None) -> None:
+        self._master, self._slave = pty.openpty()
+        self.before = termios.tcgetattr(self._slave)
+        self._said = bytearray()
+        self.open = True
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), PARENT: str(os.getpid()), **(env or {})}
+        # The shell becomes the program, so that it is the child that has to die with the test.
+        command = ["sh", "-c", _ATTACH_TERMINAL, os.ttyname(self._slave), sys.executable, "-P", *arguments]
+        self._child = subprocess.Popen(
+            command, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._child.poll() is None:
+            self._child.kill()
+        self._child.wait(END_S)
+        if self.open:
+            self.close()
+
+    @property
+    def text(self) -> str:
+        """All that it has shown."""
+        return self._said.decode(errors="replace")
+
+    @property
+    def attributes(self) -> list[Any]:
+        """What the terminal is set to."""
+        return termios.tcgetattr(self._slave)
+
+    @property
+    def in_raw_mode(self) -> bool:
+        """Whether a program reads it key by key."""
+        return not self.attributes[3] & termios.ICANON
+
+    def wait_ready(self) -> None:
+        """Until the program reads keys; fails when it ends instead."""
+        wait_until(lambda: self.in_raw_mode or self._child.poll() is not None, END_S, "a program that reads keys")
+        assert self._child.poll() is None, self.text
+
+    def type(self, keys: str) -> float:
+        """Write to it; the instant before, s of ``time.monotonic``."""
+        now = time.monotonic()
+        os.write(self._master, keys.encode())
+        return now
+
+    def hold(self, key: str, seconds: float, delay: float = 0.5, interval: float = 0.03) -> KeyEvents:
+        """Hold a key down for a time: its first event, the next after ``delay``, then one each ``interval``."""
+        start, due, late = time.monotonic(), 0.0, 0.0
+        times: list[float] = []
+        while due <= seconds:
+            time.sleep(max(0.0, start + due - time.monotonic()))
+            times.append(self.type(key))
+            late = max(late, times[-1] - start - due)
+            due += interval if times[1:] else delay
+        return KeyEvents(tuple(times), late)
+
+    def send_signal(self, number: signal.Signals) -> float:
+        """Send the program a signal; the instant before, s of ``time.monotonic``."""
+        now = time.monotonic()
+        self._child.send_signal(number)
+        return now
+
+    def close(self) -> None:
+        """Close the window."""
+        self.open = False
+        # A terminal that somebody reads is not closed.
+        self._reader.join()
+        os.close(self._slave)
+        os.close(self._master)
+
+    def wait(self) -> int:
+        """The exit status of the program, once it has ended."""
+        return self._child.wait(END_S)
+
+    def _read(self) -> None:
+        while self.open:
+            if select.select([self._master], [], [], 0.05)[0]:
+                self._said += os.read(self._master, 4096)
+
+
+def hold_without_lag(act: Callable[[], KeyEvents], tries: int = 10) -> KeyEvents:
+    """A hold without a lag of the test's own; a busy machine is asked again."""
+    for _ in range(tries):
+        strokes = act()
+        if strokes.late < 0.03:
+            return strokes
+    raise AssertionError(f"no hold of {tries} went by without a lag")

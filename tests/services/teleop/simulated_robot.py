@@ -1,0 +1,101 @@
+"""A robot to teleoperate, in real processes: a router, a simulation in real time, and what is seen of the robot."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from messages.elea import BaseStatus
+from tests.harness.processes import Network, Process
+from tests.harness.robot_recorder import STANDSTILL_SPEED, WHEELS, CommandSample, RobotRecorder, TruthSample
+from tests.harness.waiting import wait_until
+from tests.services.teleop.pseudo_terminal import KeyEvents, PseudoTerminal
+
+ROBOT = "rover"
+"""A burger: at 0.22 m/s it stops within 0.22 s."""
+MAX_SPEED = WHEELS.max_linear
+WITHIN_S = 20.0
+
+
+class SimulatedRobot:
+    """The robot and its network."""
+
+    def __init__(self, network: Network, sim: Process, track: RobotRecorder) -> None:
+        self.network, self.sim, self.recorder = network, sim, track
+        wait_until(lambda: self.poll() or self.recorder.samples, WITHIN_S, "ground truth")
+
+    def poll(self) -> None:
+        """Take what has come."""
+        assert self.sim.status is None, self.sim.text
+        self.recorder.poll()
+
+    def wait(self, seconds: float) -> None:
+        """Look until so much simulation time has passed."""
+        self.poll()
+        end = self.recorder.samples[-1].time + seconds * 1e9
+        wait_until(lambda: self.poll() or self.recorder.samples[-1].time >= end, WITHIN_S, f"{seconds} s of simulation")
+
+    def wait_standing(self) -> None:
+        """Until the robot stands."""
+        wait_until(lambda: self.poll() or abs(self.recorder.speed) < STANDSTILL_SPEED, WITHIN_S, "a robot that stands")
+
+    def status(self) -> BaseStatus:
+        """The state of the base, told after this call."""
+        self.poll()
+        known = len(self.recorder.statuses)
+        wait_until(lambda: self.poll() or len(self.recorder.statuses) > known, WITHIN_S, "the state of the base")
+        return self.recorder.base
+
+    def commands_between(self, since: float, to: float) -> list[CommandSample]:
+        """The commands sent between two instants, s of ``time.monotonic``."""
+        self.poll()
+        return [each for each in self.recorder.command_samples if wall_ns(since) <= each.sent <= wall_ns(to)]
+
+    def samples_between(self, since: float, to: float) -> list[TruthSample]:
+        """The robot between two instants, s of ``time.monotonic``."""
+        self.poll()
+        return [each for each in self.recorder.samples if wall_ns(since) <= each.sent <= wall_ns(to)]
+
+    def first_zero_after(self, instant: float) -> CommandSample:
+        """The first zero that was sent after an instant."""
+
+        def found() -> list[CommandSample]:
+            self.poll()
+            return [each for each in self.recorder.command_samples if each.sent > wall_ns(instant) and not each.moves]
+
+        return wait_until(found, WITHIN_S, "a zero")[0]
+
+
+def wall_ns(instant: float) -> int:
+    """An instant of ``time.monotonic`` [s] on the machine's clock, ns."""
+    return round((instant + time.time() - time.monotonic()) * 1e9)
+
+
+@contextmanager
+def simulated_robot(logs: Path) -> Iterator[SimulatedRobot]:
+    """A robot that stands, in real time."""
+    with Network(logs) as network:
+        sim = network.start("sim", "--param", f'robots=[{{"name": "{ROBOT}", "model": "burger"}}]')
+        with network.node() as node:
+            yield SimulatedRobot(network, sim, RobotRecorder(node, ROBOT))
+
+
+@contextmanager
+def teleop_terminal(drive: SimulatedRobot, *options: str) -> Iterator[PseudoTerminal]:
+    """``elea teleop`` in a terminal of its own, ready for keys; the robot stands, and no command is on its way."""
+    arguments = ["-m", "deploy", "teleop", f"/{ROBOT}", "--connect", drive.network.endpoint, *options]
+    with PseudoTerminal(arguments) as seat:
+        seat.wait_ready()
+        wait_until(lambda: "driving" in seat.text, WITHIN_S, "the display")
+        drive.wait_standing()
+        yield seat
+
+
+def moved_smoothly(drive: SimulatedRobot, strokes: KeyEvents) -> bool:
+    """Whether the robot, once at speed, kept it until the last event, and no zero was sent between."""
+    first, last = strokes.times[0], strokes.times[-1]
+    speeds = [each.speed for each in drive.samples_between(first, last)]
+    at_speed = next(index for index, speed in enumerate(speeds) if speed > 0.95 * MAX_SPEED)
+    return min(speeds[at_speed:]) > 0.95 * MAX_SPEED and all(each.moves for each in drive.commands_between(first, last))

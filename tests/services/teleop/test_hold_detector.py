@@ -1,0 +1,164 @@
+"""The dead-man's switch over timed events: taps, holds on every sort of keyboard, releases, two keys."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from services.teleop.hold_detector import DELAY_MARGIN_S, MAX_DELAY_S, HoldDetector, pressed, reset
+from tests.services.teleop.key_repeat import FIRST_TIMEOUT_S, key_repeat, timeouts
+
+FRESH = HoldDetector(FIRST_TIMEOUT_S)
+
+
+def test_a_tap_counts_for_the_first_time_out_and_no_longer() -> None:
+    man = pressed(FRESH, "i", 10.0)
+    assert man.is_held(10.0)
+    assert man.is_held(10.0 + FIRST_TIMEOUT_S)
+    assert not man.is_held(10.0 + FIRST_TIMEOUT_S + 1e-9)
+
+
+def test_nothing_is_held_before_the_first_event() -> None:
+    assert not FRESH.is_held(0.0)
+
+
+@pytest.mark.parametrize("delay", [0.15, 0.25, 0.5, 0.59])
+@pytest.mark.parametrize("interval", [1 / 60, 0.03, 0.04, 0.092])
+def test_a_held_key_never_lapses_and_a_released_one_stops_soon(delay: float, interval: float) -> None:
+    times = key_repeat(0.0, 3.0, delay, interval)
+    man, let_go = timeouts(FRESH, times)
+    assert let_go == []
+    assert man.held_until - times[-1] == pytest.approx(max(0.1, 3 * interval))
+
+
+def test_on_the_usual_keyboard_the_stop_comes_a_tenth_of_a_second_after_the_last_repeat() -> None:
+    man, _ = timeouts(FRESH, key_repeat(0.0, 1.0, 0.5, 0.03))
+    assert man.held_until - man.last_time == pytest.approx(0.1)
+
+
+def test_two_repeats_are_enough_to_tell() -> None:
+    times = key_repeat(0.0, 0.53, 0.5, 0.03)
+    assert times == pytest.approx([0.0, 0.5, 0.53])
+    assert timeouts(FRESH, times)[0].held_until == pytest.approx(0.63)
+
+
+def test_a_delay_beyond_the_first_time_out_lets_go_once_and_is_learned() -> None:
+    man, let_go = timeouts(FRESH, key_repeat(0.0, 3.0, 1.0, 0.03))
+    assert let_go == [FIRST_TIMEOUT_S]
+    man, let_go = timeouts(man, key_repeat(10.0, 3.0, 1.0, 0.03))
+    assert let_go == []
+    assert man.first_timeout == pytest.approx(1.0 + DELAY_MARGIN_S)
+
+
+def test_a_short_delay_is_learned_too_so_that_a_tap_is_short() -> None:
+    man = FRESH
+    for turn in range(8):
+        man, let_go = timeouts(man, key_repeat(10.0 * turn, 1.0, 0.25, 0.03))
+        assert let_go == []
+    assert man.first_timeout == pytest.approx(0.25 + DELAY_MARGIN_S, abs=0.01)
+    assert man.first_timeout >= 0.25 + DELAY_MARGIN_S
+    assert not pressed(man, "l", 100.0).is_held(100.37)
+
+
+def test_what_was_learned_outlasts_a_release_and_another_key() -> None:
+    man, _ = timeouts(FRESH, key_repeat(0.0, 3.0, 1.0, 0.03))
+    assert pressed(reset(man), "i", 5.0).held_until == pytest.approx(6.1)
+    assert pressed(man, "l", 5.0).held_until == pytest.approx(6.1)
+
+
+def test_another_key_is_a_first_event() -> None:
+    man, _ = timeouts(FRESH, key_repeat(0.0, 1.0, 0.5, 0.03))
+    other = pressed(man, "l", man.last_time + 0.03)
+    assert other.held_until == pytest.approx(man.last_time + 0.03 + man.first_timeout)
+    _, let_go = timeouts(other, key_repeat(other.last_time, 1.0, 0.5, 0.03)[1:], "l")
+    assert let_go == []
+
+
+def test_fast_fingers_are_not_taken_for_repeats() -> None:
+    """Seven taps a second, then a hold: the hold must not begin with a repeat's short time-out."""
+    taps = [0.14 * n for n in range(10)]
+    man, _ = timeouts(FRESH, taps)
+    assert man.held_until == pytest.approx(taps[-1] + FIRST_TIMEOUT_S)
+    _, let_go = timeouts(man, key_repeat(taps[-1] + 0.14, 1.0, 0.5, 0.03))
+    assert let_go == []
+
+
+def test_a_double_tap_is_no_repeat() -> None:
+    man = pressed(pressed(FRESH, "i", 0.0), "i", 0.09)
+    assert man.held_until == pytest.approx(0.09 + FIRST_TIMEOUT_S)
+
+
+def test_repeats_that_come_in_bursts_hold() -> None:
+    """Three at once every 90 ms, as over a network."""
+    whole = key_repeat(0.0, 3.0, 0.5, 0.03)
+    times = [whole[0], *(whole[1 + 3 * (n // 3)] for n in range(len(whole) - 1))]
+    _, let_go = timeouts(FRESH, times)
+    assert let_go == []
+
+
+def test_events_read_at_once_after_a_stall_are_not_taken_for_repeats() -> None:
+    man = pressed(pressed(FRESH, "i", 1.0), "i", 1.0)
+    assert man.held_until == pytest.approx(1.0 + FIRST_TIMEOUT_S)
+
+
+def test_a_stall_does_not_spoil_what_was_learned() -> None:
+    """The first event is read 0.15 s late, so the delay seems shorter than it is."""
+    man, _ = timeouts(FRESH, key_repeat(0.0, 2.0, 0.5, 0.03))
+    late = key_repeat(10.0, 2.0, 0.5, 0.03)
+    man, let_go = timeouts(man, [10.15, *late[1:]])
+    assert let_go == []
+    _, let_go = timeouts(man, key_repeat(20.0, 2.0, 0.5, 0.03))
+    assert let_go == []
+
+
+def test_a_repeat_that_is_read_late_is_a_repeat_all_the_same() -> None:
+    """The reader was held up for 0.15 s; the key was let go meanwhile, after one more repeat."""
+    man, _ = timeouts(FRESH, key_repeat(0.0, 1.0, 0.5, 0.03))
+    late = man.last_time + 0.16
+    assert pressed(man, "i", late, stall=0.15).held_until == pytest.approx(late + 0.1)
+    assert pressed(man, "i", late).held_until == pytest.approx(late + FIRST_TIMEOUT_S)
+
+
+def test_the_fixed_time_out_is_that_of_teleop_twist_keyboard() -> None:
+    man, let_go = timeouts(HoldDetector(0.5, adaptive=False), key_repeat(0.0, 2.0, 0.4, 0.03))
+    assert let_go == []
+    assert man.held_until - man.last_time == pytest.approx(0.5)
+
+
+@given(
+    delay=st.floats(0.15, FIRST_TIMEOUT_S - 0.01),
+    interval=st.floats(0.017, 0.09),
+    jitter=st.floats(0.0, 0.3),
+    seconds=st.floats(0.0, 4.0),
+    seed=st.integers(0, 2**32),
+)
+def test_any_keyboard_is_smooth_while_held_and_soon_over(
+    delay: float, interval: float, jitter: float, seconds: float, seed: int
+) -> None:
+    times = key_repeat(0.0, seconds, delay, interval, jitter, seed)
+    man, let_go = timeouts(FRESH, times)
+    assert let_go == []
+    if len(times) > 4:
+        assert man.held_until - times[-1] <= max(0.1, 3 * interval * (1 + jitter)) + 1e-9
+    man, let_go = timeouts(man, key_repeat(100.0, seconds, delay, interval, jitter, seed + 1))
+    assert let_go == []
+
+
+@given(delay=st.floats(FIRST_TIMEOUT_S, 1.8), interval=st.floats(0.017, 0.09), seconds=st.floats(2.2, 4.0))
+def test_any_delay_is_smooth_once_it_is_known(delay: float, interval: float, seconds: float) -> None:
+    man, let_go = timeouts(FRESH, key_repeat(0.0, seconds, delay, interval))
+    assert len(let_go) <= 1
+    _, let_go = timeouts(man, key_repeat(100.0, seconds, delay, interval))
+    assert let_go == []
+
+
+@given(st.lists(st.tuples(st.sampled_from("ilq"), st.floats(0.0, 3.0)), max_size=60))
+def test_whatever_is_struck_nothing_is_held_for_long_after(events: list[tuple[str, float]]) -> None:
+    man, now = FRESH, 0.0
+    for key, pause in events:
+        now += pause
+        man = pressed(man, key, now)
+        assert man.is_held(now)
+        assert now + 0.1 <= man.held_until <= now + MAX_DELAY_S + DELAY_MARGIN_S
+    assert not reset(man).is_held(now)

@@ -1,0 +1,201 @@
+"""A person at a real terminal, a real robot: taps, holds, releases, two keys, and every way to leave."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Iterator
+from math import inf
+
+import pytest
+
+from messages.std import Bool
+from messages.topics import E_STOP
+from services.runtime.errors import TRY_AGAIN
+from services.sim.time_modes import MAX_LAG_S
+from tests.harness.robot_recorder import STANDSTILL_SPEED
+from tests.harness.waiting import wait_until
+from tests.services.teleop.pseudo_terminal import KeyEvents, PseudoTerminal, hold_without_lag
+from tests.services.teleop.simulated_robot import (
+    MAX_SPEED,
+    WITHIN_S,
+    SimulatedRobot,
+    moved_smoothly,
+    simulated_robot,
+    teleop_terminal,
+)
+
+LET_GO_S = 0.4
+"""Wall time within which a released key is told on a busy machine; without learning the keyboard it would be 0.6."""
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimulatedRobot]:
+    with simulated_robot(tmp_path_factory.mktemp("teleop")) as drive:
+        yield drive
+
+
+def assert_stopped_soon(drive: SimulatedRobot, strokes: KeyEvents) -> None:
+    """Zero was sent soon after the last event, and the robot came to stand."""
+    stop = drive.first_zero_after(strokes.times[-1])
+    late = len(drive.commands_between(strokes.times[-1], strokes.times[-1] + LET_GO_S))
+    assert stop in drive.commands_between(strokes.times[-1], strokes.times[-1] + LET_GO_S), (
+        f"{late} commands until then"
+    )
+    drive.wait_standing()
+
+
+def test_a_tap_drives_for_the_first_time_out_and_zero_is_held_and_then_nothing_is_sent(drive: SimulatedRobot) -> None:
+    with teleop_terminal(drive) as seat:
+        start = drive.recorder.samples[-1]
+        struck = seat.type("i")
+        stop = drive.first_zero_after(struck)
+        assert [
+            each for each in drive.commands_between(struck - 1, struck + 60) if each.moves and each.sent < stop.sent
+        ]
+        drive.wait_standing()
+        gone = drive.recorder.samples[-1].x - start.x
+        assert 0.03 < gone < 0.22
+        drive.wait(3.5)
+        silent = len(drive.recorder.command_samples)
+        drive.wait(1.0)
+        assert len(drive.recorder.command_samples) == silent
+        assert drive.recorder.base.source == ""
+        assert "nothing: others may drive" in seat.text
+
+
+def test_a_held_key_drives_smoothly_from_its_first_event_and_a_released_one_stops(drive: SimulatedRobot) -> None:
+    """The first repeat comes after 0.5 s: twice the base's time-out."""
+    with teleop_terminal(drive) as seat:
+        strokes = hold_without_lag(lambda: held(drive, seat, "i"))
+        assert moved_smoothly(drive, strokes)
+        assert_stopped_soon(drive, strokes)
+
+
+def test_a_keyboard_with_a_delay_of_a_second_is_learned_from_the_first_hold(drive: SimulatedRobot) -> None:
+    with teleop_terminal(drive) as seat:
+        hold_without_lag(lambda: held(drive, seat, "i", delay=1.0))
+        strokes = hold_without_lag(lambda: held(drive, seat, ",", delay=1.0))
+        assert all(each.moves for each in drive.commands_between(strokes.times[0], strokes.times[-1]))
+        assert_stopped_soon(drive, strokes)
+
+
+def test_two_keys_follow_each_other_without_a_stop_between(drive: SimulatedRobot) -> None:
+    with teleop_terminal(drive) as seat:
+        strokes = hold_without_lag(lambda: held(drive, seat, "i", "u", seconds=0.8))
+        assert moved_smoothly(drive, strokes)
+        turning = strokes.times[len(strokes.times) // 2 :]
+        assert min(each.speed for each in drive.samples_between(turning[0], turning[-1])) > 0.95 * MAX_SPEED
+        assert_stopped_soon(drive, strokes)
+
+
+def test_a_speed_key_changes_what_is_sent(drive: SimulatedRobot) -> None:
+    with teleop_terminal(drive, "--speed", "0.1") as seat:
+        seat.type("i")
+        seat.type("w")
+        wait_until(lambda: "+0.11 m/s ahead" in seat.text, WITHIN_S, "the new speed")
+        drive.wait_standing()
+
+
+def held(
+    drive: SimulatedRobot, seat: PseudoTerminal, *keys: str, seconds: float = 1.5, delay: float = 0.5
+) -> KeyEvents:
+    """From standstill, one key held after the other.
+
+    Late is also a hold in which the base heard nobody in time, or simulation time fell behind.
+    """
+    drive.wait_standing()
+    before = drive.status().commands_timed_out
+    strokes = [seat.hold(key, seconds, delay) for key in keys]
+    paused = drive.status().commands_timed_out > before
+    times = tuple(time for each in strokes for time in each.times)
+    first, *_, last = drive.samples_between(times[0], times[-1])
+    lag = (last.sent - first.sent - (last.time - first.time)) / 1e9
+    return KeyEvents(times, inf if paused or lag > MAX_LAG_S else max(each.late for each in strokes))
+
+
+@pytest.mark.parametrize("key", ["k", " ", "\x1a", "\x13", "\x1c", "\x1bOA"])
+def test_any_other_key_stops_at_once_even_those_that_suspend_or_hold_a_terminal(
+    drive: SimulatedRobot, key: str
+) -> None:
+    with teleop_terminal(drive, "--key-timeout", "5") as seat:
+        seat.type("i")
+        wait_until(lambda: drive.poll() or drive.recorder.speed > 0.95 * MAX_SPEED, WITHIN_S, "full speed")
+        drive.first_zero_after(seat.type(key))
+        drive.wait_standing()
+        seat.type("q")
+        wait_until(lambda: "0.55 m/s" in seat.text, WITHIN_S, "a teleop that goes on")
+
+
+def test_it_obeys_the_emergency_stop_and_shows_it(drive: SimulatedRobot) -> None:
+    with drive.network.node("watch") as node, teleop_terminal(drive, "--key-timeout", "5") as seat:
+        told = node.advertise(E_STOP, "/rover/e_stop")
+        wait_until(lambda: drive.poll() or told.has_subscribers, WITHIN_S, "a base that listens")
+        told.publish(Bool(data=True))
+        wait_until(lambda: drive.poll() or drive.recorder.base.e_stopped, WITHIN_S, "an emergency stop")
+        since = seat.type("i")
+        wait_until(lambda: "EMERGENCY STOP" in seat.text, WITHIN_S, "the display to tell of it")
+        wait_until(lambda: drive.poll() or drive.commands_between(since, since + 60), WITHIN_S, "commands")
+        drive.wait(0.5)
+        assert all(abs(each.speed) < STANDSTILL_SPEED for each in drive.samples_between(since, since + 60))
+        told.publish(Bool(data=False))
+        wait_until(lambda: drive.poll() or not drive.recorder.base.e_stopped, WITHIN_S, "the end of it")
+        seat.type("k")
+
+
+@pytest.mark.parametrize("way", ["Ctrl-C", "SIGTERM", "SIGHUP"])
+def test_on_leaving_the_robot_stops_and_the_terminal_is_as_it_was(drive: SimulatedRobot, way: str) -> None:
+    with teleop_terminal(drive, "--key-timeout", "5") as seat:
+        assert seat.attributes != seat.before
+        seat.type("i")
+        wait_until(lambda: drive.poll() or drive.recorder.speed > 0.95 * MAX_SPEED, WITHIN_S, "full speed")
+        left = seat.type("\x03") if way == "Ctrl-C" else seat.send_signal(signal.Signals[way])
+        assert seat.wait() == 0, seat.text
+        assert seat.attributes == seat.before
+        assert "Traceback" not in seat.text
+        drive.first_zero_after(left)
+        drive.wait_standing()
+    drive.wait(0.5)
+    assert not drive.recorder.command_samples[-1].moves
+
+
+def test_a_window_that_is_closed_stops_the_robot(drive: SimulatedRobot) -> None:
+    with teleop_terminal(drive, "--key-timeout", "5") as seat:
+        seat.type("i")
+        wait_until(lambda: drive.poll() or drive.recorder.speed > 0.95 * MAX_SPEED, WITHIN_S, "full speed")
+        seat.close()
+        assert seat.wait() == 0
+        drive.wait_standing()
+    drive.wait(0.5)
+    assert not drive.recorder.command_samples[-1].moves
+
+
+@pytest.mark.parametrize(("fault", "status"), [("raise", 1), ("thread", 70)])
+def test_after_an_error_the_terminal_is_as_it_was(fault: str, status: int) -> None:
+    with PseudoTerminal(["-m", "tests.services.teleop.failing_program", fault]) as seat:
+        seat.wait_ready()
+        seat.type("i")
+        assert seat.wait() == status
+        assert seat.attributes == seat.before
+        wait_until(lambda: "on purpose" in seat.text, WITHIN_S, "the traceback")
+
+
+def test_a_second_teleop_of_a_robot_is_refused(drive: SimulatedRobot) -> None:
+    with (
+        teleop_terminal(drive),
+        PseudoTerminal(["-m", "deploy", "teleop", "--connect", drive.network.endpoint]) as second,
+    ):
+        assert second.wait() == TRY_AGAIN
+        wait_until(lambda: "a node /rover/teleop is already there" in second.text, WITHIN_S, "the reason")
+        assert second.attributes == second.before
+
+
+def test_a_robot_that_is_not_there_is_told_with_those_that_are(drive: SimulatedRobot) -> None:
+    with PseudoTerminal(["-m", "deploy", "teleop", "/rovr", "--connect", drive.network.endpoint]) as seat:
+        assert seat.wait() == 2
+        wait_until(lambda: "did you mean '/rover'? (known: /rover)" in seat.text, WITHIN_S, "the reason")
+
+
+def test_no_router_is_told() -> None:
+    with PseudoTerminal(["-m", "deploy", "teleop", "--connect", "tcp/127.0.0.1:1"]) as seat:
+        assert seat.wait() == 2
+        wait_until(lambda: "no router at tcp/127.0.0.1:1" in seat.text, WITHIN_S, "the reason")

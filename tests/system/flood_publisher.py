@@ -1,0 +1,35 @@
+"""Sends more data than any reader takes, and what travels like a heartbeat among it; then says how much it was."""
+
+from __future__ import annotations
+
+import time
+
+from messages.elea import Health
+from messages.std import String
+from messages.topics import HEALTH, Quality, Topic
+from services.runtime import Parameters, Service, main
+from services.runtime.context import Context
+
+HEARTBEAT = Topic("/beat", Health, 0, HEALTH.quality, "travels like a heartbeat")
+FLOOD = Topic("/flood", String, 0, Quality.SENSOR, "more than anybody takes", 1 << 20)
+FLOOD_S = 1.5
+"""Wall time of the flood."""
+HEARTBEATS = 60
+
+
+def run(ctx: Context[Parameters]) -> None:
+    beat, flood, filling = ctx.advertise(HEARTBEAT), ctx.advertise(FLOOD), String(data="x" * 60_000)
+    while not (beat.has_subscribers and flood.has_subscribers):
+        ctx.idle()
+    start = time.monotonic()
+    while beat.sent < HEARTBEATS:
+        flood.publish(filling)
+        if time.monotonic() >= start + beat.sent * FLOOD_S / HEARTBEATS:
+            beat.publish(Health(beat=beat.sent))
+    print(f"sent {flood.sent}", flush=True)
+    while True:
+        ctx.idle()
+
+
+if __name__ == "__main__":
+    main(Service(name="flooder", about="floods", run=run, writes=(HEARTBEAT, FLOOD)))

@@ -1,0 +1,94 @@
+"""A node beside a running fleet that sets and gets its parameters, and sees what becomes of them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from messages.elea import Health
+from messages.parameters import Assignment, ParameterSet, ParameterValues, SetParameters
+from messages.requests import PARAMS_GET, PARAMS_SET
+from messages.topics import CLOCK, CMD_VEL, HEALTH
+from services.runtime.errors import CallFailed
+from services.runtime.identity import Identity
+from services.runtime.log import Log
+from services.runtime.node import Node
+from services.runtime.transport.unix_sockets import router_endpoint
+from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh_config import configuration
+from tests.harness.waiting import wait_until
+
+
+class ParameterClient:
+    """Sets, gets, and listens."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self._commands = {robot: node.subscribe(CMD_VEL, f"/{robot}/cmd_vel") for robot in ("r", "s")}
+        self._health, self._clock = node.subscribe(HEALTH), node.subscribe(CLOCK)
+        self._speed = {"r": 0.0, "s": 0.0}
+        self._beats: dict[str, Health] = {}
+
+    def set(self, name: str, run: bool = False, **values: Any) -> ParameterValues:
+        stated = tuple(Assignment(name=each.replace("__", "."), value=value) for each, value in values.items())
+        return self.node.call(PARAMS_SET, SetParameters(set=name, values=stated, run=run, who="test"))
+
+    def get(self, name: str) -> dict[str, tuple[Any, str]]:
+        told = self.node.call(PARAMS_GET, ParameterSet(set=name))
+        return {each.name: (each.value, each.origin) for each in told.values}
+
+    def wait_for(self, name: str, **expected: tuple[Any, str]) -> None:
+        def there() -> bool:
+            try:
+                return expected.items() <= self.get(name).items()
+            except CallFailed:
+                return False
+
+        wait_until(there, 30, f"{name} {expected}")
+
+    def wait_for_speed(self, wanted: float, robot: str = "r", within: float = 1e-6) -> None:
+        """Until the service that drives the robot commands this speed."""
+
+        def there() -> bool:
+            self.node.update_subscribers()
+            for each, commands in self._commands.items():
+                for command, _ in commands.messages:
+                    self._speed[each] = command.linear.x
+            return abs(self._speed[robot] - wanted) <= within
+
+        wait_until(there, 20, f"{wanted} m/s commanded to {robot}")
+
+    def wall_time_of(self, seconds: float) -> float:
+        """Wall time that so much simulation time takes, from a clock that comes now."""
+        self.node.update_subscribers()
+        times: list[int] = []
+
+        def there() -> bool:
+            self.node.update_subscribers()
+            times.extend(clock.clock.ns for clock, _ in self._clock.messages)
+            return bool(times) and times[-1] - times[0] >= seconds * 1e9
+
+        wait_until(lambda: there() or times, 20, "a clock")
+        began = time.monotonic()
+        wait_until(there, 30, f"{seconds} s of simulation time")
+        return time.monotonic() - began
+
+    def rejected_samples(self, node: str, topic: str) -> int:
+        """How many samples of a topic a node has refused, by its heartbeat."""
+        self.node.update_subscribers()
+        for beat, _ in self._health.messages:
+            self._beats[beat.node] = beat
+        known = self._beats.get(node, Health())
+        return sum(each.refused for each in known.inputs if each.topic == topic)
+
+
+@contextmanager
+def parameter_client(port: int) -> Iterator[ParameterClient]:
+    identity = Identity.of("tuner")
+    with (
+        ZenohTransport(configuration("direct", (router_endpoint(port),))) as transport,
+        Node(transport, identity, "tester", Log(identity.node)) as node,
+    ):
+        yield ParameterClient(node)

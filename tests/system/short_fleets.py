@@ -1,0 +1,81 @@
+"""The lab fleet with a way short enough for a test, its tables in any order."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from deploy.fleet_file import find_fleet
+
+GOALS = [[0.5, 0.0], [0.0, 0.0]]
+"""Out and back, counted from each robot's start; 10 s of simulation time."""
+
+SQUARE = 'services = [{ kind = "square", parameters = { side = 0.2, angular_speed = 1.5 } }]'
+"""The Pioneer's way: 17 s of simulation time."""
+
+ARM = 'services = [{ kind = "reference" }, { kind = "arm" }]'
+
+_DRIVERS = """
+[[robot.services]]
+kind = "waypoint"
+from_start = ["goals"]
+parameters = {{ goals = {goals} }}
+"""
+_LOGGER = """
+[[service]]
+kind = "logger"
+"""
+
+
+def short_lab(path: Path) -> Path:
+    """The lab with GOALS, as its file lays it out."""
+    text = find_fleet("lab").read_text()
+    own = 'services = [{ kind = "square" }]'
+    assert own in text
+    before, _, rest = text.replace(own, SQUARE).partition("goals = [\n")
+    path.write_text(f"{before}goals = {GOALS}{rest.partition(chr(10) + ']')[2]}")
+    return path
+
+
+def brief_lab(path: Path) -> Path:
+    """The same with an exercise of the arm that is over when they are: for runs on the wall clock."""
+    text = short_lab(path).read_text()
+    for old, new in (("at = 4\n", "at = 2.5\n"), ("at = 20.2 ", "at = 8 ")):
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text)
+    return path
+
+
+def brief_arm(path: Path) -> Path:
+    """The arm's fleet with a brief exercise."""
+    text = find_fleet("arm").read_text()
+    for old, new in (("at = 4\n", "at = 2.5\n"), ("at = 20.2 ", "at = 8 "), ("at = 22\n", "at = 9\n")):
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text)
+    return path
+
+
+def reordered_lab(path: Path) -> Path:
+    """The same fleet told the other way round: the logger first, the last robot first, each driver under its robot."""
+    lab = tomllib.loads(find_fleet("lab").read_text())
+    robots = [_robot(each) for each in reversed(lab["robot"])]
+    run = "".join(f"{key} = {value!r}\n" for key, value in lab["run"].items())
+    changes = "".join(map(_change, reversed(lab["change"])))
+    path.write_text(f'name = "lab"\n{_LOGGER}{changes}{"".join(robots)}\n[run]\n{run}')
+    return path
+
+
+def _change(change: dict[str, Any]) -> str:
+    values = ", ".join(f"{name} = {json.dumps(value)}" for name, value in change["values"].items())
+    return f'\n[[change]]\nvalues = {{ {values} }}\nset = "{change["set"]}"\nat = {change["at"]}\n'
+
+
+def _robot(robot: dict[str, object]) -> str:
+    pose = ", ".join(f"{key} = {value}" for key, value in dict(robot["pose"]).items())  # type: ignore[call-overload]
+    head = f'\n[[robot]]\nname = "{robot["name"]}"\nmodel = "{robot["model"]}"\npose = {{ {pose} }}\n'
+    own = {"p3dx": f"{SQUARE}\n", "arm": f"{ARM}\n"}
+    return head + own.get(str(robot["model"]), _DRIVERS.format(goals=GOALS))

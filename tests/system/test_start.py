@@ -1,0 +1,126 @@
+"""Time begins with the whole fleet, in both modes: late nodes, those that never come, and changes that are refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from tests.harness.command_line import CommandLine, CommandResult
+
+LATE = """
+import sys, time
+from typing import Annotated
+from msgspec import Meta
+from services.runtime import Parameters, Service, main
+
+class Late(Parameters, frozen=True, kw_only=True):
+    speed: Annotated[float, Meta(ge=0, le=1)] = 0.5
+
+def run(ctx):
+    for tick in ctx.ticks():
+        if ctx.params_changed:
+            ctx.log.info(f"tick at {tick.time / 1e9:.3f} s")
+
+if __name__ == "__main__":
+    if "--connect" in sys.argv:
+        time.sleep(3)
+    main(Service(name="late", about="Late.", run=run, rate=25, parameters=Late))
+"""
+STUCK = """
+from services.runtime import Service, main
+
+def run(ctx):
+    while True:
+        ctx.idle()
+
+if __name__ == "__main__":
+    main(Service(name="stuck", about="Never ready.", run=run, rate=25))
+"""
+FLEET = """
+name = "begin"
+[run]
+mode = "{mode}"
+ends = "duration"
+factor = 0.2
+duration = 1.5
+[[robot]]
+name = "r"
+model = "burger"
+services = [{service}]
+[[service]]
+kind = "sim"
+parameters = {{ start_timeout = {timeout} }}
+"""
+CHANGES = """
+[[change]]
+at = 0
+set = "/r/late"
+values = { speed = 0.25 }
+[[change]]
+at = 0.5
+set = "/r/base"
+values = { keep_curvature = true, "linear.max_jerk" = 1.0 }
+[[change]]
+at = 60
+set = "/r/late"
+values = { speed = 0.75 }
+"""
+
+
+def up(
+    folder: Path, mode: str, service: str, timeout: float, more: str = ""
+) -> tuple[CommandResult, dict[str, Any], str]:
+    """A run: how it ended, its report ({} when nothing was measured), and what its processes have written."""
+    folder.mkdir()
+    (folder / "late.py").write_text(LATE)
+    (folder / "stuck.py").write_text(STUCK)
+    fleet = folder / "fleet.toml"
+    fleet.write_text(FLEET.format(mode=mode, service=service, timeout=timeout) + more)
+    ended = CommandLine(folder).run_fleet(fleet, folder / "run", "--no-saved")
+    logs = "".join(each.read_text() for each in sorted((folder / "run" / "logs").glob("*.log")))
+    report = folder / "run" / "report.json"
+    return ended, json.loads(report.read_text()) if report.exists() else {}, logs
+
+
+def test_time_begins_when_the_last_node_is_ready_and_a_change_that_is_refused_fails_the_run(tmp_path: Path) -> None:
+    for mode in ("real", "lockstep"):
+        ended, report, logs = up(tmp_path / mode, mode, '{ kind = "late.py" }', 60, CHANGES)
+        first = float(logs.partition("/late: tick at ")[2].partition(" ")[0])
+        # Real time does not wait for a node that a busy machine holds up now; half a second is 2.5 s on its clock.
+        assert first == 0 if mode == "lockstep" else first < 0.5, logs
+        made, refused, later = report["changes"]
+        assert (made["made"], made["reason"], made["values"]) == (True, "", {"speed": 0.25})
+        assert made["made_at_s"] < 0.5, "the set was known when time began"
+        assert refused["made"] is False
+        assert "keep_curvature" in refused["reason"]
+        assert (later["made"], later["made_at_s"]) == (None, None)
+        assert ended.status == 1, "a change was not made"
+        assert report["run"]["changes_missed"] == 1
+        assert [each["name"] for each in report["checks"] if not each["ok"]] == ["changes_missed"]
+        assert "the change of /r/base scheduled at 0.5 s was not made: " in ended.err
+        assert "missed: changes_missed is 1, should be at most 0\n  the change of /r/base at 0.5 s" in ended.out
+        assert refused["reason"] in ended.out
+        assert "not reached before the end: the scheduled changes of /r/late at 60 s" in ended.out
+
+
+def test_without_a_required_node_time_does_not_begin(tmp_path: Path) -> None:
+    ended, report, logs = up(tmp_path / "run", "real", '{ kind = "stuck.py", required = true }', 1)
+    assert ended.status == 1
+    assert "the fleet ended: sim failed: exit status 2" in ended.err
+    (why,) = (line for line in ended.err.splitlines() if "time does not begin: " in line)
+    assert "/r/stuck is not ready" in why
+    # On a busy machine the simulation may give up before the grader has started: then there is nothing to report.
+    assert not report or report["run"]["sim_seconds"] == 0, logs
+
+
+def test_without_another_node_it_begins_and_the_report_misses_it(tmp_path: Path) -> None:
+    for mode in ("real", "lockstep"):
+        ended, report, _ = up(tmp_path / mode, mode, '{ kind = "stuck.py" }', 6)
+        assert ended.status == 1
+        assert "time has not begun: waiting for /r/stuck since" in ended.err
+        assert "time began without /r/stuck" in ended.err
+        assert (report["run"]["absent"], report["run"]["nodes_absent"]) == (["/r/stuck"], 1)
+        assert [each["name"] for each in report["checks"] if not each["ok"]] == ["nodes_absent"]
+        assert "  time began without /r/stuck" in ended.out
+        assert report["run"]["sim_seconds"] == 1.5, "it took place all the same"

@@ -1,0 +1,56 @@
+"""Frames on tf and tf_static, put one behind the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from messages.geometry import Pose
+from messages.se3 import quaternion_multiply
+from messages.tf import TFMessage
+from services.sim.physics.rotation import to_world_frame
+from services.sim.physics.world import Rotation, Vector
+
+
+class Frame(NamedTuple):
+    """Where a frame is in its parent: place [m], rotation (x, y, z, w), simulation time [ns]."""
+
+    parent: str
+    translation: Vector
+    rotation: Rotation
+    stamp: int = 0
+
+
+def frames_by_name(message: TFMessage) -> dict[str, Frame]:
+    """The frames of a message by their names."""
+    return {
+        each.child_frame_id: Frame(
+            each.header.frame_id,
+            (each.transform.translation.x, each.transform.translation.y, each.transform.translation.z),
+            (
+                each.transform.rotation.x,
+                each.transform.rotation.y,
+                each.transform.rotation.z,
+                each.transform.rotation.w,
+            ),
+            each.header.stamp.ns,
+        )
+        for each in message.transforms
+    }
+
+
+def frame_of_pose(pose: Pose) -> Frame:
+    """A pose in the world as a frame."""
+    p, q = pose.position, pose.orientation
+    return Frame("world", (p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+
+
+def frame_in_world(frames: Mapping[str, Frame], name: str) -> Frame:
+    """The frame ``name`` in the world, through all that lie between."""
+    here = frames[name]
+    while here.parent != "world":
+        above = frames[here.parent]
+        shift = to_world_frame(above.rotation, here.translation)
+        place = (above.translation[0] + shift[0], above.translation[1] + shift[1], above.translation[2] + shift[2])
+        here = Frame(above.parent, place, quaternion_multiply(above.rotation, here.rotation))
+    return here

@@ -1,0 +1,68 @@
+"""A simulation of two burgers and a reset monitor on a network of their own, shared by the tests of a module."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import psutil
+
+from messages.elea import Health
+from messages.topics import HEALTH, TF_STATIC
+from services.runtime.node import Node
+from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, MessageRecorder
+from tests.harness.processes import Network, Process
+from tests.harness.waiting import wait_until
+
+RESET_MONITOR = Path(__file__).with_name("reset_monitor.py")
+FACTOR = 4
+"""Simulated per wall-clock second, to be quick."""
+STARTS = {"tb3_0": 0.0, "tb3_1": 0.5}
+"""y of each robot, m; x is 0, both look along x."""
+
+
+class TwoRobotSimulation:
+    """The network, the simulation, its reset monitor, and a node beside them that looks on and asks."""
+
+    def __init__(self, network: Network, sim: Process, reset_monitor: Process, node: Node) -> None:
+        self.network, self.sim, self.reset_monitor, self.node = network, sim, reset_monitor, node
+        self.truth = {name: GroundTruthRecorder(node, name) for name in STARTS}
+        self.health = MessageRecorder(node.subscribe(HEALTH))
+        self.tf_static = MessageRecorder(node.subscribe(TF_STATIC))
+        for each in self.truth.values():
+            wait_until(lambda e=each: e.received() or sim.status is not None, 30.0, "ground truth")  # type: ignore[misc]
+        assert sim.status is None, sim.text
+
+    def next_heartbeat(self, node: str) -> Health:
+        """The next heartbeat of a node."""
+        count = len(self.health.received())
+
+        def heard() -> list[Health]:
+            return [each for each in self.health.received()[count:] if each.node == node]
+
+        return wait_until(heard, WITHIN_S, f"a heartbeat of {node}")[0]
+
+    def sent_count(self, topic: str) -> int:
+        """How many messages the simulation has sent on a topic."""
+        return next(each.sent for each in self.next_heartbeat("/sim").outputs if each.topic == topic)
+
+    @property
+    def memory(self) -> float:
+        """Resident memory of the simulation, MiB."""
+        return psutil.Process(self.sim.pid).memory_info().rss / 2**20
+
+
+@contextmanager
+def two_robot_simulation(logs: Path, mode: str = "real") -> Iterator[TwoRobotSimulation]:
+    """Two burgers at rest, and the reset monitor; in lockstep the simulation waits for it."""
+    robots = [{"name": name, "model": "burger", "y": y} for name, y in STARTS.items()]
+    lockstep = ["--lockstep"] if mode == "lockstep" else []
+    settings = {"robots": robots, "mode": mode, "factor": FACTOR, "members": ["/reset_monitor"] if lockstep else []}
+    arguments = [word for key, value in settings.items() for word in ("--param", f"{key}={json.dumps(value)}")]
+    with Network(logs) as network:
+        sim = network.start("sim", *arguments, *lockstep)
+        reset_monitor = network.run(RESET_MONITOR, *lockstep)
+        with network.node() as node:
+            yield TwoRobotSimulation(network, sim, reset_monitor, node)
