@@ -14,9 +14,10 @@ import click
 import msgspec
 
 from services.runtime.errors import TRY_AGAIN, BadInput, EleaError, Stopped, TryAgain
+from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.schema import describe_range, describe_relations
 from services.runtime.parameters.validation import build, describe_parameters, read_assignments, stated
-from services.runtime.service import Parameters, Service
+from services.runtime.service import Service
 
 _capturing = ContextVar("declaring", default=False)
 
