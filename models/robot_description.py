@@ -10,6 +10,7 @@ from typing import NoReturn
 from xml.etree import ElementTree
 from xml.parsers import expat
 
+from messages.errors import BadInput
 from models.urdf import Joint, Vector
 
 MAX_CHARACTERS = 1 << 20
@@ -25,7 +26,7 @@ MAX_VALUE = 1e6
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
 
-class BadUrdf(ValueError):
+class BadUrdf(BadInput):
     """A URDF is not one, or describes no tree; the text says what and where."""
 
 

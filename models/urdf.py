@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
+from messages.errors import BadInput
 from models import urdf_path
 
 Vector = tuple[float, float, float]
@@ -158,7 +159,7 @@ def _number(table: dict[str, str], name: str) -> float | None:
     return float(table[name]) if name in table else None
 
 
-class NoWheels(ValueError):
+class NoWheels(BadInput):
     """A URDF does not tell what is asked of its wheels; the text says what it has instead."""
 
 

@@ -21,7 +21,7 @@ from models.model import read_model
 from models.world import read_world
 from services.runtime.graph import Entity, token_pattern
 from services.runtime.parameters.validation import build
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.sim.drive.config import DriveConfig, robot_config
 from services.sim.drive.driver import AT_REST, step_drive, wheel_speeds
 from services.sim.parameters import BaseParameters

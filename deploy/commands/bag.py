@@ -180,7 +180,7 @@ def _exec_service(service: str, parameters: dict[str, Any], arguments: list[str]
     )
     words = [w for name, value in parameters.items() for w in ("--param", f"{name}={json.dumps(value)}")]
     sys.stdout.flush()
-    command_line = [sys.executable, "-P", "-m", f"services.{service}", *arguments, *words]
+    command_line = [sys.executable, "-P", "-m", "services", service, *arguments, *words]
     os.execve(sys.executable, command_line, {**os.environ, "PYTHONPATH": str(ROOT)})
 
 

@@ -146,7 +146,7 @@ def _fleets(ctx: click.Context, begun: str) -> list[str]:
 
 
 def _kinds(ctx: click.Context, begun: str) -> list[str]:
-    from deploy.service_catalog import service_kinds
+    from services.catalog import service_kinds
 
     return list(service_kinds())
 

@@ -77,7 +77,7 @@ def _serve_page(
         arguments = [*place.arguments, "--param", f"address={file}"]
         arguments += ["--param", f"port={page_port}"] if page_port is not None else []
         child = subprocess.Popen(
-            [sys.executable, "-P", "-m", "services.panel", *arguments],
+            [sys.executable, "-P", "-m", "services", "panel", *arguments],
             env={**os.environ, "PYTHONPATH": str(ROOT), PARENT: str(os.getpid())},
         )
         try:

@@ -38,11 +38,11 @@ def command(target: str, arguments: tuple[str, ...], port: int | None) -> None:
         environment["PYTHONPATH"] = f"{ROOT}{os.pathsep}{file.parent}"
         place = [str(file)]
     else:
-        from deploy.service_catalog import service_kinds
+        from services.catalog import service_kinds
 
         if target not in service_kinds():
             raise unknown_name("service", target, service_kinds())
-        place = ["-m", f"services.{target}"]
+        place = ["-m", "services", target]
     environment[process.PROGRAM] = f"./elea run {target}"
     sys.stdout.flush()
     os.execve(sys.executable, [sys.executable, "-P", *place, *arguments], environment)

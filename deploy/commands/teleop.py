@@ -78,6 +78,6 @@ def command(namespace: str, fixed: bool, stamped: bool, place: NetworkAddress, *
     sys.stdout.flush()
     os.execve(
         sys.executable,
-        [sys.executable, "-P", "-m", "services.teleop", *arguments],
+        [sys.executable, "-P", "-m", "services", "teleop", *arguments],
         {**os.environ, "PYTHONPATH": str(ROOT)},
     )

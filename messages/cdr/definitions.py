@@ -14,6 +14,7 @@ from typing import NamedTuple
 import msgspec.inspect as kinds
 
 from messages.base import Array, Float32Array, Message
+from messages.errors import BadInput
 
 SIZES = {
     "bool": ("?", 1),
@@ -70,7 +71,7 @@ Definitions = Mapping[str, tuple[Field, ...]]
 """Types by name (``geometry_msgs/Pose``), each with its fields in order."""
 
 
-class BadDefinition(ValueError):
+class BadDefinition(BadInput):
     """A text does not define a message type; it says where."""
 
 

@@ -25,6 +25,7 @@ from messages.cdr.definitions import (
     record_of,
     unwrap,
 )
+from messages.errors import EleaError
 
 HEADER = b"\x00\x01\x00\x00"
 """CDR, little-endian, no options."""
@@ -36,7 +37,7 @@ Op = Callable[[bytearray, Any], None]
 """Appends a part of a message to what is there; alignment counts from the beginning."""
 
 
-class NotWritable(ValueError):
+class NotWritable(EleaError, ValueError):
     """A value has no place in its ROS type; the text says which."""
 
 

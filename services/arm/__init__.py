@@ -16,7 +16,8 @@ from messages.topics import (
     JOINT_STATES,
     REFERENCE,
 )
-from services.runtime.service import Parameters, Service
+from services.runtime.parameters.base import Parameters
+from services.runtime.service import Service
 
 
 def _number(low: float, high: float, unit: str, text: str, live: bool = True) -> Meta:

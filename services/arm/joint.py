@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from messages.sensor import JointState
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 
 
 class JointReading(NamedTuple):

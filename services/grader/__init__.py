@@ -18,7 +18,8 @@ from messages.topics import (
     PLAN,
     STATUS,
 )
-from services.runtime.service import Parameters, Service
+from services.runtime.parameters.base import Parameters
+from services.runtime.service import Service
 
 
 class BrakingSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -19,7 +19,8 @@ from messages.topics import (
     STATUS,
     TF_STATIC,
 )
-from services.runtime.service import Parameters, Service
+from services.runtime.parameters.base import Parameters
+from services.runtime.service import Service
 
 _FIXED = {"live": False}
 """A recording under way keeps its file, its robots and its server."""

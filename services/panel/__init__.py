@@ -7,7 +7,8 @@ from typing import Annotated
 from msgspec import Meta
 
 from messages.topics import CLOCK, FLEET_STATE, HEALTH, ROSOUT
-from services.runtime.service import Parameters, Service
+from services.runtime.parameters.base import Parameters
+from services.runtime.service import Service
 
 _FIXED = {"live": False}
 """Marks what a running panel does not change."""

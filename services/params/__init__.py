@@ -10,7 +10,8 @@ from msgspec import Meta
 from messages.parameters import Value
 from messages.requests import PARAMS_REQUESTS
 from messages.topics import DESCRIPTIONS, SCHEDULE, UPDATES
-from services.runtime.service import Parameters, Service
+from services.runtime.parameters.base import Parameters
+from services.runtime.service import Service
 
 
 class Scheduled(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

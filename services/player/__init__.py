@@ -7,7 +7,8 @@ from typing import Annotated
 from msgspec import Meta
 
 from messages.requests import PAUSE, RESUME
-from services.runtime.service import Parameters, Service
+from services.runtime.parameters.base import Parameters
+from services.runtime.service import Service
 
 
 class PlayerParameters(Parameters, frozen=True, kw_only=True):

@@ -17,7 +17,7 @@ from services.runtime.lockstep.barrier import Barrier
 from services.runtime.lockstep.protocol import StepGrant
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 
 CLOCK_RATE = 50.0
 """Hz of the clock that is made anew, as that of the simulation."""

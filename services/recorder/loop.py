@@ -12,7 +12,7 @@ from services.recorder.subscriptions import Subscriptions, TopicFilter
 from services.runtime.context import Context
 from services.runtime.discovery import wait_for_nodes
 from services.runtime.errors import EleaError
-from services.runtime.service import period_of
+from services.runtime.step import period_of
 
 
 class RecordingIncomplete(EleaError):

@@ -8,7 +8,8 @@ from msgspec import Meta
 
 from messages.joints import LowerEnd, UpperEnd
 from messages.topics import REFERENCE
-from services.runtime.service import Parameters, Service
+from services.runtime.parameters.base import Parameters
+from services.runtime.service import Service
 
 
 def _number(low: float, high: float, unit: str, text: str) -> Meta:

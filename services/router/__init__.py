@@ -4,7 +4,8 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from services.runtime.service import Parameters, Service
+from services.runtime.parameters.base import Parameters
+from services.runtime.service import Service
 
 
 class RouterParameters(Parameters, frozen=True, kw_only=True):

@@ -8,7 +8,8 @@ from msgspec import Meta
 from messages.requests import SIM_REQUESTS
 from messages.topics import CLOCK, FLEET_STATE, LINK_STATES, MODEL_STATES, SIM_STATUS, STOPS, TF, TF_STATIC
 from services.runtime.discovery import START_PATIENCE_S
-from services.runtime.service import Parameters, Service
+from services.runtime.parameters.base import Parameters
+from services.runtime.service import Service
 from services.sim.parameters import BaseParameters as BaseParameters
 from services.sim.parameters import JointParameters as JointParameters
 

@@ -15,7 +15,8 @@ from services.runtime.context import Context
 from services.runtime.discovery import wait_for_nodes
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
-from services.runtime.service import STEP_NS
+from services.runtime.parameters.client import ParameterClient
+from services.runtime.step import STEP_NS
 from services.sim import SimParameters
 from services.sim.physics.bullet import BulletWorld
 from services.sim.physics.world import Pose3
@@ -42,8 +43,7 @@ def run(ctx: Context[SimParameters]) -> None:
                 simulation.spawn(entry, Pose3((entry.x, entry.y, 0.0), turn), wait=True)
             status_publisher = _StatusPublisher(node)
             time_mode = _time_mode(ctx, simulation, status_publisher)
-            if node.parameter_client is not None:
-                node.parameter_client.watermarks = time_mode.watermarks
+            ParameterClient.of(node).watermarks = time_mode.watermarks
             SimulationServices(simulation, time_mode, node)
             JointServices(simulation, node)
             PropertyServices(simulation, time_mode, node, params, world_description)

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from services.runtime.service import Parameters
+from services.runtime.parameters.base import Parameters
 
 MAX_RATE = 50.0
 """Hz; odometry goes out with the control ticks, at most with each."""

@@ -31,7 +31,7 @@ from models import urdf_path
 from models.model import RobotModel
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.sim import RobotEntry
 from services.sim.drive.controller import DiffDriveController
 from services.sim.drive.odometry import Odometer, world_odometry

@@ -56,7 +56,7 @@ from models.world import WorldDescription
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
 from services.runtime.parameters.validation import build
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.sim import BaseParameters, JointParameters, RobotEntry, SimParameters
 from services.sim.entities import (
     WORLD_STATE,

@@ -14,7 +14,7 @@ from services.runtime.errors import BadInput, unknown_name
 from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.runtime.subscriber import Subscriber
 from services.sim import RobotEntry
 from services.sim.command_sources import CommandSources

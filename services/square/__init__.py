@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from messages.topics import CMD_VEL, GROUND_TRUTH, ODOM, PLAN, STATUS
-from services.runtime.service import Parameters, Service
+from services.runtime.parameters.base import Parameters
+from services.runtime.service import Service
 
 LOG_FILE = "p3dx_square_log.txt"
 """The log's name in the tutorial that the square comes from."""

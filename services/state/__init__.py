@@ -12,7 +12,8 @@ from typing import Annotated
 from msgspec import Meta
 
 from messages.topics import JOINT_STATES, ROBOT_DESCRIPTION, TF, TF_STATIC
-from services.runtime.service import Parameters, Service
+from services.runtime.parameters.base import Parameters
+from services.runtime.service import Service
 
 RATE_HZ = 50
 """Of simulation time: how often it looks; a joint's transform is never told more often."""

@@ -8,7 +8,8 @@ from msgspec import Meta
 
 from messages.geometry import FASTEST_ANGULAR, FASTEST_LINEAR
 from messages.topics import BASE_STATUS, CLOCK, CMD_VEL, ODOM
-from services.runtime.service import Parameters, Service
+from services.runtime.parameters.base import Parameters
+from services.runtime.service import Service
 
 MIN_SPEED = 1e-3
 """m/s and rad/s; scaling goes no lower, so that it can always go up again."""

@@ -8,7 +8,8 @@ from msgspec import Meta
 
 from messages.base import Metres, Radians
 from messages.topics import CMD_VEL, GOAL_POSE, ODOM, PLAN, STATUS
-from services.runtime.service import Parameters, Service
+from services.runtime.parameters.base import Parameters
+from services.runtime.service import Service
 
 PLAN_LEVEL = 2
 """The bit of ``Context.params_changed`` that tells of other goals."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from deploy.commands.cli import COMMANDS
 from deploy.fleet_file import fleet_names
-from deploy.service_catalog import load_service, service_kinds
+from deploy.service_catalog import load_service
 from messages.base import Message
 from messages.topics import TOPICS, Quality, Topic
+from services.catalog import service_kinds
 from services.sim import SERVICE
 from tests.docs.readme import section, table
 

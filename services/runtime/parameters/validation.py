@@ -13,6 +13,7 @@ from msgspec import Meta
 
 from messages.parameters import ParameterDescription
 from services.runtime.errors import BadInput, unknown_name
+from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.schema import (
     MAX_NUMBER,
     all_metas,
@@ -23,7 +24,6 @@ from services.runtime.parameters.schema import (
     type_name,
     violations,
 )
-from services.runtime.service import Parameters
 
 P = TypeVar("P", bound=Parameters)
 

@@ -42,7 +42,7 @@ from services.grader.measurement import MessageLosses
 from services.recorder import RecorderParameters
 from services.recorder.subscriptions import Subscriptions, TopicFilter
 from services.runtime.node import Node
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
 from services.sim import RobotEntry

@@ -17,7 +17,7 @@ from messages.std import Header, Time
 from messages.topics import CLOCK, CMD_VEL, HEALTH, ODOM, Quality
 from services.runtime.context import Context, Tick
 from services.runtime.errors import BadInput, Stopped
-from services.runtime.service import Parameters
+from services.runtime.parameters.base import Parameters
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.wire import encoding, pack_attachment
 from tests.harness.memory_node import ManualClock, memory_node

@@ -16,7 +16,7 @@ from messages.topics import TF, TF_STATIC
 from services.runtime.context import Context, Tick
 from services.runtime.errors import NoTransform, UnknownFrame
 from services.runtime.node import Node
-from services.runtime.service import Parameters
+from services.runtime.parameters.base import Parameters
 from services.runtime.transport.memory import MemoryBus
 from tests.harness.memory_node import ManualClock, memory_node
 

@@ -21,7 +21,7 @@ from services.runtime.node import Node
 from services.runtime.parameters.validation import build
 from services.runtime.publisher import Publisher
 from services.runtime.requests import call
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.runtime.subscriber import Subscriber
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.wire import encoding
