@@ -10,7 +10,8 @@ from typing import NoReturn
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from models.urdf import Joint, Vector
+from messages.se3 import Vector
+from models.urdf import Joint
 
 MAX_CHARACTERS = 1 << 20
 """Characters of a URDF; a longer one is refused unread."""
