@@ -11,7 +11,8 @@ from xml.etree import ElementTree
 from xml.parsers import expat
 
 from messages.errors import BadInput
-from models.urdf import Joint, Vector
+from messages.se3 import Vector
+from models.urdf import Joint
 
 MAX_CHARACTERS = 1 << 20
 """Characters of a URDF; a longer one is refused unread."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -12,7 +11,7 @@ from deploy.commands.sim import SimulationClient, format_table, parse_joint_posi
 
 if TYPE_CHECKING:
     from messages.elea import ModelState
-    from messages.geometry import Pose, Quaternion, Twist
+    from messages.geometry import Pose, Twist
     from messages.joints import JointProperties
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -140,10 +139,11 @@ def set_state(
     """Move the model NAME; what is not stated of its pose stays. Its joints keep their angles."""
     from messages.geometry import Twist, Vector3
     from messages.requests import GET_STATE, SET_STATE
+    from messages.se3 import Pose3
     from messages.simulation import GetModelState, SetModelState
 
     now = asker.call(GET_STATE, GetModelState(name=name, relative_entity=frame)).pose
-    roll, pitch, yaw = _angles(now.orientation)
+    roll, pitch, yaw = Pose3.from_msg(now).rpy
     kept = {"x": now.position.x, "y": now.position.y, "z": now.position.z, "roll": roll, "pitch": pitch, "yaw": yaw}
     stated = {axis: value for axis, value in place.items() if value is not None}
     (vx, vy, vz), (wx, wy, wz) = linear, angular
@@ -177,26 +177,10 @@ def properties(asker: SimulationClient, name: str) -> None:
 
 def _pose(place: dict[str, float]) -> Pose:
     """A pose of x, y, z [m] and roll, pitch, yaw [rad] about fixed axes."""
-    from messages.geometry import Point, Pose, Quaternion
+    from messages.se3 import Pose3, quaternion_from_rpy
 
-    roll, pitch, yaw = (place[axis] / 2 for axis in ("roll", "pitch", "yaw"))
-    cr, sr, cp, sp, cy, sy = (turn(half) for half in (roll, pitch, yaw) for turn in (math.cos, math.sin))
-    return Pose(
-        position=Point(x=place["x"], y=place["y"], z=place["z"]),
-        orientation=Quaternion(
-            x=sr * cp * cy - cr * sp * sy,
-            y=cr * sp * cy + sr * cp * sy,
-            z=cr * cp * sy - sr * sp * cy,
-            w=cr * cp * cy + sr * sp * sy,
-        ),
-    )
-
-
-def _angles(q: Quaternion) -> tuple[float, float, float]:
-    """Roll, pitch and yaw, rad."""
-    roll = math.atan2(2 * (q.w * q.x + q.y * q.z), 1 - 2 * (q.x * q.x + q.y * q.y))
-    pitch = math.asin(max(-1.0, min(1.0, 2 * (q.w * q.y - q.z * q.x))))
-    return roll, pitch, q.yaw
+    rotation = quaternion_from_rpy(place["roll"], place["pitch"], place["yaw"])
+    return Pose3((place["x"], place["y"], place["z"]), rotation).to_msg()
 
 
 def _planar_pose(model: ModelState) -> tuple[str, str, str, str]:
@@ -210,7 +194,9 @@ def _pose_words(model: ModelState) -> list[str]:
 
 
 def _format_state(pose: Pose, twist: Twist) -> str:
-    place, turn = pose.position, _angles(pose.orientation)
+    from messages.se3 import Pose3
+
+    place, turn = pose.position, Pose3.from_msg(pose).rpy
     rows = [("", "x", "y", "z")]
     for name, (a, b, c) in (
         ("position m", (place.x, place.y, place.z)),

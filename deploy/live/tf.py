@@ -243,8 +243,8 @@ def _show_transform(source: str, target: str, found: LookupResult, watch: TfMoni
     age = "" if row["age"] is None or row["age"] < 0.5 else f", {row['age']:.3f} s old"
     lines = [
         f"{target} in {source}, {when}{age}",
-        f"- translation [m]: {_format_vector(found.transform.translation)}",
-        f"- quaternion (x, y, z, w): {_format_vector(found.transform.rotation)}",
+        f"- translation [m]: {_format_vector(found.transform.position)}",
+        f"- quaternion (x, y, z, w): {_format_vector(found.transform.orientation)}",
         f"- rpy [rad]: {_format_vector(row['rpy'])}",
         f"- rpy [deg]: {_format_vector(row['rpy_degrees'], 2)}",
     ]
@@ -260,8 +260,8 @@ def transform_facts(source: str, target: str, found: LookupResult, watch: TfMoni
         "target": target,
         "time": None if found.time is None else found.time / 1e9,
         "age": None if age is None else round(age, 6),
-        "translation": dict(zip("xyz", found.transform.translation, strict=True)),
-        "quaternion": dict(zip("xyzw", found.transform.rotation, strict=True)),
+        "translation": dict(zip("xyz", found.transform.position, strict=True)),
+        "quaternion": dict(zip("xyzw", found.transform.orientation, strict=True)),
         "rpy": list(rpy),
         "rpy_degrees": [math.degrees(each) for each in rpy],
     }

@@ -6,7 +6,7 @@ import math
 
 from deploy.fleet import Fleet, RobotConfig
 from deploy.report.record import RunFigures
-from services.driving.planar import Twist2
+from messages.se2 import Twist2
 from services.runtime.errors import BadInput
 from services.runtime.parameters.validation import build
 from services.sim import BaseParameters

@@ -10,14 +10,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from messages.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
+from messages.geometry import PoseStamped, Twist, TwistStamped, Vector3
+from messages.se2 import Pose2
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, GOAL_POSE, Quality, Topic
 from services.driving.command_repeater import CommandRepeater
 from services.panel import PanelParameters
 from services.panel.pages import Page
 from services.panel.protocol import Drive, Goal
-from services.panel.robots import Pose2, RobotState, RobotTracker
+from services.panel.robots import RobotState, RobotTracker
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
@@ -154,9 +155,9 @@ class GoalPublisher:
         output = self._publishers.get(said.robot)
         if output is None:
             output = self._publishers[said.robot] = self._node.advertise(GOAL_POSE, f"{said.robot}/{GOAL_POSE.name}")
-        at = robot.origin.between(Pose2(said.x, said.y, said.yaw))
+        at = robot.origin.between(Pose2(said.x, said.y, said.yaw)).wrapped
         header = Header(stamp=Time.of(sim_ns), frame_id=robot.frame)
-        output.publish(PoseStamped(header=header, pose=Pose.planar(at.x, at.y, at.yaw)))
+        output.publish(PoseStamped(header=header, pose=at.to_msg()))
         return f"{said.robot} is sent to ({said.x:.2f} m, {said.y:.2f} m)"
 
     def close_unused(self) -> None:

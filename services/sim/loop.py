@@ -7,6 +7,7 @@ from pathlib import Path
 
 import msgspec
 
+from messages.se3 import Pose3
 from messages.simulation import SimStatus
 from messages.topics import FLEET_STATE, SIM_STATUS
 from models import UnknownModel
@@ -19,7 +20,6 @@ from services.runtime.parameters.client import ParameterClient
 from services.runtime.step import STEP_NS
 from services.sim import SimParameters
 from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import Pose3
 from services.sim.services import JointServices, PropertyServices, SimulationServices, run_tick
 from services.sim.simulation import Simulation
 from services.sim.time_modes import Lockstep, RealTime, TimeMode

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from services.driving.planar import ZERO_TWIST, Pose2, Twist2
+from messages.se2 import ZERO_TWIST, Pose2, Twist2
 from services.square import SquareParameters, profile, tutorial
 from services.square.corners import Square, StepResult
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from enum import Enum, auto
 from typing import Literal, NamedTuple
 
-from services.driving.guidance import limit_slew, line_of_sight_heading, stopping_speed, turn_rate
-from services.driving.planar import ZERO_TWIST, Pose2, Segment, Twist2, wrap
+from messages.se2 import ZERO_TWIST, Pose2, Twist2, wrap
+from services.driving.guidance import Segment, limit_slew, line_of_sight_heading, stopping_speed, turn_rate
 from services.waypoint import WaypointParameters
 
 

@@ -17,6 +17,7 @@ from messages.base import decoder, encode
 from messages.elea import FleetState, Health
 from messages.gazebo import LinkStates, ModelStates
 from messages.records import RECORDS
+from messages.se3 import Pose3
 from messages.std import Empty
 from messages.tf import TFMessage
 from messages.topics import (
@@ -47,7 +48,6 @@ from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
 from services.sim import RobotEntry
 from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import Pose3
 from services.sim.services import SimulationServices
 from services.sim.simulation import TF_STEPS, Simulation
 from tests.harness.memory_node import memory_node

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from services.driving.planar import ZERO_TWIST, Pose2
+from messages.se2 import ZERO_TWIST, Pose2
 from services.square import SquareParameters
 from services.square.controller import SquareController
 from tests.services.square.ideal_base import CONTROL_S, IdealBase

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from services.driving.planar import ZERO_TWIST, Pose2, Twist2
+from messages.se2 import ZERO_TWIST, Pose2, Twist2
 from services.square import SquareParameters
 from services.square.corners import Square
 from services.square.tutorial import TutorialState, overrun, predict, step

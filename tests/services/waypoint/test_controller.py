@@ -10,7 +10,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from services.driving.planar import ZERO_TWIST, Pose2, Segment, wrap
+from messages.se2 import ZERO_TWIST, Pose2, wrap
+from services.driving.guidance import Segment
 from services.waypoint import WaypointParameters
 from services.waypoint.controller import Goal, Plan, WaypointController
 from tests.services.waypoint.ideal_base import CONTROL_S, IdealBase, SimulatedStep, drive

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.driving.guidance import limit_slew, line_of_sight_heading, stopping_speed, turn_rate
-from services.driving.planar import Pose2, Segment, Twist2, wrap
+from messages.se2 import Pose2, Twist2, wrap
+from services.driving.guidance import Segment, limit_slew, line_of_sight_heading, stopping_speed, turn_rate
 from services.waypoint.controller import tutorial_command
 
 

@@ -13,6 +13,7 @@ from messages.elea import BaseStatus
 from messages.geometry import Twist
 from messages.nav import Odometry
 from messages.requests import Request
+from messages.se3 import Pose3
 from messages.topics import BASE_STATUS, CMD_VEL, GROUND_TRUTH, ODOM, Topic
 from models.world import WorldDescription
 from services.runtime.identity import Identity
@@ -28,7 +29,6 @@ from services.runtime.transport.wire import encoding
 from services.sim import BaseParameters, RobotEntry
 from services.sim.drive.controller import DiffDriveController
 from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import Pose3
 from services.sim.robot import Robot
 from services.sim.services import SimulationServices
 from services.sim.simulation import CONTROL_STEPS, Simulation
