@@ -11,7 +11,7 @@ import msgspec
 
 from deploy.commands.completion import FLEET
 from deploy.fleet import MODES, REMOVED_MODES, Fleet, RunConfig, ServiceConfig
-from deploy.fleet_file import find_fleet, read_fleet
+from deploy.fleet_file import find_fleet, read_fleet, saved_parameters_file
 from services.runtime.errors import BadInput
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def _run(fleet: Fleet, report: str, as_json: bool, options: dict[str, Any]) -> i
 
     if options["params"] and options["no_saved"]:
         raise BadInput("--params and --no-saved contradict each other: give one of them")
-    saved = None if options["no_saved"] else Path(options["params"] or Path("params") / f"{fleet.name}.db").absolute()
+    saved = None if options["no_saved"] else Path(options["params"] or saved_parameters_file(fleet.name)).absolute()
     links = tuple(endpoint(each) for each in options["connect"])
     listen = check_listen(options["listen"], options["insecure"])
     folder = make_run_folder(fleet.name, report)

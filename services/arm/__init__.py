@@ -37,7 +37,7 @@ class ArmParameters(Parameters, frozen=True, kw_only=True):
     tr_Ki: Annotated[float, _number(0, 1000, "N m/(deg s)", "tracking: effort per summed error")] = 0.3
     tr_Kd: Annotated[float, _number(0, 100, "N m s/deg", "tracking: effort per rate")] = 1.3
     law: Annotated[
-        Literal["default", "seed"],
+        Literal["default", "tutorial"],
         Meta(description="default: filtered rates, back-calculation, no bumps; seed: the original's own, for teaching"),
     ] = "default"
     saturation: Annotated[float, _number(0, 1000, "N m", "largest effort")] = 200.0

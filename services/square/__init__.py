@@ -25,7 +25,7 @@ class SquareParameters(Parameters, frozen=True, kw_only=True):
     """The square and how to drive it. The defaults suit a Pioneer 3-DX; the bounds keep the laws stable at 50 Hz."""
 
     law: Annotated[
-        Literal["profile", "seed"],
+        Literal["profile", "tutorial"],
         Meta(
             description="profile: ramps to absolute corners, settles at each; seed: the original, for teaching",
             extra=_FIXED,

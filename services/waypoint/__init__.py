@@ -26,7 +26,7 @@ class WaypointParameters(Parameters, frozen=True, kw_only=True):
     """
 
     law: Annotated[
-        Literal["steady", "seed"],
+        Literal["steady", "tutorial"],
         Meta(description="steady: limited, stops at each point; seed: v = 0.1 D, w = 0.7 e, unlimited, for comparison"),
     ] = "steady"
     goals: Annotated[

@@ -39,7 +39,7 @@ class LiveParameters:
 
 
 DEFAULT_WINDOW = 2
-"""Control ticks in the mean of odometry's speed: that of the seeds; ROS's default of 10 lags by 0.1 s."""
+"""Control ticks in the mean of odometry's speed: 2 as in the tutorials; ROS's default of 10 lags by 0.1 s."""
 
 
 @dataclass(frozen=True)

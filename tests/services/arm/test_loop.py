@@ -185,7 +185,7 @@ def test_when_time_begins_anew_nothing_of_before_counts() -> None:
 
 
 def test_a_jump_of_time_is_neither_summed_up_nor_derived_over() -> None:
-    with standing(ArmParameters(law="seed", controller_type="tr")) as stand:
+    with standing(ArmParameters(law="tutorial", controller_type="tr")) as stand:
         stand.run(1.0, lambda _: 10.0)
         before = stand.jobs[-1].effort
         stand.ms += 5000
