@@ -61,7 +61,7 @@ class ParameterServiceClient:
     def set(
         self, name: str, values: tuple[Assignment, ...], clamp: bool, run: bool, kind: Literal["set", "load"] = "set"
     ) -> ParameterValues:
-        """Change parameters, all or none."""
+        """Set parameters, all or none."""
         asked = SetParameters(set=name, values=values, clamp=clamp, run=run, kind=kind, id=_new_id(), who=self._who)
         return call_idempotent(self._transport, PARAMS_SET, asked, self._timeout)
 

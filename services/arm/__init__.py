@@ -84,7 +84,7 @@ class ArmParameters(Parameters, frozen=True, kw_only=True):
 
 SERVICE = Service(
     name="arm",
-    about="takes a joint to where the reference is, by effort: set-point PD or tracking PID",
+    about="Controls a joint by effort to follow the reference: set-point PD or tracking PID.",
     run="services.arm.loop:run",
     reads=(JOINT_STATES, REFERENCE),
     writes=(JOINT_EFFORT, CONTROL_SIGNAL, JOINT_ANGLE, CONTROL_ERROR, CONTROL_STATE),

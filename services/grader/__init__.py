@@ -90,7 +90,7 @@ class GraderParameters(Parameters, frozen=True, kw_only=True):
 
 SERVICE = Service(
     name="grader",
-    about="measures a run against ground truth, ends it and writes the figures",
+    about="Measures a run against ground truth, ends it and writes the results.",
     run="services.grader.loop:run",
     reads=(GROUND_TRUTH, ODOM, PLAN, STATUS, BASE_STATUS, JOINT_STATES, CONTROL_STATE, HEALTH, LOCKSTEP),
     rate=5,

@@ -83,7 +83,7 @@ class LoggerParameters(Parameters, frozen=True, kw_only=True):
 
 SERVICE = Service(
     name="logger",
-    about="records robots, trails, plots and log for the rerun viewer, into a file and live",
+    about="Records robots, trails, plots and logs for the rerun viewer, to a file and live.",
     run="services.logger.loop:run",
     reads=(GROUND_TRUTH, ODOM, CMD_VEL, JOINT_STATES, CONTROL_STATE, SCAN, PLAN, STATUS, TF_STATIC, ROSOUT),
     rate=5,

@@ -51,7 +51,7 @@ class PanelParameters(Parameters, frozen=True, kw_only=True):
 
 SERVICE = Service(
     name="panel",
-    about="a web page on the loopback to watch, drive, tune and stop a fleet",
+    about="Serves a web page on the loopback to watch, drive, tune and stop a fleet.",
     run="services.panel.loop:run",
     reads=(CLOCK, HEALTH, ROSOUT, FLEET_STATE),
     parameters=PanelParameters,

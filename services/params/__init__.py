@@ -38,7 +38,7 @@ class ParamsParameters(Parameters, frozen=True, kw_only=True):
 
 SERVICE = Service(
     name="params",
-    about="Keeps every service's parameters: checks, applies, saves and publishes what is set.",
+    about="Parameter server: checks, stores and publishes the parameters of all services.",
     run="services.params.loop:run",
     writes=(DESCRIPTIONS, UPDATES, SCHEDULE),
     serves=PARAMS_REQUESTS,

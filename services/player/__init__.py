@@ -43,7 +43,7 @@ class PlayerParameters(Parameters, frozen=True, kw_only=True):
 
 SERVICE = Service(
     name="player",
-    about="puts a bag back on the bus, on simulated time, at any rate or in lockstep",
+    about="Plays a bag in simulation time, at any rate or in lockstep.",
     run="services.player.loop:run",
     serves=(PAUSE, RESUME),
     parameters=PlayerParameters,

@@ -34,7 +34,7 @@ class RecorderParameters(Parameters, frozen=True, kw_only=True):
 
 SERVICE = Service(
     name="recorder",
-    about="records topics into a bag: MCAP in a rosbag2 folder, as ROS 2's tools read it",
+    about="Records topics into a bag: MCAP in a rosbag2 folder, readable by ROS 2.",
     run="services.recorder.loop:run",
     rate=100,
     parameters=RecorderParameters,

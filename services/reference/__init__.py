@@ -46,7 +46,7 @@ class ReferenceParameters(Parameters, frozen=True, kw_only=True):
 
 SERVICE = Service(
     name="reference",
-    about="publishes the angle that the arm should take: step, sine, ramp, square, chirp or a file",
+    about="Publishes the arm's set-point: step, sine, ramp, square, chirp or a file.",
     run="services.reference.loop:run",
     writes=(REFERENCE,),
     rate=50,

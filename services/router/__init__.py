@@ -32,7 +32,7 @@ class RouterParameters(Parameters, frozen=True, kw_only=True):
 
 SERVICE = Service(
     name="router",
-    about="The meeting point of all nodes of a machine.",
+    about="Zenoh router: connects the nodes of a machine, and other machines.",
     run="services.router.loop:run",
     parameters=RouterParameters,
     holds_lockstep=False,

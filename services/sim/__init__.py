@@ -86,7 +86,7 @@ class SimParameters(Parameters, frozen=True, kw_only=True):
 
 SERVICE = Service(
     name="sim",
-    about="Physics, sensors, base drivers and simulation time.",
+    about="Simulates physics, sensors and base drivers, and publishes simulation time.",
     run="services.sim.loop:run",
     reads=(FLEET_STATE,),
     writes=(CLOCK, STOPS, TF, TF_STATIC, MODEL_STATES, LINK_STATES, SIM_STATUS),

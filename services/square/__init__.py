@@ -71,7 +71,7 @@ class SquareParameters(Parameters, frozen=True, kw_only=True):
 
 SERVICE = Service(
     name="square",
-    about="drives a robot around a square and logs what it should do, does, and truly did",
+    about="Drives a robot around a square and logs desired, measured and true poses.",
     run="services.square.loop:run",
     reads=(ODOM, GROUND_TRUTH),
     writes=(CMD_VEL, PLAN, STATUS),

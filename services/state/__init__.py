@@ -93,7 +93,7 @@ class StateParameters(Parameters, frozen=True, kw_only=True):
 
 SERVICE = Service(
     name="state",
-    about="Tells a robot's links on /tf from its URDF and joint states, and merges joint states",
+    about="Publishes a robot's link transforms from its URDF and joint states, and merges joint states.",
     run="services.state.loop:run",
     reads=(JOINT_STATES, ROBOT_DESCRIPTION, TF_STATIC),
     writes=(TF, TF_STATIC),

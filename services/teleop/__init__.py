@@ -69,7 +69,7 @@ class TeleopParameters(Parameters, frozen=True, kw_only=True):
 
 SERVICE = Service(
     name="teleop",
-    about="drives a robot from the keyboard, or by a script of keys",
+    about="Drives a robot from the keyboard, or from a script of keys.",
     run="services.teleop.loop:run",
     reads=(CLOCK, BASE_STATUS, ODOM),
     writes=(CMD_VEL,),

@@ -67,7 +67,7 @@ class WaypointParameters(Parameters, frozen=True, kw_only=True):
 
 SERVICE = Service(
     name="waypoint",
-    about="drives a robot through a list of points, or to the goal of goal_pose",
+    about="Drives a robot through a list of points, or to a goal_pose.",
     run="services.waypoint.loop:run",
     reads=(ODOM, GOAL_POSE),
     writes=(CMD_VEL, PLAN, STATUS),
