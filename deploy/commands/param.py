@@ -29,7 +29,7 @@ COMMANDS = {
     "undo": LazyCommand("param:undo_command", "Undo the last change of a set."),
     "dump": LazyCommand("param:dump_command", "Write values as YAML or TOML."),
     "load": LazyCommand("param:load_command", "Set values from a YAML or TOML file."),
-    "history": LazyCommand("param:history_command", "Show who changed what, and when."),
+    "history": LazyCommand("param:history_command", "Show the history of changes."),
 }
 
 

@@ -10,7 +10,7 @@ from deploy.network_address import NetworkAddress
 
 COMMANDS = {
     "tree": LazyCommand("tf:tree_command", "Show all frames with their publishers, rates and ages."),
-    "echo": LazyCommand("tf:echo_command", "Show where one frame lies in another."),
+    "echo": LazyCommand("tf:echo_command", "Print the transform between two frames."),
 }
 
 

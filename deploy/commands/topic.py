@@ -23,7 +23,7 @@ COMMANDS = {
     "hz": LazyCommand("topic_messages:hz_command", "Measure how often topics come."),
     "bw": LazyCommand("topic_messages:bw_command", "Measure how many bytes a topic takes."),
     "delay": LazyCommand("topic_messages:delay_command", "Measure how late a topic comes."),
-    "info": LazyCommand("topic:info_command", "Tell who publishes and who subscribes to a topic."),
+    "info": LazyCommand("topic:info_command", "Show the type, publishers and subscribers of a topic."),
     "pub": LazyCommand("topic_messages:pub_command", "Publish messages."),
     "find": LazyCommand("topic:find_command", "List the topics of a type."),
     "type": LazyCommand("topic:type_command", "Tell the type of a topic."),
@@ -303,7 +303,7 @@ def _format_subscriber(row: dict[str, Any]) -> str:
 
         silent = "a passing tool" if is_hidden(row["node"]) else "no heartbeat for a second"
         if row["beats"]:
-            silent = f"it reads so many topics that this one's turn did not come: ./elea node info {row['node']}"
+            silent = f"it has too many topics to list this one: ./elea node info {row['node']}"
         return f"  {row['node']}  [{row['type']}, {row['quality']}]  {silent}"
     shown = [name for name in _COUNTS if row[name] or name not in ("repeated", "resynced")]
     counts = ", ".join(f"{name} {row[name]}" for name in shown)
@@ -353,7 +353,7 @@ def type_command(topic: str, place: NetworkAddress, as_json: bool) -> None:
     with connect(place.router, place.domain) as transport:
         found = group_by_topic(snapshot(transport))
     if name not in found:
-        raise not_found("topic", name, found, "./elea topic list tells them all")
+        raise not_found("topic", name, found, "./elea topic list shows them all")
     types = found[name].types
     if as_json:
         write_json({"topic": name, "types": types})

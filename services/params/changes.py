@@ -212,7 +212,7 @@ def plan_set(state: SetState, asked: SetParameters) -> Change:
             if not described.live:
                 raise BadInput(
                     f"{each.name} cannot change while {_node_names(state)} runs: "
-                    "say it in the fleet file or on the command line, and start anew"
+                    "set it in the fleet file or on the command line, and restart"
                 )
             fitted[each.name], said = fit(described, each.value, asked.clamp)
             notes += said

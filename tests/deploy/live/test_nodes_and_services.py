@@ -101,7 +101,7 @@ def test_a_rate_survives_a_reset(running: BackgroundFleet) -> None:
         epoch = running.run_json("service", "call", "/sim/reset")["epoch"]
         running.run("topic", "hz", "/tb3_0/odom", "-n", "10")
         ended = interrupt(process)
-    assert f"simulation time began anew (epoch {epoch})" in ended.err
+    assert f"simulation time was reset (epoch {epoch})" in ended.err
     assert "average rate: 25.000 by simulation time" in ended.out.splitlines()[-5]
 
 

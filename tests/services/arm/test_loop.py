@@ -168,7 +168,7 @@ def test_what_is_no_number_is_refused_on_arrival() -> None:
 
 def test_joint_states_of_another_joint_move_nothing() -> None:
     with standing(ArmParameters(joint="elbow")) as stand:
-        said = "tell no angle of 'elbow' (they have: bear_link)"
+        said = "have no position of 'elbow' (only of: bear_link)"
         wait_until(lambda: stand.idle(30.0) or said in stand.bench.log)
         assert stand.bench.received(JOINT_EFFORT, EFFORT) == []
 
