@@ -21,9 +21,9 @@ from services.runtime.process import ROOT
 @click.argument("target", type=KIND)
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 def command(target: str, arguments: tuple[str, ...], port: int | None) -> None:
-    """Run TARGET, a service by its name or a .py file of your own, with the rest of the line as its arguments.
+    """Run TARGET, the name of a service or a .py file of your own, with the remaining arguments.
 
-    It joins the running fleet, that on --port where several run, unless --connect says otherwise.
+    It joins the running fleet (the one on --port if there are several) unless --connect is given.
 
     `./elea run waypoint --help` shows the options that all services have.
     """

@@ -113,7 +113,7 @@ def commands(bases: Mapping[str, BaseStatus], entities: Collection[Entity]) -> I
         if base.stale_dropped >= MIN_STALE and base.stale_dropped > STALE_SHARE * offered:
             yield warn(
                 f"base {robot}",
-                f"{base.stale_dropped} of {offered} commands {who} were too old when they came, and not obeyed",
+                f"{base.stale_dropped} of {offered} commands {who} were too old on arrival, and ignored",
                 "the sender stalls, its link buffers, or its clock was set: restart the sender if it goes on",
             )
         if base.refused:
@@ -175,7 +175,7 @@ def disk(fleet: str, folder: str) -> Iterator[Finding]:
         free = shutil.disk_usage(path).free
     except OSError as error:
         yield fail(
-            f"disk of {fleet}", f"{path} cannot be looked at: {error.strerror}", "the run's results may be lost: look"
+            f"disk of {fleet}", f"{path} cannot be checked: {error.strerror}", "the run's results may be lost: look"
         )
         return
     yield disk_space(f"disk of {fleet}", path, free)

@@ -77,7 +77,7 @@ class TfMonitor:
         told = []
         for frame, text in self.buffer.conflicts().items():
             who = [names.get(each, "a foreign sender" if not each else "?") for each in self.buffer.publishers(frame)]
-            told.append(f"{text}: {', '.join(who)} tell of it")
+            told.append(f"{text}: published by {', '.join(who)}")
         if self.buffer.refused:
             told.append(f"{self.buffer.refused} transforms refused, the last one: {self.buffer.reason}")
         for source in (self.dynamic, self._static):
@@ -101,9 +101,7 @@ def show_tree(place: NetworkAddress, listen: float, as_json: bool) -> int:
         names = watch.publishers()
         frames = watch.buffer.frames()
         if not frames:
-            raise EleaError(
-                f"no frames within {listen:g} s: nobody publishes on /tf or /tf_static; is a simulation running?"
-            )
+            raise EleaError(f"no frames on /tf or /tf_static within {listen:g} s: is a simulation running?")
         rows = {each: _frame_row(watch, each, names) for each in frames}
         faults = watch.faults(names) + _find_cycles(rows)
         now = watch.clock.now

@@ -148,7 +148,7 @@ class GoalPublisher:
             raise unknown_name("robot", said.robot, self._robots.by_namespace)
         if not robot.accepts_goals:
             raise BadInput(
-                f"nobody takes goals on {said.robot}/{GOAL_POSE.name}: does a waypoint service run for this robot?"
+                f"no subscriber to {said.robot}/{GOAL_POSE.name}: is a waypoint service running for this robot?"
             )
         if robot.estimate is None:
             raise BadInput(f"no odometry from {said.robot} yet, so its frame is not known: is the simulation running?")

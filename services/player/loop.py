@@ -76,7 +76,7 @@ def _play(
             else:
                 publishers.publish(timed)
         if not played:
-            raise BadInput(f"{ctx.params.bag}: no message of the chosen topics lies in the span that is asked for")
+            raise BadInput(f"{ctx.params.bag}: no messages of the chosen topics in the requested time span")
         ctx.log.info(f"played {played} messages")
         if not ctx.params.loop:
             break
@@ -94,7 +94,7 @@ def _playback_clock(
         latency = p.latency if p.latency is not None else recorded_latency(bag)
         if latency is None:
             latency = 0
-            ctx.log.info(f"{p.bag} has no {SIM_PARAMETER_UPDATES} to read the latency of its run from: 0 is assumed")
+            ctx.log.info(f"{p.bag} does not contain {SIM_PARAMETER_UPDATES}, which has the latency of its run: using 0")
         return LockstepClock(ctx.node, p.members, p.rate, clock_publisher, latency)
     return SimClock(ctx, p.rate) if follows else WallClock(ctx.node, p.rate, clock_publisher)
 
@@ -126,7 +126,7 @@ def _await_subscribers(ctx: Context[PlayerParameters], publishers: Publishers) -
         if not unmatched or (not p.topics and len(unmatched) < len(publishers.publishers)):
             return
         if time.monotonic() > deadline:
-            raise PlaybackIncomplete(f"nobody has subscribed to {', '.join(unmatched[:5])} within {p.wait:g} s")
+            raise PlaybackIncomplete(f"no subscribers to {', '.join(unmatched[:5])} within {p.wait:g} s")
         ctx.idle()
 
 

@@ -31,7 +31,9 @@ def run(ctx: Context[RecorderParameters]) -> None:
             wait_for_nodes(node.transport, [each for each in p.members if each != ctx.node_name], ctx.idle)
             subscriptions.subscribe_existing()
             if missing := subscriptions.missing:
-                ctx.log.warn(f"nobody publishes or reads {', '.join(missing)} yet: recorded as soon as somebody does")
+                ctx.log.warn(
+                    f"no publishers or subscribers of {', '.join(missing)} yet: recording starts when there are"
+                )
             if ctx.lockstep:
                 _record_ticks(ctx, subscriptions, recorder)
             else:

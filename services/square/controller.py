@@ -26,7 +26,7 @@ class SquareController:
         """One tick at ``time`` [ns]: the robot is ``here``, moves at ``moving``; the last tick was ``dt`` [s] ago."""
         if self.square is None:
             self.square = Square(here, self._params.side, self._params.count)
-            if self._params.law == "seed":
+            if self._params.law == "tutorial":
                 self._tutorial_state = tutorial.TutorialState.at_start(self.square)
             else:
                 self._profile_state = profile.ProfileState(self.square)

@@ -70,11 +70,11 @@ def _drive(ctx: Context[SquareParameters], record: CsvLog | None) -> None:
                     ctx.log.error(f"the log {record.path} ends here, it cannot be written: {record.error}")
                     record = None
             if move.phase == "astray":
-                ctx.log.warn("the robot is far from its square, standing still: who has moved it?", every=5)
+                ctx.log.warn("the robot is far from its square, standing still: has it been moved?", every=5)
             elif move.timed_out:
                 ctx.log.warn(
                     f"corner {move.index} not met within the tolerances for {ctx.params.patience:g} s, going on: "
-                    "is the robot held up, or does its base not move so slowly?"
+                    "is the robot blocked, or is the tolerance below what its base can resolve?"
                 )
             if shown != (move.state, move.index) and controller.square is not None:
                 shown = move.state, move.index

@@ -206,7 +206,9 @@ class WaypointController:
             return Progress("idle", None)
         if self._done:
             return self._finish(here)
-        return self._step_tutorial(here) if self._params.law == "seed" else self._step_stop_and_turn(here, moving, dt)
+        return (
+            self._step_tutorial(here) if self._params.law == "tutorial" else self._step_stop_and_turn(here, moving, dt)
+        )
 
     def hold(self) -> Progress:
         """Stand still for want of odometry; the way goes on from where the robot is afterwards."""

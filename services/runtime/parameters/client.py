@@ -53,7 +53,9 @@ def call_idempotent(transport: Transport, request: Request[Q, R], message: Q, ti
             )
         if not sent and not transport.tokens(token_pattern("srv", "*", request.name)):
             if time.monotonic() - began > min(timeout, LAST_TRY_S):
-                raise CallFailed(f"nobody serves {request.name}, nothing was asked: is the process that does running?")
+                raise CallFailed(
+                    f"no server for {request.name}, nothing was sent: is the process that provides it running?"
+                )
             time.sleep(_PAUSE_S)
             continue
         sent = True

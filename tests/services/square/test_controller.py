@@ -14,7 +14,7 @@ from tests.services.square.ideal_base import CONTROL_S, IdealBase
 START = Pose2(0.7, -0.4, 2.9)
 
 
-@pytest.mark.parametrize("law", ["profile", "seed"])
+@pytest.mark.parametrize("law", ["profile", "tutorial"])
 def test_another_speed_on_the_way_is_kept_to_and_the_square_is_the_same(law: str) -> None:
     base, pilot, command = IdealBase(START), SquareController(SquareParameters(law=law)), ZERO_TWIST
     speeds: dict[float, list[float]] = {0.2: [], 0.4: []}
