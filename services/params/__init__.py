@@ -8,8 +8,6 @@ import msgspec
 from msgspec import Meta
 
 from messages.parameters import Value
-from messages.requests import PARAMS_REQUESTS
-from messages.topics import DESCRIPTIONS, SCHEDULE, UPDATES
 from services.runtime.parameters.base import Parameters
 from services.runtime.service import Service
 
@@ -37,8 +35,7 @@ SERVICE = Service(
     name="params",
     about="Keeps every service's parameters: checks, applies, saves and publishes what is set.",
     run="services.params.loop:run",
-    writes=(DESCRIPTIONS, UPDATES, SCHEDULE),
-    serves=PARAMS_REQUESTS,
     rate=10,
     parameters=ParamsParameters,
+    parameter_set=None,
 )

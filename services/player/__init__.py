@@ -6,7 +6,6 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from messages.requests import PAUSE, RESUME
 from services.runtime.parameters.base import Parameters
 from services.runtime.service import Service
 
@@ -42,7 +41,6 @@ SERVICE = Service(
     name="player",
     about="puts a bag back on the bus, on simulated time, at any rate or in lockstep",
     run="services.player.loop:run",
-    serves=(PAUSE, RESUME),
     parameters=PlayerParameters,
-    holds_lockstep=False,
+    role="free",
 )

@@ -35,6 +35,5 @@ SERVICE = Service(
     about="The meeting point of all nodes of a machine.",
     run="services.router.loop:run",
     parameters=RouterParameters,
-    holds_lockstep=False,
-    routes=True,
+    role="router",
 )

@@ -6,8 +6,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from messages.topics import CMD_VEL, GROUND_TRUTH, ODOM, PLAN, STATUS
-from services.runtime.parameters.base import Parameters
+from services.runtime.parameters.base import Parameters, param
 from services.runtime.service import Service
 
 LOG_FILE = "p3dx_square_log.txt"
@@ -16,10 +15,6 @@ LOG_FILE = "p3dx_square_log.txt"
 
 _FIXED = {"live": False}
 """A square under way keeps its law, its size and its log."""
-
-
-def _number(low: float, high: float, unit: str, text: str, live: bool = True) -> Meta:
-    return Meta(ge=low, le=high, description=text, extra={"unit": unit, "live": live})
 
 
 class SquareParameters(Parameters, frozen=True, kw_only=True):
@@ -32,26 +27,18 @@ class SquareParameters(Parameters, frozen=True, kw_only=True):
             extra=_FIXED,
         ),
     ] = "profile"
-    side: Annotated[float, _number(0.2, 50.0, "m", "side of the square", live=False)] = 1.0
+    side: float = param(1.0, 0.2, 50.0, "m", "side of the square", live=False)
     count: Annotated[int, Meta(ge=0, le=50, description="squares to drive; 0 drives on for ever", extra=_FIXED)] = 1
-    linear_speed: Annotated[float, _number(0.02, 2.0, "m/s", "speed along a side")] = 0.2
-    angular_speed: Annotated[float, _number(0.05, 3.0, "rad/s", "turn rate at a corner")] = 0.5
-    acceleration: Annotated[float, _number(0.05, 2.0, "m/s^2", "rise of the speed; at most what the base does")] = 0.25
-    deceleration: Annotated[float, _number(0.05, 2.0, "m/s^2", "fall of the speed; at most what the base does")] = 0.25
-    angular_acceleration: Annotated[
-        float, _number(0.2, 6.0, "rad/s^2", "change of the turn rate; at most what the base does")
-    ] = 1.5
-    tolerance: Annotated[float, _number(0.001, 0.1, "m", "distance along the side at which a corner is reached")] = (
-        0.003
-    )
-    heading_tolerance: Annotated[float, _number(0.001, 0.1, "rad", "error at which a turn is done")] = 0.003
-    patience: Annotated[
-        float, _number(0.5, 60.0, "s", "longest wait for the tolerances at a corner; then the robot goes on")
-    ] = 3.0
-    phase: Annotated[
-        float, _number(0.0, 0.08, "s", "seed: how long after a sample of its 10 Hz odometry the loop acts")
-    ] = 0.06
-    odometry_timeout: Annotated[float, _number(0.1, 5.0, "s", "odometry older than this stops the robot")] = 0.5
+    linear_speed: float = param(0.2, 0.02, 2.0, "m/s", "speed along a side")
+    angular_speed: float = param(0.5, 0.05, 3.0, "rad/s", "turn rate at a corner")
+    acceleration: float = param(0.25, 0.05, 2.0, "m/s^2", "rise of the speed; at most what the base does")
+    deceleration: float = param(0.25, 0.05, 2.0, "m/s^2", "fall of the speed; at most what the base does")
+    angular_acceleration: float = param(1.5, 0.2, 6.0, "rad/s^2", "change of the turn rate; at most what the base does")
+    tolerance: float = param(0.003, 0.001, 0.1, "m", "distance along the side at which a corner is reached")
+    heading_tolerance: float = param(0.003, 0.001, 0.1, "rad", "error at which a turn is done")
+    patience: float = param(3.0, 0.5, 60.0, "s", "longest wait for the tolerances at a corner; then the robot goes on")
+    phase: float = param(0.06, 0.0, 0.08, "s", "seed: how long after a sample of its 10 Hz odometry the loop acts")
+    odometry_timeout: float = param(0.5, 0.1, 5.0, "s", "odometry older than this stops the robot")
     log: Annotated[
         str,
         Meta(
@@ -65,8 +52,6 @@ SERVICE = Service(
     name="square",
     about="drives a robot around a square and logs what it should do, does, and truly did",
     run="services.square.loop:run",
-    reads=(ODOM, GROUND_TRUTH),
-    writes=(CMD_VEL, PLAN, STATUS),
     rate=50,
     parameters=SquareParameters,
 )

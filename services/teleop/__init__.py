@@ -7,8 +7,7 @@ from typing import Annotated
 from msgspec import Meta
 
 from messages.geometry import FASTEST_ANGULAR, FASTEST_LINEAR
-from messages.topics import BASE_STATUS, CLOCK, CMD_VEL, ODOM
-from services.runtime.parameters.base import Parameters
+from services.runtime.parameters.base import Parameters, param
 from services.runtime.service import Service
 
 MIN_SPEED = 1e-3
@@ -19,26 +18,19 @@ _FIXED = {"live": False}
 """What a command is, and a script that plays."""
 
 
-def _number(low: float, high: float, unit: str, text: str, live: bool = True) -> Meta:
-    return Meta(ge=low, le=high, description=text, extra={"unit": unit, "live": live})
-
-
 class TeleopParameters(Parameters, frozen=True, kw_only=True):
     """Speeds, limits, and how a key counts as held. The first eight are teleop_twist_keyboard's."""
 
-    speed: Annotated[float, _number(MIN_SPEED, FASTEST_LINEAR, "m/s", "linear speed at the start")] = 0.5
-    turn: Annotated[float, _number(MIN_SPEED, FASTEST_ANGULAR, "rad/s", "turn rate at the start")] = 1.0
-    speed_limit: Annotated[float, _number(MIN_SPEED, FASTEST_LINEAR, "m/s", "scaling goes no higher")] = FASTEST_LINEAR
-    turn_limit: Annotated[float, _number(MIN_SPEED, FASTEST_ANGULAR, "rad/s", "scaling goes no higher")] = (
-        FASTEST_ANGULAR
+    speed: float = param(0.5, MIN_SPEED, FASTEST_LINEAR, "m/s", "linear speed at the start")
+    turn: float = param(1.0, MIN_SPEED, FASTEST_ANGULAR, "rad/s", "turn rate at the start")
+    speed_limit: float = param(FASTEST_LINEAR, MIN_SPEED, FASTEST_LINEAR, "m/s", "scaling goes no higher")
+    turn_limit: float = param(FASTEST_ANGULAR, MIN_SPEED, FASTEST_ANGULAR, "rad/s", "scaling goes no higher")
+    repeat_rate: float = param(
+        20.0, 0, 200, "Hz", "a command is sent so often while a key is held; 0 sends at key events only"
     )
-    repeat_rate: Annotated[
-        float, _number(0, 200, "Hz", "a command is sent so often while a key is held; 0 sends at key events only")
-    ] = 20.0
-    key_timeout: Annotated[
-        float,
-        _number(0.05, 5, "s", "a key counts as held so long after its first event; the keyboard's delay must be less"),
-    ] = 0.6
+    key_timeout: float = param(
+        0.6, 0.05, 5, "s", "a key counts as held so long after its first event; the keyboard's delay must be less"
+    )
     stamped: Annotated[bool, Meta(description="send TwistStamped instead of Twist", extra=_FIXED)] = False
     frame_id: Annotated[
         str, Meta(max_length=255, description="frame in the header of a TwistStamped", extra=_FIXED)
@@ -46,10 +38,9 @@ class TeleopParameters(Parameters, frozen=True, kw_only=True):
     adaptive: Annotated[
         bool, Meta(description="learn the keyboard's delay and interval; false waits key_timeout after every event")
     ] = True
-    give_way: Annotated[
-        float,
-        _number(0.3, 60, "s", "simulation time for which zero is held after the last key; then others may drive"),
-    ] = 3.0
+    give_way: float = param(
+        3.0, 0.3, 60, "s", "simulation time for which zero is held after the last key; then others may drive"
+    )
     keys: Annotated[
         str,
         Meta(
@@ -58,16 +49,14 @@ class TeleopParameters(Parameters, frozen=True, kw_only=True):
             extra=_FIXED,
         ),
     ] = ""
-    key_delay: Annotated[float, _number(0.01, 5, "s", "delay of a scripted key's first repeat", live=False)] = 0.5
-    key_interval: Annotated[float, _number(0.005, 1, "s", "interval of a scripted key's repeats", live=False)] = 0.03
+    key_delay: float = param(0.5, 0.01, 5, "s", "delay of a scripted key's first repeat", live=False)
+    key_interval: float = param(0.03, 0.005, 1, "s", "interval of a scripted key's repeats", live=False)
 
 
 SERVICE = Service(
     name="teleop",
     about="drives a robot from the keyboard, or by a script of keys",
     run="services.teleop.loop:run",
-    reads=(CLOCK, BASE_STATUS, ODOM),
-    writes=(CMD_VEL,),
     rate=50,
     parameters=TeleopParameters,
 )

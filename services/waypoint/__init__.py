@@ -7,17 +7,12 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from messages.base import Metres, Radians
-from messages.topics import CMD_VEL, GOAL_POSE, ODOM, PLAN, STATUS
-from services.runtime.parameters.base import Parameters
+from services.runtime.parameters.base import Parameters, param
 from services.runtime.service import Service
 
 PLAN_LEVEL = 2
 """The bit of ``Context.params_changed`` that tells of other goals."""
 _PLAN = {"level": PLAN_LEVEL}
-
-
-def _number(low: float, high: float, unit: str, text: str) -> Meta:
-    return Meta(ge=low, le=high, description=text, extra={"unit": unit})
 
 
 class WaypointParameters(Parameters, frozen=True, kw_only=True):
@@ -40,24 +35,22 @@ class WaypointParameters(Parameters, frozen=True, kw_only=True):
     final_yaw: Annotated[
         Radians | None, Meta(description="heading at the end of the list; free when not given", extra=_PLAN)
     ] = None
-    max_linear: Annotated[float, _number(0.02, 2.0, "m/s", "top speed")] = 0.22
-    max_angular: Annotated[float, _number(0.1, 3.0, "rad/s", "top turn rate")] = 1.5
-    acceleration: Annotated[float, _number(0.1, 1.0, "m/s^2", "rise of the speed command")] = 0.5
-    deceleration: Annotated[float, _number(0.1, 1.0, "m/s^2", "fall of the speed command, plans the stop")] = 0.5
-    angular_acceleration: Annotated[float, _number(0.5, 6.0, "rad/s^2", "change of the turn command")] = 3.0
-    tolerance: Annotated[float, _number(0.005, 0.5, "m", "distance at which a point counts as reached")] = 0.01
-    heading_tolerance: Annotated[float, _number(0.005, 0.5, "rad", "error allowed in the final heading")] = 0.02
-    lookahead: Annotated[float, _number(0.1, 2.0, "m", "distance over which an offset from the leg is taken out")] = 0.3
-    lag: Annotated[float, _number(0.15, 1.0, "s", "time constant of the last approach; above the loop's delay")] = 0.2
-    odometry_timeout: Annotated[float, _number(0.1, 5.0, "s", "odometry older than this stops the robot")] = 0.5
+    max_linear: float = param(0.22, 0.02, 2.0, "m/s", "top speed")
+    max_angular: float = param(1.5, 0.1, 3.0, "rad/s", "top turn rate")
+    acceleration: float = param(0.5, 0.1, 1.0, "m/s^2", "rise of the speed command")
+    deceleration: float = param(0.5, 0.1, 1.0, "m/s^2", "fall of the speed command, plans the stop")
+    angular_acceleration: float = param(3.0, 0.5, 6.0, "rad/s^2", "change of the turn command")
+    tolerance: float = param(0.01, 0.005, 0.5, "m", "distance at which a point counts as reached")
+    heading_tolerance: float = param(0.02, 0.005, 0.5, "rad", "error allowed in the final heading")
+    lookahead: float = param(0.3, 0.1, 2.0, "m", "distance over which an offset from the leg is taken out")
+    lag: float = param(0.2, 0.15, 1.0, "s", "time constant of the last approach; above the loop's delay")
+    odometry_timeout: float = param(0.5, 0.1, 5.0, "s", "odometry older than this stops the robot")
 
 
 SERVICE = Service(
     name="waypoint",
     about="drives a robot through a list of points, or to the goal of goal_pose",
     run="services.waypoint.loop:run",
-    reads=(ODOM, GOAL_POSE),
-    writes=(CMD_VEL, PLAN, STATUS),
     rate=25,
     parameters=WaypointParameters,
 )

@@ -6,9 +6,9 @@ from deploy.commands.cli import COMMANDS
 from deploy.fleet_file import fleet_names
 from deploy.service_catalog import load_service
 from messages.base import Message
+from messages.requests import SIM_REQUESTS
 from messages.topics import TOPICS, Quality, Topic
 from services.catalog import service_kinds
-from services.sim import SERVICE
 from tests.docs.readme import section, table
 
 
@@ -29,7 +29,7 @@ def test_the_qualities_are_explained() -> None:
 
 
 def test_every_request_of_the_simulation_is_named() -> None:
-    assert [each.name for each in SERVICE.serves if f"`{each.name}`" not in section("Topics")] == []
+    assert [each.name for each in SIM_REQUESTS if f"`{each.name}`" not in section("Topics")] == []
 
 
 def test_the_verbs_are_those_of_the_command_line() -> None:
