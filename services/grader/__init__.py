@@ -7,17 +7,7 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from messages.topics import (
-    BASE_STATUS,
-    CONTROL_STATE,
-    GROUND_TRUTH,
-    HEALTH,
-    JOINT_STATES,
-    LOCKSTEP,
-    ODOM,
-    PLAN,
-    STATUS,
-)
+from messages.topics import CONTROL_STATE
 from services.runtime.parameters.base import Parameters
 from services.runtime.service import Service
 
@@ -93,8 +83,7 @@ SERVICE = Service(
     name="grader",
     about="Measures a run against ground truth, ends it and writes the results.",
     run="services.grader.loop:run",
-    reads=(GROUND_TRUTH, ODOM, PLAN, STATUS, BASE_STATUS, JOINT_STATES, CONTROL_STATE, HEALTH, LOCKSTEP),
     rate=5,
-    observer=True,
     parameters=GraderParameters,
+    role="observer",
 )

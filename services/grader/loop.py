@@ -68,12 +68,12 @@ class RobotStreams:
 
     def __init__(self, ctx: Context[GraderParameters], robot: str) -> None:
         self._robot = robot
-        self._plan = ctx.stream(PLAN, f"/{robot}/plan")
-        self._status = ctx.stream(STATUS, f"/{robot}/status")
-        self._odometry = ctx.stream(ODOM, f"/{robot}/odom")
-        self._truth = ctx.stream(GROUND_TRUTH, f"/{robot}/ground_truth")
-        self._base = ctx.stream(BASE_STATUS, f"/{robot}/base_status")
-        self._parameter_updates = ctx.stream(UPDATES, f"/{robot}/base/parameter_updates")
+        self._plan = ctx.stream(PLAN.of(robot))
+        self._status = ctx.stream(STATUS.of(robot))
+        self._odometry = ctx.stream(ODOM.of(robot))
+        self._truth = ctx.stream(GROUND_TRUTH.of(robot))
+        self._base = ctx.stream(BASE_STATUS.of(robot))
+        self._parameter_updates = ctx.stream(UPDATES.of(f"{robot}/base"))
 
     def forward(self, graded: Measurement, now: int, halting: dict[str, BrakingSpec]) -> None:
         """Hand what has come by ``now`` [ns] to the measuring; ``halting`` follows the parameters of the base."""
@@ -93,9 +93,9 @@ class ArmStreams:
 
     def __init__(self, ctx: Context[GraderParameters], robot: str, arm: ArmSpec) -> None:
         self._robot, self._arm = robot, arm
-        self._joints = ctx.stream(JOINT_STATES, f"/{robot}/joint_states")
-        self._control = ctx.stream(CONTROL_STATE, arm.state)
-        self._parameter_updates = ctx.stream(UPDATES, f"{arm.state.rpartition('/')[0]}/parameter_updates")
+        self._joints = ctx.stream(JOINT_STATES.of(robot))
+        self._control = ctx.stream(CONTROL_STATE.named(arm.state))
+        self._parameter_updates = ctx.stream(UPDATES.of(arm.state.rpartition("/")[0]))
 
     def forward(self, graded: Measurement, now: int, _: dict[str, BrakingSpec]) -> None:
         """Hand what has come by ``now`` [ns] to the measuring."""

@@ -7,18 +7,6 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from messages.base import Metres
-from messages.topics import (
-    CMD_VEL,
-    CONTROL_STATE,
-    GROUND_TRUTH,
-    JOINT_STATES,
-    ODOM,
-    PLAN,
-    ROSOUT,
-    SCAN,
-    STATUS,
-    TF_STATIC,
-)
 from services.runtime.parameters.base import Parameters
 from services.runtime.service import Service
 
@@ -86,8 +74,7 @@ SERVICE = Service(
     name="logger",
     about="Records robots, trails, plots and logs for the rerun viewer, to a file and live.",
     run="services.logger.loop:run",
-    reads=(GROUND_TRUTH, ODOM, CMD_VEL, JOINT_STATES, CONTROL_STATE, SCAN, PLAN, STATUS, TF_STATIC, ROSOUT),
     rate=5,
     parameters=LoggerParameters,
-    observer=True,
+    role="observer",
 )

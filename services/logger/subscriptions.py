@@ -19,14 +19,14 @@ class RobotSubscriptions:
         self, ctx: Context[LoggerParameters], robot: str, frames: TransformBuffer, state: str = "", scans: bool = False
     ) -> None:
         self.robot, self.columns = robot, RobotColumns(frames=frames)
-        self._truth = ctx.stream(GROUND_TRUTH, f"/{robot}/{GROUND_TRUTH.name}")
-        self._odometry = ctx.stream(ODOM, f"/{robot}/{ODOM.name}")
-        self._commands = ctx.stream(CMD_VEL, f"/{robot}/{CMD_VEL.name}")
-        self._joints = ctx.stream(JOINT_STATES, f"/{robot}/{JOINT_STATES.name}")
-        self._plans = ctx.stream(PLAN, f"/{robot}/{PLAN.name}")
-        self._status = ctx.stream(STATUS, f"/{robot}/{STATUS.name}")
-        self._scans = ctx.stream(SCAN, f"/{robot}/{SCAN.name}") if scans else None
-        self._control = ctx.stream(CONTROL_STATE, state) if state else None
+        self._truth = ctx.stream(GROUND_TRUTH.of(robot))
+        self._odometry = ctx.stream(ODOM.of(robot))
+        self._commands = ctx.stream(CMD_VEL.of(robot))
+        self._joints = ctx.stream(JOINT_STATES.of(robot))
+        self._plans = ctx.stream(PLAN.of(robot))
+        self._status = ctx.stream(STATUS.of(robot))
+        self._scans = ctx.stream(SCAN.of(robot)) if scans else None
+        self._control = ctx.stream(CONTROL_STATE.named(state)) if state else None
 
     def collect(self, now: int, dt: float) -> None:
         """Take over what came in the ``dt`` [s] before ``now`` [ns]."""

@@ -8,8 +8,6 @@ import msgspec
 from msgspec import Meta
 
 from messages.parameters import Value
-from messages.requests import PARAMS_REQUESTS
-from messages.topics import DESCRIPTIONS, SCHEDULE, UPDATES
 from services.runtime.parameters.base import Parameters
 from services.runtime.service import Service
 
@@ -41,8 +39,7 @@ SERVICE = Service(
     name="params",
     about="Parameter server: checks, stores and publishes the parameters of all services.",
     run="services.params.loop:run",
-    writes=(DESCRIPTIONS, UPDATES, SCHEDULE),
-    serves=PARAMS_REQUESTS,
     rate=10,
     parameters=ParamsParameters,
+    parameter_set=None,
 )

@@ -6,7 +6,6 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from messages.requests import PAUSE, RESUME
 from services.runtime.parameters.base import Parameters
 from services.runtime.service import Service
 
@@ -46,7 +45,6 @@ SERVICE = Service(
     name="player",
     about="Plays a bag in simulation time, at any rate or in lockstep.",
     run="services.player.loop:run",
-    serves=(PAUSE, RESUME),
     parameters=PlayerParameters,
-    holds_lockstep=False,
+    role="free",
 )

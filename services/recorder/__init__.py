@@ -39,5 +39,5 @@ SERVICE = Service(
     run="services.recorder.loop:run",
     rate=100,
     parameters=RecorderParameters,
-    observer=True,
+    role="observer",
 )

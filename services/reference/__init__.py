@@ -7,13 +7,8 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from messages.joints import LowerEnd, UpperEnd
-from messages.topics import REFERENCE
-from services.runtime.parameters.base import Parameters
+from services.runtime.parameters.base import Parameters, param
 from services.runtime.service import Service
-
-
-def _number(low: float, high: float, unit: str, text: str) -> Meta:
-    return Meta(ge=low, le=high, description=text, extra={"unit": unit})
 
 
 class ReferenceParameters(Parameters, frozen=True, kw_only=True):
@@ -23,15 +18,13 @@ class ReferenceParameters(Parameters, frozen=True, kw_only=True):
         Literal["step", "sine", "ramp", "square", "chirp", "csv"],
         Meta(description="Waveform: step jumps to ref_angle, ramp moves there at ramp_rate, csv reads a file."),
     ] = "step"
-    ref_angle: Annotated[float, _number(-360, 360, "deg", "Angle of the step, and final angle of the ramp.")] = 0.0
-    sin_ref_gain: Annotated[float, _number(0, 360, "deg", "Amplitude of sine, square and chirp.")] = 30.0
-    sin_ref_f: Annotated[float, _number(0, 10, "Hz", "Frequency of sine and square.")] = 0.2
-    ramp_rate: Annotated[float, _number(0.1, 1000, "deg/s", "Rate of the ramp.")] = 10.0
-    chirp_from: Annotated[float, _number(0, 10, "Hz", "Start frequency of the chirp.")] = 0.1
-    chirp_to: Annotated[float, _number(0, 10, "Hz", "End frequency of the chirp, reached linearly and then kept.")] = (
-        1.0
-    )
-    chirp_time: Annotated[float, _number(0.1, 3600, "s", "Time the chirp takes to reach its end frequency.")] = 20.0
+    ref_angle: float = param(0.0, -360, 360, "deg", "Angle of the step, and final angle of the ramp.")
+    sin_ref_gain: float = param(30.0, 0, 360, "deg", "Amplitude of sine, square and chirp.")
+    sin_ref_f: float = param(0.2, 0, 10, "Hz", "Frequency of sine and square.")
+    ramp_rate: float = param(10.0, 0.1, 1000, "deg/s", "Rate of the ramp.")
+    chirp_from: float = param(0.1, 0, 10, "Hz", "Start frequency of the chirp.")
+    chirp_to: float = param(1.0, 0, 10, "Hz", "End frequency of the chirp, reached linearly and then kept.")
+    chirp_time: float = param(20.0, 0.1, 3600, "s", "Time the chirp takes to reach its end frequency.")
     csv: Annotated[
         str,
         Meta(
@@ -49,7 +42,6 @@ SERVICE = Service(
     name="reference",
     about="Publishes the arm's set-point: step, sine, ramp, square, chirp or a file.",
     run="services.reference.loop:run",
-    writes=(REFERENCE,),
     rate=50,
     parameters=ReferenceParameters,
     parameter_set="/robot_control",

@@ -36,6 +36,5 @@ SERVICE = Service(
     about="Zenoh router: connects the nodes of a machine, and other machines.",
     run="services.router.loop:run",
     parameters=RouterParameters,
-    holds_lockstep=False,
-    routes=True,
+    role="router",
 )

@@ -102,15 +102,15 @@ class Context(Generic[P]):
         """The node itself, for the few services that pace themselves."""
         return self._node
 
-    def latest(self, topic: Topic[M], name: str | None = None) -> Latest[M]:
-        """The newest message of a topic."""
-        view = Latest(self._node.subscribe(topic, name), lambda: self.now)
+    def latest(self, topic: Topic[M]) -> Latest[M]:
+        """The newest message of a topic; that of another namespace by ``ODOM.of("tb3_0")``."""
+        view = Latest(self._node.subscribe(topic), lambda: self.now)
         self._views.append(view)
         return view
 
-    def stream(self, topic: Topic[M], name: str | None = None) -> Stream[M]:
+    def stream(self, topic: Topic[M]) -> Stream[M]:
         """Every message of a topic."""
-        view = Stream(self._node.subscribe(topic, name))
+        view = Stream(self._node.subscribe(topic))
         self._views.append(view)
         return view
 
@@ -123,16 +123,18 @@ class Context(Generic[P]):
         self._views.append(view)
         return view
 
-    def advertise(self, topic: Topic[M], name: str | None = None) -> Publisher[M]:
-        """A publication, declared now; what lists itself in the graph before its first message."""
-        return self._node.advertise(topic, name)
+    def advertise(self, topic: Topic[M]) -> Publisher[M]:
+        """A publication that is in the graph from now on, before its first message."""
+        return self._node.advertise(topic)
 
-    def publish(self, topic: Topic[M], message: M, name: str | None = None) -> None:
-        """Send a message; raises TypeError when it is not the topic's record."""
-        wanted = name or topic.name
-        output = self._publishers.get(wanted)
+    def publish(self, topic: Topic[M], message: M) -> None:
+        """Send a message; raises TypeError when it is not the topic's record.
+
+        The first one declares the publication; ``advertise`` does so before.
+        """
+        output = self._publishers.get(topic.name)
         if output is None:
-            output = self._publishers[wanted] = self._node.advertise(topic, name)
+            output = self._publishers[topic.name] = self._node.advertise(topic)
         output.publish(message)
 
     def check(
@@ -198,12 +200,12 @@ class Context(Generic[P]):
         finally:
             pacer.close()
 
-    def messages(self, topic: Topic[M], name: str | None = None) -> Iterator[M]:
+    def messages(self, topic: Topic[M]) -> Iterator[M]:
         """Every message of a topic as it arrives, for services that answer to messages instead of time.
 
         ``params`` is followed between two messages, ten times a second.
         """
-        source = self._node.subscribe(topic, name)
+        source = self._node.subscribe(topic)
         self._node.declare_ready()
         self._node.heartbeat.state = "running"
         while True:

@@ -5,8 +5,6 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from messages.requests import SIM_REQUESTS
-from messages.topics import CLOCK, FLEET_STATE, LINK_STATES, MODEL_STATES, SIM_STATUS, STOPS, TF, TF_STATIC
 from services.runtime.discovery import START_PATIENCE_S
 from services.runtime.parameters.base import Parameters
 from services.runtime.service import Service
@@ -89,9 +87,6 @@ SERVICE = Service(
     name="sim",
     about="Simulates physics, sensors and base drivers, and publishes simulation time.",
     run="services.sim.loop:run",
-    reads=(FLEET_STATE,),
-    writes=(CLOCK, STOPS, TF, TF_STATIC, MODEL_STATES, LINK_STATES, SIM_STATUS),
-    serves=SIM_REQUESTS,
     parameters=SimParameters,
-    holds_lockstep=False,
+    role="free",
 )

@@ -11,7 +11,6 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from messages.topics import JOINT_STATES, ROBOT_DESCRIPTION, TF, TF_STATIC
 from services.runtime.parameters.base import Parameters
 from services.runtime.service import Service
 
@@ -96,8 +95,6 @@ SERVICE = Service(
     name="state",
     about="Publishes a robot's link transforms from its URDF and joint states, and merges joint states.",
     run="services.state.loop:run",
-    reads=(JOINT_STATES, ROBOT_DESCRIPTION, TF_STATIC),
-    writes=(TF, TF_STATIC),
     rate=RATE_HZ,
     parameters=StateParameters,
 )

@@ -29,17 +29,17 @@ class RobotStatePublisher:
         self._merger: JointStateMerger | None = None
         self._next_merge = 0
         if urdf:
-            ctx.advertise(ROBOT_DESCRIPTION, self._name(ROBOT_DESCRIPTION.name)).publish(String(data=urdf))
+            ctx.advertise(ROBOT_DESCRIPTION.named(self._name(ROBOT_DESCRIPTION.name))).publish(String(data=urdf))
             self.set_description(urdf)
         else:
-            self._description = ctx.stream(ROBOT_DESCRIPTION, self._name(ROBOT_DESCRIPTION.name))
+            self._description = ctx.stream(ROBOT_DESCRIPTION.named(self._name(ROBOT_DESCRIPTION.name)))
         if self._merges:
-            self._publisher = ctx.advertise(JOINT_STATES, self._name(JOINT_STATES.name))
+            self._publisher = ctx.advertise(JOINT_STATES.named(self._name(JOINT_STATES.name)))
             if self._publisher.name in [ctx.node.identity.resolve(self._name(each)) for each in p.source_list]:
                 raise BadInput(f"state: source_list holds {self._publisher.name}, which is what it merges them to")
-            self._sources = [ctx.stream(JOINT_STATES, self._name(each)) for each in p.source_list]
+            self._sources = [ctx.stream(JOINT_STATES.named(self._name(each))) for each in p.source_list]
         else:
-            self._sources = [ctx.stream(JOINT_STATES, self._name(JOINT_STATES.name))]
+            self._sources = [ctx.stream(JOINT_STATES.named(self._name(JOINT_STATES.name)))]
 
     @property
     def label(self) -> str:

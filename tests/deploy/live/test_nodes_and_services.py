@@ -15,8 +15,8 @@ import pytest
 
 from deploy.commands.completion import PARAMETER, SET
 from deploy.live.message_builder import read_yaml
+from messages.requests import SIM_REQUESTS
 from services.runtime.process import ROOT
-from services.sim import SERVICE
 from tests.harness.background_fleet import BackgroundFleet, background_fleet, interrupt
 from tests.harness.waiting import wait_until
 
@@ -51,7 +51,7 @@ def test_a_node(running: BackgroundFleet) -> None:
 
 def test_services(running: BackgroundFleet) -> None:
     names = running.run("service", "list").out.splitlines()
-    assert set(names) >= {each.name for each in SERVICE.serves} | {"/supervisor/restart"}
+    assert set(names) >= {each.name for each in SIM_REQUESTS} | {"/supervisor/restart"}
     assert int(running.run("service", "list", "-c").out) == len(names)
     assert "/sim/spawn [elea_msgs/SpawnModel -> elea_msgs/ModelState]\n" in running.run("service", "list", "-t").out
     assert "  /sim: spawn a model\n" in running.run("service", "list", "-v").out

@@ -46,7 +46,7 @@ def run(ctx):
     ctx.call(SUPERVISOR_STOP, Name(name="x"), timeout=60.0, name="/slow")
 
 
-main(Service(name="talker", about="Talks, then asks.", run=run, writes=(ODOM,)))
+main(Service(name="talker", about="Talks, then asks.", run=run))
 """
 
 
