@@ -95,7 +95,7 @@ def list_types(package: str = "") -> dict[str, list[dict[str, str]]]:
     records = {name: each for name, each in sorted(RECORDS.items()) if not package or name.startswith(f"{package}/")}
     if not records:
         packages = sorted({name.partition("/")[0] for name in RECORDS})
-        raise BadInput(f"no type is of the package {package!r} (known: {', '.join(packages)})")
+        raise BadInput(f"there are no types in the package {package!r} (known: {', '.join(packages)})")
     messages = [{"type": name, "about": summary(each).partition("\n")[0]} for name, each in records.items()]
     requests = [
         {

@@ -17,9 +17,10 @@ from messages.parameters import Parameter, ParameterValues
 from messages.requests import PARAMS_ANNOUNCE
 from models.model import read_model
 from services.runtime.errors import BadInput, unknown_name
+from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.schema import fields_of, flatten
 from services.runtime.parameters.validation import build, check_value, read_assignments
-from services.runtime.service import Parameters, Service
+from services.runtime.service import Service
 from services.sim import BaseParameters, JointParameters
 from services.sim.drive.config import robot_config
 from services.sim.joints.config import with_urdf_defaults

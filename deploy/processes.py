@@ -122,7 +122,7 @@ def _process_spec(stated: _PlacedService, fleet: Fleet, options: RunOptions, nod
 
 def _module(kind: str) -> tuple[str, ...]:
     """What Python runs; a file of the user's own runs as in ``./elea run``, with its folder on the path."""
-    return ("deploy", "run", kind) if is_user_file(kind) else (f"services.{kind}",)
+    return ("deploy", "run", kind) if is_user_file(kind) else ("services", kind)
 
 
 def _arguments(

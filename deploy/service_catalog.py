@@ -1,16 +1,15 @@
-"""The services that exist, and those in Python files of the user: their declarations, without running them."""
+"""The declarations of services: those that exist, and those in Python files of the user, without running them."""
 
 from __future__ import annotations
 
-import importlib
 import runpy
 import sys
 import traceback
 from functools import cache
 from pathlib import Path
 
-import services
-from services.runtime.errors import BadInput, unknown_name
+from services.catalog import load_named_service
+from services.runtime.errors import BadInput
 from services.runtime.main import ServiceCaptured, capture_service
 from services.runtime.service import Service
 
@@ -37,9 +36,7 @@ def load_user_service(file: str) -> Service:
     except ServiceCaptured as declared:
         return declared.service
     except (Exception, SystemExit) as error:  # noqa: BLE001 whatever a user's file may raise
-        raise BadInput(
-            f"{_error_line(path, error)}: it fails as it is loaded: {type(error).__name__}: {error}"
-        ) from None
+        raise BadInput(f"{_error_line(path, error)}: it fails to load: {type(error).__name__}: {error}") from None
     finally:
         sys.path[:] = before
     raise BadInput(f"{file} declares no service: it never calls main(Service(...)) of services.runtime")
@@ -53,14 +50,6 @@ def _error_line(path: Path, error: BaseException) -> str:
     return f"{path}:{lines[-1]}" if lines else str(path)
 
 
-_FOLDER = Path(str(services.__file__)).parent
-
-
-def service_kinds() -> tuple[str, ...]:
-    """The names of all services: the folders of ``services`` that can be run."""
-    return tuple(sorted(each.parent.name for each in _FOLDER.glob("*/__main__.py")))
-
-
 def load_service(kind: str, where: str = "") -> Service:
     """The declaration of a service, or of that in a Python file of the user's own.
 
@@ -71,9 +60,4 @@ def load_service(kind: str, where: str = "") -> Service:
             return load_user_service(kind)
         except BadInput as error:
             raise BadInput(f"{where}: {error}" if where else str(error)) from None
-    if kind not in service_kinds():
-        raise unknown_name("service", kind, service_kinds(), where)
-    service = importlib.import_module(f"services.{kind}").SERVICE
-    if not isinstance(service, Service):
-        raise TypeError(f"services.{kind}.SERVICE is not a Service")
-    return service
+    return load_named_service(kind, where)

@@ -17,8 +17,8 @@ from models.urdf import read_joint_limits
 from services.arm import ArmParameters
 from services.logger import LoggerParameters
 from services.panel.address import ADDRESS_FILE as PANEL_FILE
+from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.validation import build
-from services.runtime.service import Parameters
 from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.zenoh_config import PORT
 from services.sim import BaseParameters, JointParameters

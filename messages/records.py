@@ -19,6 +19,7 @@ from messages import (
     tf,
 )
 from messages.base import Message
+from messages.errors import BadInput
 
 _MODULES = (
     std,
@@ -46,7 +47,7 @@ RECORDS: dict[str, type[Message]] = {
 """Every record of this project, ``geometry_msgs/Twist`` for one."""
 
 
-class UnknownRecord(LookupError):
+class UnknownRecord(BadInput, LookupError):
     """No record has this ROS type; the text names the nearest one, or all."""
 
 

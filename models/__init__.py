@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 from pathlib import Path
 
+from messages.errors import BadInput
+
 WHEELED = ("burger", "waffle", "waffle_pi", "p3dx")
 """The robots that drive on two wheels."""
 
@@ -20,7 +22,7 @@ WORLDS = ("arena", "empty")
 _HERE = Path(__file__).resolve().parent
 
 
-class UnknownModel(ValueError):
+class UnknownModel(BadInput):
     """No model or world has this name; the text lists those that there are."""
 
 

@@ -6,13 +6,12 @@ import math
 from typing import NamedTuple
 from xml.etree import ElementTree
 
+from messages.se3 import Vector, rotate, rotate_inverse
 from models import urdf_path
-from models.urdf import Joint, Vector, parse_joints, rotate
+from models.urdf import Joint, parse_joints
 
 GRAVITY = 9.81
 """m/s2, downward, as in the simulation."""
-
-Rotation = tuple[float, float, float, float]
 
 
 class LinkInertia(NamedTuple):
@@ -24,7 +23,7 @@ class LinkInertia(NamedTuple):
 
     def moment_about(self, axis: Vector) -> float:
         """Its own inertia [kg m2] about an axis through its centre, of length 1, in the link's frame."""
-        x, y, z = rotate(_conjugate(self.frame.rotation()), axis)
+        x, y, z = rotate_inverse(self.frame.rotation(), axis)
         xx, yy, zz, xy, xz, yz = self.tensor
         return xx * x * x + yy * y * y + zz * z * z + 2 * (xy * x * y + xz * x * z + yz * y * z)
 
@@ -87,7 +86,7 @@ def _subtree_masses(
     for joint in joints:
         if joint.parent == link:
             turn = joint.rotation()
-            for mass, place, moment in _subtree_masses(joint.child, joints, masses, rotate(_conjugate(turn), axis)):
+            for mass, place, moment in _subtree_masses(joint.child, joints, masses, rotate_inverse(turn, axis)):
                 x, y, z = rotate(turn, place)
                 found.append((mass, (x + joint.xyz[0], y + joint.xyz[1], z + joint.xyz[2]), moment))
     return found
@@ -100,13 +99,8 @@ def _to_joint_frame(joint: Joint, joints: tuple[Joint, ...], vector: Vector) -> 
     while (upper := above.get(chain[-1].parent)) is not None:
         chain.append(upper)
     for each in reversed(chain):
-        vector = rotate(_conjugate(each.rotation()), vector)
+        vector = rotate_inverse(each.rotation(), vector)
     return vector
-
-
-def _conjugate(turn: Rotation) -> Rotation:
-    x, y, z, w = turn
-    return -x, -y, -z, w
 
 
 def _cross(a: Vector, b: Vector) -> Vector:

@@ -10,7 +10,9 @@ from typing import NoReturn
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from models.urdf import Joint, Vector
+from messages.errors import BadInput
+from messages.se3 import Vector
+from models.urdf import Joint
 
 MAX_CHARACTERS = 1 << 20
 """Characters of a URDF; a longer one is refused unread."""
@@ -25,7 +27,7 @@ MAX_VALUE = 1e6
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
 
-class BadUrdf(ValueError):
+class BadUrdf(BadInput):
     """A URDF is not one, or describes no tree; the text says what and where."""
 
 

@@ -8,9 +8,9 @@ from functools import cache
 from pathlib import Path
 from xml.etree import ElementTree
 
+from messages.errors import BadInput
+from messages.se3 import Pose3, Rotation, Vector, quaternion_from_rpy, quaternion_multiply, rotate
 from models import urdf_path
-
-Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -25,37 +25,25 @@ class Joint:
     rpy: Vector
     axis: Vector
 
-    def rotation(self, angle: float = 0.0) -> tuple[float, float, float, float]:
+    def rotation(self, angle: float = 0.0) -> Rotation:
         """Quaternion (x, y, z, w) from the parent to the child with the joint turned by ``angle`` [rad].
 
         URDF's fixed axes: q = q_z(yaw) q_y(pitch) q_x(roll), followed by the turn about the joint's axis.
         """
-        roll, pitch, yaw = (each / 2 for each in self.rpy)
-        cr, sr, cp, sp, cy, sy = (f(a) for a in (roll, pitch, yaw) for f in (math.cos, math.sin))
-        x, y, z, w = (
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-            cr * cp * cy + sr * sp * sy,
-        )
+        mount = quaternion_from_rpy(*self.rpy)
         if not angle:
-            return x, y, z, w
+            return mount
         c, s = math.cos(angle / 2), math.sin(angle / 2)
         i, j, k = (s * each for each in self.axis)
-        return (
-            w * i + x * c + y * k - z * j,
-            w * j - x * k + y * c + z * i,
-            w * k + x * j - y * i + z * c,
-            w * c - x * i - y * j - z * k,
-        )
+        return quaternion_multiply(mount, (i, j, k, c))
 
-    def transform(self, position: float = 0.0) -> tuple[Vector, tuple[float, float, float, float]]:
-        """Where the child lies in the parent, m and quaternion, the joint at ``position`` [rad; m if it slides]."""
+    def transform(self, position: float = 0.0) -> Pose3:
+        """The pose of the child in the parent, the joint at ``position`` [rad; m if it slides]."""
         if self.kind != "prismatic" or not position:
-            return self.xyz, self.rotation(0.0 if self.kind == "prismatic" else position)
-        turn = self.rotation()
-        x, y, z = rotate(turn, self.axis)
-        return (self.xyz[0] + position * x, self.xyz[1] + position * y, self.xyz[2] + position * z), turn
+            return Pose3(self.xyz, self.rotation(0.0 if self.kind == "prismatic" else position))
+        mount = self.rotation()
+        x, y, z = rotate(mount, self.axis)
+        return Pose3((self.xyz[0] + position * x, self.xyz[1] + position * y, self.xyz[2] + position * z), mount)
 
 
 @cache
@@ -83,14 +71,6 @@ def link_offset_in(joints: tuple[Joint, ...], link: str) -> Vector:
         offset = (x + joint.xyz[0], y + joint.xyz[1], z + joint.xyz[2])
         link = joint.parent
     return offset
-
-
-def rotate(rotation: tuple[float, float, float, float], vector: Vector) -> Vector:
-    """A vector turned by a rotation, a quaternion (x, y, z, w)."""
-    x, y, z, w = rotation
-    a, b, c = vector
-    i, j, k = y * c - z * b + w * a, z * a - x * c + w * b, x * b - y * a + w * c
-    return a + 2 * (y * k - z * j), b + 2 * (z * i - x * k), c + 2 * (x * j - y * i)
 
 
 def _joint(element: ElementTree.Element) -> Joint:
@@ -158,7 +138,7 @@ def _number(table: dict[str, str], name: str) -> float | None:
     return float(table[name]) if name in table else None
 
 
-class NoWheels(ValueError):
+class NoWheels(BadInput):
     """A URDF does not tell what is asked of its wheels; the text says what it has instead."""
 
 

@@ -14,25 +14,26 @@ from services.runtime.errors import BadInput, EleaError
 from services.runtime.process import lossy_stderr
 
 COMMANDS = {
-    "up": LazyCommand("up", "Run a fleet to its report; lab by default."),
-    "down": LazyCommand("fleet:down_command", "End a running fleet."),
+    "up": LazyCommand("up", "Run a fleet (lab by default) and report on it."),
+    "down": LazyCommand("fleet:down_command", "Stop a running fleet."),
     "ps": LazyCommand("fleet:ps_command", "List the processes of the running fleets."),
-    "logs": LazyCommand("fleet:logs_command", "Show what the processes of a fleet have written."),
+    "logs": LazyCommand("fleet:logs_command", "Show the logs of a fleet's processes."),
     "restart": LazyCommand("fleet:restart_command", "Restart a process of a running fleet."),
     "graph": LazyCommand("node:graph_command", "List the nodes and topics of the network."),
-    "sim": LazyCommand("sim", "Ask the running simulation: models, joints, forces, time."),
+    "sim": LazyCommand("sim", "Query and control the running simulation."),
     "param": LazyCommand("param", "Read and change the parameters of running services."),
     "topic": LazyCommand("topic", "List, show, measure and publish topics."),
-    "node": LazyCommand("node", "List nodes and tell of one."),
-    "service": LazyCommand("service", "List requests and call one."),
-    "interface": LazyCommand("interface", "List the types of messages and requests and show one."),
-    "tf": LazyCommand("tf", "Show the tree of frames, and where one lies in another."),
+    "node": LazyCommand("node", "List nodes, show one or ping it."),
+    "service": LazyCommand("service", "List services or call one."),
+    "interface": LazyCommand("interface", "List message and service types or show one."),
+    "tf": LazyCommand("tf", "Show the frame tree, or the transform between two frames."),
     "doctor": LazyCommand("diagnostics:doctor_command", "Check the machine, the installation and the network."),
-    "run": LazyCommand("run", "Run one service, or a Python file of your own."),
+    "run": LazyCommand("run", "Run a service, or a Python file of your own."),
     "panel": LazyCommand("panel", "Open the web page of a running fleet."),
     "teleop": LazyCommand("teleop", "Drive a robot from the keyboard."),
     "bag": LazyCommand("bag", "Record, play, inspect and export bags."),
-    "view": LazyCommand("view", "Open a run, a recording or a bag in the viewer, or make its pictures."),
+    "view": LazyCommand("view", "Open a run, a recording or a bag in the viewer, or render it to pictures."),
+    "diff": LazyCommand("diff", "Show where two runs differ."),
     "test": LazyCommand("diagnostics:test_command", "Run the tests."),
     "bench": LazyCommand("diagnostics:bench_command", "Measure the middleware against raw Zenoh and raw PyBullet."),
 }
@@ -41,10 +42,10 @@ COMMANDS = {
 @click.command(cls=LazyGroup, table=COMMANDS, name="elea")
 @click.version_option(VERSION, prog_name="elea")
 def elea() -> None:
-    """Robots in simulation on Zenoh: processes that run, grade themselves and repeat bit for bit.
+    """Simulated robots on Zenoh, in runs that grade themselves and repeat bit for bit.
 
-    Exit status: 0 all is well, 1 it failed or missed a bound, 2 bad input, 130 interrupted before the run's own end,
-    75 for a service that may work later: its name or port is taken, or the network is out of reach.
+    Exit status: 0 success, 1 failure or a missed bound, 2 bad input, 75 temporary failure (a name or port is taken, or
+    the network cannot be reached), 130 interrupted.
     """
 
 

@@ -14,14 +14,14 @@ from services.runtime.process import ROOT
 
 
 @click.command("doctor")
-@click.option("--connect", metavar="ENDPOINT", default="", help="Router to ask; the running fleet's by default.")
+@click.option("--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default.")
 @click.option("--domain", default="", help="Domain of the fleet.")
 @port_option
 @json_option
 def doctor_command(connect: str, domain: str, port: int | None, as_json: bool) -> None:
-    """Check what could keep Elea from running here: the machine, the installation, and the fleet that runs.
+    """Check the machine, the installation and the running fleet for problems.
 
-    Each check is ok, a warning or a failure, with what it saw and what to do. The exit status is 1 when one fails.
+    Each check is ok, a warning or a failure, with its finding and a remedy. The exit status is 1 if a check fails.
     """
     from deploy.doctor.checks import print_findings, run_checks
 
@@ -40,9 +40,9 @@ _SERIAL_OPTIONS = ("-n", "--numprocesses", "--dist", "--pdb", "--trace", "-s", "
 @click.command("test", context_settings={"ignore_unknown_options": True, "help_option_names": []})
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 def test_command(arguments: tuple[str, ...]) -> None:
-    """Run the tests of the project; the arguments are pytest's, with paths from the project's folder.
+    """Run the tests; arguments are passed to pytest, with paths relative to the project.
 
-    Several files run at a time, unless single ones are named or -n says how many: -n 0 runs one test after the other.
+    Test files run in parallel unless single files are named; -n sets the number of processes, -n 0 runs in this one.
     """
     os.chdir(ROOT)
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
@@ -64,10 +64,12 @@ def parallel_arguments(arguments: Sequence[str], processors: int) -> list[str]:
 
 
 @click.command("bench")
-@click.option("--rounds", type=click.IntRange(1, 1000), default=5, show_default=True, help="Rounds; medians are shown.")
+@click.option(
+    "--rounds", type=click.IntRange(1, 1000), default=5, show_default=True, help="Number of rounds; medians are shown."
+)
 @json_option
 def bench_command(rounds: int, as_json: bool) -> None:
-    """Measure round trip, throughput, lockstep and start against raw Zenoh and raw PyBullet, interleaved."""
+    """Measure round trip, throughput, lockstep and start-up against raw Zenoh and raw PyBullet, interleaved."""
     from deploy.bench import bench
 
     raise SystemExit(bench(rounds, as_json))

@@ -15,7 +15,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 json_option: Callable[[F], F] = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 
 port_option: Callable[[F], F] = click.option(
-    "--port", type=click.IntRange(1, 65535), help="Port of the fleet's router, where several fleets run."
+    "--port", type=click.IntRange(1, 65535), help="Port of the fleet's router, if several fleets are running."
 )
 
 

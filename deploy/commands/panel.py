@@ -32,17 +32,19 @@ _POLL_PERIOD_S = 0.5
 
 
 @click.command("panel")
-@click.option("--page-port", type=click.IntRange(0, 65535), help="Port of the page, where one is started; 8600.")
-@click.option("--no-open", is_flag=True, help="Print the address only; do not open a browser.")
+@click.option(
+    "--page-port", type=click.IntRange(0, 65535), help="Port of a page that this command serves; 8600 by default."
+)
+@click.option("--no-open", is_flag=True, help="Only print the address; do not open a browser.")
 @click.option("--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default.")
 @click.option("--domain", default="", help="Domain of the fleet.")
 @port_option
 @json_option
 def command(page_port: int | None, no_open: bool, connect: str, domain: str, port: int | None, as_json: bool) -> None:
-    """Print the address of the running fleet's page, and open it where there is a display.
+    """Print the address of the running fleet's web page, and open it if there is a display.
 
-    A fleet without a panel gets one, served by this command until the fleet ends, or Ctrl-C. The address holds a token:
-    whoever has it may drive the robots.
+    A fleet without a panel gets one, served by this command until the fleet stops or Ctrl-C. The address contains a
+    token: anyone who has it can drive the robots.
     """
     fleet = select_fleet(port) if not connect and running_fleets() else None
     if fleet is not None and (address := _page_of_fleet(fleet)) is not None:
@@ -77,7 +79,7 @@ def _serve_page(
         arguments = [*place.arguments, "--param", f"address={file}"]
         arguments += ["--param", f"port={page_port}"] if page_port is not None else []
         child = subprocess.Popen(
-            [sys.executable, "-P", "-m", "services.panel", *arguments],
+            [sys.executable, "-P", "-m", "services", "panel", *arguments],
             env={**os.environ, "PYTHONPATH": str(ROOT), PARENT: str(os.getpid())},
         )
         try:

@@ -61,7 +61,7 @@ class ParameterServiceClient:
     def set(
         self, name: str, values: tuple[Assignment, ...], clamp: bool, run: bool, kind: Literal["set", "load"] = "set"
     ) -> ParameterValues:
-        """Change parameters, all or none."""
+        """Set parameters, all or none."""
         asked = SetParameters(set=name, values=values, clamp=clamp, run=run, kind=kind, id=_new_id(), who=self._who)
         return call_idempotent(self._transport, PARAMS_SET, asked, self._timeout)
 
@@ -106,5 +106,5 @@ def _user_at_host() -> str:
     try:
         user = getpass.getuser()
     except (KeyError, OSError):
-        user = "somebody"
+        user = "unknown"
     return f"{user}@{socket.gethostname()}"[:200]

@@ -21,9 +21,9 @@ from services.runtime.process import ROOT
 @click.argument("target", type=KIND)
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 def command(target: str, arguments: tuple[str, ...], port: int | None) -> None:
-    """Run TARGET, a service by its name or a .py file of your own, with the rest of the line as its arguments.
+    """Run TARGET, the name of a service or a .py file of your own, with the remaining arguments.
 
-    It joins the running fleet, that on --port where several run, unless --connect says otherwise.
+    It joins the running fleet (the one on --port if there are several) unless --connect is given.
 
     `./elea run waypoint --help` shows the options that all services have.
     """
@@ -38,11 +38,11 @@ def command(target: str, arguments: tuple[str, ...], port: int | None) -> None:
         environment["PYTHONPATH"] = f"{ROOT}{os.pathsep}{file.parent}"
         place = [str(file)]
     else:
-        from deploy.service_catalog import service_kinds
+        from services.catalog import service_kinds
 
         if target not in service_kinds():
             raise unknown_name("service", target, service_kinds())
-        place = ["-m", f"services.{target}"]
+        place = ["-m", "services", target]
     environment[process.PROGRAM] = f"./elea run {target}"
     sys.stdout.flush()
     os.execve(sys.executable, [sys.executable, "-P", *place, *arguments], environment)

@@ -117,7 +117,7 @@ def measure(
             clock.update()
             if clock.now is not None and clock.epoch != epoch:
                 if epoch is not None:
-                    write_note(f"simulation time began anew (epoch {clock.epoch})")
+                    write_note(f"simulation time was reset (epoch {clock.epoch})")
                 epoch = clock.epoch
             for each in channels:
                 each.update(clock)

@@ -77,7 +77,7 @@ class TfMonitor:
         told = []
         for frame, text in self.buffer.conflicts().items():
             who = [names.get(each, "a foreign sender" if not each else "?") for each in self.buffer.publishers(frame)]
-            told.append(f"{text}: {', '.join(who)} tell of it")
+            told.append(f"{text}: published by {', '.join(who)}")
         if self.buffer.refused:
             told.append(f"{self.buffer.refused} transforms refused, the last one: {self.buffer.reason}")
         for source in (self.dynamic, self._static):
@@ -101,9 +101,7 @@ def show_tree(place: NetworkAddress, listen: float, as_json: bool) -> int:
         names = watch.publishers()
         frames = watch.buffer.frames()
         if not frames:
-            raise EleaError(
-                f"no frames within {listen:g} s: nobody publishes on /tf or /tf_static; is a simulation running?"
-            )
+            raise EleaError(f"no frames on /tf or /tf_static within {listen:g} s: is a simulation running?")
         rows = {each: _frame_row(watch, each, names) for each in frames}
         faults = watch.faults(names) + _find_cycles(rows)
         now = watch.clock.now
@@ -243,8 +241,8 @@ def _show_transform(source: str, target: str, found: LookupResult, watch: TfMoni
     age = "" if row["age"] is None or row["age"] < 0.5 else f", {row['age']:.3f} s old"
     lines = [
         f"{target} in {source}, {when}{age}",
-        f"- translation [m]: {_format_vector(found.transform.translation)}",
-        f"- quaternion (x, y, z, w): {_format_vector(found.transform.rotation)}",
+        f"- translation [m]: {_format_vector(found.transform.position)}",
+        f"- quaternion (x, y, z, w): {_format_vector(found.transform.orientation)}",
         f"- rpy [rad]: {_format_vector(row['rpy'])}",
         f"- rpy [deg]: {_format_vector(row['rpy_degrees'], 2)}",
     ]
@@ -260,8 +258,8 @@ def transform_facts(source: str, target: str, found: LookupResult, watch: TfMoni
         "target": target,
         "time": None if found.time is None else found.time / 1e9,
         "age": None if age is None else round(age, 6),
-        "translation": dict(zip("xyz", found.transform.translation, strict=True)),
-        "quaternion": dict(zip("xyzw", found.transform.rotation, strict=True)),
+        "translation": dict(zip("xyz", found.transform.position, strict=True)),
+        "quaternion": dict(zip("xyzw", found.transform.orientation, strict=True)),
         "rpy": list(rpy),
         "rpy_degrees": [math.degrees(each) for each in rpy],
     }

@@ -231,7 +231,11 @@ class DelayMeter:
         lines = []
         for what, values, without in (
             ("since its stamp, by simulation time", self._ages, "the messages have no stamp, or there is no /clock"),
-            ("since it was sent, by the wall clock", self._transit_times, "the sender is foreign and tells no time"),
+            (
+                "since it was sent, by the wall clock",
+                self._transit_times,
+                "external publisher without a time of sending",
+            ),
         ):
             spread = _statistics(values)
             lines.append(

@@ -91,9 +91,9 @@ def wait_for_topic(
     else:
         ends = known.get(name, TopicEndpoints(name))
         if name not in known and (hint := suggest_nearest(name, known)):
-            write_note(f"no topic {name} is on the network{hint}")
+            write_note(f"there is no topic {name} on the network{hint}")
     if not ends.publishers and (wait or ends.subscribers):
-        write_note(f"nobody publishes {name} yet: waiting, Ctrl-C ends it")
+        write_note(f"{name} is not published yet: waiting, Ctrl-C to stop")
     return ends
 
 
@@ -107,7 +107,7 @@ def find_topic(live: CliNode, name: str, graph: Mapping[str, TopicEndpoints] | N
         if any(True for _ in listener.drain()):
             listener.close()
             return TopicEndpoints(name)
-    raise not_found("topic", name, known, "./elea topic list tells them all; --wait waits for it")
+    raise not_found("topic", name, known, "./elea topic list shows them all; --wait waits for it")
 
 
 def is_latched(ends: TopicEndpoints) -> bool:

@@ -6,7 +6,7 @@ import math
 from typing import NamedTuple
 
 from messages.sensor import JointState
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 
 
 class JointReading(NamedTuple):
@@ -39,7 +39,7 @@ class JointReader:
         """
         if self.name not in state.name or not state.position:
             names = ", ".join(state.name) or "none"
-            self.error = f"the joint states tell no angle of {self.name!r} (they have: {names})"
+            self.error = f"the joint states have no position of {self.name!r} (only of: {names})"
             return None
         index, stamp = state.name.index(self.name), state.header.stamp.ns
         angle = math.degrees(state.position[index])

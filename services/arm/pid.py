@@ -163,14 +163,14 @@ class ArmController:
     @property
     def integral(self) -> float:
         """What the summed error stands at: N m in the default law, deg s in the tutorial's."""
-        return self._tutorial_pid.error_sum if self._law == "seed" else self._pid.integral
+        return self._tutorial_pid.error_sum if self._law == "tutorial" else self._pid.integral
 
     def step(self, p: ArmParameters, now: ControlInput, dt: float) -> float:
         """The effort [N m], ``dt`` [s] after the step before; 0 when that is not known."""
         gains = select_gains(p)
         changed = p.law != self._law
         self._law = p.law
-        if p.law == "seed":
+        if p.law == "tutorial":
             self._tutorial_pid = TutorialPid() if changed else self._tutorial_pid
             self._effort = self._tutorial_pid.step(gains, p.windup_guard, now.error, now.angle, dt)
         else:

@@ -1,10 +1,40 @@
-"""Speeds that stop where they should, the course back onto a leg, and commands that change by no more than a step."""
+"""Guidance of a ground robot: legs, the heading back onto one, speeds that stop in time, and slew limits."""
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
-from services.driving.planar import Pose2, Segment, Twist2
+from messages.se2 import Pose2, Twist2
+
+
+class Segment(NamedTuple):
+    """The straight line from (x0, y0) to (x1, y1), m."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+    @property
+    def length(self) -> float:
+        """Metres from start to end."""
+        return math.hypot(self.x1 - self.x0, self.y1 - self.y0)
+
+    @property
+    def heading(self) -> float:
+        """Direction of travel, rad."""
+        return math.atan2(self.y1 - self.y0, self.x1 - self.x0)
+
+    def remaining_and_offset(self, here: Pose2) -> tuple[float, float]:
+        """Distance left along the leg, negative past its end, and offset to the left of it, both m."""
+        c, s = math.cos(self.heading), math.sin(self.heading)
+        dx, dy = here.x - self.x1, here.y - self.y1
+        return -(dx * c + dy * s), dy * c - dx * s
+
+    def distance_to_end(self, here: Pose2) -> float:
+        """Straight distance to the end, m."""
+        return math.hypot(self.x1 - here.x, self.y1 - here.y)
 
 
 def stopping_speed(left: float, top: float, deceleration: float, lag: float) -> float:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from messages.elea import GoalStatus
-from services.driving.planar import Pose2, wrap
+from messages.se2 import Pose2, wrap
 from services.grader.records import CornerFigures
 
 CLOSURE_TOLERANCE = 1e-6

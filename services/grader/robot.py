@@ -7,7 +7,7 @@ import math
 from messages.elea import BaseStatus, GoalStatus
 from messages.geometry import Pose
 from messages.nav import Odometry, Path
-from services.driving.planar import IDENTITY, Pose2, Transform2, wrap
+from messages.se2 import IDENTITY, Pose2, wrap
 from services.grader import BrakingSpec
 from services.grader.corners import CornerMetrics
 from services.grader.records import RobotFigures
@@ -129,10 +129,10 @@ class OdometryError:
         self.max_heading: float | None = None
         self.last_heading: float | None = None
         self._sample: Odometry | None = None
-        self._odom_to_world: Transform2 | None = None
+        self._odom_to_world: Pose2 | None = None
 
     @property
-    def odom_to_world(self) -> Transform2:
+    def odom_to_world(self) -> Pose2:
         """Where the frame of the odometry lies in the world; the world itself as long as there is no odometry."""
         return self._odom_to_world or IDENTITY
 
@@ -144,20 +144,15 @@ class OdometryError:
         """The pose in the world that odometry gives at ``stamp`` [ns]; NOWHERE when it has no sample of then."""
         if self._sample is None or self._sample.header.stamp.ns != stamp:
             return UNKNOWN_POSE
-        here, there = to_pose2(self._sample.pose.pose), to_pose2(truth)
+        here, there = Pose2.from_msg(self._sample.pose.pose), Pose2.from_msg(truth)
         if self._odom_to_world is None:
-            self._odom_to_world = Transform2.aligning(there, here)
-        world = self._odom_to_world.apply(here)
+            self._odom_to_world = Pose2.aligning(there, here)
+        world = self._odom_to_world @ here
         self.last_distance = math.hypot(world.x - there.x, world.y - there.y)
         self.max_distance = max(self.max_distance or 0.0, self.last_distance)
         self.last_heading = abs(wrap(world.yaw - there.yaw))
         self.max_heading = max(self.max_heading or 0.0, self.last_heading)
         return world
-
-
-def to_pose2(pose: Pose) -> Pose2:
-    """A pose on the ground."""
-    return Pose2(pose.position.x, pose.position.y, pose.orientation.yaw)
 
 
 class RobotMeter:
@@ -195,7 +190,7 @@ class RobotMeter:
     def add_truth(self, sample: Odometry) -> Point:
         """Take a ground-truth sample; returns where the robot is, m."""
         stamp, pose = sample.header.stamp.ns, sample.pose.pose
-        there = to_pose2(pose)
+        there = Pose2.from_msg(pose)
         here = there.x, there.y
         self.fingerprint.add(stamp, pose)
         self._samples += 1
@@ -254,7 +249,7 @@ class RobotMeter:
             match message:
                 case Path(header=header, poses=poses):
                     frame = IDENTITY if header.frame_id in ("", "world") else self.odometry_error.odom_to_world
-                    goals: tuple[Pose2, ...] = tuple(frame.apply(to_pose2(each.pose)) for each in poses)
+                    goals: tuple[Pose2, ...] = tuple(frame @ Pose2.from_msg(each.pose) for each in poses)
                     self.progress.set_plan(tuple((each.x, each.y) for each in goals))
                     self.corner_metrics.set_plan(goals)
                 case GoalStatus():

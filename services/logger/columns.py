@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from messages.control import JointControllerState
 from messages.elea import GoalStatus
-from messages.geometry import Twist
+from messages.geometry import Quaternion, Twist
 from messages.nav import Odometry, Path
+from messages.se2 import Pose2
 from messages.sensor import JointState, LaserScan
 from services.logger.reference_path import ReferencePath
 from services.logger.scans import ScanBuffer
-from services.logger.static_frames import Transform2, world_transform
+from services.logger.static_frames import transform_points, world_transform
 from services.runtime.tf.buffer import TransformBuffer
 
 Floats = NDArray[np.float64]
@@ -141,7 +142,7 @@ class RobotColumns:
         self._last_command = np.nan
         self._trail, self._odometry_trail = Trail(), Trail()
         self._base = self._odometry_frame = ""
-        self._alignment: Transform2 | None = None
+        self._alignment: Pose2 | None = None
         self._plan: Path | None = None
         self._reference: ReferencePath | None = None
         self._goal_changes: list[tuple[int, int, bool]] = []
@@ -275,10 +276,12 @@ class RobotColumns:
             self._alignment = told
         elif self._alignment is None:
             nearest = truth[np.argmin(np.abs(truth[:, 0] - met[0, 0]))]
-            self._alignment = Transform2.from_poses(
-                (float(x[0]), float(y[0]), _yaw(nearest[4:8])), (met[0, 1], met[0, 2], _yaw((0.0, 0.0, *met[0, 3:5])))
+            _, odometry_x, odometry_y, odometry_z, odometry_w = met[0].tolist()
+            self._alignment = Pose2.aligning(
+                Pose2(float(x[0]), float(y[0]), _yaw(*nearest[4:8].tolist())),
+                Pose2(odometry_x, odometry_y, _yaw(0.0, 0.0, odometry_z, odometry_w)),
             )
-        odometry_positions = self._alignment.apply(met[:, 1:3])
+        odometry_positions = transform_points(self._alignment, met[:, 1:3])
         off = np.hypot(odometry_positions[:, 0] - x, odometry_positions[:, 1] - y)[:, None]
         return _stamps(met), off, np.column_stack((odometry_positions, np.full(len(met), ODOMETRY_TRAIL_Z)))
 
@@ -290,7 +293,7 @@ class RobotColumns:
             if here is not None:
                 since = self._plan.header.stamp.ns
                 start = truth[min(int(np.searchsorted(truth[:, 0], since)), len(truth) - 1), 1:3]
-                self._reference = ReferencePath(since, start, here.apply(_goals(self._plan)))
+                self._reference = ReferencePath(since, start, transform_points(here, _goals(self._plan)))
                 begun = np.column_stack((self._reference.points, np.zeros(len(self._reference.points))))
         return begun
 
@@ -324,6 +327,5 @@ def _goals(plan: Path) -> Floats:
     return np.array([(each.pose.position.x, each.pose.position.y) for each in plan.poses]).reshape(-1, 2)
 
 
-def _yaw(q: Sequence[float] | Floats) -> float:
-    x, y, z, w = (float(each) for each in q)
-    return float(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+def _yaw(x: float, y: float, z: float, w: float) -> float:
+    return Quaternion(x=x, y=y, z=z, w=w).yaw

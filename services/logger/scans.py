@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from messages.se3 import SE3
+from messages.se3 import Pose3, rotate
 from messages.sensor import LaserScan
 from services.logger.static_frames import mount_transform
 from services.runtime.tf.buffer import TransformBuffer
@@ -69,23 +69,21 @@ def scan_points(scan: LaserScan) -> Floats:
     return np.column_stack((near * np.cos(turn), near * np.sin(turn), np.zeros(len(near))))
 
 
-def _pose(truth: Floats, time: int) -> SE3:
+def _pose(truth: Floats, time: int) -> Pose3:
     """The pose at a time within ``truth``."""
     after = int(np.searchsorted(truth[:, 0], time))
     late = truth[after]
     early = late if late[0] == time else truth[after - 1]
     span = late[0] - early[0]
-    return _rigid_from_row(early).interpolate(_rigid_from_row(late), float((time - early[0]) / span) if span else 0.0)
+    return _pose_from_row(early).interpolate(_pose_from_row(late), float((time - early[0]) / span) if span else 0.0)
 
 
-def _rigid_from_row(row: Floats) -> SE3:
+def _pose_from_row(row: Floats) -> Pose3:
     x, y, z, i, j, k, w = (float(each) for each in row[1:8])
-    return SE3((x, y, z), (i, j, k, w))
+    return Pose3((x, y, z), (i, j, k, w))
 
 
-def _transformed(pose: SE3, points: Floats) -> Floats:
-    """Points p as R(turn) p + place."""
-    turn, w = np.array(pose.rotation[:3]), pose.rotation[3]
-    twice = 2 * np.cross(turn, points)
-    moved: Floats = points + w * twice + np.cross(turn, twice) + np.array(pose.translation)
+def _transformed(pose: Pose3, points: Floats) -> Floats:
+    x, y, z = points.T
+    moved: Floats = np.column_stack(rotate(pose.orientation, (x, y, z))) + np.array(pose.position)
     return moved

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from rerun.urdf import UrdfTree
 
 import models
+from messages.se3 import Rotation, Vector, quaternion_multiply
 from models.model import read_model
 from models.palette import Colour
 from models.urdf import read_joints
@@ -145,21 +146,10 @@ class RobotScene:
         return all_times[order], columns
 
 
-def joint_rotations(
-    mount: tuple[float, float, float, float], axis: tuple[float, float, float], angles: Floats
-) -> Floats:
+def joint_rotations(mount: Rotation, axis: Vector, angles: Floats) -> Floats:
     """Quaternions (n, 4) of a joint mounted as ``mount`` and turned about ``axis`` by ``angles`` (n,) [rad].
 
     The product ``mount * (axis sin(a/2), cos(a/2))``, components x, y, z, w.
     """
-    x, y, z, w = mount
     i, j, k = (part * np.sin(angles / 2) for part in axis)
-    c = np.cos(angles / 2)
-    return np.column_stack(
-        (
-            w * i + x * c + y * k - z * j,
-            w * j - x * k + y * c + z * i,
-            w * k + x * j - y * i + z * c,
-            w * c - x * i - y * j - z * k,
-        )
-    )
+    return np.column_stack(quaternion_multiply(mount, (i, j, k, np.cos(angles / 2))))

@@ -2,6 +2,7 @@
 
 from services.runtime.errors import BadInput, CallFailed, EleaError, Stopped
 from services.runtime.main import main
-from services.runtime.service import Parameters, Service
+from services.runtime.parameters.base import Parameters
+from services.runtime.service import Service
 
 __all__ = ["BadInput", "CallFailed", "EleaError", "Parameters", "Service", "Stopped", "main"]

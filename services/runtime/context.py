@@ -14,12 +14,13 @@ from services.runtime.errors import BadInput
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.pacing import ClockPacer, Instant, LockstepPacer, Pacer
+from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.subscription import ParameterSubscription
 from services.runtime.parameters.validation import ALL_LEVELS
 from services.runtime.publisher import Publisher
 from services.runtime.requests import DEADLINE_S
-from services.runtime.service import Parameters, period_of
 from services.runtime.service_checks import ServiceChecks
+from services.runtime.step import period_of
 from services.runtime.subscriber import Latest, Stream
 from services.runtime.tf.buffer import CACHE_S
 from services.runtime.tf.listener import TransformListener
@@ -188,8 +189,8 @@ class Context(Generic[P]):
             raise BadInput("a service without a rate has no ticks")
         period = period_of(chosen, self._lockstep)
         pacer: Pacer = (LockstepPacer if self._lockstep else ClockPacer)(self._node, period)
-        if self._node.parameter_client is not None:
-            self._node.parameter_client.watermarks = pacer.watermarks
+        if self._subscription is not None:
+            self._subscription.client.watermarks = pacer.watermarks
         self._await_parameters()
         pacer.start()
         try:
@@ -237,12 +238,12 @@ class Context(Generic[P]):
         return self.params_changed
 
     def _await_parameters(self) -> None:
-        """Wait up to ANSWER_S for a parameter service that is expected, is there and has not answered yet: a node is
-        ready when its set is known."""
-        following, deadline = self._node.parameter_client, time.monotonic() + PARAMETER_ANSWER_S
-        if following is None or not self._node.expects_params:
+        """Wait up to PARAMETER_ANSWER_S for a parameter service that is expected, is there and has not answered yet: a
+        node is ready when its set is known."""
+        if self._subscription is None or not self._subscription.client.expected:
             return
-        while following.unanswered and time.monotonic() < deadline:
+        client, deadline = self._subscription.client, time.monotonic() + PARAMETER_ANSWER_S
+        while client.unanswered and time.monotonic() < deadline:
             self._node.heartbeat.detail = "waiting for the answer of the parameter service"
             self.idle()
         self._node.heartbeat.detail = ""

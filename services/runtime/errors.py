@@ -1,16 +1,30 @@
-"""The one tree of errors.
+"""The one tree of errors; those of other modules stand with the module's name.
 
 EleaError
 ├── BadInput (ValueError)        a file, flag, name or value from outside is wrong       -> exit status 2
-│   └── TryAgain                 it is wrong for now: a name taken, a network out of reach -> exit status 75
+│   ├── TryAgain                 it is wrong for now: a name taken, a network out of reach -> exit status 75
+│   ├── BadName                  messages.names: not a legal ROS name or remapping rule
+│   ├── UnknownRecord            messages.records: no record has this name (LookupError)
+│   ├── BadDefinition            messages.cdr.definitions: the text of a message type cannot be read
+│   ├── UnknownModel             models: no robot or world has this name
+│   ├── BadUrdf                  models.robot_description: a URDF cannot be read
+│   ├── NoWheels                 models.urdf: a robot has no two wheels to drive on
+│   └── ParameterConflict        services.params.schema: two nodes contradict each other about a parameter
+├── WrongPayload (ValueError)    messages.base: a payload is not the expected record
+├── NotWritable (ValueError)     messages.cdr.write: a message cannot be written as CDR
 ├── CallFailed (RuntimeError)    a request was refused, or nobody answered in time
 │   ├── NoAnswer                 nobody serves it, or nobody answered in time
-│   └── SeveralServers           more than one process answered it
-├── NoTransform (LookupError)    where one frame lies in another cannot be told
-│   ├── UnknownFrame             nobody has told of a frame of this name
-│   ├── NotConnected             the two frames lie in different trees
-│   ├── Extrapolation            the time lies outside what is known
-│   └── FrameLoop                a frame lies above itself
+│   ├── SeveralServers           more than one process answered it
+│   └── OutcomeUnknown           services.runtime.parameters.client: it may have been carried out, or not
+├── NoTransform (LookupError)    a transform between two frames cannot be found
+│   ├── UnknownFrame             nobody has published a frame of this name
+│   ├── NotConnected             the two frames are in different trees
+│   ├── Extrapolation            the time is outside what is known
+│   └── FrameLoop                a frame is its own ancestor
+├── SaveError                    services.params.store: a change of parameters could not be written
+├── RecordingIncomplete          services.recorder.loop: part of what was to be recorded is missing
+├── PlaybackIncomplete           services.player.loop: part of a bag was not played, or nobody listened
+├── IncompleteBag                deploy.commands.bag: a bag is damaged, or not all of it could be used
 └── Stopped                      the process was asked to end; unwinds the loop          -> exit status 0
 """
 
@@ -18,6 +32,9 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+
+from messages.errors import BadInput as BadInput
+from messages.errors import EleaError as EleaError
 
 TRY_AGAIN = 75
 """Exit status after TryAgain: EX_TEMPFAIL of sysexits(3)."""
@@ -30,16 +47,8 @@ _WORK = 500_000
 """Pairs of characters: 1,200 names of 20, within 4 ms; of the worst kind, 35 ms."""
 
 
-class EleaError(Exception):
-    """Anything that this project raises on purpose."""
-
-
-class BadInput(EleaError, ValueError):
-    """Something from outside is wrong: the text says what, where, the limit and the likely cause."""
-
-
 class TryAgain(BadInput):
-    """What was asked for cannot be had for now, through no fault of its own: the same may work a moment later."""
+    """What was asked for is not possible for now, through no fault of its own: the same may work a moment later."""
 
 
 class CallFailed(EleaError, RuntimeError):
@@ -51,15 +60,15 @@ class NoAnswer(CallFailed):
 
 
 class SeveralServers(CallFailed):
-    """More than one process answered a request: whose answer holds cannot be told, and all may have carried it out."""
+    """More than one process answered a request: nobody knows whose answer holds, and all may have carried it out."""
 
 
 class NoTransform(EleaError, LookupError):
-    """Where one frame lies in another cannot be told; the text says why, and what there is instead."""
+    """A transform between two frames cannot be found; the text says why, and what there is instead."""
 
 
 class UnknownFrame(NoTransform):
-    """Nobody has told of a frame of this name."""
+    """Nobody has published a frame of this name."""
 
 
 class NotConnected(NoTransform):
@@ -67,11 +76,11 @@ class NotConnected(NoTransform):
 
 
 class Extrapolation(NoTransform):
-    """The time lies before or after what is known of a frame."""
+    """The time is before or after what is known of a frame."""
 
 
 class FrameLoop(NoTransform):
-    """A frame lies above itself, so nobody can say where it is."""
+    """A frame is its own ancestor, so nobody can say where it is."""
 
 
 class Stopped(EleaError):

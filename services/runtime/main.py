@@ -1,4 +1,4 @@
-"""The command line of every service, the same for all: ``python -m services.NAME``."""
+"""The command line of every service, the same for all: ``python -m services NAME`` and files that call ``main``."""
 
 from __future__ import annotations
 
@@ -14,9 +14,10 @@ import click
 import msgspec
 
 from services.runtime.errors import TRY_AGAIN, BadInput, EleaError, Stopped, TryAgain
+from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.schema import describe_range, describe_relations
 from services.runtime.parameters.validation import build, describe_parameters, read_assignments, stated
-from services.runtime.service import Parameters, Service
+from services.runtime.service import Service
 
 _capturing = ContextVar("declaring", default=False)
 
@@ -40,19 +41,25 @@ def capture_service() -> Iterator[None]:
 
 
 def main(service: Service) -> None:
-    """Parse the command line, run the service and end the process.
-
-    Its status is 0, 1 after an error, 2 for bad input, and TRY_AGAIN when the same may work later.
-    """
+    """Parse the command line, run the service and end the process, as ``run_command_line`` does."""
     if _capturing.get():
         raise ServiceCaptured(service)
+    run_command_line(service, sys.argv[1:])
+
+
+def run_command_line(service: Service, arguments: list[str], program: str | None = None) -> None:
+    """Run the service with the options in ``arguments`` and end the process.
+
+    Its status is 0, 1 after an error, 2 for bad input, and TRY_AGAIN when the same may work later. ``program`` is how
+    the service was called, for its usage line; what ``./elea run`` says of that goes before it.
+    """
     from services.runtime import process
 
     process.lossy_stderr()
     try:
         process.check_import_roots()
-        called = os.environ.pop(process.PROGRAM, None)
-        options = _command(service).main(prog_name=called, standalone_mode=False)
+        program = os.environ.pop(process.PROGRAM, program)
+        options = _command(service).main(arguments, program, standalone_mode=False)
     except click.ClickException as error:
         error.show()
         sys.exit(2)

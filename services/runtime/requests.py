@@ -39,7 +39,7 @@ def read_replies(request: Request[Q, R], key: str, replies: Sequence[Reply], tim
     """The answer in ``replies``; raises CallFailed as ``call`` does. ``transport`` tells whose they are."""
     name = f"/{key}"
     if not replies:
-        raise NoAnswer(f"nobody serves {name}: is the process that does running?")
+        raise NoAnswer(f"no server for {name}: is the process that provides it running?")
     check_single(name, replies, transport)
     for reply in replies:
         if not reply.ok:
@@ -278,5 +278,5 @@ class DuplicateServers:
                 self._said.add((node, session))
                 self._log.warn(
                     f"{node} (session {session[:8]}) serves {', '.join(sorted(names))} as this node does: "
-                    "who asks gets an error that names both, until one of the two is stopped"
+                    "requests fail with an error that names both, until one of them is stopped"
                 )

@@ -5,41 +5,14 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
-
-import msgspec
+from typing import Any
 
 from messages.requests import Request
 from messages.topics import Topic
-from services.runtime.errors import BadInput
+from services.runtime.context import Context
+from services.runtime.parameters.base import Parameters
 
-if TYPE_CHECKING:
-    from services.runtime.context import Context
-
-
-class Parameters(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The parameters of a service: a flat record of bool, int, float, str or tuples of them.
-
-    Types carry bounds, unit and text: ``Annotated[float, Meta(ge=0, le=5, description=..., extra={"unit": "m"})]``.
-    ``extra`` also marks with ``"live": False`` what a running service does not follow, and gives with ``"level": 2``
-    the bit of ``Context.params_changed`` that tells of a change. ``"at_most": "fast"`` keeps a number below another
-    one, and ``"excludes": ("a", "b")`` says what must be null or false while this is not; both are checked before a
-    change counts.
-    """
-
-
-Run = Callable[["Context[Any]"], None]
-
-STEP_NS = 5_000_000
-"""The physics step, ns: 200 Hz. In lockstep every rate divides it."""
-
-
-def period_of(rate: float, lockstep: bool) -> int:
-    """The period [ns] of a rate [Hz]; in lockstep it must be a whole number of physics steps, else BadInput."""
-    period = round(1e9 / rate)
-    if lockstep and period % STEP_NS:
-        raise BadInput(f"a rate of {rate:g} Hz is no whole number of physics steps of {STEP_NS / 1e6:g} ms")
-    return period
+Run = Callable[[Context[Any]], None]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,6 +10,7 @@ from services.runtime.errors import Stopped
 from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
+from services.runtime.parameters.client import ParameterClient
 from services.runtime.parameters.subscription import ParameterSubscription
 from services.runtime.parameters.validation import stated
 from services.runtime.process import CLOSE_S, exit_within, install_signal_handlers, set_batch_scheduling
@@ -57,7 +58,7 @@ def _parameter_subscription(service: Service, node: Node, options: dict[str, Any
         node.clock_patience_s = PARAMS_CLOCK_PATIENCE_S  # it starts before the simulation
     if PARAMS_ANNOUNCE in service.serves or not options["params"].__struct_fields__:
         return None
-    node.expects_params = options["await_params"]
+    ParameterClient.of(node, quiet=service.routes).expected = options["await_params"]
     name = node.identity.resolve(service.parameter_set or node.identity.node)
     followed: ParameterSubscription[Any] = ParameterSubscription(
         node,
@@ -65,7 +66,6 @@ def _parameter_subscription(service: Service, node: Node, options: dict[str, Any
         options["params"],
         fleet=stated(service.parameters, options["fleet"]),
         command_line=stated(service.parameters, options["command_line"]),
-        quiet=service.routes,
     )
     followed.start()
     return followed

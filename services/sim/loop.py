@@ -11,6 +11,7 @@ from typing import NamedTuple
 import msgspec
 
 from messages.requests import PAUSE, RESET, RESET_WORLD, RESUME, STEP
+from messages.se3 import Pose3
 from messages.simulation import SimStatus, SimTime, Steps
 from messages.topics import FLEET_STATE, SIM_STATUS
 from models import UnknownModel
@@ -19,11 +20,11 @@ from services.runtime.context import Context
 from services.runtime.discovery import wait_for_nodes
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
+from services.runtime.parameters.client import ParameterClient
 from services.runtime.requests import DeferredReply
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.sim import SimParameters
 from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import Pose3
 from services.sim.services import JointServices, PropertyServices, SimulationServices
 from services.sim.simulation import Simulation
 from services.sim.time_modes import Lockstep, RealTime, TimeMode
@@ -47,8 +48,7 @@ def run(ctx: Context[SimParameters]) -> None:
                 simulation.spawn(entry, Pose3((entry.x, entry.y, 0.0), turn), wait=True)
             status_publisher = _StatusPublisher(node)
             time_mode = _time_mode(ctx, simulation, status_publisher)
-            if node.parameter_client is not None:
-                node.parameter_client.watermarks = time_mode.watermarks
+            ParameterClient.of(node).watermarks = time_mode.watermarks
             loop = SimulationLoop(simulation, time_mode, node)
             SimulationServices(simulation, node)
             JointServices(simulation, node)

@@ -9,6 +9,7 @@ from messages.elea import BaseStatus
 from messages.gazebo import LinkStates, ModelStates
 from messages.geometry import Twist, TwistStamped
 from messages.nav import Odometry
+from messages.se3 import rotate_inverse
 from messages.std import Header, String, Time
 from messages.topics import (
     BASE_STATUS,
@@ -31,13 +32,12 @@ from models import urdf_path
 from models.model import RobotModel
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.sim import RobotEntry
 from services.sim.drive.controller import DiffDriveController
 from services.sim.drive.odometry import Odometer, world_odometry
 from services.sim.entities import pose_and_twist
 from services.sim.joints.effort_controller import JointEffortController
-from services.sim.physics.rotation import to_body_frame
 from services.sim.physics.world import BodyState, World
 from services.sim.sensors import (
     camera_image,
@@ -172,7 +172,7 @@ class RobotPublishers:
         apart = (place[0] - state.position[0], place[1] - state.position[1], place[2] - state.position[2])
         noise = noise_generator(self._seed, self._name, "imu", tick) if self.noise else None
         header = Header(stamp=Time.of(now), frame_id=self.frame_id(unit.link))
-        offset, dt = to_body_frame(state.orientation, apart), (now - before[0]) / 1e9
+        offset, dt = rotate_inverse(state.orientation, apart), (now - before[0]) / 1e9
         self._publishers[IMU].publish(imu_reading(unit, offset, before[1], state, dt, header, noise))
 
     def _publish_sonar(self, now: int, tick: int) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from messages.elea import ModelState
 from messages.geometry import TwistStamped
+from messages.se3 import Pose3
 from messages.simulation import DriveSettings
 from messages.topics import CMD_VEL, E_STOP, JOINT_EFFORT, Topic
 from models import urdf_path
@@ -22,7 +23,7 @@ from services.sim.drive.controller import DiffDriveController
 from services.sim.drive.odometry import Odometer, body_pose, body_twist
 from services.sim.joints.config import check_positions
 from services.sim.joints.effort_controller import JointEffortController
-from services.sim.physics.world import Body, JointFriction, Motor, Pose3, World
+from services.sim.physics.world import Body, JointFriction, Motor, World
 from services.sim.publishers import RobotPublishers
 from services.sim.robot_parameters import BaseParameterSet, JointParameterSet
 from services.sim.transit_delay import TransitDelayEstimator

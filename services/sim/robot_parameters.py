@@ -12,10 +12,10 @@ from messages.parameters import ParameterDescription
 from messages.simulation import DriveSettings
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
+from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.schema import changed_names, flatten
 from services.runtime.parameters.subscription import ParameterSubscription
 from services.runtime.parameters.validation import describe_parameters
-from services.runtime.service import Parameters
 from services.sim import BaseParameters, JointParameters, RobotEntry
 from services.sim.drive.config import (
     DriveConfig,

@@ -41,6 +41,7 @@ from messages.requests import (
     Done,
     Name,
 )
+from messages.se3 import Pose3, Vector, rotate
 from messages.sensor import JointState
 from messages.simulation import GetModelState, ModelList, SetModelState, SetOdometry, SpawnModel
 from messages.std import Empty, Header, Time
@@ -51,7 +52,7 @@ from models.world import WorldDescription
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
 from services.runtime.parameters.validation import build
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.sim import BaseParameters, JointParameters, RobotEntry, SimParameters
 from services.sim.entities import (
     WORLD_STATE,
@@ -67,8 +68,7 @@ from services.sim.joints.config import check_positions
 from services.sim.joints.effort_controller import JointEffortController
 from services.sim.joints.jobs import schedule_job
 from services.sim.joints.wrenches import LinkWrench
-from services.sim.physics.rotation import to_world_frame
-from services.sim.physics.world import GRAVITY, SOLVER_ITERATIONS, BodyState, JointFriction, Pose3, Vector
+from services.sim.physics.world import GRAVITY, SOLVER_ITERATIONS, BodyState, JointFriction
 from services.sim.sensors import joint_state
 from services.sim.simulation import Simulation
 from services.sim.time_modes import TimeMode
@@ -132,7 +132,7 @@ class SimulationServices:
         place = to_world_pose(frame, pose_from_msg(request.pose))
         axes = frame.orientation if request.reference_frame else place.orientation
         v, w = request.twist.linear, request.twist.angular
-        linear, angular = to_world_frame(axes, (v.x, v.y, v.z)), to_world_frame(axes, (w.x, w.y, w.z))
+        linear, angular = rotate(axes, (v.x, v.y, v.z)), rotate(axes, (w.x, w.y, w.z))
         world.set_state(request.name, BodyState(place.position, place.orientation, linear, angular))
         if robot.model.fixed_base:
             self._simulation.publish_static_tf()

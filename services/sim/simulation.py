@@ -8,19 +8,20 @@ from typing import Any
 from messages.elea import EmergencyStops as EmergencyStopList
 from messages.names import BadName, validate
 from messages.rosgraph import Clock
+from messages.se3 import Pose3
 from messages.std import Time
 from messages.topics import CLOCK, E_STOP, STOPS, TF, TF_STATIC
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.runtime.subscriber import Subscriber
 from services.sim import RobotEntry
 from services.sim.command_sources import CommandSources
 from services.sim.emergency_stops import ALL_ROBOTS, EmergencyStopStore
 from services.sim.joints.wrenches import LinkWrenches
-from services.sim.physics.world import Pose3, World
+from services.sim.physics.world import World
 from services.sim.publishers import GazeboStatesPublisher
 from services.sim.robot import Robot
 from services.sim.tf import dynamic_transforms, static_transforms

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from services.driving.planar import ZERO_TWIST, Pose2, Twist2
+from messages.se2 import ZERO_TWIST, Pose2, Twist2
 from services.square import SquareParameters, profile, tutorial
 from services.square.corners import Square, StepResult
 
@@ -26,7 +26,7 @@ class SquareController:
         """One tick at ``time`` [ns]: the robot is ``here``, moves at ``moving``; the last tick was ``dt`` [s] ago."""
         if self.square is None:
             self.square = Square(here, self._params.side, self._params.count)
-            if self._params.law == "seed":
+            if self._params.law == "tutorial":
                 self._tutorial_state = tutorial.TutorialState.at_start(self.square)
             else:
                 self._profile_state = profile.ProfileState(self.square)

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from services.driving.planar import Pose2, Segment, Twist2
+from messages.se2 import Pose2, Twist2
+from services.driving.guidance import Segment
 
 SIDES = 4
 QUARTER_TURN = math.pi / 2

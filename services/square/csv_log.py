@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TextIO
 
-from services.driving.planar import Pose2, Transform2, wrap
+from messages.se2 import Pose2, wrap
 from services.runtime.errors import BadInput
 
 MAX_SAMPLES = 64
@@ -54,7 +54,7 @@ class CsvLog:
         self.error: str | None = None
         self._file: TextIO | None = None
         self._row = -1
-        self._truth_to_odom: Transform2 | None = None
+        self._truth_to_odom: Pose2 | None = None
 
     def __enter__(self) -> CsvLog:
         try:
@@ -103,7 +103,7 @@ class CsvLog:
             return
         self._row = time // PERIOD_NS
         if truth is not None and self._truth_to_odom is None:
-            self._truth_to_odom = Transform2.aligning(actual, truth)
+            self._truth_to_odom = Pose2.aligning(actual, truth)
         numbers = [time / 1e9, desired.x, desired.y, desired.yaw, actual.x, actual.y, actual.yaw]
         cells = [repr(each) for each in numbers]
         cells += (
@@ -130,8 +130,8 @@ class CsvLog:
         )
 
 
-def _error_columns(desired: Pose2, actual: Pose2, placed: Transform2, truth: Pose2) -> list[str]:
-    true = placed.apply(truth)
+def _error_columns(desired: Pose2, actual: Pose2, placed: Pose2, truth: Pose2) -> list[str]:
+    true = placed @ truth
     figures = (
         true.x,
         true.y,

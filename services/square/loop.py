@@ -8,12 +8,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from messages.elea import GoalStatus
-from messages.geometry import STOP, Pose, PoseStamped, Twist
+from messages.geometry import STOP, PoseStamped, Twist
 from messages.nav import Odometry
 from messages.nav import Path as Plan
+from messages.se2 import Pose2, Twist2, wrap
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, GROUND_TRUTH, ODOM, PLAN, STATUS
-from services.driving.planar import Pose2, Twist2, wrap
 from services.runtime.context import Context
 from services.square import SquareParameters
 from services.square.controller import SquareController
@@ -70,11 +70,11 @@ def _drive(ctx: Context[SquareParameters], record: CsvLog | None) -> None:
                     ctx.log.error(f"the log {record.path} ends here, it cannot be written: {record.error}")
                     record = None
             if move.phase == "astray":
-                ctx.log.warn("the robot is far from its square, standing still: who has moved it?", every=5)
+                ctx.log.warn("the robot is far from its square, standing still: has it been moved?", every=5)
             elif move.timed_out:
                 ctx.log.warn(
                     f"corner {move.index} not met within the tolerances for {ctx.params.patience:g} s, going on: "
-                    "is the robot held up, or does its base not move so slowly?"
+                    "is the robot blocked, or is the tolerance below what its base can resolve?"
                 )
             if shown != (move.state, move.index) and controller.square is not None:
                 shown = move.state, move.index
@@ -98,13 +98,13 @@ def _open_log(p: SquareParameters) -> Iterator[CsvLog | None]:
 
 def pose_and_twist(odometry: Odometry) -> tuple[Pose2, Twist2]:
     """The pose on the ground and the velocity that an odometry message tells."""
-    pose, twist = odometry.pose.pose, odometry.twist.twist
-    return Pose2(pose.position.x, pose.position.y, pose.orientation.yaw), Twist2(twist.linear.x, twist.angular.z)
+    return Pose2.from_msg(odometry.pose.pose), Twist2.from_msg(odometry.twist.twist)
 
 
 def path_message(square: Square, header: Header) -> Plan:
     """The corners in order, each with the heading of the side that follows."""
-    return Plan(header=header, poses=tuple(PoseStamped(header=header, pose=_pose(each)) for each in square.corners()))
+    corners = (PoseStamped(header=header, pose=each.wrapped.to_msg()) for each in square.corners())
+    return Plan(header=header, poses=tuple(corners))
 
 
 def status_message(move: StepResult, square: Square, here: Pose2 | None, header: Header) -> GoalStatus:
@@ -115,13 +115,9 @@ def status_message(move: StepResult, square: Square, here: Pose2 | None, header:
         state=move.state,
         index=move.index if square.corner_count else move.index % SIDES,
         count=square.corner_count or SIDES,
-        goal=_pose(corner),
+        goal=corner.wrapped.to_msg(),
         distance=0.0 if here is None else math.hypot(corner.x - here.x, corner.y - here.y),
     )
-
-
-def _pose(pose: Pose2) -> Pose:
-    return Pose.planar(pose.x, pose.y, wrap(pose.yaw))
 
 
 def _closure_text(square: Square, here: Pose2) -> str:

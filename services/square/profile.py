@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, replace
 from enum import Enum
 
+from messages.se2 import ZERO_TWIST, Pose2, Twist2, wrap
 from services.driving.guidance import limit_slew, line_of_sight_heading, stopping_speed
-from services.driving.planar import ZERO_TWIST, Pose2, Twist2, wrap
 from services.square import SquareParameters
 from services.square.corners import QUARTER_TURN, Square, StepResult
 

@@ -13,8 +13,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from services.driving.planar import ZERO_TWIST, Pose2, Twist2, wrap
-from services.runtime.service import STEP_NS
+from messages.se2 import ZERO_TWIST, Pose2, Twist2, wrap
+from services.runtime.step import STEP_NS
 from services.square import SERVICE, SquareParameters
 from services.square.corners import Square, State, StepResult
 from services.square.profile import STANDSTILL

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 from messages.base import LARGEST
 from messages.geometry import TransformStamped
-from messages.se3 import SE3
 from messages.sensor import JointState
 from messages.std import Header, Time
 from models.robot_description import DescribedJoint, RobotDescription
@@ -104,7 +103,7 @@ class LinkTransforms:
         return TransformStamped(
             header=Header(stamp=Time.of(stamp), frame_id=self.frame(joint.frame.parent)),
             child_frame_id=self.frame(joint.frame.child),
-            transform=SE3(*joint.frame.transform(position)).to_msg,
+            transform=joint.frame.transform(position).to_transform(),
         )
 
 

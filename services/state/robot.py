@@ -61,7 +61,7 @@ class RobotStatePublisher:
             self._ctx.log.warn(f"{self.label}: {remark}")
         if odd := [each.name for each in description.joints if each.kind in ("floating", "planar")]:
             self._ctx.log.warn(
-                f"{self.label}: joints {', '.join(odd)} float: no joint state tells where their links are"
+                f"{self.label}: joints {', '.join(odd)} have no joint state, so the poses of their links are unknown"
             )
 
     def update_description(self) -> bool:

@@ -47,7 +47,7 @@ class CommandPublisher:
     def wait_for_base(self) -> None:
         """Wait for a base that takes the commands; raises BadInput when it takes another type."""
         ctx = self._ctx
-        ctx.node.heartbeat.state, ctx.node.heartbeat.detail = "waiting", f"nobody takes {self.topic}"
+        ctx.node.heartbeat.state, ctx.node.heartbeat.detail = "waiting", f"no subscriber to {self.topic}"
         while True:
             found = {each.topic: each for each in find_bases(snapshot(ctx.node.transport)).values()}
             if self.topic in found:

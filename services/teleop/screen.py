@@ -68,11 +68,11 @@ def _odometry_text(moving: Twist | None) -> str:
 
 def _base_text(base: BaseStatus | None, node: str) -> str:
     if base is None:
-        return "tells nothing: is the robot still in the simulation?"
+        return "no status: is the robot still in the simulation?"
     if base.e_stopped:
         by = f" by {', '.join(base.stopped_by)}" if base.stopped_by else ""
         return f"EMERGENCY STOP{by}, until false is sent on e_stop"
-    what = {"": "nobody commands it", node: "obeys these keys"}.get(base.source, f"obeys {base.source}")
+    what = {"": "no commands", node: "obeys these keys"}.get(base.source, f"obeys {base.source}")
     return f"{what}, touches something" if base.colliding else what
 
 

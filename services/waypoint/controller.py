@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from enum import Enum, auto
 from typing import Literal, NamedTuple
 
-from services.driving.guidance import limit_slew, line_of_sight_heading, stopping_speed, turn_rate
-from services.driving.planar import ZERO_TWIST, Pose2, Segment, Twist2, wrap
+from messages.se2 import ZERO_TWIST, Pose2, Twist2, wrap
+from services.driving.guidance import Segment, limit_slew, line_of_sight_heading, stopping_speed, turn_rate
 from services.waypoint import WaypointParameters
 
 
@@ -206,7 +206,9 @@ class WaypointController:
             return Progress("idle", None)
         if self._done:
             return self._finish(here)
-        return self._step_tutorial(here) if self._params.law == "seed" else self._step_stop_and_turn(here, moving, dt)
+        return (
+            self._step_tutorial(here) if self._params.law == "tutorial" else self._step_stop_and_turn(here, moving, dt)
+        )
 
     def hold(self) -> Progress:
         """Stand still for want of odometry; the way goes on from where the robot is afterwards."""

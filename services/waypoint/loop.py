@@ -5,9 +5,9 @@ from __future__ import annotations
 from messages.elea import GoalStatus
 from messages.geometry import STOP, Pose, PoseStamped, Twist
 from messages.nav import Odometry, Path
+from messages.se2 import Pose2, Twist2
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, GOAL_POSE, ODOM, PLAN, STATUS
-from services.driving.planar import Pose2, Twist2
 from services.runtime.context import Context
 from services.waypoint import PLAN_LEVEL, WaypointParameters
 from services.waypoint.controller import Goal, Plan, Progress, WaypointController
@@ -65,8 +65,7 @@ def run(ctx: Context[WaypointParameters]) -> None:
 
 def pose_and_twist(odometry: Odometry) -> tuple[Pose2, Twist2]:
     """The pose on the ground and the velocity that an odometry message tells."""
-    pose, twist = odometry.pose.pose, odometry.twist.twist
-    return Pose2(pose.position.x, pose.position.y, pose.orientation.yaw), Twist2(twist.linear.x, twist.angular.z)
+    return Pose2.from_msg(odometry.pose.pose), Twist2.from_msg(odometry.twist.twist)
 
 
 def goal_from_pose(asked: PoseStamped) -> Goal:

@@ -6,8 +6,10 @@ import os
 import shutil
 import subprocess
 import sys
+from graphlib import TopologicalSorter
 from pathlib import Path
 
+import grimp
 import pytest
 
 from services.runtime.process import ROOT
@@ -16,6 +18,7 @@ LINT = "import sys; from importlinter.cli import lint_imports_command as lint; l
 
 LAYERS = "Data flows one way: deploy, services, then messages and models"
 SERVICES = "Services stand on the runtime and never import each other"
+RUNTIME = "The runtime is built in layers, from the errors up to the command line"
 COMMANDS = "Nothing below the command line imports it"
 VOCABULARY = "Messages import no network, physics, viewer or arrays"
 NETWORK = "Zenoh stands behind the transport alone"
@@ -33,6 +36,7 @@ PLANTED = [
     (SERVICES, "services/grader/measurement.py", "from services.waypoint import controller"),
     (SERVICES, "services/runtime/context.py", "from services.sim import STEP_NS"),
     (SERVICES, "services/newcomer/__init__.py", "SERVICE = None"),
+    (RUNTIME, "services/runtime/node.py", "from services.runtime.parameters.client import ParameterClient"),
     (COMMANDS, "deploy/live/echo.py", "from deploy.commands.options import json_option"),
     (COMMANDS, "deploy/doctor/checks.py", "def later(): from deploy.commands.cli import main"),
     (VOCABULARY, "messages/sensor.py", "import numpy"),
@@ -101,6 +105,12 @@ def test_a_planted_violation_breaks_its_contract(copy: Path, contract: str, file
 def test_every_contract_is_planted_against() -> None:
     stated = {line.partition("=")[2].strip() for line in _config() if line.startswith("name =")}
     assert stated == {contract for contract, _, _ in PLANTED}
+
+
+def test_no_imports_form_a_circle() -> None:
+    """Nor do those for types alone: each module can be understood after those that it imports."""
+    graph = grimp.build_graph("deploy", "services", "messages", "models", cache_dir=None)
+    TopologicalSorter({each: graph.find_modules_directly_imported_by(each) for each in graph.modules}).prepare()
 
 
 def _config() -> list[str]:

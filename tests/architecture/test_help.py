@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from deploy.service_catalog import service_kinds
+from services.catalog import service_kinds
 from services.runtime.process import ROOT
 from tests.harness.cli_commands import all_commands
 
@@ -30,8 +30,8 @@ QUICK_S = 0.3
 """What a person waits for help and does not notice."""
 
 COMMANDS = [
-    *((f"services.{kind}", "--help") for kind in service_kinds()),
-    *((f"services.{kind}", "--print-config") for kind in service_kinds()),
+    *(("services", kind, "--help") for kind in service_kinds()),
+    *(("services", kind, "--print-config") for kind in service_kinds()),
     ("deploy", "--help"),
     ("deploy", "--version"),
     *(("deploy", *verb, "--help") for verb in OWN_HELP),

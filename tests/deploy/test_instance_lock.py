@@ -93,7 +93,7 @@ def test_another_program_on_the_port(port: int) -> None:
 def test_a_router_that_no_fleet_has_started(port: int) -> None:
     with (
         ZenohTransport(configuration("router", listen=(router_endpoint(port),))),
-        pytest.raises(BadInput, match=r"a router that is no fleet's already listens in .* --port"),
+        pytest.raises(BadInput, match=r"a router that belongs to no fleet already listens in .* --port"),
         instance_lock(entry(port)),
     ):
         pass

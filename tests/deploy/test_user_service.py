@@ -71,9 +71,9 @@ def test_its_parameters_are_checked_by_its_own_record(tmp_path: Path) -> None:
     ("program", "said"),
     [
         ("x = 1\n", "declares no service: it never calls main"),
-        ("x = 1\nimport nowhere_at_all\n", r"mine\.py:2: it fails as it is loaded: ModuleNotFoundError"),
-        ("x = 1\ny = (\n", r"mine\.py:2: it fails as it is loaded: SyntaxError"),
-        ("import sys\nsys.exit(3)\n", r"mine\.py:2: it fails as it is loaded: SystemExit: 3"),
+        ("x = 1\nimport nowhere_at_all\n", r"mine\.py:2: it fails to load: ModuleNotFoundError"),
+        ("x = 1\ny = (\n", r"mine\.py:2: it fails to load: SyntaxError"),
+        ("import sys\nsys.exit(3)\n", r"mine\.py:2: it fails to load: SystemExit: 3"),
     ],
 )
 def test_what_is_wrong_with_it_is_told_with_both_places(tmp_path: Path, program: str, said: str) -> None:

@@ -1,4 +1,4 @@
-"""The parts of README.md that tests take out of it."""
+"""Reads README.md and the pages of docs: sections, code blocks, tables."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from pathlib import Path
 from services.runtime.process import ROOT
 
 README: Path = ROOT / "README.md"
+DOCS: Path = ROOT / "docs"
 
 
 def section(title: str, text: str | None = None) -> str:
-    """The text under a heading ``## title``."""
+    """The text under a heading ``## title``, of README.md by default."""
     found = re.search(
         rf"^## {re.escape(title)}\n(.*?)(?=^## |\Z)", text or README.read_text(), re.MULTILINE | re.DOTALL
     )
-    assert found, f"README.md has no section {title!r}"
+    assert found, f"no section {title!r}"
     return found[1]
 
 

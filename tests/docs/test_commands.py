@@ -11,7 +11,7 @@ import pytest
 from deploy.commands.cli import COMMANDS, elea
 from deploy.commands.lazy_group import LazyGroup
 from deploy.fleet_file import fleet_names
-from deploy.service_catalog import service_kinds
+from services.catalog import service_kinds
 from services.runtime.process import ROOT
 from tests.harness.project_files import project_files
 

@@ -18,8 +18,9 @@ from services.runtime.errors import Stopped
 from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
+from services.runtime.parameters.base import Parameters
 from services.runtime.publisher import Publisher
-from services.runtime.service import Parameters, Service
+from services.runtime.service import Service
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 
 M = TypeVar("M", bound=Message)

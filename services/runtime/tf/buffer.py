@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from messages.geometry import TransformStamped
-from messages.se3 import IDENTITY, SE3
+from messages.se3 import IDENTITY, Pose3
 from services.runtime.errors import FrameLoop, NotConnected, UnknownFrame
 from services.runtime.tf.authority import FrameAuthorities
 from services.runtime.tf.time_cache import StampedTransform, TimeCache
@@ -30,7 +30,7 @@ class LookupResult(NamedTuple):
     """Where a frame lies in another, and at which time [ns]; None when it is the same at any time."""
 
     time: int | None
-    transform: SE3
+    transform: Pose3
 
 
 class TransformBuffer:
@@ -62,7 +62,7 @@ class TransformBuffer:
                     continue
                 history = self._moving[child] = TimeCache(child, self._cache_ns)
             stamp, parent = each.header.stamp.ns, each.header.frame_id.removeprefix("/")
-            verdict = history.add(stamp, StampedTransform(parent, SE3.from_msg(each.transform)))
+            verdict = history.add(stamp, StampedTransform(parent, Pose3.from_msg(each.transform)))
             if verdict == "old":
                 self.old += 1
                 continue
@@ -87,7 +87,7 @@ class TransformBuffer:
         for each in transforms:
             child = self._child(each)
             if child is not None and (child in told or len(told) < MAX_FRAMES):
-                told[child] = StampedTransform(each.header.frame_id.removeprefix("/"), SE3.from_msg(each.transform))
+                told[child] = StampedTransform(each.header.frame_id.removeprefix("/"), Pose3.from_msg(each.transform))
                 self._moving.pop(child, None)
         self._parents_seen.pop(publisher, None)  # at the end of the table: the last one told wins
         self._parents_seen[publisher] = told
@@ -245,7 +245,7 @@ class TransformBuffer:
             seen.add(frame)
         return frame
 
-    def _up(self, path: list[str], time: int | None) -> SE3:
+    def _up(self, path: list[str], time: int | None) -> Pose3:
         """The first frame of a path, told in what is above its last one."""
         here = IDENTITY
         for frame in path:
@@ -255,7 +255,7 @@ class TransformBuffer:
             else:
                 assert time is not None
                 link = history.at(time)
-            here = link.transform.compose(here)
+            here = link.transform @ here
         return here
 
 

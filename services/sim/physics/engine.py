@@ -8,10 +8,11 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from messages.se3 import Pose3
 from models.world import Box, WorldDescription
 from services.runtime.errors import BadInput
 from services.sim.physics._pybullet import pybullet, stdout_to_stderr
-from services.sim.physics.world import GRAVITY, SOLVER_ITERATIONS, Pose3
+from services.sim.physics.world import GRAVITY, SOLVER_ITERATIONS
 
 # Who may touch whom, as (group, mask): rolling parts touch the ground alone, because a sphere is wider than the wheel
 # it stands for. Masks are spelt out: with the mask -1 PyBullet lets rolling parts and bodies collide all the same.

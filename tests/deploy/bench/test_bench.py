@@ -13,7 +13,7 @@ from deploy.bench.figures import Figure, ratios
 from deploy.bench.lockstep import Span, build_schedule, lab_robots, raw_factor
 from messages.geometry import Twist
 from messages.joints import JointEffort
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 
 SPAN = Span(1.0, 2.0)
 

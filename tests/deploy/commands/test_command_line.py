@@ -95,7 +95,7 @@ def test_taken_port_is_told_before_anything_starts(state: dict[str, str], tmp_pa
 
 
 def test_ps_without_a_fleet(state: dict[str, str]) -> None:
-    assert elea(state, "ps").stdout == "no fleet runs\n"
+    assert elea(state, "ps").stdout == "no fleet is running\n"
     assert json.loads(elea(state, "ps", "--json").stdout) == []
 
 

@@ -64,7 +64,7 @@ def test_a_request_is_shown_with_both_sides() -> None:
     ran = run_command("interface", "show", "/sim/spawn")
     assert ran.returncode == 0, ran.stderr
     asks, replies = ran.stdout.split("---\n")
-    assert "/sim/spawn: put a model into the world" in asks
+    assert "/sim/spawn: spawn a model" in asks
     assert "elea_msgs/SpawnModel" in asks
     assert replies.startswith("elea_msgs/ModelState")
     told = json.loads(run_command("interface", "show", "sim/spawn", "--json").stdout)

@@ -150,7 +150,7 @@ def test_nodes_tell_what_troubles_them() -> None:
 
 def test_a_process_that_lost_its_supervisor_is_found(tmp_path: Path) -> None:
     """A service is started by a shell that ends at once, so nobody has it any more."""
-    command = f"{sys.executable} -P -m services.router --param listen=tcp/127.0.0.1:{free_port()} & echo $!"
+    command = f"{sys.executable} -P -m services router --param listen=tcp/127.0.0.1:{free_port()} & echo $!"
     shell = subprocess.run(
         ["bash", "-c", f"{command.replace(' & ', ' >/dev/null 2>&1 & ')}"],
         cwd=ROOT,
@@ -162,7 +162,7 @@ def test_a_process_that_lost_its_supervisor_is_found(tmp_path: Path) -> None:
     )
     pid = int(shell.stdout)
     try:
-        wait_until(lambda: f"services.router ({pid})" in next(fleet.orphans()).why, 10.0, "the orphan")
+        wait_until(lambda: f"router ({pid})" in next(fleet.orphans()).why, 10.0, "the orphan")
         assert next(fleet.orphans()).state == "warn"
     finally:
         os.kill(pid, 9)

@@ -54,7 +54,7 @@ def test_services(running: BackgroundFleet) -> None:
     assert set(names) >= {each.name for each in SERVICE.serves} | {"/supervisor/restart"}
     assert int(running.run("service", "list", "-c").out) == len(names)
     assert "/sim/spawn [elea_msgs/SpawnModel -> elea_msgs/ModelState]\n" in running.run("service", "list", "-t").out
-    assert "  /sim: put a model into the world\n" in running.run("service", "list", "-v").out
+    assert "  /sim: spawn a model\n" in running.run("service", "list", "-v").out
     servers = {each["name"]: each["nodes"] for each in running.run_json("service", "list")}
     assert (servers["/params/set"], servers["/sim/spawn"]) == (["/params"], ["/sim"])
     assert running.run("service", "type", "/sim/pause").out == "std_msgs/Empty -> elea_msgs/SimTime\n"
@@ -101,7 +101,7 @@ def test_a_rate_survives_a_reset(running: BackgroundFleet) -> None:
         epoch = running.run_json("service", "call", "/sim/reset")["epoch"]
         running.run("topic", "hz", "/tb3_0/odom", "-n", "10")
         ended = interrupt(process)
-    assert f"simulation time began anew (epoch {epoch})" in ended.err
+    assert f"simulation time was reset (epoch {epoch})" in ended.err
     assert "average rate: 25.000 by simulation time" in ended.out.splitlines()[-5]
 
 
@@ -141,6 +141,9 @@ def completed(running: BackgroundFleet, *words: str, **environment: str) -> list
         (("restart", "gr"), ["grader"]),
         (("logs", "ro"), ["router"]),
         (("run", "way"), ["waypoint"]),
+        (("run", "my_"), ["file,my_"]),
+        (("up", "./my"), ["file,./my"]),
+        (("bag", "record", "/tb3_0/od"), ["/tb3_0/odom"]),
         (("topic", "echo", "--connect", "tcp/127.0.0.1:1", "/tb"), []),
         (("topic", "echo", "--onc"), ["--once"]),
     ],

@@ -168,7 +168,7 @@ def test_what_is_no_number_is_refused_on_arrival() -> None:
 
 def test_joint_states_of_another_joint_move_nothing() -> None:
     with standing(ArmParameters(joint="elbow")) as stand:
-        said = "tell no angle of 'elbow' (they have: bear_link)"
+        said = "have no position of 'elbow' (only of: bear_link)"
         wait_until(lambda: stand.idle(30.0) or said in stand.bench.log)
         assert stand.bench.received(JOINT_EFFORT, EFFORT) == []
 
@@ -185,7 +185,7 @@ def test_when_time_begins_anew_nothing_of_before_counts() -> None:
 
 
 def test_a_jump_of_time_is_neither_summed_up_nor_derived_over() -> None:
-    with standing(ArmParameters(law="seed", controller_type="tr")) as stand:
+    with standing(ArmParameters(law="tutorial", controller_type="tr")) as stand:
         stand.run(1.0, lambda _: 10.0)
         before = stand.jobs[-1].effort
         stand.ms += 5000

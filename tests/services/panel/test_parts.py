@@ -25,7 +25,6 @@ from services.panel.fields import field_unit, list_fields, message_stamp, parse_
 from services.panel.graph import expected_rate
 from services.panel.pages import MAX_PACKETS, Page
 from services.panel.protocol import MAGIC, Samples, pack_samples
-from services.panel.robots import Pose2
 from services.panel.server import listen
 from services.runtime.errors import BadInput
 from services.runtime.transport.wire import SampleInfo
@@ -141,13 +140,6 @@ def test_a_slow_page_keeps_the_newest_state_and_a_bounded_stream() -> None:
     assert page.dropped == 1000 - MAX_PACKETS
     page.enqueue(b"x" * (5 << 20))
     assert page.drain() == []
-
-
-@given(*[st.floats(-100, 100)] * 6)
-def test_a_place_seen_from_a_frame_and_back(x: float, y: float, yaw: float, px: float, py: float, pyaw: float) -> None:
-    frame, there = Pose2(x, y, yaw), Pose2(px, py, pyaw)
-    back = frame.compose(frame.between(there))
-    assert (back.x, back.y) == pytest.approx((px, py), abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from messages.base import decoder, encode
 from messages.elea import FleetState, Health
 from messages.gazebo import LinkStates, ModelStates
 from messages.records import RECORDS
+from messages.se3 import Pose3
 from messages.std import Empty
 from messages.tf import TFMessage
 from messages.topics import (
@@ -42,12 +43,11 @@ from services.grader.measurement import MessageLosses
 from services.recorder import RecorderParameters
 from services.recorder.subscriptions import Subscriptions, TopicFilter
 from services.runtime.node import Node
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
 from services.sim import RobotEntry
 from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import Pose3
 from services.sim.services import SimulationServices
 from services.sim.simulation import TF_STEPS, Simulation
 from tests.harness.memory_node import memory_node

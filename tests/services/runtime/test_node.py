@@ -83,7 +83,7 @@ def test_a_request_is_typed_and_a_refusal_has_its_reason(bus: MemoryBus) -> None
 
 
 def test_a_call_to_nobody_fails_and_says_so(bus: MemoryBus) -> None:
-    with memory_node(bus, "client") as client, pytest.raises(CallFailed, match="nobody serves /sim/get_state"):
+    with memory_node(bus, "client") as client, pytest.raises(CallFailed, match="no server for /sim/get_state"):
         client.call(GET_STATE, Name(name="tb3_0"))
 
 

@@ -17,7 +17,7 @@ from services.runtime.errors import Stopped
 from services.runtime.lockstep.member import LockstepMember
 from services.runtime.lockstep.protocol import StepGrant
 from services.runtime.node import Node
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.runtime.transport.api import PendingReplies, idle_subscriber
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.sim.loop import SimulationLoop

@@ -11,9 +11,9 @@ import pytest
 
 from messages.geometry import STOP, Pose, PoseWithCovariance, Twist, TwistWithCovariance
 from messages.nav import Odometry
+from messages.se2 import Pose2, Twist2
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, GROUND_TRUTH, ODOM, PLAN, STATUS
-from services.driving.planar import Pose2, Twist2
 from services.square import SERVICE, SquareParameters
 from tests.harness.service_harness import ServiceHarness, run_service
 from tests.services.square.ideal_base import CONTROL_S, IdealBase

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.driving.planar import ZERO_TWIST, Pose2, wrap
+from messages.se2 import ZERO_TWIST, Pose2, wrap
 from services.square import SquareParameters
 from services.square.controller import SquareController
 from services.square.corners import Square

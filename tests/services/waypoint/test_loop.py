@@ -8,9 +8,9 @@ import pytest
 
 from messages.geometry import STOP, Pose, PoseStamped, PoseWithCovariance, Twist, TwistWithCovariance
 from messages.nav import Odometry
+from messages.se2 import Pose2, Twist2, wrap
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, GOAL_POSE, ODOM, PLAN, STATUS
-from services.driving.planar import Pose2, Twist2, wrap
 from services.waypoint import SERVICE, WaypointParameters
 from tests.harness.service_harness import ServiceHarness, run_service
 from tests.services.waypoint.ideal_base import CONTROL_S, IdealBase

@@ -19,7 +19,8 @@ from services.runtime.graph import Entity
 from services.runtime.lockstep import barrier
 from services.runtime.lockstep.member import LockstepMember
 from services.runtime.lockstep.protocol import SIMULATION, StepGrant, StepReport, grant_key, report_key
-from services.runtime.service import STEP_NS, Parameters
+from services.runtime.parameters.base import Parameters
+from services.runtime.step import STEP_NS
 from services.runtime.transport.api import Transport
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.wire import publisher_id

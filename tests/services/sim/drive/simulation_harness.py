@@ -13,6 +13,7 @@ from messages.elea import BaseStatus
 from messages.geometry import Twist
 from messages.nav import Odometry
 from messages.requests import Request
+from messages.se3 import Pose3
 from messages.topics import BASE_STATUS, CMD_VEL, GROUND_TRUTH, ODOM, Topic
 from models.world import WorldDescription
 from services.runtime.identity import Identity
@@ -21,7 +22,7 @@ from services.runtime.node import Node
 from services.runtime.parameters.validation import build
 from services.runtime.publisher import Publisher
 from services.runtime.requests import call
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.runtime.subscriber import Subscriber
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.wire import encoding
@@ -29,7 +30,6 @@ from services.sim import BaseParameters, RobotEntry
 from services.sim.drive.controller import DiffDriveController
 from services.sim.loop import SimulationLoop
 from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import Pose3
 from services.sim.robot import Robot
 from services.sim.services import SimulationServices
 from services.sim.simulation import CONTROL_STEPS, Simulation

@@ -12,6 +12,7 @@ from messages.base import Message
 from messages.gazebo import ApplyEffort, JointName
 from messages.joints import JointEffort, JointProperties
 from messages.requests import JOINT_PROPERTIES, Request
+from messages.se3 import Pose3
 from messages.std import Time
 from messages.topics import JOINT_EFFORT, Topic
 from models.world import Box, WorldDescription
@@ -21,13 +22,12 @@ from services.runtime.node import Node
 from services.runtime.parameters.validation import build
 from services.runtime.publisher import Publisher
 from services.runtime.requests import call
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.runtime.subscriber import Subscriber
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.sim import SimParameters
 from services.sim.loop import SimulationLoop
 from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import Pose3
 from services.sim.services import JointServices, PropertyServices, SimulationServices
 from services.sim.simulation import Simulation
 from services.sim.time_modes import RealTime

@@ -7,12 +7,12 @@ import math
 import pytest
 
 from messages.requests import RESET_WORLD, SET_DRIVE, SET_ODOMETRY
+from messages.se3 import Pose3
 from messages.simulation import DriveSettings, SetOdometry
 from messages.std import Empty
 from messages.topics import GROUND_TRUTH, ODOM, TF, TF_STATIC
 from services.runtime.errors import CallFailed
 from services.runtime.subscriber import Subscriber
-from services.sim.physics.world import Pose3
 from tests.services.sim.drive.simulation_harness import NAME, SimulationHarness, run_simulation
 
 HALF = math.pi / 8

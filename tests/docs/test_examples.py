@@ -1,0 +1,41 @@
+"""The Python examples of docs/ are what the code accepts."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import ClassVar
+
+import messages.topics
+from deploy.service_catalog import load_user_service
+from messages.base import Finite, Message
+from messages.std import Float32, Header
+from messages.topics import CMD_VEL
+from services.runtime.parameters.validation import build, describe_parameters
+from tests.docs.readme import DOCS, blocks
+from tests.harness.service_harness import run_service
+
+
+def test_the_topic_and_the_record_can_be_declared() -> None:
+    topic, record = blocks("python", (DOCS / "topics.md").read_text())
+    names = {**vars(messages.topics), "Float32": Float32, "ClassVar": ClassVar, "Header": Header, "Finite": Finite}
+    exec(topic, names)
+    assert names["BATTERY"].record is Float32
+    exec(record, names)
+    assert issubclass(names["BatteryState"], Message)
+    assert names["BatteryState"]().voltage == 0.0
+
+
+def test_the_service_with_a_parameter_runs_by_it(tmp_path: Path) -> None:
+    text = (DOCS / "parameters.md").read_text()
+    [program] = blocks("python", text)
+    assert "save it as `spin.py`" in text
+    (tmp_path / "spin.py").write_text(program)
+    service = load_user_service(str(tmp_path / "spin.py"))
+    [speed] = describe_parameters(service.parameters)
+    assert (speed.name, speed.low, speed.high, speed.unit) == ("speed", -2, 2, "rad/s")
+    with run_service(service, "/r", build(service.parameters, {"speed": 1.5}, "test")) as bench:
+        bench.subscribe(CMD_VEL, "r/cmd_vel")
+        bench.publish_clock(0.0)
+        bench.publish_clock(1.0)
+        assert math.isclose(bench.wait_message(CMD_VEL, "r/cmd_vel").angular.z, 1.5)

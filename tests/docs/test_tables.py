@@ -1,0 +1,41 @@
+"""What the pages list is what the code has: topics, qualities, requests, verbs, fleets and services."""
+
+from __future__ import annotations
+
+import pytest
+
+from deploy.service_catalog import load_service, service_kinds
+from messages.requests import REQUESTS
+from messages.topics import TOPICS
+from tests.docs.readme import DOCS, table
+from tests.docs.tables import TABLES, with_table
+
+MAKE = "PYTHONPATH=. .venv/bin/python -P -m tests.docs.tables"
+
+
+def test_the_tables_are_those_of_the_code() -> None:
+    stale = []
+    for (page, head), rows in TABLES.items():
+        text = (DOCS / page).read_text()
+        if with_table(text, head, rows()) != text:
+            stale.append(f"docs/{page}: the table {head!r}; write it with: {MAKE}")
+    assert stale == []
+
+
+def test_a_missing_and_a_stale_row_are_found() -> None:
+    rows = list(TABLES["topics.md", "| topic |"]())
+    text = (DOCS / "topics.md").read_text()
+    assert len(table(text)) == len(TOPICS) == len(rows)
+    assert with_table(text, "| topic |", rows[:-1]) != text
+    assert with_table(text.replace("| 25 | command |", "| 24 | command |", 1), "| topic |", rows) == text
+
+
+@pytest.mark.parametrize("head", ["| nowhere |", "|"])
+def test_a_table_that_is_not_there_or_not_alone_is_an_error(head: str) -> None:
+    with pytest.raises(ValueError, match="values to unpack"):
+        with_table((DOCS / "topics.md").read_text(), head, [])
+
+
+def test_every_request_that_a_service_answers_is_listed() -> None:
+    listed = {each.name for each in REQUESTS}
+    assert {each.name for kind in service_kinds() for each in load_service(kind).serves} <= listed
