@@ -21,7 +21,7 @@ from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.log import Log
 from services.runtime.publisher import Publisher, SendBuffer
 from services.runtime.refusal_counter import RefusalCounter
-from services.runtime.requests import DEADLINE_S, RequestServer, call
+from services.runtime.requests import DEADLINE_S, DeferredReply, RequestServer, call
 from services.runtime.subscriber import WAIT_BUDGET_S, Subscriber, WaitBudget
 from services.runtime.transport.api import RawSubscriber, Token, Transport
 
@@ -81,6 +81,7 @@ class Node:
         return self
 
     def __exit__(self, *exception: object) -> None:
+        self.request_server.close()
         self.log.publish = None
 
     def subscribe(self, topic: Topic[M], name: str | None = None, raw: bool = False) -> Subscriber[M]:
@@ -129,8 +130,13 @@ class Node:
                     del self._numbers[next(iter(self._numbers))]
             end.close()
 
-    def serve(self, request: Request[Q, R], handler: Callable[[Q], R], name: str | None = None) -> None:
-        """Answer a request in this node's loop; the handler raises BadInput to refuse with a reason."""
+    def serve(
+        self, request: Request[Q, R], handler: Callable[[Q], R | DeferredReply[R]], name: str | None = None
+    ) -> None:
+        """Answer a request in this node's loop.
+
+        The handler raises BadInput to refuse with a reason; it returns a ``DeferredReply`` to answer later.
+        """
         absolute = self.identity.resolve(name or request.name)
         self.request_server.add(request, self.identity.key(name or request.name), handler)
         self._declare("srv", absolute, request.request_type.ROS_TYPE, "-")

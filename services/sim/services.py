@@ -1,4 +1,4 @@
-"""The services of the simulation: models, states, resets, pause and steps; joints and wrenches; properties."""
+"""The services of the simulation that do not move time: models, states and stops; joints and wrenches; properties."""
 
 from __future__ import annotations
 
@@ -31,24 +31,19 @@ from messages.requests import (
     LIST,
     LIST_STOPS,
     MODEL_PROPERTIES,
-    PAUSE,
     RELEASE_STOP,
-    RESET,
-    RESET_WORLD,
-    RESUME,
     SET_CONFIGURATION,
     SET_DRIVE,
     SET_ODOMETRY,
     SET_STATE,
     SPAWN,
-    STEP,
     WORLD_PROPERTIES,
     Done,
     Name,
 )
 from messages.se3 import Pose3, Vector, rotate
 from messages.sensor import JointState
-from messages.simulation import GetModelState, ModelList, SetModelState, SetOdometry, SimTime, SpawnModel, Steps
+from messages.simulation import GetModelState, ModelList, SetModelState, SetOdometry, SpawnModel
 from messages.std import Empty, Header, Time
 from models import UnknownModel
 from models.model import read_model
@@ -80,11 +75,10 @@ from services.sim.time_modes import TimeMode
 
 
 class SimulationServices:
-    """Answers requests between two steps."""
+    """Requests about models: their spawning, their states and their emergency stops."""
 
-    def __init__(self, simulation: Simulation, time_mode: TimeMode, node: Node) -> None:
-        self._simulation, self._time_mode = simulation, time_mode
-        self._stepping = False
+    def __init__(self, simulation: Simulation, node: Node) -> None:
+        self._simulation = simulation
         node.serve(SPAWN, self._spawn)
         node.serve(DELETE, self._delete)
         node.serve(LIST, self._list)
@@ -92,11 +86,6 @@ class SimulationServices:
         node.serve(SET_STATE, self._set_state)
         node.serve(SET_ODOMETRY, self._set_odometry)
         node.serve(SET_DRIVE, lambda request: simulation.find(request.name).set_drive(request, simulation.now))
-        node.serve(RESET, lambda _: self._reset(True))
-        node.serve(RESET_WORLD, lambda _: self._reset(False))
-        node.serve(PAUSE, lambda _: self._pause(True))
-        node.serve(RESUME, lambda _: self._pause(False))
-        node.serve(STEP, self._step)
         node.serve(LIST_STOPS, lambda _: EmergencyStops(stops=simulation.stops.all))
         node.serve(RELEASE_STOP, lambda request: Done(text=simulation.release_stop(request.name, request.holder)))
 
@@ -156,58 +145,6 @@ class SimulationServices:
             text=f"odometry of {request.name} is at ({request.x:g} m, {request.y:g} m, {request.yaw:g} rad) now"
         )
 
-    def _reset(self, time_too: bool) -> SimTime:
-        self._simulation.reset(time_too)
-        self._time_mode.resync()
-        return self._time()
-
-    def _pause(self, paused: bool) -> SimTime:
-        if self._simulation.paused != paused:
-            self._simulation.paused = paused
-            self._time_mode.resync()
-            self._simulation.publish_clock()
-        return self._time()
-
-    def _step(self, request: Steps) -> SimTime:
-        if not self._simulation.paused:
-            raise BadInput("time is running: pause it before stepping")
-        if self._stepping:
-            raise BadInput("a step is under way already")
-        simulation = self._simulation
-        epoch, goal = simulation.epoch, simulation.tick + request.count
-        self._stepping = True
-        try:
-            while simulation.tick < goal and simulation.epoch == epoch:
-                run_tick(simulation, self._time_mode)
-        finally:
-            self._stepping = False
-        simulation.publish()
-        return self._time()
-
-    def _time(self) -> SimTime:
-        simulation = self._simulation
-        return SimTime(time=simulation.now, tick=simulation.tick, epoch=simulation.epoch)
-
-
-def run_tick(simulation: Simulation, time_mode: TimeMode) -> None:
-    """Publish, wait and listen, once at each tick, then take one physics step.
-
-    A pause that came with the wait holds time before the step; the next call takes it.
-    """
-    if not simulation.wait_done:
-        simulation.outbox.begin()  # until the timing holds
-        simulation.publish()
-        epoch, tick = simulation.epoch, simulation.tick
-        read = time_mode.wait()
-        if (simulation.epoch, simulation.tick) != (epoch, tick):
-            return
-        if read:
-            simulation.read_inputs(time_mode.watermarks, time_mode.factor)
-        simulation.wait_done = True
-        if simulation.paused:
-            return
-    simulation.step()
-
 
 def pose_from_msg(pose: Pose) -> Pose3:
     """A pose as the world takes it; raises BadInput when its quaternion has no direction."""
@@ -223,7 +160,7 @@ MAX_FORCE = 1e5
 
 
 class JointServices:
-    """Answers requests between two steps."""
+    """Requests about joints, and about wrenches on links."""
 
     def __init__(self, simulation: Simulation, node: Node) -> None:
         self._simulation, self._world = simulation, simulation.world
@@ -332,7 +269,7 @@ def _count_jobs(count: int) -> str:
 
 
 class PropertyServices:
-    """Answers requests between two steps; of all this, only the factor of time can be set while a run lasts."""
+    """Requests for the properties of links, models and the world."""
 
     def __init__(
         self,

@@ -134,7 +134,7 @@ def test_what_the_simulation_tells(network: Network, stage: tuple[Simulation, No
         assert isinstance(links, LinkStates)
         assert models.name == tuple(NAMES)
         assert len(links.name) >= 7 * ROBOTS
-    listed = SimulationServices(made, None, simulation)._list(Empty())  # type: ignore[arg-type]
+    listed = SimulationServices(made, simulation)._list(Empty())
     assert len(listed.models) == ROBOTS
     assert len(encode(listed)) < LARGEST_MESSAGE // 8
 

@@ -131,7 +131,7 @@ def test_the_states_of_all_are_told_in_gazebo_s_words_while_somebody_listens() -
         assert first.name == ("arm", "tb3")
         assert first.pose[1].position.y == pytest.approx(1.0, abs=0.02)
         assert first.twist[1].linear.y == pytest.approx(0.2, abs=0.02), "in the world's axes"
-        on.simulation.publish()
+        on.publish_state()
         links.update()
         ((told, _),) = links.messages
         assert told.name[:3] == ("arm::root", "arm::bear_link", "arm::end_link")
