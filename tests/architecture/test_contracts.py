@@ -16,7 +16,7 @@ from services.runtime.process import ROOT
 
 LINT = "import sys; from importlinter.cli import lint_imports_command as lint; lint()"
 
-LAYERS = "Data flows one way: deploy, services, then messages and models"
+LAYERS = "Data flows one way: deploy, services, models, then messages"
 SERVICES = "Services stand on the runtime and never import each other"
 RUNTIME = "The runtime is built in layers, from the errors up to the command line"
 COMMANDS = "Nothing below the command line imports it"
@@ -30,7 +30,7 @@ WEB = "The web server stands behind the panel alone"
 PLANTED = [
     (LAYERS, "services/waypoint/controller.py", "from deploy.version import VERSION"),
     (LAYERS, "messages/names.py", "from services.runtime.errors import BadInput"),
-    (LAYERS, "models/urdf.py", "from messages.std import Time"),
+    (LAYERS, "models/urdf.py", "from services.runtime.errors import BadInput"),
     (LAYERS, "messages/std.py", "from models import model_path"),
     (SERVICES, "services/waypoint/controller.py", "from services.sim.drive.driver import advance"),
     (SERVICES, "services/grader/measurement.py", "from services.waypoint import controller"),
