@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from deploy.service_catalog import load_service, service_kinds
-from messages.requests import REQUESTS
 from messages.topics import TOPICS
 from tests.docs.readme import DOCS, table
 from tests.docs.tables import TABLES, with_table
@@ -34,8 +32,3 @@ def test_a_missing_and_a_stale_row_are_found() -> None:
 def test_a_table_that_is_not_there_or_not_alone_is_an_error(head: str) -> None:
     with pytest.raises(ValueError, match="values to unpack"):
         with_table((DOCS / "topics.md").read_text(), head, [])
-
-
-def test_every_request_that_a_service_answers_is_listed() -> None:
-    listed = {each.name for each in REQUESTS}
-    assert {each.name for kind in service_kinds() for each in load_service(kind).serves} <= listed
