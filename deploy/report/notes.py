@@ -9,9 +9,9 @@ from deploy.report.record import RunFigures
 from messages.se2 import Twist2
 from services.runtime.errors import BadInput
 from services.runtime.parameters.validation import build
-from services.sim import BaseParameters
 from services.sim.drive.config import DriveConfig, robot_config
 from services.sim.drive.driver import AT_REST, Drive, commanded_velocity, step_drive
+from services.sim.parameters import BaseParameters
 from services.square import SquareParameters
 from services.square.tutorial import ANGLE_THRESHOLD, STEP_S, BaseStep, overrun, predict
 
