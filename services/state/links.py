@@ -113,5 +113,5 @@ def _invalid_reason(state: JointState) -> str:
     if not state.position:
         return "it has no positions"
     if len(set(state.name)) < len(state.name):
-        return "a name comes twice"
+        return "a name occurs twice"
     return ""

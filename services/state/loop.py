@@ -89,7 +89,7 @@ def make_robots(ctx: Context[StateParameters]) -> list[RobotStatePublisher]:
     try:
         namespaces = [absolute_namespace(each) for each in p.robots or (ctx.namespace,)]
         if len(set(namespaces)) < len(namespaces):
-            raise BadInput(f"state: robots {', '.join(p.robots)}: a name comes twice")
+            raise BadInput(f"state: robots {', '.join(p.robots)}: a name is given twice")
         if p.frame_prefix is not None and len(namespaces) > 1:
             raise BadInput("state: frame_prefix is for one robot; several have their namespaces for prefixes")
         urdf = read_urdf(p.model, p.urdf)

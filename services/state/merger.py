@@ -164,7 +164,7 @@ def _dependencies(joints: list[DescribedJoint], params: StateParameters) -> dict
         while (mimic := found.get(name)) is not None:
             name = mimic.joint
             if name in seen:
-                raise BadUrdf(f"joints follow each other in a circle, {name!r} for one")
+                raise BadUrdf(f"joints follow each other in a loop, e.g. {name!r}")
             seen.add(name)
     return found
 

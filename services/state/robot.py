@@ -36,7 +36,7 @@ class RobotStatePublisher:
         if self._merges:
             self._publisher = ctx.advertise(JOINT_STATES, self._name(JOINT_STATES.name))
             if self._publisher.name in [ctx.node.identity.resolve(self._name(each)) for each in p.source_list]:
-                raise BadInput(f"state: source_list holds {self._publisher.name}, which is what it merges them to")
+                raise BadInput(f"state: source_list holds {self._publisher.name}, which is its own output")
             self._sources = [ctx.stream(JOINT_STATES, self._name(each)) for each in p.source_list]
         else:
             self._sources = [ctx.stream(JOINT_STATES, self._name(JOINT_STATES.name))]
