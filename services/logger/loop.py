@@ -71,7 +71,7 @@ def pair_models(robots: Sequence[str], models: Sequence[str]) -> list[tuple[str,
     """Each robot with its model; raises BadInput for counts that do not match, and for duplicate names."""
     names = [robot.strip("/") for robot in robots]
     if len(set(names)) != len(names):
-        raise BadInput(f"logger: robots {', '.join(names)}: a name comes twice")
+        raise BadInput(f"logger: robots {', '.join(names)}: a name is given twice")
     if len(models) not in (1, len(robots)):
         raise BadInput(
             f"logger: {len(models)} models for {len(robots)} robots: give one model for each, or one for all"

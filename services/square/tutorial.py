@@ -3,7 +3,8 @@
 It acts at 10 Hz on unsynchronised odometry at 10 Hz: the pose is up to 0.1 s old. It turns at full speed until the
 error is below 0.05 rad and then considers the turn done, though the base needs another w^2 / (2 a) = 0.07 rad to stop.
 The next side starts from the pose at that moment, and the next turn from the heading at its own start, so that the
-errors add up in one direction."""
+errors add up in one direction.
+"""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def test_a_port_in_foreign_hands_is_told() -> None:
         port = server.getsockname()[1]
         [found] = [f for f in network.ports(NetworkAddress(f"tcp/127.0.0.1:{port}", "")) if f.name == "port"]
     assert found.state == "warn"
-    assert "no fleet of yours" in found.why
+    assert "not one of your fleets" in found.why
     assert f":{port}" in found.do
 
 
