@@ -61,6 +61,7 @@ def brief(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fleet, "TO_S", 2.0)
 
 
+@pytest.mark.fleet
 @pytest.mark.usefixtures("brief")
 def test_every_promised_figure_is_there(capsys: pytest.CaptureFixture[str]) -> None:
     measured = deploy.bench.measure(1)

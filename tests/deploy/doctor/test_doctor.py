@@ -102,6 +102,7 @@ def test_versions_that_differ_are_told(tmp_path: Path) -> None:
     assert next(installation.environment(tmp_path)).state == "warn"
 
 
+@pytest.mark.process
 def test_a_library_that_does_not_load_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(installation, "NATIVE_LIBRARIES", ("json", "not_there"))
     [found] = installation.libraries()
@@ -127,6 +128,7 @@ def test_displays_are_told_apart(tmp_path: Path) -> None:
         assert next(machine.display({"WAYLAND_DISPLAY": "w", "XDG_RUNTIME_DIR": str(tmp_path)})).state == "ok"
 
 
+@pytest.mark.process
 def test_the_machine_is_looked_at() -> None:
     assert [
         each.state
