@@ -31,14 +31,8 @@ coordinate = st.floats(-10, 10).map(lambda value: round(value, 3))
 
 
 @given(coordinate, coordinate, st.floats(-3.14, 3.14), coordinate, coordinate)
-<<<<<<< HEAD
 def test_the_tutorial_law_is_the_original(x: float, y: float, yaw: float, goal_x: float, goal_y: float) -> None:
-    if (x, y) == (goal_x, goal_y):
-        return
-=======
-def test_the_seed_law_is_the_original(x: float, y: float, yaw: float, goal_x: float, goal_y: float) -> None:
     assume((x, y) != (goal_x, goal_y))
->>>>>>> tiers
     command = tutorial_command(Pose2(x, y, yaw), goal_x, goal_y)
     assert command.v == pytest.approx(0.1 * math.hypot(goal_x - x, goal_y - y))
     assert abs(wrap(command.w / 0.7 - quadrants(x, y, yaw, goal_x, goal_y))) < 1e-9
