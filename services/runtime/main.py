@@ -5,9 +5,6 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
 from typing import Any, overload
 
 import click
@@ -18,26 +15,7 @@ from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.schema import describe_range, describe_relations
 from services.runtime.parameters.validation import build, describe_parameters, read_assignments, stated
 from services.runtime.service import Role, Run, Service
-
-_capturing = ContextVar("declaring", default=False)
-
-
-class ServiceCaptured(BaseException):
-    """Raised by ``main`` within ``capture_service`` with the service it would run; no ``except Exception`` stops it."""
-
-    def __init__(self, service: Service) -> None:
-        super().__init__(service.name)
-        self.service = service
-
-
-@contextmanager
-def capture_service() -> Iterator[None]:
-    """Within, ``main`` tells what it would run instead of running it."""
-    token = _capturing.set(True)
-    try:
-        yield
-    finally:
-        _capturing.reset(token)
+from services.runtime.service_file import capture
 
 
 @overload
@@ -59,8 +37,7 @@ def main(service: Service | Run, **declaration: Any) -> None:
     """
     if not isinstance(service, Service):
         service = Service(run=service, **declaration)
-    if _capturing.get():
-        raise ServiceCaptured(service)
+    capture(service)
     run_command_line(service, sys.argv[1:])
 
 

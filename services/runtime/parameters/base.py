@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, NamedTuple, TypeVar
+from types import NoneType, UnionType
+from typing import Annotated, Any, NamedTuple, TypeVar, get_args
 
 import msgspec
 from msgspec import Meta
@@ -53,16 +54,30 @@ def param(
     return _Declaration(default, meta)  # type: ignore[return-value]  # ParametersType puts the default in its place
 
 
+def _annotated(hint: Any, meta: Meta) -> Any:
+    """The hint with what ``param`` says; of one that may be None, bounds are those of the rest."""
+    if isinstance(hint, str):
+        text = hint.removesuffix("None").rstrip().removesuffix("|")
+        return Annotated[hint, meta] if text in (hint, "") else Annotated[text.strip(), meta] | None
+    if isinstance(hint, UnionType):
+        (inner,) = (each for each in get_args(hint) if each is not NoneType)
+        return Annotated[inner, meta] | None
+    return Annotated[hint, meta]
+
+
 class ParametersType(msgspec.StructMeta):
-    """Makes of ``x: float = param(...)`` what msgspec knows: ``x: Annotated[float, Meta(...)] = default``."""
+    """Makes of ``x: float = param(...)`` what msgspec knows: ``x: Annotated[float, Meta(...)] = default``.
+
+    All records of parameters are frozen, their fields given by keyword.
+    """
 
     def __new__(cls, name: str, bases: tuple[type, ...], namespace: dict[str, Any], **options: Any) -> ParametersType:
         hints = namespace.get("__annotations__", {})
         for field, value in namespace.items():
             if isinstance(value, _Declaration):
-                hints[field] = Annotated[hints[field], value.meta]
+                hints[field] = _annotated(hints[field], value.meta)
                 namespace[field] = value.default
-        return super().__new__(cls, name, bases, namespace, **options)
+        return super().__new__(cls, name, bases, namespace, **{"frozen": True, "kw_only": True, **options})
 
 
 class Parameters(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, metaclass=ParametersType):
