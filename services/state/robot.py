@@ -8,7 +8,7 @@ from messages.geometry import TransformStamped
 from messages.sensor import JointState
 from messages.std import String
 from messages.topics import JOINT_STATES, ROBOT_DESCRIPTION
-from models.robot_description import BadUrdf, parse_urdf
+from models.urdf import BadUrdf, parse_urdf
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 from services.state import StateParameters
