@@ -13,7 +13,7 @@ from deploy.bench.figures import Figure
 def bench(rounds: int, as_json: bool) -> int:
     """Measure everything and show it; status 1 when a bound is missed."""
     from deploy.bench import fleet, lockstep, wire
-    from deploy.bench.fleet import free_port
+    from services.runtime.ports import free_port
 
     def say(text: str) -> None:
         sys.stderr.write(f"bench: {text}\n")
