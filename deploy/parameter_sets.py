@@ -20,9 +20,9 @@ from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.schema import fields_of, flatten
 from services.runtime.parameters.validation import build, check_value, read_assignments
 from services.runtime.service import Service
-from services.sim import BaseParameters, JointParameters
 from services.sim.drive.config import robot_config
 from services.sim.joints.config import with_urdf_defaults
+from services.sim.parameters import BaseParameters, JointParameters
 
 
 def parameter_sets(fleet: Fleet) -> dict[str, list[type[Parameters]]]:

@@ -34,6 +34,7 @@ COMMANDS = {
     "bag": LazyCommand("bag", "Record, play, inspect and export bags."),
     "view": LazyCommand("view", "Open a run, a recording or a bag in the viewer, or render it to pictures."),
     "diff": LazyCommand("diff", "Show where two runs differ."),
+    "check": LazyCommand("check", "Check the code and run the quick tests, as before a commit."),
     "test": LazyCommand("diagnostics:test_command", "Run the tests."),
     "bench": LazyCommand("diagnostics:bench_command", "Measure the middleware against raw Zenoh and raw PyBullet."),
 }

@@ -84,7 +84,7 @@ def wait_for_topic(
     else:
         ends = known.get(name, TopicEndpoints(name))
         if name not in known and (hint := did_you_mean(name, known)):
-            write_note(f"there is no topic {name} on the network{hint}")
+            write_note(f"no topic {name} is on the network{hint}")
     if not ends.publishers and (wait or ends.subscribers):
         write_note(f"{name} is not published yet: waiting, Ctrl-C to stop")
     return ends

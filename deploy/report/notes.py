@@ -9,9 +9,9 @@ from deploy.report.record import RunFigures
 from messages.se2 import Twist2
 from services.runtime.errors import BadInput
 from services.runtime.parameters.validation import build
-from services.sim import BaseParameters
 from services.sim.drive.config import DriveConfig, robot_config
 from services.sim.drive.driver import AT_REST, Drive, commanded_velocity, step_drive
+from services.sim.parameters import BaseParameters
 from services.square import SquareParameters
 from services.square.tutorial import ANGLE_THRESHOLD, STEP_S, BaseStep, overrun, predict
 
@@ -90,6 +90,6 @@ def real_time_notes(run: RunFigures, ok: bool) -> tuple[str, ...]:
         rest = len(worst) - MAX_NAMED_NODES
         parts.append(f"ticks were missed by {named}{f' and {rest} more' if rest > 0 else ''}")
     return (
-        f"This machine did not keep up with real time at factor {run.factor:g}: {'; '.join(parts)}. What is missed may "
-        "be the machine's fault: let less run beside, take a lower --factor, or --mode lockstep, which waits.",
+        f"This machine did not keep up with real time at factor {run.factor:g}: {'; '.join(parts)}. Missed bounds may "
+        "be due to that: stop other programs, use a lower --factor, or --mode lockstep, which waits.",
     )

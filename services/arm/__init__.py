@@ -1,4 +1,4 @@
-"""The arm service: it takes one joint to where the reference is, by effort."""
+"""The arm service: controls one joint by effort so that it follows the reference."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from services.runtime.service import Service
 
 
 class ArmParameters(Parameters, frozen=True, kw_only=True):
-    """How to control. Errors are in degrees and efforts in N m, so gains are N m per degree, as in the tutorial."""
+    """Parameters of the arm controller. Errors are in degrees and efforts in N m, so gains are in N m per degree."""
 
     controller_type: Annotated[
         Literal["ss", "tr"],

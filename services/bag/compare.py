@@ -157,8 +157,10 @@ def _difference(topic: str, number: int, first: _Located, second: _Located) -> _
 
 def _lone(topic: str, number: int, only: _Located) -> _Pair:
     """A message that the other bag lacks."""
-    entries = (only.entry, None) if only.side == 0 else (None, only.entry)
-    return _Pair(only.position, topic, number, entries, ("", *(_values(each) if each else None for each in entries)))
+    values = _values(only.entry)
+    if only.side == 0:
+        return _Pair(only.position, topic, number, (only.entry, None), ("", values, None))
+    return _Pair(only.position, topic, number, (None, only.entry), ("", None, values))
 
 
 def _first_field(left: Entry, right: Entry) -> tuple[str, Any, Any] | None:

@@ -1,4 +1,4 @@
-"""The grader service: it watches a run, measures every robot against ground truth, and ends the run."""
+"""The grader service: measures all robots of a run against ground truth, and ends the run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from services.runtime.service import Service
 
 
 class BrakingSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How the base of robot ``name`` stops: ``timeout`` [s] after the last command it brakes, at ``brake`` [m/s2]."""
+    """How the base of robot ``name`` brakes: ``timeout`` [s] after the last command, at ``brake`` [m/s2]."""
 
     name: str
     timeout: Annotated[float, Meta(ge=0, extra={"unit": "s"})]
@@ -21,9 +21,9 @@ class BrakingSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 class ArmSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """An arm among the robots: ``name``, the joint that is controlled, and the largest effort [N m] of its controller.
+    """An arm: its ``name``, the controlled ``joint``, and the largest effort [N m] of its controller.
 
-    ``state`` is the topic on which the controller tells of each tick.
+    ``state`` is the topic on which the controller publishes its state at each tick.
     """
 
     name: str
@@ -33,11 +33,11 @@ class ArmSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 
 _FIXED = {"live": False}
-"""What has been measured so far would mean something else."""
+"""Changing these would invalidate what has been measured."""
 
 
 class GraderParameters(Parameters, frozen=True, kw_only=True):
-    """Whom to watch, until when, and where the measurements go. When the run ends is live."""
+    """Robots to measure, end of the run, and output folder. The end of the run is live."""
 
     robots: Annotated[tuple[str, ...], Meta(description="Namespaces of the robots to measure.", extra=_FIXED)] = ()
     halting: Annotated[

@@ -1,4 +1,4 @@
-"""The reference service: where the arm should be, fifty times a second."""
+"""The reference service: publishes the arm's set-point at 50 Hz."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from services.runtime.service import Service
 
 
 class ReferenceParameters(Parameters, frozen=True, kw_only=True):
-    """What to publish. Names as in the tutorial where it has one; its reference_type 0 is step here, its 1 is sine."""
+    """Parameters of the reference, named as in the tutorial, whose reference_type 0 is step here and 1 is sine."""
 
     reference_type: Annotated[
         Literal["step", "sine", "ramp", "square", "chirp", "csv"],

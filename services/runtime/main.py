@@ -8,7 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Any
+from typing import Any, overload
 
 import click
 import msgspec
@@ -17,7 +17,7 @@ from services.runtime.errors import TRY_AGAIN, BadInput, EleaError, Stopped, Try
 from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.schema import describe_range, describe_relations
 from services.runtime.parameters.validation import build, describe_parameters, read_assignments, stated
-from services.runtime.service import Service
+from services.runtime.service import Role, Run, Service
 
 _capturing = ContextVar("declaring", default=False)
 
@@ -40,8 +40,25 @@ def capture_service() -> Iterator[None]:
         _capturing.reset(token)
 
 
-def main(service: Service) -> None:
-    """Parse the command line, run the service and end the process, as ``run_command_line`` does."""
+@overload
+def main(service: Service) -> None: ...
+@overload
+def main(
+    service: Run,
+    *,
+    name: str,
+    about: str,
+    rate: float | None = None,
+    parameters: type[Parameters] = Parameters,
+    role: Role = "member",
+) -> None: ...
+def main(service: Service | Run, **declaration: Any) -> None:
+    """Parse the command line, run a service and end the process, as ``run_command_line`` does.
+
+    ``main(run, name=..., about=..., rate=...)`` is short for ``main(Service(run=run, name=..., ...))``.
+    """
+    if not isinstance(service, Service):
+        service = Service(run=service, **declaration)
     if _capturing.get():
         raise ServiceCaptured(service)
     run_command_line(service, sys.argv[1:])

@@ -2,37 +2,14 @@
 
 from typing import Annotated, Literal
 
-import msgspec
 from msgspec import Meta
 
 from services.runtime.discovery import START_PATIENCE_S
 from services.runtime.parameters.base import Parameters
 from services.runtime.service import Service
-from services.sim.parameters import BaseParameters as BaseParameters
-from services.sim.parameters import JointParameters as JointParameters
-
-Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
-
+from services.sim.parameters import RobotEntry
 
 _FIXED = {"live": False}
-
-
-class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A robot that is there from the start.
-
-    ``parameters`` are those of a model with wheels, ``joint_parameters`` those of one without. ``joints`` are positions
-    to start from, rad or m, 0 where none is stated.
-    """
-
-    name: str
-    model: str
-    x: Coordinate = 0.0
-    y: Coordinate = 0.0
-    yaw: float = 0.0
-    namespace: str = ""
-    parameters: BaseParameters = BaseParameters()
-    joint_parameters: JointParameters = JointParameters()
-    joints: dict[str, float] = {}
 
 
 class SimParameters(Parameters, frozen=True, kw_only=True):

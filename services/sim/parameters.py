@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import msgspec
 from msgspec import Meta
 
 from services.runtime.parameters.base import Parameters
@@ -264,3 +265,24 @@ class JointParameters(Parameters, frozen=True, kw_only=True):
         bool,
         Meta(description="Publish link transforms; otherwise, leave them to the state service.", extra={"live": False}),
     ] = True
+
+
+Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
+
+
+class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A robot and where it is spawned.
+
+    ``parameters`` are those of a model with wheels, ``joint_parameters`` those of one without. ``joints`` are positions
+    to start from, rad or m, 0 where none is stated.
+    """
+
+    name: str
+    model: str
+    x: Coordinate = 0.0
+    y: Coordinate = 0.0
+    yaw: float = 0.0
+    namespace: str = ""
+    parameters: BaseParameters = BaseParameters()
+    joint_parameters: JointParameters = JointParameters()
+    joints: dict[str, float] = {}

@@ -17,10 +17,10 @@ from services.runtime.node import Node
 from services.runtime.publisher import Publisher
 from services.runtime.step import STEP_NS
 from services.runtime.subscriber import Subscriber
-from services.sim import RobotEntry
 from services.sim.command_sources import CommandSources
 from services.sim.emergency_stops import ALL_ROBOTS, EmergencyStopStore
 from services.sim.joints.wrenches import LinkWrenches
+from services.sim.parameters import RobotEntry
 from services.sim.physics.world import World
 from services.sim.publishers import GazeboStatesPublisher
 from services.sim.robot import Robot
@@ -175,11 +175,11 @@ class Simulation:
             lost += self._command_sources.publishers_of(watermarks.lost_members)
             watermarks.lost_members = set()
         for robot in self.robots:
-            robot.update_parameters(self.now)
+            robot.actuation.reconfigure(self.now)
             robot.apply_commands(self.now, lockstep_members, factor)
         for source in lost:
             for robot in self.robots:
-                robot.publisher_lost(source, self.now)
+                robot.actuation.publisher_lost(source, self.now)
 
     def read_stops(self, watermarks: Watermarks | None) -> None:
         """Take the emergency stops that have come, and nothing else: they count also while time is paused."""
@@ -200,7 +200,7 @@ class Simulation:
         """One physics step."""
         now = self.now
         for robot, _ in self._robots.values():
-            robot.actuate(now)
+            robot.actuation.step(now)
         self.wrenches.step(now)
         self.world.step()
         self.tick += 1
@@ -225,7 +225,7 @@ class Simulation:
         self._stops_publisher.publish(EmergencyStopList(stops=self.stops.all))
 
     def _set_input_steps(self) -> None:
-        rates = [robot.publishers.joint_state_steps for robot in self.robots if robot.effort_controller is not None]
+        rates = [robot.publishers.joint_state_steps for robot in self.robots if robot.model.wheels is None]
         self.input_steps = min([CONTROL_STEPS, *rates]) if self._real_time else CONTROL_STEPS
 
     def _update_contacts(self) -> None:

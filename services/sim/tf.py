@@ -38,7 +38,7 @@ def dynamic_transforms(robots: Iterable[Robot], world: World, now: int) -> Itera
     transforms = []
     for robot in robots:
         odometry = robot.publishers.odometry
-        if odometry is not None and (robot.drive_controller is None or robot.drive_controller.live.enable_odom_tf):
+        if odometry is not None and robot.actuation.publishes_odom_tf:
             pose = odometry.pose.pose
             place = pose.position
             transforms.append(
@@ -61,10 +61,8 @@ def dynamic_transforms(robots: Iterable[Robot], world: World, now: int) -> Itera
 
 
 def _published_joints(robot: Robot) -> tuple[Joint, ...]:
-    """The joints whose transforms the simulation tells: all, or none when the service ``state`` does."""
-    entry = robot.entry
-    parameters = entry.parameters if robot.drive_controller is not None else entry.joint_parameters
-    return () if parameters.enable_link_tf is False else read_joints(entry.model)
+    """The joints whose transforms the simulation publishes: all, or none when the service ``state`` does."""
+    return read_joints(robot.entry.model) if robot.actuation.publishes_link_tf else ()
 
 
 def _odom_origin(robot: Robot, spawn_pose: Pose3) -> Pose3:

@@ -1,4 +1,4 @@
-"""The square service: one per robot, it drives the robot once or more around a square that begins where it stands."""
+"""The square service: drives one robot around a square that starts at its current pose."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from services.runtime.parameters.base import Parameters, param
 from services.runtime.service import Service
 
 LOG_FILE = "p3dx_square_log.txt"
-"""The log's name in the tutorial that the square comes from."""
+"""Name of the log file in the tutorial."""
 
 
 _FIXED = {"live": False}
-"""A square under way keeps its law, its size and its log."""
+"""Law, size and log do not change while the square is driven."""
 
 
 class SquareParameters(Parameters, frozen=True, kw_only=True):
-    """The square and how to drive it. The defaults suit a Pioneer 3-DX; the bounds keep the laws stable at 50 Hz."""
+    """Parameters of the square. Defaults suit a Pioneer 3-DX; bounds keep the control laws stable at 50 Hz."""
 
     law: Annotated[
         Literal["profile", "tutorial"],

@@ -1,8 +1,8 @@
-"""The state service: a robot's links on /tf and /tf_static, from its URDF and joint states, and joint states merged.
+"""The state service: publishes link transforms from URDFs and joint states, and merges joint states.
 
-It is ROS's robot_state_publisher and joint_state_publisher in one. The simulation tells the frames of its own models
-itself, from the same URDFs and without another process; this service is for robots that come from elsewhere, and for
-robots of a fleet whose base has ``enable_link_tf = false``, so that each frame has one publisher.
+It combines ROS's robot_state_publisher and joint_state_publisher. The simulation publishes the frames of its own models
+itself, from the same URDFs and without another process; this service is for external robots, and for robots of a fleet
+with ``enable_link_tf = false``, so that each frame has one publisher.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from services.runtime.parameters.base import Parameters
 from services.runtime.service import Service
 
 RATE_HZ = 50
-"""Of simulation time: how often it looks; a joint's transform is never told more often."""
+"""Loop rate in Hz of simulation time, and the maximum rate of each transform."""
 
 
 _FIXED = {"live": False}
 
 
 class StateParameters(Parameters, frozen=True, kw_only=True):
-    """Which robots, whence their URDF, and where their joint states come from; names as in ROS."""
+    """Robots, and the sources of their URDFs and joint states; names as in ROS."""
 
     robots: Annotated[
         tuple[str, ...],

@@ -1,4 +1,4 @@
-"""The teleop service: a person drives a robot from the keyboard; keys, speeds and options of teleop_twist_keyboard."""
+"""The teleop service: drives a robot from the keyboard, with the keys and options of teleop_twist_keyboard."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from services.runtime.parameters.base import Parameters, param
 from services.runtime.service import Service
 
 MIN_SPEED = 1e-3
-"""m/s and rad/s; scaling goes no lower, so that it can always go up again."""
+"""Minimum speed [m/s, rad/s] that scaling can reach, so that it can always scale up again."""
 
 
 _FIXED = {"live": False}
-"""What a command is, and a script that plays."""
+"""The type of the commands and a running script do not change."""
 
 
 class TeleopParameters(Parameters, frozen=True, kw_only=True):
-    """Speeds, limits, and how a key counts as held. The first eight are teleop_twist_keyboard's."""
+    """Parameters of teleop. The first eight are those of teleop_twist_keyboard."""
 
     speed: float = param(0.5, MIN_SPEED, FASTEST_LINEAR, "m/s", "Initial linear speed.")
     turn: float = param(1.0, MIN_SPEED, FASTEST_ANGULAR, "rad/s", "Initial turn rate.")

@@ -1,4 +1,4 @@
-"""The waypoint service: one per robot, it drives the robot through a list of points or to a goal given at run time."""
+"""The waypoint service: drives one robot through a list of points, or to a goal given at run time."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from services.runtime.parameters.base import Parameters, param
 from services.runtime.service import Service
 
 PLAN_LEVEL = 2
-"""The bit of ``Context.params_changed`` that tells of other goals."""
+"""Bit of ``Context.params_changed`` for changes of the plan."""
 _PLAN = {"level": PLAN_LEVEL}
 
 
 class WaypointParameters(Parameters, frozen=True, kw_only=True):
-    """Where to drive and how. The defaults suit a TurtleBot3 burger; the bounds keep every law stable at 25 Hz.
+    """Parameters of the waypoint controller. Defaults suit a TurtleBot3 burger; bounds keep each law stable at 25 Hz.
 
-    All are live: other goals, laps or another final heading are a new plan, the rest counts from the next tick on.
+    All are live: changing goals, laps or the final heading starts a new plan; others take effect at the next tick.
     """
 
     law: Annotated[

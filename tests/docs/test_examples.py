@@ -6,6 +6,8 @@ import math
 from pathlib import Path
 from typing import ClassVar
 
+import pytest
+
 import messages.topics
 from deploy.service_catalog import load_user_service
 from messages.base import Finite, Message
@@ -39,3 +41,9 @@ def test_the_service_with_a_parameter_runs_by_it(tmp_path: Path) -> None:
         bench.publish_clock(0.0)
         bench.publish_clock(1.0)
         assert math.isclose(bench.wait_message(CMD_VEL, "r/cmd_vel").angular.z, 1.5)
+
+
+def test_the_loop_in_memory_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    [program] = blocks("python", (DOCS / "debugging.md").read_text())
+    exec(program, {})
+    assert capsys.readouterr().out.startswith("Twist(linear=Vector3(x=")

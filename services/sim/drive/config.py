@@ -15,12 +15,11 @@ from models.model import RobotModel, WheelConfig, read_model
 from models.urdf import NoWheels, WheelPair, read_wheels
 from services.runtime.errors import BadInput
 from services.runtime.parameters.validation import build
-from services.sim import BaseParameters
 from services.sim.drive.driver import Drive
 from services.sim.drive.kinematics import WheelGeometry, describe_mismatch
 from services.sim.drive.limiter import NO_RAMP, UNLIMITED, AxisLimits, WheelRamp, braking_limits
 from services.sim.drive.pid import PidGains
-from services.sim.parameters import AxisParameters, PidParameters
+from services.sim.parameters import AxisParameters, BaseParameters, PidParameters
 
 
 @dataclass(frozen=True)

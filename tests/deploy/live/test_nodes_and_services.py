@@ -83,7 +83,11 @@ def test_calls(running: BackgroundFleet) -> None:
         (["/sim/step", "{count: 0}"], 2, "elea_msgs/Steps at count: Expected `int` >= 1"),
         (["/sim/step", "{cuont: 1}"], 2, "unknown field 'cuont'; did you mean 'count'"),
         (["/sim/spwan", "{}"], 2, "no service /sim/spwan is on the network; did you mean '/sim/spawn'"),
-        (["/sim/spawn", "std_msgs/String", "x"], 2, "/sim/spawn asks elea_msgs/SpawnModel, not std_msgs/String"),
+        (
+            ["/sim/spawn", "std_msgs/String", "x"],
+            2,
+            "/sim/spawn has the request type elea_msgs/SpawnModel, not std_msgs/String",
+        ),
         (["/sim/**", "{}"], 2, "wildcards are not allowed"),
         (["/sim/step", "{count: ["], 2, "is not YAML"),
     ],

@@ -46,7 +46,7 @@ from services.runtime.node import Node
 from services.runtime.step import STEP_NS
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
-from services.sim import RobotEntry
+from services.sim.parameters import RobotEntry
 from services.sim.physics.bullet import BulletWorld
 from services.sim.services import SimulationServices
 from services.sim.simulation import TF_STEPS, Simulation

@@ -26,9 +26,10 @@ from services.runtime.step import STEP_NS
 from services.runtime.subscriber import Subscriber
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.wire import encoding
-from services.sim import BaseParameters, RobotEntry
+from services.sim.actuation import WheelActuation
 from services.sim.drive.controller import DiffDriveController
 from services.sim.loop import SimulationLoop
+from services.sim.parameters import BaseParameters, RobotEntry
 from services.sim.physics.bullet import BulletWorld
 from services.sim.robot import Robot
 from services.sim.services import SimulationServices
@@ -131,8 +132,8 @@ class SimulationHarness:
 
     @property
     def base(self) -> DiffDriveController:
-        assert self.robot.drive_controller is not None
-        return self.robot.drive_controller
+        assert isinstance(self.robot.actuation, WheelActuation)
+        return self.robot.actuation.controller
 
     def status(self) -> BaseStatus:
         """What the base says of itself."""
