@@ -23,7 +23,7 @@ def bench(rounds: int, as_json: bool) -> int:
 def measure(rounds: int) -> list[Figure]:
     """Every figure that sets the middleware against a raw floor, and the cost of an idle fleet."""
     from deploy.bench import fleet, lockstep, wire
-    from deploy.bench.fleet import free_port
+    from services.runtime.ports import free_port
 
     with tempfile.TemporaryDirectory() as folder:
         figures = wire.run_wire(rounds, Path(folder), _say)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -44,9 +43,9 @@ class LazyGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         if args and args[0] not in self.table and not args[0].startswith("-"):
-            near = difflib.get_close_matches(args[0], self.table, 1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            ctx.fail(f"unknown verb {args[0]!r}{hint} (known: {', '.join(self.table)})")
+            from messages.errors import did_you_mean
+
+            ctx.fail(f"unknown verb {args[0]!r}{did_you_mean(args[0], self.table)} (known: {', '.join(self.table)})")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

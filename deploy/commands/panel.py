@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -56,13 +55,12 @@ def command(page_port: int | None, no_open: bool, connect: str, domain: str, por
 def _page_of_fleet(fleet: FleetInstance) -> Address | None:
     """The page of a fleet whose panel lives."""
     from services.panel.address import ADDRESS_FILE, read_address
+    from services.runtime.ports import port_in_use
 
     address = read_address(Path(fleet.folder) / ADDRESS_FILE)
     if address is None or not Path(f"/proc/{address.pid}").exists():
         return None
-    with socket.socket() as probe:
-        probe.settimeout(2.0)
-        return address if probe.connect_ex(("127.0.0.1", address.port)) == 0 else None
+    return address if port_in_use(address.port, 2.0) else None
 
 
 def _serve_page(

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from deploy.live.output import printable
+from deploy.yaml_reader import read_yaml
 from messages.parameters import (
     Announcement,
     Assignment,
@@ -52,34 +53,16 @@ def read_parameter_file(path: Path, form: Format) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise BadInput(f"{path} is not UTF-8 text: {error}") from None
     if form == "yaml":
-        return read_yaml(text, str(path))
+        return read_table(text, str(path))
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise BadInput(f"{path}: {error}") from None
 
 
-def read_yaml(text: str, where: str) -> dict[str, Any]:
-    """A YAML map; a key that is given twice is an error. Raises BadInput with line and column."""
-    import yaml
-
-    class Loader(yaml.SafeLoader):
-        """Refuses a key that is given twice."""
-
-        def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-            keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-            for index, key in enumerate(keys):
-                if key in keys[:index]:
-                    mark = node.value[index][0].start_mark
-                    raise BadInput(f"{where}: line {mark.line + 1}: {key} is given twice")
-            return super().construct_mapping(node, deep)
-
-    try:
-        table = yaml.load(text, Loader)
-    except yaml.YAMLError as error:
-        raise BadInput(f"{where}: {error}") from None
-    except (RecursionError, TypeError, ValueError) as error:
-        raise BadInput(f"{where}: it cannot be read as YAML: {error}") from None
+def read_table(text: str, where: str) -> dict[str, Any]:
+    """A YAML map of names, empty for an empty text; raises BadInput."""
+    table = read_yaml(text, where)
     if table is None:
         return {}
     if not isinstance(table, dict) or not all(isinstance(key, str) for key in table):
@@ -89,11 +72,9 @@ def read_yaml(text: str, where: str) -> dict[str, Any]:
 
 def read_yaml_value(text: str) -> Any:
     """Any YAML value; a text that is none stays a text."""
-    import yaml
-
     try:
-        return yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError, ValueError):
+        return read_yaml(text)
+    except BadInput:
         return text
 
 
@@ -125,7 +106,7 @@ def parse_assignments(words: Sequence[str], schema: ParameterSchema) -> dict[str
     if not words:
         raise BadInput("nothing to set: write NAME VALUE, NAME=VALUE ..., or a YAML map '{NAME: VALUE}'")
     if len(words) == 1 and words[0].lstrip().startswith("{"):
-        table = read_yaml(words[0], "command line")
+        table = read_table(words[0], "command line")
     elif pairs := [_PAIR.fullmatch(each) for each in words]:
         matched = [each for each in pairs if each is not None]
         if len(matched) == len(words):

@@ -229,11 +229,12 @@ def _describe_topic(ends: TopicEndpoints, live: CliNode, verbose: bool) -> dict[
 
 def _add_measurements(told: dict[str, Any], ends: TopicEndpoints, live: CliNode) -> None:
     """Add what a second of listening shows: each publisher's rate, and what the ends say in their heartbeats."""
-    from deploy.live.subscribers import ClockSubscriber, HeartbeatSubscriber, UntypedSubscriber
+    from deploy.live.subscribers import ClockSubscriber, HeartbeatSubscriber
     from deploy.live.topic_statistics import RateSample, SampleWindow
     from deploy.live.topics import is_latched
     from messages.names import key as key_of
     from services.runtime.transport.wire import MEMBER_BYTES, member_id, publisher_id
+    from services.runtime.untyped_subscriber import UntypedSubscriber
 
     beats, clock = HeartbeatSubscriber(live), ClockSubscriber(live.transport)
     listener, foreign = UntypedSubscriber(live.transport, ends.name, is_latched(ends)), list[str]()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -20,6 +19,7 @@ from services.logger.blueprint import Extent, blueprint
 from services.logger.columns import Batch
 from services.logger.scene import RobotScene, darkened
 from services.runtime.errors import BadInput
+from services.runtime.ports import bind_error
 
 HOST = "127.0.0.1"
 
@@ -62,13 +62,8 @@ def _connect(stream: rr.RecordingStream, layout: Blueprint, *sinks: rr.GrpcServe
 
 def _port_error(port: int) -> str:
     """Why the port is not free; empty if it is. Checked first, since rerun's server fails later and silently."""
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((HOST, port))
-        except OSError as error:
-            return f"no live view: port {port} of {HOST} is not free ({error.strerror}); is another logger running?"
-    return ""
+    why = bind_error(port)
+    return f"no live view: port {port} of {HOST} is not free ({why}); is another logger running?" if why else ""
 
 
 Floats = NDArray[np.float64]

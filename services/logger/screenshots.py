@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import io
 import os
-import socket
 import subprocess
 import tempfile
 import time
@@ -26,6 +25,7 @@ from services.logger.entity_paths import TIMELINE
 from services.logger.scene import ARM_LABEL_HEIGHT, DISC_MARGIN
 from services.logger.viewer import RERUN, VIEWER_ENVIRONMENT
 from services.runtime.errors import BadInput, unknown_name
+from services.runtime.ports import free_port
 
 REPAIR_TIMEOUT_S = 120.0
 """Wall time for the repair."""
@@ -218,7 +218,7 @@ def headless_viewer(rrd: Path, size: tuple[int, int] = SIZE) -> Iterator[ViewerC
     A recording whose writer was killed is shown up to its torn end.
     Raises BadInput when it cannot start or does not show the recording within LOAD_TIMEOUT_S.
     """
-    port = _free_port()
+    port = free_port()
     command = [str(RERUN), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--hide-welcome-screen"]
     command += ["--window-size", f"{size[0]}x{size[1] + MENU_HEIGHT}"]
     with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as output:
@@ -322,10 +322,3 @@ def _failure_reason(output: str, error: str) -> str:
         )
     last = next((line for line in reversed(output.splitlines()) if "panicked" in line or "ERROR" in line), "")
     return f"no picture: the viewer failed: {last or error}"
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-    return port

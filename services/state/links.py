@@ -9,7 +9,7 @@ from messages.base import LARGEST
 from messages.geometry import TransformStamped
 from messages.sensor import JointState
 from messages.std import Header, Time
-from models.robot_description import DescribedJoint, RobotDescription
+from models.urdf import Joint, RobotDescription
 
 MAX_AGE_NS = 30_000_000_000
 """Age beyond which a joint state causes a warning."""
@@ -44,9 +44,7 @@ class LinkTransforms:
     @property
     def frames(self) -> frozenset[str]:
         """The published frames: those of all links with a parent, except for floating and planar joints."""
-        return frozenset(
-            self.frame(j.frame.child) for j in self.description.joints if j.single_dof or j.kind == "fixed"
-        )
+        return frozenset(self.frame(j.child) for j in self.description.joints if j.single_dof or j.kind == "fixed")
 
     def reset(self) -> None:
         """Publish whatever comes next, as time has gone back."""
@@ -99,11 +97,11 @@ class LinkTransforms:
             position = mimic.factor * position + mimic.offset
         return position if abs(position) <= LARGEST else None
 
-    def _transform(self, joint: DescribedJoint, position: float, stamp: int) -> TransformStamped:
+    def _transform(self, joint: Joint, position: float, stamp: int) -> TransformStamped:
         return TransformStamped(
-            header=Header(stamp=Time.of(stamp), frame_id=self.frame(joint.frame.parent)),
-            child_frame_id=self.frame(joint.frame.child),
-            transform=joint.frame.transform(position).to_transform(),
+            header=Header(stamp=Time.of(stamp), frame_id=self.frame(joint.parent)),
+            child_frame_id=self.frame(joint.child),
+            transform=joint.transform(position).to_transform(),
         )
 
 

@@ -9,7 +9,7 @@ import models
 from messages.names import BadName, absolute_namespace
 from messages.tf import TFMessage, split
 from messages.topics import TF, TF_STATIC
-from models.robot_description import MAX_CHARACTERS, BadUrdf
+from models.urdf import MAX_CHARACTERS, BadUrdf
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 from services.runtime.transport.wire import SampleInfo

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from messages.base import LARGEST
 from messages.sensor import JointState
 from messages.std import Header, Time
-from models.robot_description import BadUrdf, DescribedJoint, Mimic, RobotDescription
+from models.urdf import BadUrdf, Joint, Mimic, RobotDescription
 from services.state import StateParameters
 
 _NUMBER = r"[0-9]*\.?[0-9]+(?:[eE][+-]?[0-9]+)?"
@@ -29,7 +29,7 @@ class FreeJoint:
 
 
 class JointStateMerger:
-    """Merges the joints of a robot. Raises BadDescription for a zero or a dependency that its joints do not allow."""
+    """Merges the joints of a robot. Raises BadUrdf for a zero or a dependency that its joints do not allow."""
 
     def __init__(self, description: RobotDescription, params: StateParameters) -> None:
         self._params, self._description = params, description
@@ -121,16 +121,16 @@ class JointStateMerger:
         return name, position, velocity, reading.effort
 
 
-def joint_limits(joint: DescribedJoint, smallest: bool) -> tuple[float, float, bool]:
+def joint_limits(joint: Joint, smallest: bool) -> tuple[float, float, bool]:
     """Return the limits [rad or m] of a joint (the safety controller's if narrower), and whether it rotates."""
     if joint.kind == "continuous":
         return -math.pi, math.pi, True
-    assert joint.lower is not None
-    assert joint.upper is not None
-    low, high = joint.lower, joint.upper
+    assert joint.limits.lower is not None
+    assert joint.limits.upper is not None
+    low, high = joint.limits.lower, joint.limits.upper
     if smallest:
-        low = low if joint.soft_lower is None else max(low, joint.soft_lower)
-        high = high if joint.soft_upper is None else min(high, joint.soft_upper)
+        low = low if joint.limits.soft_lower is None else max(low, joint.limits.soft_lower)
+        high = high if joint.limits.soft_upper is None else min(high, joint.limits.soft_upper)
     if low > high:
         raise BadUrdf(f"joint {joint.name!r}: its soft limits leave no room, {low:g} lies above {high:g}")
     return low, high, False
@@ -147,8 +147,8 @@ def _parse_zero(text: str, names: Iterable[str]) -> tuple[str, float]:
     return _check_joint(name, names, "zeros"), zero
 
 
-def _dependencies(joints: list[DescribedJoint], params: StateParameters) -> dict[str, Mimic]:
-    """Return the dependent joints with their sources, from parameters and URDF; raises BadDescription for a loop."""
+def _dependencies(joints: list[Joint], params: StateParameters) -> dict[str, Mimic]:
+    """Return the dependent joints with their sources, from parameters and URDF; raises BadUrdf for a loop."""
     names = [each.name for each in joints]
     found = {each.name: each.mimic for each in joints if each.mimic and params.use_mimic_tags}
     for text in params.dependent_joints:

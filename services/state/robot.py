@@ -8,7 +8,7 @@ from messages.geometry import TransformStamped
 from messages.sensor import JointState
 from messages.std import String
 from messages.topics import JOINT_STATES, ROBOT_DESCRIPTION
-from models.robot_description import BadUrdf, parse_urdf
+from models.urdf import BadUrdf, parse_urdf
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 from services.state import StateParameters
@@ -47,7 +47,7 @@ class RobotStatePublisher:
         return f"/{self._namespace}"
 
     def set_description(self, urdf: str) -> None:
-        """Set the description; raises BadDescription, and then keeps the previous one."""
+        """Set the description; raises BadUrdf, and then keeps the previous one."""
         p, description = self._ctx.params, parse_urdf(urdf)
         merger = JointStateMerger(description, p) if self._merges else None
         self.links = LinkTransforms(description, self.prefix, round(1e9 / p.publish_frequency), p.ignore_timestamp)

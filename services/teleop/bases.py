@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from messages.names import BadName, absolute_namespace
 from messages.topics import CMD_VEL
-from services.runtime.errors import BadInput
+from services.runtime.errors import BadInput, did_you_mean
 from services.runtime.graph import Entity
 
 _SUFFIX = f"/{CMD_VEL.name}"
@@ -55,7 +54,6 @@ def choose_base(asked: str, found: Mapping[str, BaseInfo], where: str) -> BaseIn
     except BadName as error:
         raise BadInput(str(error)) from None
     if namespace not in found:
-        near = difflib.get_close_matches(namespace, found, 1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
+        hint = did_you_mean(namespace, found)
         raise BadInput(f"no robot takes commands on {namespace.rstrip('/')}{_SUFFIX}{hint} (known: {listed})")
     return found[namespace]

@@ -14,7 +14,7 @@ import click
 import pytest
 
 from deploy.commands.completion import PARAMETER, SET
-from deploy.live.message_builder import read_yaml
+from deploy.yaml_reader import read_yaml
 from messages.requests import SIM_REQUESTS
 from services.runtime.process import ROOT
 from tests.harness.background_fleet import BackgroundFleet, background_fleet, interrupt

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from deploy.live.message_builder import read_yaml
 from deploy.live.message_format import csv_cells, csv_row, to_flow_yaml, to_yaml, truncate
 from deploy.live.message_types import check_path, complete_path, get_field, parse_path
+from deploy.yaml_reader import read_yaml
 from messages.nav import Odometry
 from messages.plain import plain_record
 from messages.tf import TFMessage

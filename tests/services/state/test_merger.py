@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from messages.sensor import JointState
-from models.robot_description import BadUrdf, parse_urdf
+from models.urdf import BadUrdf, parse_urdf
 from services.state import StateParameters
 from services.state.merger import JointStateMerger
 from tests.services.state.sample_urdfs import GRIPPER, joint_urdf, robot_urdf
