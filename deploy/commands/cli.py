@@ -1,4 +1,4 @@
-"""The table of verbs, and the command that dispatches to them."""
+"""The command line ``elea``: the table of verbs and their dispatch."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def elea() -> None:
 def main() -> None:
     """Run the command line; raises SystemExit with its status.
 
-    A reader that closes standard output ends it quietly, one that closes standard error does not.
+    A closed standard output ends it quietly; a closed standard error does not.
     """
     if "_ELEA_COMPLETE" in os.environ:
         from deploy.commands.completion import register_shells
@@ -80,7 +80,7 @@ def _run() -> int:
     try:
         elea.main(prog_name="elea")
     except SystemExit as ended:
-        # Of a closed pipe click makes a status of 1, and puts something that bears it in the place of the output.
+        # On a closed pipe, click exits with status 1 and replaces the output stream.
         return _exit_status(ended) if sys.stdout is out else 0
     except BadInput as error:
         sys.stderr.write(printable(f"elea: {error}\n"))
@@ -92,7 +92,7 @@ def _run() -> int:
 
 
 def _exit_status(ended: SystemExit) -> int:
-    """The exit status; a text in its place is an error that is told."""
+    """Return the exit status; a text in its place is printed as an error."""
     if ended.code is None or isinstance(ended.code, int):
         return ended.code or 0
     sys.stderr.write(f"{ended.code}\n")

@@ -1,4 +1,4 @@
-"""A group of commands that are imported when they are called."""
+"""A click group whose commands are imported when called."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from click.shell_completion import CompletionItem
 
 
 class LazyCommand(NamedTuple):
-    """Where a verb's command lies, and what it does in one line.
+    """The location of a verb's command, and its one-line help.
 
-    ``module`` lies in ``deploy.commands``; its ``command`` is meant unless another is named behind a colon.
+    ``module`` is in ``deploy.commands``; its attribute is ``command`` unless given after a colon.
     """
 
     module: str
@@ -21,7 +21,7 @@ class LazyCommand(NamedTuple):
 
 
 class LazyGroup(click.Group):
-    """Loads a verb when it is asked for; a wrong name is answered with the nearest right one."""
+    """Imports a verb when it is called; suggests the nearest name for a wrong one."""
 
     def __init__(self, *arguments: Any, table: Mapping[str, LazyCommand], **options: Any) -> None:
         super().__init__(*arguments, **options)
