@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from deploy.commands.completion import TOPIC
 from deploy.commands.lazy_group import LazyCommand, LazyGroup
 from deploy.commands.options import json_option, network_options
 from deploy.live.message_format import escape_unprintable
@@ -44,7 +45,7 @@ def command() -> None:
 
 
 @click.command("record")
-@click.argument("topics", nargs=-1)
+@click.argument("topics", nargs=-1, type=TOPIC)
 @click.option("-a", "--all", "everything", is_flag=True, help="Record all topics, also those that come later.")
 @click.option("-e", "--regex", default="", help="Record the topics in whose names this is found.")
 @click.option("-x", "--exclude", default="", metavar="REGEX", help="Do not record topics in whose names this is found.")

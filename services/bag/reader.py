@@ -30,7 +30,7 @@ GAP_NS = 24 * 3600 * 1_000_000_000
 
 
 class BagTime(NamedTuple):
-    """``position`` [ns] from the start of the bag; simulated ``time`` [ns]; ``segment``, the number of resets before."""
+    """``position`` [ns] from the start of the bag; simulated ``time`` [ns]; ``segment`` counts the resets before."""
 
     position: int
     segment: int
