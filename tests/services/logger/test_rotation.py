@@ -28,7 +28,7 @@ def test_a_logger_that_is_started_again_keeps_what_was_recorded_before(tmp_path:
         with run_service(SERVICE, "/", settings(file, free_port())) as bench:
             bench.publish_clock(0.0)
             drive(bench, SyntheticRobot(y0=0.0), end)
-    assert "what it holds is kept as run-1.rrd" in bench.log
+    assert "it is kept as run-1.rrd" in bench.log
     assert rotated(file) == [tmp_path / "run-1.rrd"]
     assert (recorded(tmp_path / "run-1.rrd"), recorded(file)) == (100, 50)
 
