@@ -57,7 +57,8 @@ _EVENTS = ("subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.sy
 def markers_of(root: Any) -> frozenset[str]:
     """The markers that a function or class of the tests gives to a test, by all that it reaches."""
     found: set[str] = set()
-    pending, seen = [root], {root}
+    first = inspect.unwrap(root)
+    pending, seen = [first], {first}
     while pending:
         for code, names in _codes(pending.pop()):
             for name in code.co_names:
@@ -185,7 +186,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         assert isinstance(item, pytest.Function)
         fixtures = [each for defined in item._fixtureinfo.name2fixturedefs.values() for each in defined]
         for function in (item.function, *(each.func for each in fixtures if each.argname != "own_state")):
-            for marker in sorted(markers_of(inspect.unwrap(function))):
+            for marker in sorted(markers_of(function)):
                 item.add_marker(marker)
         if not any(item.get_closest_marker(each) for each in MARKERS):
             item.add_marker("quick")
