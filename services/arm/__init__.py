@@ -7,17 +7,15 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from messages.joints import LowerEnd, UpperEnd
-from services.runtime.parameters.base import Parameters, param
-from services.runtime.service import Service
+from services.runtime import Parameters, Service, param
 
 
 class ArmParameters(Parameters, frozen=True, kw_only=True):
     """How to control. Errors are in degrees and efforts in N m, so gains are N m per degree, as in the tutorial."""
 
-    controller_type: Annotated[
-        Literal["ss", "tr"],
-        Meta(description="ss: set-point PD, the tutorial's 0; tr: tracking PID, its 1"),
-    ] = "ss"
+    controller_type: Literal["ss", "tr"] = param(
+        "ss", text="ss: set-point PD, the tutorial's 0; tr: tracking PID, its 1"
+    )
     ss_Kp: float = param(37.5, 0, 1000, "N m/deg", "set-point: effort per error")
     ss_Ki: float = param(0.0, 0, 1000, "N m/(deg s)", "set-point: effort per summed error")
     ss_Kd: float = param(2.8, 0, 100, "N m s/deg", "set-point: effort per rate")
@@ -33,12 +31,9 @@ class ArmParameters(Parameters, frozen=True, kw_only=True):
     derivative_filter: float = param(
         0.001, 0, 0.02, "s", "default: time constant of the filter of the rate, a period's mean; 0 is none"
     )
-    gravity: Annotated[
-        bool,
-        Meta(
-            description="feed forward what holds the arm's weight; in tracking, by the default law, also what moves it"
-        ),
-    ] = False
+    gravity: bool = param(
+        False, text="feed forward what holds the arm's weight; in tracking, by the default law, also what moves it"
+    )
     gravity_torque: float = param(
         27.148, 0, 100_000, "N m", "the arm's weight times the distance of its centre of mass", live=False
     )
@@ -48,7 +43,7 @@ class ArmParameters(Parameters, frozen=True, kw_only=True):
     duration: float = param(0.1, 0.0, 1.0, "s", "how long an effort acts if no other follows; at least two periods")
     reference_timeout: float = param(0.5, 0.05, 10, "s", "without a reference for longer it is given up")
     state_timeout: float = param(0.1, 0.02, 1, "s", "without joint states for longer the arm is let go")
-    joint: Annotated[str, Meta(max_length=255, description="the joint to move", extra={"live": False})] = "bear_link"
+    joint: str = param("bear_link", text="the joint to move", max_length=255, live=False)
     lower: LowerEnd = -90.0
     upper: UpperEnd = 90.0
 

@@ -8,8 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from messages.topics import CONTROL_STATE
-from services.runtime.parameters.base import Parameters
-from services.runtime.service import Service
+from services.runtime import Parameters, Service, param
 
 
 class BrakingSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -32,32 +31,21 @@ class ArmSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     state: str = CONTROL_STATE.name
 
 
-_FIXED = {"live": False}
-"""What has been measured so far would mean something else."""
-
-
 class GraderParameters(Parameters, frozen=True, kw_only=True):
     """Whom to watch, until when, and where the measurements go. When the run ends is live."""
 
-    robots: Annotated[tuple[str, ...], Meta(description="namespaces of the robots to measure", extra=_FIXED)] = ()
-    halting: Annotated[tuple[BrakingSpec, ...], Meta(description="how their bases stop, for the theory of stops")] = ()
-    arms: Annotated[tuple[ArmSpec, ...], Meta(description="those of the robots that are arms", extra=_FIXED)] = ()
-    ends: Annotated[
-        Literal["goals", "duration", "never"],
-        Meta(description="end the run when all robots have finished, after the duration, or only when stopped"),
-    ] = "goals"
-    duration: Annotated[
-        float, Meta(ge=0, le=1e7, description="longest simulation time; 0 is no limit", extra={"unit": "s"})
-    ] = 0.0
-    not_before: Annotated[
-        float,
-        Meta(ge=0, le=1e7, description="earliest end by goals: after the last scheduled change", extra={"unit": "s"}),
-    ] = 0.0
-    readers: Annotated[
-        tuple[str, ...],
-        Meta(description="nodes whose losses count, the fleet's own; those of others are told apart", extra=_FIXED),
-    ] = ()
-    output: Annotated[str, Meta(description="folder of measurements.json and trajectories.npz", extra=_FIXED)] = "."
+    robots: tuple[str, ...] = param((), text="namespaces of the robots to measure", live=False)
+    halting: tuple[BrakingSpec, ...] = param((), text="how their bases stop, for the theory of stops")
+    arms: tuple[ArmSpec, ...] = param((), text="those of the robots that are arms", live=False)
+    ends: Literal["goals", "duration", "never"] = param(
+        "goals", text="end the run when all robots have finished, after the duration, or only when stopped"
+    )
+    duration: float = param(0.0, 0, 1e7, "s", "longest simulation time; 0 is no limit")
+    not_before: float = param(0.0, 0, 1e7, "s", "earliest end by goals: after the last scheduled change")
+    readers: tuple[str, ...] = param(
+        (), text="nodes whose losses count, the fleet's own; those of others are told apart", live=False
+    )
+    output: str = param(".", text="folder of measurements.json and trajectories.npz", live=False)
     reach_tolerance: Annotated[
         float,
         Meta(

@@ -2,72 +2,43 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
-
-from msgspec import Meta
+from typing import Literal
 
 from messages.base import Metres
-from services.runtime.parameters.base import Parameters
-from services.runtime.service import Service
-
-_FIXED = {"live": False}
-"""A recording under way keeps its file, its robots and its server."""
+from services.runtime import Parameters, Service, param
 
 
 class LoggerParameters(Parameters, frozen=True, kw_only=True):
     """What to record, where to, and who may look on. Only ``window`` is live."""
 
-    robots: Annotated[
-        tuple[str, ...], Meta(description="names of the robots, in the order of their colours", extra=_FIXED)
-    ] = ()
-    models: Annotated[
-        tuple[str, ...], Meta(description="model of each robot; a single one stands for all of them", extra=_FIXED)
-    ] = ("burger",)
-    states: Annotated[
-        tuple[str, ...],
-        Meta(description="where each robot's joint controller tells its state; empty for those without", extra=_FIXED),
-    ] = ()
-    scans: Annotated[
-        bool,
-        Meta(description="record what the robots' lasers see, which the simulation then has to compute", extra=_FIXED),
-    ] = True
-    file: Annotated[
-        str, Meta(description="the recording; empty means run.rrd in the working directory", extra=_FIXED)
-    ] = ""
-    footer: Annotated[
-        bool,
-        Meta(
-            description="end the file with a table of contents; off saves about 0.2 MiB of memory a minute and robot",
-            extra=_FIXED,
-        ),
-    ] = True
-    serve: Annotated[bool, Meta(description="serve the run to viewers on 127.0.0.1 while it lasts", extra=_FIXED)] = (
-        True
+    robots: tuple[str, ...] = param((), text="names of the robots, in the order of their colours", live=False)
+    models: tuple[str, ...] = param(
+        ("burger",), text="model of each robot; a single one stands for all of them", live=False
     )
-    port: Annotated[int, Meta(ge=1024, le=65535, description="port of the live view", extra=_FIXED)] = 9876
-    memory: Annotated[
-        int,
-        Meta(
-            ge=16,
-            le=65536,
-            description="kept for viewers that come late, oldest dropped",
-            extra={"unit": "MiB", "live": False},
-        ),
-    ] = 256
-    view: Annotated[
-        Literal["auto", "never", "always"],
-        Meta(description="open a viewer: auto does so where there is a display", extra=_FIXED),
-    ] = "auto"
-    window: Annotated[float, Meta(ge=0.02, le=10, description="wall time between two batches", extra={"unit": "s"})] = (
-        0.25
+    states: tuple[str, ...] = param(
+        (), text="where each robot's joint controller tells its state; empty for those without", live=False
     )
-    extent: Annotated[
-        tuple[Metres, Metres, Metres, Metres],
-        Meta(
-            description="ground that the first picture shows: x and y of a corner, then of the opposite one",
-            extra=_FIXED,
-        ),
-    ] = (-0.5, -4.5, 5.5, 4.5)
+    scans: bool = param(
+        True, text="record what the robots' lasers see, which the simulation then has to compute", live=False
+    )
+    file: str = param("", text="the recording; empty means run.rrd in the working directory", live=False)
+    footer: bool = param(
+        True,
+        text="end the file with a table of contents; off saves about 0.2 MiB of memory a minute and robot",
+        live=False,
+    )
+    serve: bool = param(True, text="serve the run to viewers on 127.0.0.1 while it lasts", live=False)
+    port: int = param(9876, 1024, 65535, "", "port of the live view", live=False)
+    memory: int = param(256, 16, 65536, "MiB", "kept for viewers that come late, oldest dropped", live=False)
+    view: Literal["auto", "never", "always"] = param(
+        "auto", text="open a viewer: auto does so where there is a display", live=False
+    )
+    window: float = param(0.25, 0.02, 10, "s", "wall time between two batches")
+    extent: tuple[Metres, Metres, Metres, Metres] = param(
+        (-0.5, -4.5, 5.5, 4.5),
+        text="ground that the first picture shows: x and y of a corner, then of the opposite one",
+        live=False,
+    )
 
 
 SERVICE = Service(

@@ -2,33 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from msgspec import Meta
-
-from services.runtime.parameters.base import Parameters, param
-from services.runtime.service import Service
-
-_FIXED = {"live": False}
-"""Marks what a running panel does not change."""
+from services.runtime import Parameters, Service, param
 
 
 class PanelParameters(Parameters, frozen=True, kw_only=True):
     """Where the page is, and what those who look at it may do."""
 
-    port: Annotated[
-        int,
-        Meta(
-            ge=0,
-            le=65535,
-            description="port on 127.0.0.1; when it is taken, the next free one; 0 takes any",
-            extra=_FIXED,
-        ),
-    ] = 8600
-    address: Annotated[
-        str,
-        Meta(max_length=4096, description="file for the page's address and token, readable by its owner", extra=_FIXED),
-    ] = ""
+    port: int = param(
+        8600, 0, 65535, "", "port on 127.0.0.1; when it is taken, the next free one; 0 takes any", live=False
+    )
+    address: str = param(
+        "", text="file for the page's address and token, readable by its owner", max_length=4096, live=False
+    )
     deadline: float = param(5.0, 0.1, 30, "s", "wall time after which a request counts as unanswered")
     silence: float = param(0.3, 0.1, 2, "s", "a page that drives and says nothing for so long has let the robot go")
     give_way: float = param(
@@ -36,7 +21,7 @@ class PanelParameters(Parameters, frozen=True, kw_only=True):
     )
     max_linear: float = param(1.0, 0.05, 10, "m/s", "no page drives a robot faster")
     max_angular: float = param(3.0, 0.1, 20, "rad/s", "no page turns a robot faster")
-    pages: Annotated[int, Meta(ge=1, le=64, description="pages that may be open at once", extra=_FIXED)] = 16
+    pages: int = param(16, 1, 64, "", "pages that may be open at once", live=False)
 
 
 SERVICE = Service(

@@ -8,8 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from messages.parameters import Value
-from services.runtime.parameters.base import Parameters
-from services.runtime.service import Service
+from services.runtime import Parameters, Service, param
 
 
 class Scheduled(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -23,12 +22,8 @@ class Scheduled(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 class ParamsParameters(Parameters, frozen=True, kw_only=True):
     """Where values are kept, and what changes by itself on the way."""
 
-    file: Annotated[
-        str, Meta(max_length=4096, description="SQLite file of what was set; empty or :memory: keeps it for this run")
-    ] = ""
-    schedule: Annotated[
-        tuple[Scheduled, ...], Meta(description="changes {at, set, values} at times of the simulation, not saved")
-    ] = ()
+    file: str = param("", text="SQLite file of what was set; empty or :memory: keeps it for this run", max_length=4096)
+    schedule: tuple[Scheduled, ...] = param((), text="changes {at, set, values} at times of the simulation, not saved")
 
 
 SERVICE = Service(

@@ -6,35 +6,25 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from services.runtime.parameters.base import Parameters
-from services.runtime.service import Service
+from services.runtime import Parameters, Service, param
 
 
 class PlayerParameters(Parameters, frozen=True, kw_only=True):
     """What to play, and how."""
 
-    bag: Annotated[str, Meta(description="an MCAP file, or a folder of them")] = ""
-    topics: Annotated[tuple[str, ...], Meta(description="names of the topics to play; all when none is given")] = ()
-    exclude: Annotated[str, Meta(description="regular expression: do not play topics in whose names it is found")] = ""
-    rate: Annotated[
-        float,
-        Meta(ge=0, le=1000, description="simulated per wall-clock second; 0 is as fast as it can"),
-    ] = 1.0
-    loop: Annotated[bool, Meta(description="begin again at the end, in a new epoch")] = False
-    start: Annotated[float, Meta(ge=0, le=1e9, description="begin so late in the bag", extra={"unit": "s"})] = 0.0
-    duration: Annotated[float, Meta(ge=0, le=1e9, description="play so long; 0: to the end", extra={"unit": "s"})] = 0.0
-    clock: Annotated[
-        float, Meta(ge=0, le=200, description="make /clock anew at this rate; 0: play the recorded one if there is one")
-    ] = 0.0
-    wait: Annotated[
-        float,
-        Meta(ge=0, le=1e6, description="wait at most so long for subscribers; 0: not at all", extra={"unit": "s"}),
-    ] = 0.0
-    members: Annotated[tuple[str, ...], Meta(description="nodes that step with the bag, in lockstep")] = ()
-    latency: Annotated[
-        Annotated[int, Meta(ge=0, le=1)] | None,
-        Meta(description="in lockstep, ticks of its sender that a message takes; null: as the bag was recorded"),
-    ] = None
+    bag: str = param("", text="an MCAP file, or a folder of them")
+    topics: tuple[str, ...] = param((), text="names of the topics to play; all when none is given")
+    exclude: str = param("", text="regular expression: do not play topics in whose names it is found")
+    rate: float = param(1.0, 0, 1000, "", "simulated per wall-clock second; 0 is as fast as it can")
+    loop: bool = param(False, text="begin again at the end, in a new epoch")
+    start: float = param(0.0, 0, 1e9, "s", "begin so late in the bag")
+    duration: float = param(0.0, 0, 1e9, "s", "play so long; 0: to the end")
+    clock: float = param(0.0, 0, 200, "", "make /clock anew at this rate; 0: play the recorded one if there is one")
+    wait: float = param(0.0, 0, 1e6, "s", "wait at most so long for subscribers; 0: not at all")
+    members: tuple[str, ...] = param((), text="nodes that step with the bag, in lockstep")
+    latency: Annotated[int, Meta(ge=0, le=1)] | None = param(
+        None, text="in lockstep, ticks of its sender that a message takes; null: as the bag was recorded"
+    )
 
 
 SERVICE = Service(

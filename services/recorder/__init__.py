@@ -2,36 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from msgspec import Meta
-
-from services.runtime.parameters.base import Parameters
-from services.runtime.service import Service
+from services.runtime import Parameters, Service, param
 
 
 class RecorderParameters(Parameters, frozen=True, kw_only=True):
     """What to record, and where to."""
 
-    output: Annotated[str, Meta(description="folder of the bag; it must not be there yet")] = "bag"
-    topics: Annotated[
-        tuple[str, ...], Meta(description="names of the topics to record; all of them when nothing else is chosen")
-    ] = ()
-    regex: Annotated[str, Meta(description="regular expression: record the topics in whose names it is found")] = ""
-    exclude: Annotated[str, Meta(description="regular expression: do not record topics in whose names it is found")] = (
-        ""
-    )
-    max_size: Annotated[
-        int,
-        Meta(ge=0, le=2**50, description="begin a new file at this size; 0 is no limit", extra={"unit": "byte"}),
-    ] = 0
-    max_duration: Annotated[
-        float, Meta(ge=0, le=1e9, description="begin a new file after this wall time; 0: never", extra={"unit": "s"})
-    ] = 0.0
-    resume: Annotated[bool, Meta(description="go on in the folder if it is there, with another file")] = False
-    members: Annotated[
-        tuple[str, ...], Meta(description="nodes that tick before it does: then it has heard of all their topics")
-    ] = ()
+    output: str = param("bag", text="folder of the bag; it must not be there yet")
+    topics: tuple[str, ...] = param((), text="names of the topics to record; all of them when nothing else is chosen")
+    regex: str = param("", text="regular expression: record the topics in whose names it is found")
+    exclude: str = param("", text="regular expression: do not record topics in whose names it is found")
+    max_size: int = param(0, 0, 2**50, "byte", "begin a new file at this size; 0 is no limit")
+    max_duration: float = param(0.0, 0, 1e9, "s", "begin a new file after this wall time; 0: never")
+    resume: bool = param(False, text="go on in the folder if it is there, with another file")
+    members: tuple[str, ...] = param((), text="nodes that tick before it does: then it has heard of all their topics")
 
 
 SERVICE = Service(

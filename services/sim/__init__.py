@@ -5,9 +5,8 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
+from services.runtime import Parameters, Service, param
 from services.runtime.discovery import START_PATIENCE_S
-from services.runtime.parameters.base import Parameters
-from services.runtime.service import Service
 from services.sim.parameters import BaseParameters as BaseParameters
 from services.sim.parameters import JointParameters as JointParameters
 
@@ -38,35 +37,24 @@ class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 class SimParameters(Parameters, frozen=True, kw_only=True):
     """The world, its robots and how time runs; ``factor`` alone is live."""
 
-    world: Annotated[str, Meta(description="world of models/worlds", extra=_FIXED)] = "empty"
-    robots: Annotated[tuple[RobotEntry, ...], Meta(description="robots that are there from the start")] = ()
-    mode: Annotated[Literal["lockstep", "real"], Meta(description="how time runs", extra=_FIXED)] = "real"
+    world: str = param("empty", text="world of models/worlds", live=False)
+    robots: tuple[RobotEntry, ...] = param((), text="robots that are there from the start")
+    mode: Literal["lockstep", "real"] = param("real", text="how time runs", live=False)
     factor: Annotated[float, Meta(gt=0, le=1000, description="simulated per wall-clock second, in real time")] = 1.0
-    latency: Annotated[
-        int,
-        Meta(
-            ge=0,
-            le=1,
-            description="ticks of its sender that a command takes in lockstep; 1 overlaps control and physics",
-            extra=_FIXED,
-        ),
-    ] = 0
+    latency: int = param(
+        0, 0, 1, "", "ticks of its sender that a command takes in lockstep; 1 overlaps control and physics", live=False
+    )
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="seed of the sensors' noise", extra=_FIXED)] = 0
-    members: Annotated[
-        tuple[str, ...],
-        Meta(description="nodes that lockstep waits for at each tick, and real time at the start", extra=_FIXED),
-    ] = ()
-    stops_file: Annotated[
-        str,
-        Meta(description="file that keeps emergency stops through a restart; none: in memory alone", extra=_FIXED),
-    ] = ""
-    awaits: Annotated[
-        tuple[str, ...], Meta(description="further nodes that must be ready before time begins", extra=_FIXED)
-    ] = ()
-    requires: Annotated[
-        tuple[str, ...],
-        Meta(description="those of all these nodes without which time does not begin at all", extra=_FIXED),
-    ] = ()
+    members: tuple[str, ...] = param(
+        (), text="nodes that lockstep waits for at each tick, and real time at the start", live=False
+    )
+    stops_file: str = param(
+        "", text="file that keeps emergency stops through a restart; none: in memory alone", live=False
+    )
+    awaits: tuple[str, ...] = param((), text="further nodes that must be ready before time begins", live=False)
+    requires: tuple[str, ...] = param(
+        (), text="those of all these nodes without which time does not begin at all", live=False
+    )
     start_timeout: Annotated[
         float,
         Meta(

@@ -6,8 +6,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from services.runtime.parameters.base import Parameters, param
-from services.runtime.service import Service
+from services.runtime import Parameters, Service, param
 
 LOG_FILE = "p3dx_square_log.txt"
 """The log's name in the tutorial that the square comes from."""
@@ -28,7 +27,7 @@ class SquareParameters(Parameters, frozen=True, kw_only=True):
         ),
     ] = "profile"
     side: float = param(1.0, 0.2, 50.0, "m", "side of the square", live=False)
-    count: Annotated[int, Meta(ge=0, le=50, description="squares to drive; 0 drives on for ever", extra=_FIXED)] = 1
+    count: int = param(1, 0, 50, "", "squares to drive; 0 drives on for ever", live=False)
     linear_speed: float = param(0.2, 0.02, 2.0, "m/s", "speed along a side")
     angular_speed: float = param(0.5, 0.05, 3.0, "rad/s", "turn rate at a corner")
     acceleration: float = param(0.25, 0.05, 2.0, "m/s^2", "rise of the speed; at most what the base does")
@@ -39,13 +38,9 @@ class SquareParameters(Parameters, frozen=True, kw_only=True):
     patience: float = param(3.0, 0.5, 60.0, "s", "longest wait for the tolerances at a corner; then the robot goes on")
     phase: float = param(0.06, 0.0, 0.08, "s", "seed: how long after a sample of its 10 Hz odometry the loop acts")
     odometry_timeout: float = param(0.5, 0.1, 5.0, "s", "odometry older than this stops the robot")
-    log: Annotated[
-        str,
-        Meta(
-            description="the CSV log, by default in the working directory (a fleet's results); empty: none",
-            extra=_FIXED,
-        ),
-    ] = LOG_FILE
+    log: str = param(
+        LOG_FILE, text="the CSV log, by default in the working directory (a fleet's results); empty: none", live=False
+    )
 
 
 SERVICE = Service(

@@ -2,20 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from msgspec import Meta
-
 from messages.geometry import FASTEST_ANGULAR, FASTEST_LINEAR
-from services.runtime.parameters.base import Parameters, param
-from services.runtime.service import Service
+from services.runtime import Parameters, Service, param
 
 MIN_SPEED = 1e-3
 """m/s and rad/s; scaling goes no lower, so that it can always go up again."""
-
-
-_FIXED = {"live": False}
-"""What a command is, and a script that plays."""
 
 
 class TeleopParameters(Parameters, frozen=True, kw_only=True):
@@ -31,24 +22,17 @@ class TeleopParameters(Parameters, frozen=True, kw_only=True):
     key_timeout: float = param(
         0.6, 0.05, 5, "s", "a key counts as held so long after its first event; the keyboard's delay must be less"
     )
-    stamped: Annotated[bool, Meta(description="send TwistStamped instead of Twist", extra=_FIXED)] = False
-    frame_id: Annotated[
-        str, Meta(max_length=255, description="frame in the header of a TwistStamped", extra=_FIXED)
-    ] = ""
-    adaptive: Annotated[
-        bool, Meta(description="learn the keyboard's delay and interval; false waits key_timeout after every event")
-    ] = True
+    stamped: bool = param(False, text="send TwistStamped instead of Twist", live=False)
+    frame_id: str = param("", text="frame in the header of a TwistStamped", max_length=255, live=False)
+    adaptive: bool = param(
+        True, text="learn the keyboard's delay and interval; false waits key_timeout after every event"
+    )
     give_way: float = param(
         3.0, 0.3, 60, "s", "simulation time for which zero is held after the last key; then others may drive"
     )
-    keys: Annotated[
-        str,
-        Meta(
-            max_length=10_000,
-            description="a script instead of a keyboard: 'i@0.5-2 k@2.5', KEY@FROM[-TO] in s",
-            extra=_FIXED,
-        ),
-    ] = ""
+    keys: str = param(
+        "", text="a script instead of a keyboard: 'i@0.5-2 k@2.5', KEY@FROM[-TO] in s", max_length=10_000, live=False
+    )
     key_delay: float = param(0.5, 0.01, 5, "s", "delay of a scripted key's first repeat", live=False)
     key_interval: float = param(0.03, 0.005, 1, "s", "interval of a scripted key's repeats", live=False)
 

@@ -7,12 +7,10 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from messages.base import Metres, Radians
-from services.runtime.parameters.base import Parameters, param
-from services.runtime.service import Service
+from services.runtime import Parameters, Service, param
 
 PLAN_LEVEL = 2
 """The bit of ``Context.params_changed`` that tells of other goals."""
-_PLAN = {"level": PLAN_LEVEL}
 
 
 class WaypointParameters(Parameters, frozen=True, kw_only=True):
@@ -25,16 +23,13 @@ class WaypointParameters(Parameters, frozen=True, kw_only=True):
         Literal["steady", "seed"],
         Meta(description="steady: limited, stops at each point; seed: v = 0.1 D, w = 0.7 e, unlimited, for comparison"),
     ] = "steady"
-    goals: Annotated[
-        tuple[tuple[Metres, Metres], ...],
-        Meta(description="points to drive through, x and y in the frame of odom", extra=_PLAN),
-    ] = ()
-    laps: Annotated[
-        int, Meta(ge=0, le=10_000, description="times through the list; 0 repeats it for ever", extra=_PLAN)
-    ] = 1
-    final_yaw: Annotated[
-        Radians | None, Meta(description="heading at the end of the list; free when not given", extra=_PLAN)
-    ] = None
+    goals: tuple[tuple[Metres, Metres], ...] = param(
+        (), text="points to drive through, x and y in the frame of odom", level=PLAN_LEVEL
+    )
+    laps: int = param(1, 0, 10_000, "", "times through the list; 0 repeats it for ever", level=PLAN_LEVEL)
+    final_yaw: Radians | None = param(
+        None, text="heading at the end of the list; free when not given", level=PLAN_LEVEL
+    )
     max_linear: float = param(0.22, 0.02, 2.0, "m/s", "top speed")
     max_angular: float = param(1.5, 0.1, 3.0, "rad/s", "top turn rate")
     acceleration: float = param(0.5, 0.1, 1.0, "m/s^2", "rise of the speed command")
