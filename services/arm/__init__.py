@@ -7,17 +7,15 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from messages.joints import LowerEnd, UpperEnd
-from services.runtime.parameters.base import Parameters, param
-from services.runtime.service import Service
+from services.runtime import Parameters, Service, param
 
 
 class ArmParameters(Parameters, frozen=True, kw_only=True):
     """Parameters of the arm controller. Errors are in degrees and efforts in N m, so gains are in N m per degree."""
 
-    controller_type: Annotated[
-        Literal["ss", "tr"],
-        Meta(description="Controller: 'ss' is the set-point PD (0 in the tutorial), 'tr' the tracking PID (1)."),
-    ] = "ss"
+    controller_type: Literal["ss", "tr"] = param(
+        "ss", text="Controller: 'ss' is the set-point PD (0 in the tutorial), 'tr' the tracking PID (1)."
+    )
     ss_Kp: float = param(37.5, 0, 1000, "N m/deg", "Proportional gain of the set-point controller.")
     ss_Ki: float = param(0.0, 0, 1000, "N m/(deg s)", "Integral gain of the set-point controller.")
     ss_Kd: float = param(2.8, 0, 100, "N m s/deg", "Derivative gain of the set-point controller.")
@@ -33,10 +31,7 @@ class ArmParameters(Parameters, frozen=True, kw_only=True):
     derivative_filter: float = param(
         0.001, 0, 0.02, "s", "Time constant of the rate filter in the 'default' law; 0 disables it."
     )
-    gravity: Annotated[
-        bool,
-        Meta(description="Feed gravity forward; when tracking by the 'default' law, also inertia."),
-    ] = False
+    gravity: bool = param(False, text="Feed gravity forward; when tracking by the 'default' law, also inertia.")
     gravity_torque: float = param(
         27.148,
         0,
@@ -57,7 +52,7 @@ class ArmParameters(Parameters, frozen=True, kw_only=True):
         0.5, 0.05, 10, "s", "Hold the last angle when no reference has arrived for this long."
     )
     state_timeout: float = param(0.1, 0.02, 1, "s", "Release the arm when no joint states have arrived for this long.")
-    joint: Annotated[str, Meta(max_length=255, description="Joint to control.", extra={"live": False})] = "bear_link"
+    joint: str = param("bear_link", text="Joint to control.", max_length=255, live=False)
     lower: LowerEnd = -90.0
     upper: UpperEnd = 90.0
 

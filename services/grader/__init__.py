@@ -8,8 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from messages.topics import CONTROL_STATE
-from services.runtime.parameters.base import Parameters
-from services.runtime.service import Service
+from services.runtime import Parameters, Service, param
 
 
 class BrakingSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -32,42 +31,25 @@ class ArmSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     state: str = CONTROL_STATE.name
 
 
-_FIXED = {"live": False}
-"""Changing these would invalidate what has been measured."""
-
-
 class GraderParameters(Parameters, frozen=True, kw_only=True):
     """Robots to measure, end of the run, and output folder. The end of the run is live."""
 
-    robots: Annotated[tuple[str, ...], Meta(description="Namespaces of the robots to measure.", extra=_FIXED)] = ()
-    halting: Annotated[
-        tuple[BrakingSpec, ...], Meta(description="How each base brakes, to compute the expected stopping distance.")
-    ] = ()
-    arms: Annotated[tuple[ArmSpec, ...], Meta(description="The robots that are arms.", extra=_FIXED)] = ()
-    ends: Annotated[
-        Literal["goals", "duration", "never"],
-        Meta(description="End the run when all robots have finished, after the duration, or only when stopped."),
-    ] = "goals"
-    duration: Annotated[
-        float, Meta(ge=0, le=1e7, description="Longest simulation time; 0 for no limit.", extra={"unit": "s"})
-    ] = 0.0
-    not_before: Annotated[
-        float,
-        Meta(
-            ge=0,
-            le=1e7,
-            description="Earliest time at which finished goals end the run: after the last scheduled change.",
-            extra={"unit": "s"},
-        ),
-    ] = 0.0
-    readers: Annotated[
-        tuple[str, ...],
-        Meta(
-            description="The fleet's own nodes, whose lost messages count; those of others are listed separately.",
-            extra=_FIXED,
-        ),
-    ] = ()
-    output: Annotated[str, Meta(description="Folder for measurements.json and trajectories.npz.", extra=_FIXED)] = "."
+    robots: tuple[str, ...] = param((), text="Namespaces of the robots to measure.", live=False)
+    halting: tuple[BrakingSpec, ...] = param(
+        (), text="How each base brakes, to compute the expected stopping distance."
+    )
+    arms: tuple[ArmSpec, ...] = param((), text="The robots that are arms.", live=False)
+    ends: Literal["goals", "duration", "never"] = param(
+        "goals", text="End the run when all robots have finished, after the duration, or only when stopped."
+    )
+    duration: float = param(0.0, 0, 1e7, "s", "Longest simulation time; 0 for no limit.")
+    not_before: float = param(
+        0.0, 0, 1e7, "s", "Earliest time at which finished goals end the run: after the last scheduled change."
+    )
+    readers: tuple[str, ...] = param(
+        (), text="The fleet's own nodes, whose lost messages count; those of others are listed separately.", live=False
+    )
+    output: str = param(".", text="Folder for measurements.json and trajectories.npz.", live=False)
     reach_tolerance: Annotated[
         float,
         Meta(

@@ -35,9 +35,6 @@ from services.runtime.main import main
 from services.runtime.parameters.base import Parameters, param
 from services.runtime.service import Service
 
-if TYPE_CHECKING:
-    from services.runtime.context import Context, Tick
-
 __all__ = [
     "BASE_STATUS",
     "CAMERA_INFO",
@@ -99,11 +96,14 @@ __all__ = [
     "param",
 ]
 
+if TYPE_CHECKING:
+    from services.runtime.context import Context, Tick
+else:
 
-def __getattr__(name: str) -> Any:
-    """The types of the running loop, loaded when they are asked for: a ``--help`` has no use for them."""
-    if name in ("Context", "Tick"):
-        from services.runtime import context
+    def __getattr__(name: str) -> Any:
+        """The types of the running loop, loaded when they are asked for: a ``--help`` has no use for them."""
+        if name in ("Context", "Tick"):
+            from services.runtime import context
 
-        return getattr(context, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+            return getattr(context, name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -6,8 +6,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from services.runtime.parameters.base import Parameters, param
-from services.runtime.service import Service
+from services.runtime import Parameters, Service, param
 
 LOG_FILE = "p3dx_square_log.txt"
 """Name of the log file in the tutorial."""
@@ -28,9 +27,7 @@ class SquareParameters(Parameters, frozen=True, kw_only=True):
         ),
     ] = "profile"
     side: float = param(1.0, 0.2, 50.0, "m", "Length of a side.", live=False)
-    count: Annotated[
-        int, Meta(ge=0, le=50, description="Number of squares to drive; 0 drives forever.", extra=_FIXED)
-    ] = 1
+    count: int = param(1, 0, 50, "", "Number of squares to drive; 0 drives forever.", live=False)
     linear_speed: float = param(0.2, 0.02, 2.0, "m/s", "Speed along a side.")
     angular_speed: float = param(0.5, 0.05, 3.0, "rad/s", "Turn rate at a corner.")
     acceleration: float = param(0.25, 0.05, 2.0, "m/s^2", "Acceleration along a side; at most what the base can do.")
@@ -47,13 +44,11 @@ class SquareParameters(Parameters, frozen=True, kw_only=True):
         0.06, 0.0, 0.08, "s", "Delay of the 'tutorial' law's loop after each sample of its 10 Hz odometry."
     )
     odometry_timeout: float = param(0.5, 0.1, 5.0, "s", "Stop the robot when odometry is older than this.")
-    log: Annotated[
-        str,
-        Meta(
-            description="Path of the CSV log, relative to the working directory (a fleet's results); empty for none.",
-            extra=_FIXED,
-        ),
-    ] = LOG_FILE
+    log: str = param(
+        LOG_FILE,
+        text="Path of the CSV log, relative to the working directory (a fleet's results); empty for none.",
+        live=False,
+    )
 
 
 SERVICE = Service(

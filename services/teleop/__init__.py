@@ -2,20 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from msgspec import Meta
-
 from messages.geometry import FASTEST_ANGULAR, FASTEST_LINEAR
-from services.runtime.parameters.base import Parameters, param
-from services.runtime.service import Service
+from services.runtime import Parameters, Service, param
 
 MIN_SPEED = 1e-3
 """Minimum speed [m/s, rad/s] that scaling can reach, so that it can always scale up again."""
-
-
-_FIXED = {"live": False}
-"""The type of the commands and a running script do not change."""
 
 
 class TeleopParameters(Parameters, frozen=True, kw_only=True):
@@ -33,24 +24,20 @@ class TeleopParameters(Parameters, frozen=True, kw_only=True):
     key_timeout: float = param(
         0.6, 0.05, 5, "s", "How long a key counts as held after its first event; more than the keyboard's delay."
     )
-    stamped: Annotated[bool, Meta(description="Publish TwistStamped instead of Twist.", extra=_FIXED)] = False
-    frame_id: Annotated[
-        str, Meta(max_length=255, description="Frame in the header of a TwistStamped.", extra=_FIXED)
-    ] = ""
-    adaptive: Annotated[
-        bool, Meta(description="Learn the keyboard's delay and interval; otherwise wait key_timeout after each event.")
-    ] = True
+    stamped: bool = param(False, text="Publish TwistStamped instead of Twist.", live=False)
+    frame_id: str = param("", text="Frame in the header of a TwistStamped.", max_length=255, live=False)
+    adaptive: bool = param(
+        True, text="Learn the keyboard's delay and interval; otherwise wait key_timeout after each event."
+    )
     give_way: float = param(
         3.0, 0.3, 60, "s", "Simulation time for which zero is sent after the last key, before others may drive."
     )
-    keys: Annotated[
-        str,
-        Meta(
-            max_length=10_000,
-            description="Script of keys to play, as KEY@FROM[-TO] in seconds, e.g. 'i@0.5-2 k@2.5'.",
-            extra=_FIXED,
-        ),
-    ] = ""
+    keys: str = param(
+        "",
+        text="Script of keys to play, as KEY@FROM[-TO] in seconds, e.g. 'i@0.5-2 k@2.5'.",
+        max_length=10_000,
+        live=False,
+    )
     key_delay: float = param(0.5, 0.01, 5, "s", "Delay before the first repeat of a scripted key.", live=False)
     key_interval: float = param(0.03, 0.005, 1, "s", "Interval between repeats of a scripted key.", live=False)
 

@@ -7,12 +7,10 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from messages.base import Metres, Radians
-from services.runtime.parameters.base import Parameters, param
-from services.runtime.service import Service
+from services.runtime import Parameters, Service, param
 
 PLAN_LEVEL = 2
 """Bit of ``Context.params_changed`` for changes of the plan."""
-_PLAN = {"level": PLAN_LEVEL}
 
 
 class WaypointParameters(Parameters, frozen=True, kw_only=True):
@@ -28,19 +26,13 @@ class WaypointParameters(Parameters, frozen=True, kw_only=True):
             "'tutorial' is v = 0.1 D, w = 0.7 e without limits."
         ),
     ] = "steady"
-    goals: Annotated[
-        tuple[tuple[Metres, Metres], ...],
-        Meta(description="Points to drive through, as [x, y] in the odom frame.", extra=_PLAN),
-    ] = ()
-    laps: Annotated[
-        int,
-        Meta(
-            ge=0, le=10_000, description="Number of times to drive through the list; 0 repeats it forever.", extra=_PLAN
-        ),
-    ] = 1
-    final_yaw: Annotated[
-        Radians | None, Meta(description="Heading at the last point; any heading if not set.", extra=_PLAN)
-    ] = None
+    goals: tuple[tuple[Metres, Metres], ...] = param(
+        (), text="Points to drive through, as [x, y] in the odom frame.", level=PLAN_LEVEL
+    )
+    laps: int = param(
+        1, 0, 10_000, "", "Number of times to drive through the list; 0 repeats it forever.", level=PLAN_LEVEL
+    )
+    final_yaw: Radians | None = param(None, text="Heading at the last point; any heading if not set.", level=PLAN_LEVEL)
     max_linear: float = param(0.22, 0.02, 2.0, "m/s", "Maximum speed.")
     max_angular: float = param(1.5, 0.1, 3.0, "rad/s", "Maximum turn rate.")
     acceleration: float = param(0.5, 0.1, 1.0, "m/s^2", "Maximum rate at which the speed command rises.")

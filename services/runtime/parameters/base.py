@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from types import NoneType, UnionType
-from typing import Annotated, Any, NamedTuple, TypeVar, get_args
+from typing import Annotated, Any, NamedTuple, TypeVar, dataclass_transform, get_args
 
 import msgspec
 from msgspec import Meta
@@ -80,6 +80,7 @@ class ParametersType(msgspec.StructMeta):
         return super().__new__(cls, name, bases, namespace, **{"frozen": True, "kw_only": True, **options})
 
 
+@dataclass_transform(frozen_default=True, kw_only_default=True)
 class Parameters(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, metaclass=ParametersType):
     """The parameters of a service: a flat record of bool, int, float, str or tuples of them.
 
