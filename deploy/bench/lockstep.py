@@ -115,9 +115,9 @@ def raw_factor(steps: ActuatorSchedule, span: Span, hold: Callable[[int], None] 
             if hold is not None:
                 hold(step)
             for name, speeds in steps.speeds.get(step, ()):
-                world.set_speeds(name, speeds)
+                world.body(name).set_speeds(speeds)
             for name, efforts in steps.efforts.items():
-                world.set_efforts(name, efforts[step])
+                world.body(name).set_efforts(efforts[step])
             world.step()
         return span.length / (time.perf_counter() - started)
 

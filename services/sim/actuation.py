@@ -23,7 +23,7 @@ from services.sim.drive.odometry import Odometer
 from services.sim.joints.config import check_positions
 from services.sim.joints.effort_controller import JointEffortController
 from services.sim.parameters import RobotEntry
-from services.sim.physics.world import Body, JointFriction, JointReadings, Motor, World
+from services.sim.physics.world import Body, BodyHandle, JointFriction, JointReadings, Motor, World
 from services.sim.robot_parameters import BaseParameterSet, JointParameterSet
 from services.sim.transit_delay import TransitDelayEstimator
 
@@ -139,11 +139,12 @@ def spawn_actuation(
         base = BaseParameterSet(node, namespace, entry, wait)
         torque = base.config.torque
         motors = Motor(base.config.left_joint, torque), Motor(base.config.right_joint, torque)
-        _spawn_body(world, entry, model, pose, base, motors=motors)
-        return WheelActuation(node, world, entry, model, base, command_sources, delays)
+        body = _spawn_body(world, entry, model, pose, base, motors=motors)
+        return WheelActuation(node, body, entry, model, base, command_sources, delays)
     joints = JointParameterSet(node, namespace, entry, wait)
-    _spawn_body(world, entry, model, pose, joints, joint_friction=tuple(joints.config.joint_friction.items()))
-    return JointActuation(node, world, entry, model, joints, delays)
+    friction = tuple(joints.config.joint_friction.items())
+    body = _spawn_body(world, entry, model, pose, joints, joint_friction=friction)
+    return JointActuation(node, world, body, entry, model, joints, delays)
 
 
 def _spawn_body(
@@ -154,12 +155,12 @@ def _spawn_body(
     parameters: BaseParameterSet | JointParameterSet,
     motors: tuple[Motor, ...] = (),
     joint_friction: tuple[tuple[str, JointFriction], ...] = (),
-) -> None:
+) -> BodyHandle:
     try:
         check_positions(entry.model, entry.joints)
         start = tuple(entry.joints.items())
         urdf = urdf_path(entry.model)
-        world.spawn(Body(entry.name, urdf, pose, motors, model.fixed_base, start, joint_friction))
+        return world.spawn(Body(entry.name, urdf, pose, motors, model.fixed_base, start, joint_friction))
     except BadInput:
         parameters.close()
         raise
@@ -171,18 +172,18 @@ class WheelActuation:
     def __init__(
         self,
         node: Node,
-        world: World,
+        body: BodyHandle,
         entry: RobotEntry,
         model: RobotModel,
         parameters: BaseParameterSet,
         command_sources: CommandSources,
         delays: TransitDelayEstimator,
     ) -> None:
-        self._world, self._entry, self._model, self._parameters = world, entry, model, parameters
+        self._body, self._entry, self._model, self._parameters = body, entry, model, parameters
         self.controller = DiffDriveController(parameters.config, command_sources, delays, node.log)
         self.noise = parameters.parameters.noise
         config = odometry_config(model, parameters.parameters)
-        self.odometer = Odometer(config, world, entry.name, self.controller)
+        self.odometer = Odometer(config, body, entry.name, self.controller)
         self._open_loop = config.source == "open loop"
         self.command_topic: Topic[Any] = CMD_VEL_STAMPED if parameters.config.stamped else CMD_VEL
         self.extra_topics: tuple[Topic[Any], ...] = (
@@ -211,7 +212,7 @@ class WheelActuation:
 
     @property
     def joint_readings(self) -> JointReadings:
-        return self._world.joint_readings(self._entry.name)
+        return self._body.joint_readings()
 
     def effort_controller(self, joint: str) -> JointEffortController:
         name = self._entry.name
@@ -242,15 +243,15 @@ class WheelActuation:
     def step(self, now: int) -> None:
         speeds = self.controller.step(now)
         if self.controller.config.gains is not None:
-            self._world.set_torques(self._entry.name, self.controller.torques(self._wheel_speeds()))
+            self._body.set_torques(self.controller.torques(self._wheel_speeds()))
         elif speeds is not None:
-            self._world.set_speeds(self._entry.name, speeds)
+            self._body.set_speeds(speeds)
         if self._open_loop:
             self.odometer.update_from_commands()
 
     def reset(self) -> None:
         self.controller.reset()
-        self._world.set_speeds(self._entry.name, (0.0, 0.0))
+        self._body.set_speeds((0.0, 0.0))
 
     def reconfigure(self, now: int) -> None:
         if not self._parameters.update():
@@ -273,8 +274,8 @@ class WheelActuation:
 
     def _wheel_speeds(self) -> tuple[float, float]:
         """How fast the wheels turn, rad/s."""
-        name, config = self._entry.name, self.controller.config
-        speeds = dict(zip(self._world.joints(name), self._world.joint_readings(name).velocity, strict=True))
+        config = self.controller.config
+        speeds = dict(zip(self._body.joints, self._body.joint_readings().velocity, strict=True))
         return speeds[config.left_joint], speeds[config.right_joint]
 
 
@@ -290,16 +291,17 @@ class JointActuation:
         self,
         node: Node,
         world: World,
+        body: BodyHandle,
         entry: RobotEntry,
         model: RobotModel,
         parameters: JointParameterSet,
         delays: TransitDelayEstimator,
     ) -> None:
-        self._world, self._entry, self._parameters = world, entry, parameters
+        self._world, self._body, self._entry, self._parameters = world, body, entry, parameters
         limits, rule = read_joint_limits(entry.model), parameters.config.effort_rule
-        self.controller = JointEffortController(world, entry.name, limits, rule, delays, node.log)
+        self.controller = JointEffortController(body, entry.name, limits, rule, delays, node.log)
         config = odometry_config(model, effective_parameters(entry.model, model, entry.parameters))
-        self.odometer = Odometer(config, world, entry.name, None)
+        self.odometer = Odometer(config, body, entry.name, None)
         self.odometry_rate = model.odometry_rate
         self.noise = parameters.noise
 
@@ -314,7 +316,7 @@ class JointActuation:
     @property
     def joint_readings(self) -> JointReadings:
         efforts = tuple(self.controller.applied_efforts.values())
-        return self._world.joint_readings(self._entry.name)._replace(effort=efforts)
+        return self._body.joint_readings()._replace(effort=efforts)
 
     def effort_controller(self, joint: str) -> JointEffortController:
         return self.controller
@@ -347,7 +349,7 @@ class JointActuation:
     def reconfigure(self, now: int) -> None:
         if self._parameters.update():
             self.controller.effort_rule, self.noise = self._parameters.config.effort_rule, self._parameters.noise
-            self._world.set_joint_friction(self._entry.name, self._parameters.config.joint_friction)
+            self._body.set_joint_friction(self._parameters.config.joint_friction)
 
     def status(
         self, now: int, refused: int, colliding: bool, collisions: int, stopped_by: tuple[str, ...]

@@ -33,8 +33,8 @@ def find_link(world: World, name: str) -> ScopedName:
     Raises BadInput with the alternatives.
     """
     if name in world.names:
-        return ScopedName(name, world.links(name)[0])
-    return _find("link", name, world.names, world.links)
+        return ScopedName(name, world.body(name).links[0])
+    return _find("link", name, world.names, lambda body: world.body(body).links)
 
 
 def find_joint(world: World, model: str, name: str) -> ScopedName:
@@ -44,15 +44,19 @@ def find_joint(world: World, model: str, name: str) -> ScopedName:
             raise unknown_name("model", model, world.names)
         for prefix in (f"{model}::", f"{model}/"):
             name = name.removeprefix(prefix)
-        if name not in world.joints(model):
-            raise unknown_name("joint", name, world.joints(model), model)
+        joints = world.body(model).joints
+        if name not in joints:
+            raise unknown_name("joint", name, joints, model)
         return ScopedName(model, name)
-    return _find("joint", name, world.names, world.joints)
+    return _find("joint", name, world.names, lambda body: world.body(body).joints)
 
 
 def frame_state(world: World, name: str) -> BodyState:
     """Where the frame ``name`` is in the world and how it moves; raises BadInput."""
-    return WORLD_STATE if name in WORLD_FRAMES else world.link_state(*find_link(world, name))
+    if name in WORLD_FRAMES:
+        return WORLD_STATE
+    link = find_link(world, name)
+    return world.body(link.body).link_state(link.name)
 
 
 def relative_state(frame: BodyState, state: BodyState) -> BodyState:

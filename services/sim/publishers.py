@@ -67,7 +67,8 @@ class RobotPublishers:
     ) -> None:
         self._node, self._world, self._model, self._seed = node, world, model, seed
         self._actuation, self.odometer, self._name = actuation, actuation.odometer, entry.name
-        self._joints = world.joints(entry.name)
+        self._body = world.body(entry.name)
+        self._joints = self._body.joints
         self.joint_state_steps = _steps(model.joint_rate or model.odometry_rate)
         topics: list[Topic[Any]] = [GROUND_TRUTH, JOINT_STATES, ROBOT_DESCRIPTION]
         topics += [] if model.fixed_base else [ODOM]
@@ -115,7 +116,7 @@ class RobotPublishers:
         odometry_due = ODOM in self._publishers and self.odometer.due(now, self._actuation.odometry_rate)
         if not truth_due and not odometry_due:
             return
-        state, stamp = self._world.state(self._name), Time.of(now)
+        state, stamp = self._body.state(), Time.of(now)
         if truth_due:
             self._publishers[GROUND_TRUTH].publish(
                 world_odometry(state, Header(stamp=stamp, frame_id="world"), self._base_frame)
@@ -151,11 +152,11 @@ class RobotPublishers:
         if not self._publishers[IMU].has_subscribers:
             self._previous_state = None
             return
-        state, before = self._world.state(self._name), self._previous_state
+        state, before = self._body.state(), self._previous_state
         self._previous_state = now, state
         if before is None or before[0] >= now:
             return
-        place = self._world.link_pose(self._name, unit.link).position
+        place = self._body.link_pose(unit.link).position
         apart = (place[0] - state.position[0], place[1] - state.position[1], place[2] - state.position[2])
         noise = noise_generator(self._seed, self._name, "imu", tick) if self._actuation.noise else None
         header = Header(stamp=Time.of(now), frame_id=self.frame_id(unit.link))
@@ -200,11 +201,11 @@ class GazeboStatesPublisher:
         """Publish them as they are now."""
         world = self._world
         if self._models.has_subscribers:
-            states = [pose_and_twist(world.state(name)) for name in world.names]
+            states = [pose_and_twist(world.body(name).state()) for name in world.names]
             poses, twists = tuple(pose for pose, _ in states), tuple(twist for _, twist in states)
             self._models.publish(ModelStates(name=world.names, pose=poses, twist=twists))
         if self._links.has_subscribers:
-            links = [(name, link) for name in world.names for link in world.links(name)]
-            states = [pose_and_twist(world.link_state(*each)) for each in links]
+            links = [(name, link) for name in world.names for link in world.body(name).links]
+            states = [pose_and_twist(world.body(name).link_state(link)) for name, link in links]
             poses, twists = tuple(pose for pose, _ in states), tuple(twist for _, twist in states)
             self._links.publish(LinkStates(name=tuple(map("::".join, links)), pose=poses, twist=twists))

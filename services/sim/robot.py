@@ -38,7 +38,7 @@ class Robot:
         self.actuation = spawn_actuation(
             node, world, entry, self.model, self.namespace, pose, command_sources, delays, wait
         )
-        self._node, self._world = node, world
+        self._node, self._world, self._body = node, world, world.body(entry.name)
         commands = self.actuation.command_topic
         self._command_subscriber: Subscriber[Any] = node.subscribe(commands, f"{self.namespace}/{commands.name}")
         self.e_stop_subscriber: Subscriber[Any] = node.subscribe(E_STOP, f"{self.namespace}/e_stop")
@@ -89,11 +89,11 @@ class Robot:
 
     def state(self) -> ModelState:
         """Pose and twist, as requests report them."""
-        body = self._world.state(self.name)
+        body = self._body.state()
         return ModelState(name=self.name, model=self.entry.model, pose=body_pose(body), twist=body_twist(body))
 
     @property
     def pose(self) -> Pose3:
         """Where the root is now."""
-        state = self._world.state(self.name)
+        state = self._body.state()
         return Pose3(state.position, state.orientation)

@@ -33,7 +33,7 @@ def laser_scan(
     A ray without an echo up to ``range_max`` gives inf, one that meets something nearer than ``range_min`` gives -inf
     (REP 117). The rays start outside the laser's housing, so that they cannot see it. 360 rays take about 1 ms.
     """
-    eye = world.link_pose(robot, laser.link)
+    eye = world.body(robot).link_pose(laser.link)
     rays = _ray_directions(laser) @ np.array(rotated_axes(eye.orientation))
     origin = np.array(eye.position)
     reach = laser.range_max - laser.clearance
@@ -124,7 +124,7 @@ def _isotropic(deviation: float) -> tuple[float, ...]:
 def camera_image(world: World, robot: str, camera: CameraConfig, header: Header) -> Image:
     """What the robot's camera sees, ``rgb8``; the header's frame should be the camera's optical one."""
     lens = CameraModel(camera.width, camera.height, camera.fov, camera.near, camera.far)
-    pixels = world.render(world.link_pose(robot, camera.link), lens)
+    pixels = world.render(world.body(robot).link_pose(camera.link), lens)
     return Image(
         header=header,
         height=camera.height,
@@ -205,7 +205,7 @@ def sonar_ranges(world: World, robot: str, ring: SonarRing, noise: np.random.Gen
     cone gives an echo, however oblique. Sixteen sonars take about 2 ms.
     """
     figures = ring.config
-    eye = world.link_pose(robot, figures.link)
+    eye = world.body(robot).link_pose(figures.link)
     turn = np.array(rotated_axes(eye.orientation)).T
     rays = ring.rays @ turn.T
     starts = np.repeat((np.array(eye.position) + ring.positions @ turn.T)[:, None, :], rays.shape[1], axis=1)

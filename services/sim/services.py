@@ -122,7 +122,7 @@ class SimulationServices:
             return robot.state()
         world = self._simulation.world
         pose, twist = pose_and_twist(
-            relative_state(frame_state(world, request.relative_entity), world.state(robot.name))
+            relative_state(frame_state(world, request.relative_entity), world.body(robot.name).state())
         )
         return ModelState(name=robot.name, model=robot.entry.model, pose=pose, twist=twist)
 
@@ -191,7 +191,7 @@ class JointServices:
         joint = find_joint(self._world, request.model, request.joint_name)
         robot = self._simulation.find(joint.body)
         limits = read_joint_limits(robot.entry.model)[joint.name]
-        actuation, place = robot.actuation, self._world.joints(joint.body).index(joint.name)
+        actuation, place = robot.actuation, self._world.body(joint.body).joints.index(joint.name)
         readings, of_urdf = actuation.joint_readings, JointFriction(limits.damping, limits.friction)
         damping, friction = actuation.joint_friction.get(joint.name, of_urdf)
         return JointProperties(
@@ -215,8 +215,8 @@ class JointServices:
         wanted = positions_by_joint(request.joint_names, request.joint_positions)
         wanted = {find_joint(self._world, robot.name, joint).name: position for joint, position in wanted.items()}
         robot.actuation.set_joints(wanted)
-        readings = self._world.joint_readings(robot.name)
-        return joint_state(self._world.joints(robot.name), readings, Header(stamp=Time.of(self._simulation.now)))
+        body = self._world.body(robot.name)
+        return joint_state(body.joints, body.joint_readings(), Header(stamp=Time.of(self._simulation.now)))
 
     def _apply_wrench(self, request: ApplyWrench) -> Done:
         link = find_link(self._world, request.body_name)
@@ -230,7 +230,7 @@ class JointServices:
         job, note = schedule_job(wrench, request.start_time.ns, request.duration, self._simulation.now, STEP_NS)
         self._simulation.wrenches.add(link, job)
         when = self._describe_time(request.start_time.ns, request.duration, note)
-        held = self._simulation.find(link.body).model.fixed_base and link.name == self._world.links(link.body)[0]
+        held = self._simulation.find(link.body).model.fixed_base and link.name == self._world.body(link.body).links[0]
         return Done(text=f"wrench on {link} {when}" + ("; it is held in the world and will not move" if held else ""))
 
     def _clear_wrench(self, request: LinkName) -> Done:
@@ -287,7 +287,9 @@ class PropertyServices:
 
     def _link_state(self, request: LinkName) -> LinkState:
         link = find_link(self._world, request.link_name)
-        seen = relative_state(frame_state(self._world, request.reference_frame), self._world.link_state(*link))
+        seen = relative_state(
+            frame_state(self._world, request.reference_frame), self._world.body(link.body).link_state(link.name)
+        )
         pose, twist = pose_and_twist(seen)
         return LinkState(
             link_name=str(link), pose=pose, twist=twist, reference_frame=request.reference_frame or "world"
@@ -295,7 +297,7 @@ class PropertyServices:
 
     def _link_properties(self, request: LinkName) -> LinkProperties:
         link = find_link(self._world, request.link_name)
-        found = self._world.inertia(*link)
+        found = self._world.body(link.body).inertia(link.name)
         x, y, z = found.moments
         centre = BodyState(found.centre.position, found.centre.orientation, WORLD_STATE.linear, WORLD_STATE.angular)
         return LinkProperties(
@@ -309,16 +311,16 @@ class PropertyServices:
 
     def _model_properties(self, request: Name) -> ModelProperties:
         robot = self._simulation.find(request.name)
-        links = self._world.links(robot.name)
+        body = self._world.body(robot.name)
         return ModelProperties(
             name=robot.name,
             model=robot.entry.model,
             about=robot.model.about,
             namespace=robot.namespace,
             base_frame=robot.publishers.frame_id(robot.model.base_frame),
-            links=links,
-            joints=self._world.joints(robot.name),
-            mass=sum(self._world.inertia(robot.name, link).mass for link in links),
+            links=body.links,
+            joints=body.joints,
+            mass=sum(body.inertia(link).mass for link in body.links),
             radius=robot.model.radius,
             is_static=robot.model.fixed_base,
             driven=robot.model.wheels is not None,

@@ -53,7 +53,8 @@ def dynamic_transforms(robots: Iterable[Robot], world: World, now: int) -> Itera
         joints = _published_joints(robot)
         if not joints:
             continue
-        angles = dict(zip(world.joints(robot.name), world.joint_readings(robot.name).position, strict=True))
+        body = world.body(robot.name)
+        angles = dict(zip(body.joints, body.joint_readings().position, strict=True))
         for joint in joints:
             if joint.name in angles:
                 transforms.append(_joint_transform(robot.name, joint, angles[joint.name], now))

@@ -113,16 +113,16 @@ def test_shaken_for_a_second_it_stays_upright_and_whole(name: str) -> None:
         world.spawn(Body("robot", urdf_path(name), motors=motors))
         for step in range(200):
             if step % 20 == 0:
-                world.set_speeds("robot", [chance.uniform(-top, top) for _ in motors])
+                world.body("robot").set_speeds([chance.uniform(-top, top) for _ in motors])
             world.step()
-            state = world.state("robot")
+            state = world.body("robot").state()
             x, y, _, _ = state.orientation
             assert 2 * math.hypot(x, y) < 0.1, f"tilted at step {step}"
             assert abs(state.position[2]) < 0.01
-        world.set_speeds("robot", [0.0] * len(motors))
+        world.body("robot").set_speeds([0.0] * len(motors))
         for _ in range(200):
             world.step()
-        state = world.state("robot")
+        state = world.body("robot").state()
         x, y, _, _ = state.orientation
         assert 2 * math.hypot(x, y) < 1e-3, "it stands level again"
         assert math.dist(state.linear, (0, 0, 0)) < 1e-4
@@ -148,7 +148,7 @@ def test_link_offsets_are_where_the_engine_has_the_links(name: str) -> None:
     with BulletWorld(WorldDescription(), 5_000_000) as world:
         world.spawn(Body("robot", urdf_path(name)))
         for link in {joint.child for joint in read_joints(name)}:
-            assert link_offset(name, link) == pytest.approx(world.link_pose("robot", link).position, abs=1e-6)
+            assert link_offset(name, link) == pytest.approx(world.body("robot").link_pose(link).position, abs=1e-6)
 
 
 def test_a_ring_of_sonars_is_that_of_aria() -> None:

@@ -26,7 +26,7 @@ def test_the_holding_torque_holds(model: Literal["arm", "arm_corrected"], degree
     weight = read_pendulum(model, JOINT)
     with arm_simulation(model, start=degrees) as on:
         effort = weight.torque * math.sin(math.radians(degrees) - weight.rest)
-        on.world.set_efforts("arm", {JOINT: effort})
+        on.world.body("arm").set_efforts({JOINT: effort})
         on.world.step()
         assert abs(on.rate / DT) < 2e-3, "rad/s2; gravity alone makes up to 7"
 
@@ -35,7 +35,7 @@ def test_the_holding_torque_holds(model: Literal["arm", "arm_corrected"], degree
 def test_the_inertia_is_what_the_engine_turns(model: Literal["arm", "arm_corrected"]) -> None:
     weight = read_pendulum(model, JOINT)
     with arm_simulation(model) as on:
-        on.world.set_efforts("arm", {JOINT: 10.0 + weight.torque * math.sin(-weight.rest)})
+        on.world.body("arm").set_efforts({JOINT: 10.0 + weight.torque * math.sin(-weight.rest)})
         on.world.step()
         assert 10.0 / (on.rate / DT) == pytest.approx(weight.inertia, rel=1e-4)
 

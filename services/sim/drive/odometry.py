@@ -21,7 +21,7 @@ from services.runtime.errors import BadInput
 from services.sim.drive.config import OdometryConfig
 from services.sim.drive.controller import STEP_S, DiffDriveController
 from services.sim.drive.kinematics import WheelGeometry
-from services.sim.physics.world import BodyState, World
+from services.sim.physics.world import BodyHandle, BodyState
 
 MIN_INTERVAL_S = 1e-4
 """An interval below this tells a way but no speed."""
@@ -161,12 +161,12 @@ class Odometer:
     """
 
     def __init__(
-        self, settings: OdometryConfig, world: World, name: str, controller: DiffDriveController | None
+        self, settings: OdometryConfig, body: BodyHandle, name: str, controller: DiffDriveController | None
     ) -> None:
         self.reconfigure(settings)
-        self._world, self._name, self._controller = world, name, controller
+        self._body, self._name, self._controller = body, name, controller
         if controller is not None:
-            joints = world.joints(name)
+            joints = body.joints
             self._left, self._right = (
                 joints.index(joint) for joint in (controller.config.left_joint, controller.config.right_joint)
             )
@@ -240,5 +240,5 @@ class Odometer:
         self._slot = None
 
     def _angles(self) -> tuple[float, float]:
-        angles = self._world.joint_readings(self._name).position
+        angles = self._body.joint_readings().position
         return angles[self._left], angles[self._right]

@@ -15,7 +15,7 @@ from services.runtime.step import STEP_NS
 from services.runtime.subscriber import Subscriber
 from services.runtime.transport.wire import MEMBER_BYTES
 from services.sim.joints.jobs import JobQueue, schedule_job
-from services.sim.physics.world import World
+from services.sim.physics.world import BodyHandle
 from services.sim.transit_delay import TransitDelayEstimator
 
 
@@ -65,7 +65,7 @@ class JointEffortController:
 
     def __init__(
         self,
-        world: World,
+        body: BodyHandle,
         name: str,
         limits: dict[str, JointLimits],
         rule: EffortRule,
@@ -73,8 +73,8 @@ class JointEffortController:
         log: Log,
     ) -> None:
         self.effort_rule, self.limits = rule, limits
-        self._world, self._name, self._delays, self._log = world, name, delays, log
-        self._jobs: dict[str, JobQueue[float]] = {joint: JobQueue() for joint in world.joints(name)}
+        self._body, self._name, self._delays, self._log = body, name, delays, log
+        self._jobs: dict[str, JobQueue[float]] = {joint: JobQueue() for joint in body.joints}
         self.stopped = False
         self.reset()
 
@@ -141,13 +141,13 @@ class JointEffortController:
             if any(self.applied_efforts.values()):
                 self.applied_efforts = dict.fromkeys(self._jobs, 0.0)
             return
-        rates = dict(zip(self._jobs, self._world.joint_readings(self._name).velocity, strict=True))
+        rates = dict(zip(self._jobs, self._body.joint_readings().velocity, strict=True))
         efforts = {
             joint: net_effort(self.effort_rule, self.limits[joint], rates[joint], values)
             for joint, values in acting.items()
             if values
         }
-        self._world.set_efforts(self._name, efforts)
+        self._body.set_efforts(efforts)
         self.applied_efforts = dict.fromkeys(self._jobs, 0.0) | efforts
 
     def _add(self, job: JointEffort, duration: float, now: int, source: bytes) -> str:

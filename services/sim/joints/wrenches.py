@@ -64,7 +64,8 @@ class LinkWrenches:
             self._log.warn(f"the wrenches on {link} are dropped: {error}")
             self.clear(link)
             return
-        pose = self._world.link_pose(*link)
+        body = self._world.body(link.body)
+        pose = body.link_pose(link.name)
         x, y, z = rotate(pose.orientation, wrench.point)
         a, b, c = pose.position
-        self._world.apply_wrench(*link, rotate(axes, wrench.force), rotate(axes, wrench.torque), (a + x, b + y, c + z))
+        body.apply_wrench(link.name, rotate(axes, wrench.force), rotate(axes, wrench.torque), (a + x, b + y, c + z))

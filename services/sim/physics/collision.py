@@ -12,7 +12,7 @@ from messages.se3 import Pose3
 from models.world import WorldDescription
 from services.runtime.errors import BadInput
 from services.sim.physics._pybullet import pybullet
-from services.sim.physics.bullet_body import BulletBody, load_bullet_body
+from services.sim.physics.bullet_body import BulletBody
 from services.sim.physics.engine import connect, is_roller, load_world
 from services.sim.physics.world import Body, Configuration
 
@@ -35,7 +35,9 @@ class CollisionChecker:
     def add(self, body: Body, others: Mapping[str, Configuration]) -> None:
         """Copy a newcomer; raises BadInput if it would overlap with ``others``, an obstacle or the ground."""
         name = body.name
-        self._copies[name] = load_bullet_body(self._client, body)
+        copy = BulletBody(self._client, body)
+        copy.load()
+        self._copies[name] = copy
         try:
             self.check(name, Configuration(body.pose, dict(body.initial_positions)), others)
         except BadInput:

@@ -47,7 +47,7 @@ class Inertia(NamedTuple):
 
 
 class JointReadings(NamedTuple):
-    """The movable joints of a body in the order of ``World.joints``: rad or m, rad/s or m/s, N m or N."""
+    """The movable joints of a body in the order of ``BodyHandle.joints``: rad or m, rad/s or m/s, N m or N."""
 
     position: tuple[float, ...]
     velocity: tuple[float, ...]
@@ -104,6 +104,49 @@ class CameraModel:
     far: float
 
 
+class BodyHandle(Protocol):
+    """A body of the world, from its spawning to its deletion. Names of joints and links that do not exist raise
+    ``services.runtime.errors.BadInput``."""
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The movable joints, in the URDF's order."""
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """The links, the root first."""
+
+    def state(self) -> BodyState:
+        """Pose and velocity of the root frame; about 6 us."""
+
+    def joint_readings(self) -> JointReadings:
+        """Angles, speeds and motor torques of ``joints``."""
+
+    def link_pose(self, link: str) -> Pose3:
+        """Where the frame of a link is."""
+
+    def link_state(self, link: str) -> BodyState:
+        """Pose of a link's frame, and how its origin moves."""
+
+    def inertia(self, link: str) -> Inertia:
+        """Mass and inertia of a link."""
+
+    def set_speeds(self, speeds: Sequence[float]) -> None:
+        """Set the target speeds [rad/s] of the motors, in their order; they hold until set again."""
+
+    def set_torques(self, torques: Sequence[float]) -> None:
+        """Let the motors, in their order, give these torques [N m] for one step, instead of keeping a speed."""
+
+    def set_efforts(self, efforts: Mapping[str, float]) -> None:
+        """Put efforts [N m or N] on joints for one step, unlimited; 4 us for one joint."""
+
+    def set_joint_friction(self, joint_friction: Mapping[str, JointFriction]) -> None:
+        """Set the friction of joints from now on, also after a reset; the others keep theirs."""
+
+    def apply_wrench(self, link: str, force: Vector, torque: Vector, point: Vector) -> None:
+        """Act on a link for one step: a force [N] at a point of the world [m] and a torque [N m], in world axes."""
+
+
 class World(Protocol):
     """A world with a level ground at z = 0 that advances in equal steps.
 
@@ -119,59 +162,26 @@ class World(Protocol):
     def names(self) -> tuple[str, ...]:
         """All bodies, in the order of their spawning."""
 
-    def spawn(self, body: Body) -> None:
+    def body(self, name: str) -> BodyHandle:
+        """The body of a name."""
+
+    def spawn(self, body: Body) -> BodyHandle:
         """Add a body, unless its name is taken or it would overlap with another body, an obstacle or the ground."""
 
     def delete(self, name: str) -> None:
-        """Take a body out."""
+        """Remove a body."""
 
     def reset(self) -> None:
-        """Start anew: all present bodies as they were spawned, at rest, motors at zero."""
+        """Start over: all present bodies as they were spawned, at rest, motors at zero. Handles stay valid."""
 
     def step(self) -> None:
         """Advance by ``step_ns``."""
 
-    def state(self, name: str) -> BodyState:
-        """Pose and velocity of a body's root frame."""
-
     def set_state(self, name: str, state: BodyState) -> None:
         """Move a body; its joints keep their angles. Refused where it would overlap."""
 
-    def joints(self, name: str) -> tuple[str, ...]:
-        """The movable joints of a body, in the URDF's order."""
-
-    def joint_readings(self, name: str) -> JointReadings:
-        """Angles, speeds and motor torques of ``joints(name)``."""
-
-    def set_speeds(self, name: str, speeds: Sequence[float]) -> None:
-        """Set the target speeds [rad/s] of a body's motors, in their order; they hold until set again."""
-
-    def set_torques(self, name: str, torques: Sequence[float]) -> None:
-        """Let a body's motors, in their order, give these torques [N m] for one step, instead of keeping a speed."""
-
     def set_joints(self, name: str, positions: Mapping[str, float]) -> None:
         """Put joints at positions, at rest; the others stay as they are. Refused where the body would overlap then."""
-
-    def set_efforts(self, name: str, efforts: Mapping[str, float]) -> None:
-        """Put efforts [N m or N] on joints for one step, as they are: limits are for the caller to keep."""
-
-    def set_joint_friction(self, name: str, joint_friction: Mapping[str, JointFriction]) -> None:
-        """Let joints resist so from now on, also after a reset; the others stay as they are."""
-
-    def apply_wrench(self, name: str, link: str, force: Vector, torque: Vector, point: Vector) -> None:
-        """Act on a link for one step: a force [N] at a point of the world [m] and a torque [N m], in world axes."""
-
-    def links(self, name: str) -> tuple[str, ...]:
-        """The links of a body, its root first."""
-
-    def link_pose(self, name: str, link: str) -> Pose3:
-        """Where the frame of a link is."""
-
-    def link_state(self, name: str, link: str) -> BodyState:
-        """Pose of a link's frame, and how its origin moves."""
-
-    def inertia(self, name: str, link: str) -> Inertia:
-        """What a link weighs and how."""
 
     def contacts(self) -> tuple[Contact, ...]:
         """The pairs that touched in the last step, each once, sorted; the ground does not count."""

@@ -30,7 +30,7 @@ def test_a_burger_keeps_to_its_legs_stops_on_its_points_and_takes_the_final_head
         base = DrivenRobot(world, "burger", Drive.of(wheels_of(read_model("burger"))))
         late = ZERO_TWIST
         for _ in range(1500):
-            state = world.state("burger")
+            state = world.body("burger").state()
             yaw, velocity = yaw_of(state), state.linear
             here = Pose2(state.position[0], state.position[1], yaw)
             moving = Twist2(velocity[0] * math.cos(yaw) + velocity[1] * math.sin(yaw), state.angular[2])

@@ -52,7 +52,7 @@ def test_states_are_seen_from_an_entity_and_set_in_its_frame() -> None:
         state = on.call(SET_STATE, moved)
         assert (state.pose.position.x, state.pose.position.y) == pytest.approx((3.0, 3.0), abs=1e-6)
         assert state.pose.orientation.yaw == pytest.approx(math.pi / 2)
-        assert on.simulation.world.state("tb3").linear == pytest.approx((0.0, 0.1, 0.0), abs=1e-9)
+        assert on.simulation.world.body("tb3").state().linear == pytest.approx((0.0, 0.1, 0.0), abs=1e-9)
         in_world = on.call(GET_STATE, GetModelState(name="tb3", relative_entity="world"))
         assert in_world.twist.linear.y == pytest.approx(0.1)
         assert on.call(GET_STATE, GetModelState(name="tb3")).twist.linear.x == pytest.approx(0.1)

@@ -30,10 +30,10 @@ def test_a_wrench_lifts_turns_and_ends() -> None:
                 ApplyWrench(body_name=f"tb3::{link}", wrench=push, duration=0.1, reference_point=Point(x=-0.03)),
             )
         on.run(0.105)
-        up = on.simulation.world.state("tb3").linear[2]
+        up = on.simulation.world.body("tb3").state().linear[2]
         assert up == pytest.approx((20.0 / 1.00373 - 9.81) * 0.105, rel=0.03)
         on.run(0.05)
-        assert on.simulation.world.state("tb3").linear[2] == pytest.approx(up - 9.81 * 0.05, abs=0.02)
+        assert on.simulation.world.body("tb3").state().linear[2] == pytest.approx(up - 9.81 * 0.05, abs=0.02)
 
 
 @pytest.mark.parametrize("link", ["base_footprint", "base_link"])
@@ -46,7 +46,7 @@ def test_a_wrench_is_in_the_axes_of_its_frame(link: str, frame: str, axis: int) 
         twist = Wrench(torque=Vector3(x=0.01))
         on.call(APPLY_WRENCH, ApplyWrench(body_name=f"tb3::{link}", reference_frame=frame, wrench=twist, duration=1.0))
         on.run(0.05)
-        spin = on.simulation.world.state("tb3").angular
+        spin = on.simulation.world.body("tb3").state().angular
         assert spin[axis] > 0.1
         assert abs(spin[1 - axis]) < 0.02
 

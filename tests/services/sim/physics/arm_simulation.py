@@ -70,12 +70,12 @@ class ArmSimulation:
     @property
     def angle(self) -> float:
         """Of the joint, deg."""
-        return math.degrees(self.world.joint_readings("arm").position[0])
+        return math.degrees(self.world.body("arm").joint_readings().position[0])
 
     @property
     def rate(self) -> float:
         """Of the joint, rad/s."""
-        return self.world.joint_readings("arm").velocity[0]
+        return self.world.body("arm").joint_readings().velocity[0]
 
     def apply_effort(self, effort: float, duration: float = JOB_S) -> None:
         """A job that begins now."""
@@ -115,12 +115,12 @@ def arm_simulation(
     with BulletWorld(WorldDescription(), step_ns) as world:
         at = ((JOINT, math.radians(start)),)
         resists = ((JOINT, JointFriction(damping, friction)),)
-        world.spawn(Body("arm", urdf_path(model), fixed=True, initial_positions=at, joint_friction=resists))
+        body = world.spawn(Body("arm", urdf_path(model), fixed=True, initial_positions=at, joint_friction=resists))
         log = Log("/sim", out=io.StringIO())
         yield ArmSimulation(
             world,
             JointEffortController(
-                world, "arm", read_joint_limits(model), rule or EffortRule(), TransitDelayEstimator(), log
+                body, "arm", read_joint_limits(model), rule or EffortRule(), TransitDelayEstimator(), log
             ),
             step_ns,
         )

@@ -50,7 +50,7 @@ class DrivenRobot:
         after = step_drive(self.drive, self.state, v, w, braking, DT)
         if after is not self.state:
             self.state = after
-            self.world.set_speeds(self.name, wheel_speeds(self.drive, after))
+            self.world.body(self.name).set_speeds(wheel_speeds(self.drive, after))
 
 
 def drive_robots(
@@ -62,7 +62,7 @@ def drive_robots(
         for each in drivers:
             each.set(v, w, braking=braking)
         drivers[0].world.step()
-        states.append(drivers[0].world.state(drivers[0].name))
+        states.append(drivers[0].world.body(drivers[0].name).state())
     return states
 
 

@@ -36,7 +36,7 @@ class Theory:
 def acceleration(on: ArmSimulation, degrees: float, effort: float) -> float:
     """Of the joint, rad/s2, from rest at an angle."""
     on.world.set_joints("arm", {JOINT: math.radians(degrees)})
-    on.world.set_efforts("arm", {JOINT: effort})
+    on.world.body("arm").set_efforts({JOINT: effort})
     on.world.step()
     return on.rate / DT
 

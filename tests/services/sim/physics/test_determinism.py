@@ -25,9 +25,9 @@ def _run(world: BulletWorld, steps: int = 500) -> Trajectory:
     for step in range(steps):
         if step == 20:
             for i, name in enumerate(world.names):
-                world.set_speeds(name, (6.0 - 3.0 * i, 6.5 - 2.0 * i))
+                world.body(name).set_speeds((6.0 - 3.0 * i, 6.5 - 2.0 * i))
         world.step()
-        states.append(tuple(world.state(name) for name in world.names))
+        states.append(tuple(world.body(name).state() for name in world.names))
     return states
 
 
@@ -47,14 +47,14 @@ def test_fresh_equals_fresh_equals_reset() -> None:
 def test_a_reset_forgets_the_motors() -> None:
     with BulletWorld(WorldDescription(), STEP_NS) as world:
         world.spawn(robot_body("a", "burger", placement_at(0.0, 0.0)))
-        world.set_speeds("a", (5.0, 5.0))
+        world.body("a").set_speeds((5.0, 5.0))
         for _ in range(100):
             world.step()
         world.reset()
         for _ in range(100):
             world.step()
-        assert abs(world.state("a").position[0]) < 1e-6
-        assert max(abs(angle) for angle in world.joint_readings("a").position) < 1e-6
+        assert abs(world.body("a").state().position[0]) < 1e-6
+        assert max(abs(angle) for angle in world.body("a").joint_readings().position) < 1e-6
 
 
 def test_a_refused_spawn_leaves_no_trace() -> None:
@@ -93,4 +93,4 @@ def test_delete_and_spawn_is_repeatable_and_a_reset_starts_with_those_that_stay(
 
 def _step_states(world: BulletWorld) -> tuple[BodyState, ...]:
     world.step()
-    return tuple(world.state(name) for name in world.names)
+    return tuple(world.body(name).state() for name in world.names)

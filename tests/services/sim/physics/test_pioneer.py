@@ -114,7 +114,7 @@ def test_a_lower_robot_meets_the_fenders_and_gets_under_nothing(spawn: Spawner, 
         touched |= bool(world.contacts())
         assert tilt(states) < 0.5
         assert lift(states) < 1e-3
-        assert tilt([world.state("burger")]) < 3.0
+        assert tilt([world.body("burger").state()]) < 3.0
     assert touched
 
 

@@ -132,7 +132,7 @@ def test_an_inertial_unit_feels_gravity_the_ramp_and_the_turn(spawn: Spawner, wo
 
 def test_joint_states_carry_names_and_readings(spawn: Spawner, world: BulletWorld) -> None:
     drive_robots([spawn()], 0.1, 0.0, 1.0)
-    state = joint_state(world.joints("robot"), world.joint_readings("robot"), HEADER)
+    state = joint_state(world.body("robot").joints, world.body("robot").joint_readings(), HEADER)
     assert state.name == ("wheel_left_joint", "wheel_right_joint")
     assert state.velocity[0] == pytest.approx(0.1 / 0.033, rel=0.003)
 

@@ -39,7 +39,7 @@ def test_a_spawn_that_overlaps_is_refused_with_what_and_how_far(at: object, what
             world.spawn(robot_body("second", "burger", at))  # type: ignore[arg-type]
         assert world.names == ("first",)
         world.step()
-        assert abs(world.state("first").position[2]) < 1e-4
+        assert abs(world.body("first").state().position[2]) < 1e-4
         world.spawn(robot_body("second", "burger", placement_at(0.0, 0.3)))
 
 
@@ -56,9 +56,9 @@ def test_names_are_taken_once_and_wrong_ones_name_the_right_ones(spawn: Spawner,
     with pytest.raises(BadInput, match="already in the world"):
         world.spawn(robot_body("tb3_0", "burger", placement_at(2.0, 0.0)))
     with pytest.raises(BadInput, match="did you mean 'tb3_0'"):
-        world.state("tb3_O")
+        world.body("tb3_O").state()
     with pytest.raises(BadInput, match=r"unknown link 'base_scna'.*did you mean 'base_scan'"):
-        world.link_pose("tb3_0", "base_scna")
+        world.body("tb3_0").link_pose("base_scna")
 
 
 def test_a_broken_urdf_is_bad_input_and_changes_nothing(world: BulletWorld, tmp_path: Path) -> None:
@@ -83,20 +83,20 @@ def test_set_state_moves_and_refuses_to_overlap(spawn: Spawner, world: BulletWor
     spawn("b", at=placement_at(1.0, 0.0))
     target = BodyState(*placement_at(2.0, 1.0, 0.5), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     world.set_state("a", target)
-    assert world.state("a").position == pytest.approx((2.0, 1.0, 0.0))
-    assert yaw_of(world.state("a")) == pytest.approx(0.5)
+    assert world.body("a").state().position == pytest.approx((2.0, 1.0, 0.0))
+    assert yaw_of(world.body("a").state()) == pytest.approx(0.5)
     with pytest.raises(BadInput, match="'b'"):
         world.set_state("a", target._replace(position=(1.05, 0.0, 0.0)))
-    assert world.state("a").position == pytest.approx((2.0, 1.0, 0.0))
+    assert world.body("a").state().position == pytest.approx((2.0, 1.0, 0.0))
 
 
 def test_joint_readings_follow_the_wheels(spawn: Spawner, world: BulletWorld) -> None:
     robot = spawn()
     drive_robots([robot], 0.2, 0.0, 2.0)
-    assert world.joints("robot") == ("wheel_left_joint", "wheel_right_joint")
-    readings = world.joint_readings("robot")
+    assert world.body("robot").joints == ("wheel_left_joint", "wheel_right_joint")
+    readings = world.body("robot").joint_readings()
     assert readings.velocity == pytest.approx((0.2 / 0.033,) * 2, rel=0.003)
-    assert readings.position[0] * 0.033 == pytest.approx(world.state("robot").position[0], rel=0.003)
+    assert readings.position[0] * 0.033 == pytest.approx(world.body("robot").state().position[0], rel=0.003)
 
 
 def test_contacts_name_the_pairs_and_leave_out_the_ground() -> None:
@@ -106,14 +106,14 @@ def test_contacts_name_the_pairs_and_leave_out_the_ground() -> None:
         world.step()
         assert world.contacts() == ()
         for name in world.names:
-            world.set_speeds(name, (6.0, 6.0))
+            world.body(name).set_speeds((6.0, 6.0))
         seen: set[Contact] = set()
         for _ in range(1500):
             world.step()
             seen |= set(world.contacts())
         assert seen == {Contact("tb3_0", "tb3_1"), Contact("tb3_1", "crate")}
-        assert all(abs(world.state(name).position[2]) < 0.01 for name in world.names), "nobody climbs"
-        assert world.state("tb3_1").position[0] < 0.8, "the crate holds"
+        assert all(abs(world.body(name).state().position[2]) < 0.01 for name in world.names), "nobody climbs"
+        assert world.body("tb3_1").state().position[0] < 0.8, "the crate holds"
 
 
 @pytest.mark.parametrize(("model", "width"), [("burger", 0.178), ("waffle", 0.305)])
@@ -124,17 +124,17 @@ def test_side_by_side_robots_touch_at_their_wheels_not_at_the_spheres_inside(
     with pytest.raises(BadInput, match=r"by 0\.00\d m"):
         spawn("left", model, at=placement_at(0.0, width - 0.005))
     spawn("left", model, at=placement_at(0.0, width + 0.005))
-    before = world.state("left").position
+    before = world.body("left").state().position
     for _ in range(100):
         world.step()
     assert world.contacts() == ()
-    assert world.state("left").position == pytest.approx(before, abs=1e-4)
+    assert world.body("left").state().position == pytest.approx(before, abs=1e-4)
 
 
 def test_link_placement_is_where_the_urdf_puts_it(spawn: Spawner, world: BulletWorld) -> None:
     spawn(at=placement_at(1.0, 2.0, math.pi / 2))
-    assert world.link_pose("robot", "base_scan").position == pytest.approx((1.0, 2.0 - 0.032, 0.182), abs=1e-4)
-    assert world.link_pose("robot", "base_footprint").position == world.state("robot").position
+    assert world.body("robot").link_pose("base_scan").position == pytest.approx((1.0, 2.0 - 0.032, 0.182), abs=1e-4)
+    assert world.body("robot").link_pose("base_footprint").position == world.body("robot").state().position
 
 
 def test_standard_output_stays_clean() -> None:
