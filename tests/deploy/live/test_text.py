@@ -7,7 +7,7 @@ import io
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deploy.live.message_format import csv_cells, csv_row, to_flow_yaml, to_yaml, truncate
@@ -26,6 +26,7 @@ VALUES = st.recursive(
 ODOMETRY = plain_record(Odometry())
 
 
+@settings(deadline=None)  # the first example imports yaml
 @given(VALUES)
 def test_both_styles_read_back(value: Any) -> None:
     assert read_yaml(to_yaml(value)) == value
