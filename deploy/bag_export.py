@@ -90,7 +90,7 @@ def export_rrd(bag: Bag, output: Path, names: frozenset[str]) -> ExportResult:
     found = find_robots(bag)
     if not found.robots:
         if bag.problems:
-            raise BadInput(f"{bag.problems[0]}: mend it first, with --to rosbag2")
+            raise BadInput(f"{bag.problems[0]}: repair it first, with --to rosbag2")
         convert_bag(bag.files, output)
         return ExportResult(output, f"{output}: as the viewer reads it, since it holds no robot of this project", [])
     troubles: list[str] = []

@@ -21,6 +21,9 @@ from services.runtime.errors import BadInput, unknown_name
 
 FLEETS = Path(__file__).resolve().parent / "fleets"
 
+RENAMED_FLEETS = {"square_seed": "square_tutorial", "arm_seed": "arm_tutorial"}
+"""Old names of fleets of the project."""
+
 _BY_MODE = "mode_bounds"
 _TABLE_TYPES: dict[str, type[msgspec.Struct]] = {
     "": Fleet,
@@ -51,7 +54,19 @@ def find_fleet(name: str) -> Path:
         return path
     if path.suffix == ".toml" or "/" in name:
         raise BadInput(f"there is no fleet file {name}")
+    if name in RENAMED_FLEETS:
+        raise BadInput(f"the fleet {name} is called {RENAMED_FLEETS[name]} now")
     raise unknown_name("fleet", name, fleet_names())
+
+
+def saved_parameters_file(fleet: str) -> Path:
+    """Return the file of a fleet's saved parameters: the one under its old name if there is only that."""
+    file = Path("params") / f"{fleet}.db"
+    if not file.exists():
+        for old, new in RENAMED_FLEETS.items():
+            if new == fleet and (before := file.with_stem(old)).exists():
+                return before
+    return file
 
 
 def read_fleet(path: Path) -> Fleet:

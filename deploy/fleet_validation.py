@@ -63,7 +63,7 @@ def _check_robot(robot: RobotConfig, path: tuple[TomlKey, ...], names: set[str],
     where = source.location(*path, "name")
     try:
         if identify(robot.name, "/", ()).node in names:
-            raise BadInput(f"{where}: there is already a robot {robot.name!r}: each has a name of its own")
+            raise BadInput(f"{where}: there is already a robot {robot.name!r}: names must be unique")
     except BadName as error:
         raise BadInput(f"{where}: {error}") from None
     names.add(f"/{robot.name}")
@@ -82,7 +82,7 @@ def _check_models(fleet: Fleet, source: TomlSource) -> None:
                 raise unknown_name("model", name, own, source.location("every_robot", index, "models"))
     for path, member, _ in all_services(fleet):
         if member.models and path[0] != "every_robot":
-            raise BadInput(f"{source.location(*path, 'models')}: models is for [[every_robot]] alone")
+            raise BadInput(f"{source.location(*path, 'models')}: models is only for [[every_robot]]")
 
 
 def _check_member(
@@ -103,9 +103,7 @@ def _check_member(
         except BadName as error:
             raise BadInput(f"{source.location(*path, 'remap', origin)}: {error}") from None
     if owner is None and member.kind in BUILTIN_SERVICES and (member.name or member.namespace):
-        raise BadInput(
-            f"{source.location(*path)}: the {member.kind} keeps its name: every part of a fleet looks for it"
-        )
+        raise BadInput(f"{source.location(*path)}: the {member.kind} cannot be renamed: the fleet relies on its name")
 
 
 def _is_points(value: object) -> bool:

@@ -77,7 +77,7 @@ def _check_free(entry: FleetInstance, meeting: Path) -> None:
         pass
     else:
         raise BadInput(
-            f"a router that is no fleet's already listens in {meeting}: end it, or take another port with --port"
+            f"a router that belongs to no fleet already listens in {meeting}: stop it, or choose another --port"
         )
     for each in entry.listen:
         host, _, port = each.partition("/")[2].rpartition(":")

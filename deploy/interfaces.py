@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
 from typing import Any, ClassVar, NamedTuple, get_origin, get_type_hints
 
@@ -12,7 +11,7 @@ from messages.base import LARGEST, Array, Message
 from messages.records import RECORDS
 from messages.requests import REQUESTS, Request
 from messages.topics import TOPICS
-from services.runtime.errors import BadInput
+from services.runtime.errors import BadInput, nearest
 
 
 class FieldType(NamedTuple):
@@ -37,8 +36,8 @@ def find_interface(name: str) -> type[Message] | Request[Any, Any]:
     short: dict[str, list[str]] = {}
     for each in RECORDS:
         short.setdefault(each.rpartition("/")[2], []).append(each)
-    near = short.get(name) or difflib.get_close_matches(wanted, [*RECORDS, *own], 3, cutoff=0.5)
-    near = near or [whole for each in difflib.get_close_matches(name, short, 2) for whole in short[each]]
+    near = short.get(name) or nearest(wanted, [*RECORDS, *own], 3, cutoff=0.5)
+    near = near or [whole for each in nearest(name, short, 2) for whole in short[each]]
     hint = f"did you mean {' or '.join(map(repr, near))}?" if near else "./elea interface list shows all"
     raise BadInput(f"unknown type {name[:80]!r}; {hint}")
 
@@ -95,7 +94,7 @@ def list_types(package: str = "") -> dict[str, list[dict[str, str]]]:
     records = {name: each for name, each in sorted(RECORDS.items()) if not package or name.startswith(f"{package}/")}
     if not records:
         packages = sorted({name.partition("/")[0] for name in RECORDS})
-        raise BadInput(f"no type is of the package {package!r} (known: {', '.join(packages)})")
+        raise BadInput(f"there are no types in the package {package!r} (known: {', '.join(packages)})")
     messages = [{"type": name, "about": summary(each).partition("\n")[0]} for name, each in records.items()]
     requests = [
         {

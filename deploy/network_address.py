@@ -40,13 +40,12 @@ def select_fleet(port: int | None) -> FleetInstance:
     """The fleet that runs on ``port``, or the only one; raises BadInput."""
     fleets = running_fleets()
     if not fleets:
-        raise BadInput("no fleet runs: start one with ./elea up")
+        raise BadInput("no fleet is running: start one with ./elea up")
     if port is None and len(fleets) == 1:
         return fleets[0]
     for each in fleets:
         if each.port == port:
             return each
     listed = ", ".join(f"{each.fleet} (--port {each.port})" for each in fleets)
-    raise BadInput(
-        f"{'several fleets run' if port is None else f'no fleet runs on port {port}'}: choose one of {listed}"
-    )
+    said = "several fleets are running" if port is None else f"no fleet is running on port {port}"
+    raise BadInput(f"{said}: choose one of {listed}")

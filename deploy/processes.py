@@ -93,8 +93,7 @@ def _place_services(fleet: Fleet) -> list[_PlacedService]:
 
 def _is_lockstep_member(kind: str) -> bool:
     """Whether lockstep waits for services of this kind at each tick."""
-    service = load_service(kind)
-    return service.holds_lockstep and service.rate is not None
+    return load_service(kind).steps
 
 
 def _process_spec(stated: _PlacedService, fleet: Fleet, options: RunOptions, nodes: NodeGroups) -> ProcessSpec:
@@ -122,7 +121,7 @@ def _process_spec(stated: _PlacedService, fleet: Fleet, options: RunOptions, nod
 
 def _module(kind: str) -> tuple[str, ...]:
     """What Python runs; a file of the user's own runs as in ``./elea run``, with its folder on the path."""
-    return ("deploy", "run", kind) if is_user_file(kind) else (f"services.{kind}",)
+    return ("deploy", "run", kind) if is_user_file(kind) else ("services", kind)
 
 
 def _arguments(

@@ -74,7 +74,7 @@ def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> Run
     with instance_lock(entry):
         if options.saved is not None:
             check_parameter_file_unused(options.saved)
-        screen.print_line(f"{fleet.name}: {len(plan)} processes, {fleet.run.mode}; results go to {options.folder}")
+        screen.print_line(f"{fleet.name}: {len(plan)} processes, {fleet.run.mode}; results in {options.folder}")
         for each in entry.listen:
             who = "every user of this machine can read everything and drive the robots"
             screen.print_line(f"listening on {each}: {who if is_local(each) else OPEN_TO_ALL}")
@@ -107,7 +107,7 @@ async def _supervise(supervisor: Supervisor, screen: ProgressDisplay) -> Outcome
     """Run; SIGINT, SIGTERM and SIGHUP end the fleet, a second one at once."""
 
     def interrupt() -> None:
-        screen.print_line("stopping; once more to kill")
+        screen.print_line("stopping; press Ctrl-C again to kill")
         supervisor.interrupt()
 
     loop = asyncio.get_running_loop()

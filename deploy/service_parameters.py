@@ -17,12 +17,12 @@ from models.urdf import read_joint_limits
 from services.arm import ArmParameters
 from services.logger import LoggerParameters
 from services.panel.address import ADDRESS_FILE as PANEL_FILE
+from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.validation import build
-from services.runtime.service import Parameters
 from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.zenoh_config import PORT
-from services.sim import BaseParameters, JointParameters
 from services.sim.drive.config import robot_config
+from services.sim.parameters import BaseParameters, JointParameters
 
 CHANGE_MARGIN_S = 1.0
 """A run ends by goals so long after the last scheduled change at the earliest: it must have been seen."""

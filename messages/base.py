@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, Suppo
 import msgspec
 from msgspec import Meta
 
+from messages.errors import EleaError
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -64,7 +66,7 @@ class Message(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     ROS_TYPE: ClassVar[str] = ""
 
 
-class WrongPayload(ValueError):
+class WrongPayload(EleaError, ValueError):
     """A payload is not the expected record; the text says which field and why."""
 
 

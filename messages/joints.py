@@ -44,6 +44,6 @@ class JointProperties(Message, frozen=True, kw_only=True):
 
 
 _END = {"unit": "deg", "live": False}
-LowerEnd = Annotated[float, Meta(ge=-36_000, le=36_000, description="lower end of the joint's range", extra=_END)]
-UpperEnd = Annotated[float, Meta(ge=-36_000, le=36_000, description="upper end of the joint's range", extra=_END)]
+LowerEnd = Annotated[float, Meta(ge=-36_000, le=36_000, description="Lower end of the joint's range.", extra=_END)]
+UpperEnd = Annotated[float, Meta(ge=-36_000, le=36_000, description="Upper end of the joint's range.", extra=_END)]
 """Parameters of every service of a set that must keep to a joint's range; a fleet wires those of the model."""

@@ -9,6 +9,8 @@ import re
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from messages.errors import BadInput
+
 LONGEST = 247
 """Characters of the absolute name of a topic or a request; rmw's RMW_TOPIC_MAX_NAME_LENGTH."""
 LONGEST_NAMESPACE = 245
@@ -24,7 +26,7 @@ _WILD = "names are written out, wildcards are not allowed"
 _CHARACTERS = "a name has letters, digits, '_' and '/' only"
 
 
-class BadName(ValueError):
+class BadName(BadInput):
     """A name or rule from outside is not legal; the text says what it is, which character, and the rule."""
 
 

@@ -85,44 +85,54 @@ class Done(Message, frozen=True, kw_only=True):
     text: str = ""
 
 
-SPAWN = Request("/sim/spawn", SpawnModel, ModelState, "put a model into the world", 1 << 20)
-DELETE = Request("/sim/delete", Name, Done, "take a model out of the world")
-LIST = Request("/sim/list", Empty, ModelList, "all models with their poses and twists")
+SPAWN = Request("/sim/spawn", SpawnModel, ModelState, "spawn a model", 1 << 20)
+DELETE = Request("/sim/delete", Name, Done, "delete a model")
+LIST = Request("/sim/list", Empty, ModelList, "list all models with their poses and twists")
 GET_STATE = Request(
-    "/sim/get_state", GetModelState, ModelState, "pose and twist of one model, in the world or relative"
+    "/sim/get_state", GetModelState, ModelState, "get the pose and twist of a model, in the world or relative"
 )
 SET_STATE = Request("/sim/set_state", SetModelState, ModelState, "move a model")
-SET_ODOMETRY = Request("/sim/set_odometry", SetOdometry, Done, "say where a robot's wheel odometry is from now on")
-SET_DRIVE = Request("/sim/set_drive", DriveSettings, DriveSettings, "change a base's live parameters, all or none")
-RESET = Request("/sim/reset", Empty, SimTime, "time to zero and all models to where they were spawned")
-RESET_WORLD = Request("/sim/reset_world", Empty, SimTime, "all models to where they were spawned; time goes on")
-PAUSE = Request("/sim/pause", Empty, SimTime, "stop simulation time")
-RESUME = Request("/sim/resume", Empty, SimTime, "let simulation time go on")
-STEP = Request("/sim/step", Steps, SimTime, "run some physics steps while paused")
-LIST_STOPS = Request("/sim/list_stops", Empty, EmergencyStops, "who holds which emergency stop")
+SET_ODOMETRY = Request("/sim/set_odometry", SetOdometry, Done, "set the pose of a robot's wheel odometry")
+SET_DRIVE = Request("/sim/set_drive", DriveSettings, DriveSettings, "set the live parameters of a base, all or none")
+RESET = Request("/sim/reset", Empty, SimTime, "reset time to zero and all models to their spawn poses")
+RESET_WORLD = Request("/sim/reset_world", Empty, SimTime, "reset all models to their spawn poses; time continues")
+PAUSE = Request("/sim/pause", Empty, SimTime, "pause simulation time")
+RESUME = Request("/sim/resume", Empty, SimTime, "resume simulation time")
+STEP = Request("/sim/step", Steps, SimTime, "run physics steps while paused")
+LIST_STOPS = Request("/sim/list_stops", Empty, EmergencyStops, "list the emergency stops and their holders")
 RELEASE_STOP = Request("/sim/release_stop", ReleaseStop, Done, "release the emergency stops of holders that are gone")
-APPLY_EFFORT = Request("/sim/apply_effort", ApplyEffort, Done, "put an effort on a joint, for a time")
-CLEAR_EFFORT = Request("/sim/clear_effort", JointName, Done, "drop the efforts on a joint, waiting ones too")
-JOINT_PROPERTIES = Request("/sim/joint_properties", JointName, JointProperties, "what a joint is and does")
-SET_CONFIGURATION = Request("/sim/set_configuration", SetConfiguration, JointState, "put joints at positions")
-APPLY_WRENCH = Request("/sim/apply_wrench", ApplyWrench, Done, "push and twist a link, for a time")
-CLEAR_WRENCH = Request("/sim/clear_wrench", LinkName, Done, "drop the wrenches on a link")
-LINK_STATE = Request("/sim/link_state", LinkName, LinkState, "pose and twist of one link")
-LINK_PROPERTIES = Request("/sim/link_properties", LinkName, LinkProperties, "mass, inertia and friction of one link")
-MODEL_PROPERTIES = Request("/sim/model_properties", Name, ModelProperties, "what a model is made of")
-WORLD_PROPERTIES = Request("/sim/world_properties", Empty, WorldProperties, "the world, its physics and its time")
+APPLY_EFFORT = Request("/sim/apply_effort", ApplyEffort, Done, "apply an effort to a joint for some time")
+CLEAR_EFFORT = Request(
+    "/sim/clear_effort", JointName, Done, "clear the efforts on a joint, including those yet to start"
+)
+JOINT_PROPERTIES = Request(
+    "/sim/joint_properties", JointName, JointProperties, "get the type, limits, state and effort of a joint"
+)
+SET_CONFIGURATION = Request("/sim/set_configuration", SetConfiguration, JointState, "set joint positions")
+APPLY_WRENCH = Request("/sim/apply_wrench", ApplyWrench, Done, "apply a force and torque to a link for some time")
+CLEAR_WRENCH = Request("/sim/clear_wrench", LinkName, Done, "clear the wrenches on a link")
+LINK_STATE = Request("/sim/link_state", LinkName, LinkState, "get the pose and twist of a link")
+LINK_PROPERTIES = Request(
+    "/sim/link_properties", LinkName, LinkProperties, "get the mass, inertia and friction of a link"
+)
+MODEL_PROPERTIES = Request("/sim/model_properties", Name, ModelProperties, "get the properties of a model")
+WORLD_PROPERTIES = Request(
+    "/sim/world_properties", Empty, WorldProperties, "get the properties of the world, its physics and its time"
+)
 
 SUPERVISOR_START = Request("/supervisor/start", Name, Done, "start a stopped process of the fleet")
 SUPERVISOR_STOP = Request("/supervisor/stop", Name, Done, "stop a process of the fleet")
-SUPERVISOR_RESTART = Request("/supervisor/restart", Name, Done, "stop and start a process of the fleet")
+SUPERVISOR_RESTART = Request("/supervisor/restart", Name, Done, "restart a process of the fleet")
 
-PARAMS_ANNOUNCE = Request("/params/announce", Announcement, ParameterValues, "say which parameters a node has", 1 << 20)
-PARAMS_LIST = Request("/params/list", Empty, ParameterSets, "all sets of parameters, described")
-PARAMS_GET = Request("/params/get", ParameterSet, ParameterValues, "the effective values of a set")
-PARAMS_SET = Request("/params/set", SetParameters, ParameterValues, "change parameters of a set, all or none", 1 << 19)
-PARAMS_RESET = Request("/params/reset", ResetParameters, ParameterValues, "forget what was set")
-PARAMS_UNDO = Request("/params/undo", UndoParameters, ParameterValues, "take the newest change of a set back")
-PARAMS_HISTORY = Request("/params/history", HistoryOf, ParameterHistory, "who changed what, and when")
+PARAMS_ANNOUNCE = Request(
+    "/params/announce", Announcement, ParameterValues, "announce the parameters of a node", 1 << 20
+)
+PARAMS_LIST = Request("/params/list", Empty, ParameterSets, "list all parameter sets with their descriptions")
+PARAMS_GET = Request("/params/get", ParameterSet, ParameterValues, "get the effective values of a set")
+PARAMS_SET = Request("/params/set", SetParameters, ParameterValues, "set parameters of a set, all or none", 1 << 19)
+PARAMS_RESET = Request("/params/reset", ResetParameters, ParameterValues, "reset parameters")
+PARAMS_UNDO = Request("/params/undo", UndoParameters, ParameterValues, "undo the last change of a set")
+PARAMS_HISTORY = Request("/params/history", HistoryOf, ParameterHistory, "get the history of changes")
 
 SIM_REQUESTS: tuple[Request[Message, Message], ...] = (
     SPAWN,

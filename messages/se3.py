@@ -1,11 +1,14 @@
-"""Rigid transforms in three dimensions: composed, inverted, interpolated; plain arithmetic, 2 us each."""
+"""Rigid transforms in three dimensions: composed, inverted, interpolated; plain arithmetic, 2 us each.
+
+A rotation is a unit quaternion (x, y, z, w). Where a docstring says so, components may be arrays of one length.
+"""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from messages.geometry import Quaternion, Transform, Vector3
+from messages.geometry import Point, Pose, Quaternion, Transform, Vector3
 
 Vector = tuple[float, float, float]
 Rotation = tuple[float, float, float, float]
@@ -15,86 +18,113 @@ NEARLY_ONE = 0.9995
 sine in the arc's denominator goes to 0."""
 
 
-class SE3(NamedTuple):
-    """Where a child frame lies in its parent: ``place`` [m] and ``turn``, a unit quaternion (x, y, z, w).
+class Pose3(NamedTuple):
+    """The pose of a frame in its parent: ``position`` [m] and ``orientation``, a unit quaternion (x, y, z, w).
 
-    A point p of the child is R(turn) p + place in the parent.
+    It is also the transform from the frame to its parent: a point p lies at R(orientation) p + position in the parent.
     """
 
-    translation: Vector = (0.0, 0.0, 0.0)
-    rotation: Rotation = (0.0, 0.0, 0.0, 1.0)
+    position: Vector = (0.0, 0.0, 0.0)
+    orientation: Rotation = (0.0, 0.0, 0.0, 1.0)
 
     @classmethod
-    def from_msg(cls, transform: Transform) -> SE3:
-        """The transform of a message, its rotation taken at length 1."""
-        t, q = transform.translation, transform.rotation
+    def from_msg(cls, message: Pose | Transform) -> Pose3:
+        """The pose or transform of a message, its rotation scaled to length 1."""
+        t, q = (
+            (message.position, message.orientation)
+            if isinstance(message, Pose)
+            else (message.translation, message.rotation)
+        )
         length = math.sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w)
         return cls((t.x, t.y, t.z), (q.x / length, q.y / length, q.z / length, q.w / length))
 
-    @property
-    def to_msg(self) -> Transform:
-        """As it travels."""
+    @classmethod
+    def planar(cls, x: float, y: float, yaw: float = 0.0) -> Pose3:
+        """The pose (x [m], y [m], yaw [rad]) on the ground."""
+        return cls((x, y, 0.0), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
+
+    def to_msg(self) -> Pose:
+        """The pose as a message."""
+        (x, y, z), (i, j, k, w) = self
+        return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=i, y=j, z=k, w=w))
+
+    def to_transform(self) -> Transform:
+        """The pose as a message of tf."""
         (x, y, z), (i, j, k, w) = self
         return Transform(translation=Vector3(x=x, y=y, z=z), rotation=Quaternion(x=i, y=j, z=k, w=w))
 
     @property
     def rpy(self) -> Vector:
         """Roll, pitch and yaw about the parent's fixed axes [rad], as in a URDF; at a pitch of 90 degrees roll is 0."""
-        x, y, z, w = self.rotation
-        sine = 2 * (w * y - z * x)
-        if abs(sine) >= 1 - 1e-12:
-            return 0.0, math.copysign(math.pi / 2, sine), math.remainder(2 * math.atan2(z, w), math.tau)
-        roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-        return roll, math.asin(sine), math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        return rpy_from_quaternion(self.orientation)
 
-    def compose(self, inner: SE3) -> SE3:
-        """The frame ``inner``, told in this one's frame, told in this one's parent: T = self inner."""
-        x, y, z = rotate(self.rotation, inner.translation)
-        return SE3(
-            (self.translation[0] + x, self.translation[1] + y, self.translation[2] + z),
-            quaternion_multiply(self.rotation, inner.rotation),
+    def compose(self, inner: Pose3) -> Pose3:
+        """``inner``, which is a pose in this frame, in the parent of this frame; also written ``self @ inner``."""
+        x, y, z = rotate(self.orientation, inner.position)
+        return Pose3(
+            (self.position[0] + x, self.position[1] + y, self.position[2] + z),
+            quaternion_multiply(self.orientation, inner.orientation),
         )
 
-    def inverse(self) -> SE3:
-        """The parent told in the child: R^T, -R^T p."""
-        i, j, k, w = self.rotation
-        back = (-i, -j, -k, w)
-        x, y, z = rotate(back, self.translation)
-        return SE3((-x, -y, -z), back)
+    def __matmul__(self, inner: Pose3) -> Pose3:
+        return self.compose(inner)
 
-    def interpolate(self, other: SE3, share: float) -> SE3:
-        """Between this (share 0) and ``other`` (share 1): places on a line, rotations on the shorter arc (slerp).
+    def inverse(self) -> Pose3:
+        """The pose of the parent in this frame: R^T, -R^T p."""
+        back = quaternion_conjugate(self.orientation)
+        x, y, z = rotate(back, self.position)
+        return Pose3((-x, -y, -z), back)
+
+    def interpolate(self, other: Pose3, share: float) -> Pose3:
+        """Between this (share 0) and ``other`` (share 1): positions on a line, rotations on the shorter arc (slerp).
 
         q = (q0 sin((1 - s) a) + q1 sin(s a)) / sin a with cos a = q0 . q1 (Shoemake 1985).
         """
-        place = tuple(a + share * (b - a) for a, b in zip(self.translation, other.translation, strict=True))
-        cosine = sum(a * b for a, b in zip(self.rotation, other.rotation, strict=True))
+        position = tuple(a + share * (b - a) for a, b in zip(self.position, other.position, strict=True))
+        cosine = sum(a * b for a, b in zip(self.orientation, other.orientation, strict=True))
         near, far = 1 - share, math.copysign(share, cosine)
         if abs(cosine) < NEARLY_ONE:
             angle = math.acos(abs(cosine))
             near = math.sin(near * angle) / math.sin(angle)
             far = math.copysign(math.sin(share * angle) / math.sin(angle), cosine)
-        turn = [near * a + far * b for a, b in zip(self.rotation, other.rotation, strict=True)]
-        length = math.sqrt(sum(each * each for each in turn))
-        x, y, z = place
-        i, j, k, w = (each / length for each in turn)
-        return SE3((x, y, z), (i, j, k, w))
+        mixed = [near * a + far * b for a, b in zip(self.orientation, other.orientation, strict=True)]
+        length = math.sqrt(sum(each * each for each in mixed))
+        x, y, z = position
+        i, j, k, w = (each / length for each in mixed)
+        return Pose3((x, y, z), (i, j, k, w))
 
 
-IDENTITY = SE3()
-"""A frame told in itself."""
+IDENTITY = Pose3()
+"""The pose of a frame in itself."""
 
 
-def rotate(turn: Rotation, vector: Vector) -> Vector:
-    """R(turn) v = v + 2 u x (u x v + w v), with u the vector part."""
-    x, y, z, w = turn
+def rotate(rotation: Rotation, vector: Vector) -> Vector:
+    """R(q) v = v + 2 u x (u x v + w v), with u the vector part; the components of ``vector`` may be arrays."""
+    x, y, z, w = rotation
     a, b, c = vector
     i, j, k = y * c - z * b + w * a, z * a - x * c + w * b, x * b - y * a + w * c
     return a + 2 * (y * k - z * j), b + 2 * (z * i - x * k), c + 2 * (x * j - y * i)
 
 
-def quaternion_multiply(p: Rotation, q: Rotation) -> Rotation:
-    """The rotation q, then p, each about the axes of the parent (Hamilton's product)."""
+def rotate_inverse(rotation: Rotation, vector: Vector) -> Vector:
+    """R(q)^T v: a vector of the parent in the axes of the rotated frame."""
+    x, y, z, w = rotation
+    return rotate((-x, -y, -z, w), vector)
+
+
+def rotated_axes(rotation: Rotation) -> tuple[Vector, Vector, Vector]:
+    """The x, y and z axis of the rotated frame in its parent, which are the columns of the rotation matrix R(q)."""
+    return rotate(rotation, (1.0, 0.0, 0.0)), rotate(rotation, (0.0, 1.0, 0.0)), rotate(rotation, (0.0, 0.0, 1.0))
+
+
+def quaternion_conjugate(rotation: Rotation) -> Rotation:
+    """The inverse rotation."""
+    x, y, z, w = rotation
+    return -x, -y, -z, w
+
+
+def quaternion_multiply(p: Rotation, q: Rotation | tuple[Any, Any, Any, Any]) -> Rotation:
+    """The rotation q, then p, each about the axes of the parent (Hamilton's product); q may consist of arrays."""
     (a, b, c, w), (x, y, z, v) = p, q
     return (
         w * x + a * v + b * z - c * y,
@@ -102,3 +132,24 @@ def quaternion_multiply(p: Rotation, q: Rotation) -> Rotation:
         w * z + a * y - b * x + c * v,
         w * v - a * x - b * y - c * z,
     )
+
+
+def quaternion_from_rpy(roll: float, pitch: float, yaw: float) -> Rotation:
+    """The rotation by roll, then pitch, then yaw [rad] about fixed axes, as in a URDF: q = q_z q_y q_x."""
+    cr, sr, cp, sp, cy, sy = (f(a / 2) for a in (roll, pitch, yaw) for f in (math.cos, math.sin))
+    return (
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+        cr * cp * cy + sr * sp * sy,
+    )
+
+
+def rpy_from_quaternion(rotation: Rotation) -> Vector:
+    """Roll, pitch and yaw about fixed axes [rad], as in a URDF; at a pitch of 90 degrees roll is 0."""
+    x, y, z, w = rotation
+    sine = 2 * (w * y - z * x)
+    if abs(sine) >= 1 - 1e-12:
+        return 0.0, math.copysign(math.pi / 2, sine), math.remainder(2 * math.atan2(z, w), math.tau)
+    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    return roll, math.asin(sine), math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))

@@ -1,8 +1,8 @@
 """The topics: name, record, promised rate and quality of service, and the table of all of them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Generic, TypeVar
+from typing import Generic, Self, TypeVar
 
 from messages.base import Message
 from messages.control import JointControllerState
@@ -10,6 +10,7 @@ from messages.elea import BaseStatus, Checks, EmergencyStops, FleetState, GoalSt
 from messages.gazebo import LinkStates, ModelStates
 from messages.geometry import PoseStamped, Twist, TwistStamped
 from messages.joints import JointEffort
+from messages.names import BadName
 from messages.nav import Odometry, Path
 from messages.parameters import ParameterSchema, ParameterValues, ScheduledChanges
 from messages.rosgraph import Clock, Log
@@ -25,10 +26,10 @@ class Quality(Enum):
     """How samples of a topic travel."""
 
     SENSOR = "newest wins, may drop"
-    COMMAND = "newest wins, express, ahead of everything else"
-    EVENT = "the sender waits, none is dropped on the way; a reader loses its oldest beyond 8192 (64 MiB) not yet taken"
-    LATCHED = "the sender waits, none is dropped on the way; the last of each publisher reaches late joiners"
-    VITAL = "newest wins, in a queue of its own that no flood of data fills"
+    COMMAND = "newest wins, express, before all other traffic"
+    EVENT = "reliable, publishers block; a subscriber drops its oldest unread messages beyond 8192 (64 MiB)"
+    LATCHED = "reliable, publishers block; late subscribers get the last message of each publisher"
+    VITAL = "newest wins, in a queue of its own that a flood of data cannot fill"
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,84 +55,120 @@ class Topic(Generic[M_co]):
     unit: str = ""
     """The unit of a topic that carries one bare number."""
 
+    def of(self, namespace: str) -> Self:
+        """The same topic in another namespace: ``ODOM.of("tb3_0")`` is ``/tb3_0/odom``, and that of a node's ``~name``
+        is ``/node/name``; raises BadName for a topic whose name is absolute."""
+        if self.name.startswith("/"):
+            raise BadName(f"{self.name} is the same topic in every namespace")
+        return self.named(f"/{namespace.strip('/')}/{self.name.removeprefix('~')}".replace("//", "/"))
+
+    def named(self, name: str) -> Self:
+        """The same topic under another name."""
+        return replace(self, name=name)
+
 
 CLOCK = Topic("/clock", Clock, 50, Quality.SENSOR, "simulation time, step, epoch, pause")
 CMD_VEL = Topic("cmd_vel", Twist, 25, Quality.COMMAND, "velocity command of a base")
-CMD_VEL_OUT = Topic("cmd_vel_out", TwistStamped, 50, Quality.SENSOR, "what a base makes of its commands, if asked for")
-E_STOP = Topic("e_stop", Bool, 0, Quality.LATCHED, "true stops the robot until its sender resets it by false")
-STOPS = Topic("/sim/stops", EmergencyStops, 0, Quality.LATCHED, "who holds which emergency stop", 1 << 20, only="/sim")
+CMD_VEL_OUT = Topic(
+    "cmd_vel_out", TwistStamped, 50, Quality.SENSOR, "velocity command after limiting, if publish_cmd is set"
+)
+E_STOP = Topic("e_stop", Bool, 0, Quality.LATCHED, "true stops the robot until the same publisher sends false")
+STOPS = Topic(
+    "/sim/stops", EmergencyStops, 0, Quality.LATCHED, "emergency stops and their holders", 1 << 20, only="/sim"
+)
 ODOM = Topic("odom", Odometry, 25, Quality.SENSOR, "odometry of a base")
 GROUND_TRUTH = Topic("ground_truth", Odometry, 25, Quality.SENSOR, "true pose in the world, true twist in the body")
-JOINT_STATES = Topic("joint_states", JointState, 25, Quality.SENSOR, "angles and speeds of all moving joints")
-IMU = Topic("imu", Imu, 100, Quality.SENSOR, "orientation, turn rate and specific force")
-SCAN = Topic("scan", LaserScan, 5, Quality.SENSOR, "ranges of the laser")
-SONAR = Topic("sonar", PointCloud, 10, Quality.SENSOR, "where the sonars hear an echo, one point each, in their order")
-RANGE = Topic(
-    "sonar/range", Range, 160, Quality.SENSOR, "what each sonar hears, one after the other, each in its frame"
-)
-IMAGE = Topic("camera/image", Image, 10, Quality.SENSOR, "picture of the camera, while somebody looks", 1 << 23)
+JOINT_STATES = Topic("joint_states", JointState, 25, Quality.SENSOR, "positions and velocities of all moving joints")
+IMU = Topic("imu", Imu, 100, Quality.SENSOR, "orientation, angular velocity and specific force")
+SCAN = Topic("scan", LaserScan, 5, Quality.SENSOR, "laser scan")
+SONAR = Topic("sonar", PointCloud, 10, Quality.SENSOR, "echoes of the sonars, one point per sonar, in order")
+RANGE = Topic("sonar/range", Range, 160, Quality.SENSOR, "range of each sonar in turn, in the sonar's frame")
+IMAGE = Topic("camera/image", Image, 10, Quality.SENSOR, "camera image, while there are subscribers", 1 << 23)
 CAMERA_INFO = Topic("camera/camera_info", CameraInfo, 10, Quality.SENSOR, "calibration of the camera")
-BASE_STATUS = Topic("base_status", BaseStatus, 5, Quality.EVENT, "what the base obeys, refuses and hits", 1 << 13)
-GOAL_POSE = Topic("goal_pose", PoseStamped, 0, Quality.EVENT, "a goal to drive to", 1 << 13)
-PLAN = Topic("plan", Path, 0, Quality.LATCHED, "the goals of a robot, in order")
+BASE_STATUS = Topic(
+    "base_status",
+    BaseStatus,
+    5,
+    Quality.EVENT,
+    "state of a base: command source, refused commands, collisions",
+    1 << 13,
+)
+GOAL_POSE = Topic("goal_pose", PoseStamped, 0, Quality.EVENT, "goal to drive to", 1 << 13)
+PLAN = Topic("plan", Path, 0, Quality.LATCHED, "goals of a robot, in order")
 STATUS = Topic("status", GoalStatus, 0, Quality.LATCHED, "progress on the plan")
-TF = Topic("/tf", TFMessage, 25, Quality.SENSOR, "moving transforms of all robots")
+TF = Topic("/tf", TFMessage, 25, Quality.SENSOR, "transforms of moving frames")
 TF_STATIC = Topic(
-    "/tf_static", TFMessage, 0, Quality.LATCHED, "fixed transforms, all of a publisher's in one message", 1 << 21
+    "/tf_static", TFMessage, 0, Quality.LATCHED, "static transforms, all of a publisher's in one message", 1 << 21
 )
 MODEL_STATES = Topic(
-    "/gazebo/model_states", ModelStates, 25, Quality.SENSOR, "where all models are, while somebody listens", 1 << 18
+    "/gazebo/model_states",
+    ModelStates,
+    25,
+    Quality.SENSOR,
+    "poses and twists of all models, while there are subscribers",
+    1 << 18,
 )
 LINK_STATES = Topic(
-    "/gazebo/link_states", LinkStates, 25, Quality.SENSOR, "where all links are, while somebody listens", 1 << 22
+    "/gazebo/link_states",
+    LinkStates,
+    25,
+    Quality.SENSOR,
+    "poses and twists of all links, while there are subscribers",
+    1 << 22,
 )
-ROBOT_DESCRIPTION = Topic("robot_description", String, 0, Quality.LATCHED, "the URDF of a robot", 1 << 20)
-JOINT_EFFORT = Topic("joint_effort", JointEffort, 100, Quality.COMMAND, "effort on a joint, for a time")
-REFERENCE = Topic(
-    "/robot_control/reference", Float32, 50, Quality.SENSOR, "where the arm should be, degrees", unit="deg"
-)
+ROBOT_DESCRIPTION = Topic("robot_description", String, 0, Quality.LATCHED, "URDF of a robot", 1 << 20)
+JOINT_EFFORT = Topic("joint_effort", JointEffort, 100, Quality.COMMAND, "effort to apply to a joint for some time")
+REFERENCE = Topic("/robot_control/reference", Float32, 50, Quality.SENSOR, "set-point of the arm, degrees", unit="deg")
 CONTROL_SIGNAL = Topic(
     "/robot_control/control_signal", Float32, 100, Quality.SENSOR, "effort of the arm, N m", unit="N m"
 )
-JOINT_ANGLE = Topic("/robot_control/joint_angle", Float32, 100, Quality.SENSOR, "where the arm is, degrees", unit="deg")
-CONTROL_ERROR = Topic("/robot_control/error", Float32, 100, Quality.SENSOR, "reference less angle, degrees", unit="deg")
+JOINT_ANGLE = Topic("/robot_control/joint_angle", Float32, 100, Quality.SENSOR, "angle of the arm, degrees", unit="deg")
+CONTROL_ERROR = Topic(
+    "/robot_control/error", Float32, 100, Quality.SENSOR, "reference minus angle, degrees", unit="deg"
+)
 CONTROL_STATE = Topic(
-    "/robot_control/state", JointControllerState, 100, Quality.SENSOR, "all of these at one tick, with its time"
+    "/robot_control/state",
+    JointControllerState,
+    100,
+    Quality.SENSOR,
+    "the controller's inputs, gains and output, time-stamped",
 )
 DESCRIPTIONS = Topic(
     "~parameter_descriptions",
     ParameterSchema,
     0,
     Quality.LATCHED,
-    "a set's parameters, bounds and texts",
+    "parameters of a set: types, bounds and descriptions",
     1 << 20,
     "/params",
 )
 UPDATES = Topic(
-    "~parameter_updates", ParameterValues, 0, Quality.LATCHED, "a set's values, after each change", 1 << 20, "/params"
+    "~parameter_updates", ParameterValues, 0, Quality.LATCHED, "values of a set, after each change", 1 << 20, "/params"
 )
 SCHEDULE = Topic(
     "/params/schedule",
     ScheduledChanges,
     0,
     Quality.LATCHED,
-    "which scheduled changes of parameters were made, and why others were not",
+    "scheduled parameter changes: which were made, and why others were not",
     1 << 20,
 )
-SIM_STATUS = Topic("/sim/status", SimStatus, 0, Quality.LATCHED, "who was missing when time began, and how it lags")
-ROSOUT = Topic("/rosout", Log, 0, Quality.EVENT, "the log of every node")
-HEALTH = Topic("/health", Health, 0, Quality.VITAL, "heartbeat of every node, once a second of wall time")
+SIM_STATUS = Topic(
+    "/sim/status", SimStatus, 0, Quality.LATCHED, "nodes missing when time started, and the lag behind the wall clock"
+)
+ROSOUT = Topic("/rosout", Log, 0, Quality.EVENT, "log messages of all nodes")
+HEALTH = Topic("/health", Health, 0, Quality.VITAL, "heartbeat of each node, once per second of wall time")
 LOCKSTEP = Topic(
     "/lockstep",
     LockstepState,
     0,
     Quality.LATCHED,
-    "whom the simulation waits for, and whom it lost",
+    "members that the simulation waits for, and those it lost",
     1 << 20,
     "/sim",
 )
-CHECKS = Topic("/checks", Checks, 0, Quality.LATCHED, "a service's own checks of the run, for its report", 1 << 17)
-FLEET_STATE = Topic("/supervisor/state", FleetState, 0, Quality.LATCHED, "the processes of the fleet", 1 << 20)
+CHECKS = Topic("/checks", Checks, 0, Quality.LATCHED, "a service's own checks, for the report of the run", 1 << 17)
+FLEET_STATE = Topic("/supervisor/state", FleetState, 0, Quality.LATCHED, "processes of the fleet", 1 << 20)
 
 TOPICS: tuple[Topic[Message], ...] = (
     CLOCK,

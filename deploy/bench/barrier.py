@@ -77,7 +77,7 @@ def raw_barrier(strides: Sequence[int]) -> Iterator[RawBarrier]:
 
 def _run_barrier(strides: Sequence[int], endpoint: str) -> Iterator[RawBarrier]:
     module = [sys.executable, "-P", "-m"]
-    commands = [[*module, "services.router", "--param", f"listen={endpoint}"]]
+    commands = [[*module, "services", "router", "--param", f"listen={endpoint}"]]
     commands += [[*module, "deploy.bench.peer", "member", endpoint, str(number)] for number in range(len(strides))]
     with ExitStack() as stack:
         for command in commands:

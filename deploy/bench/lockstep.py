@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -15,18 +14,19 @@ from deploy.bench.figures import Figure, ratios
 from deploy.bench.fleet import BenchFleet, watch_fleet
 from deploy.fleet import RobotConfig
 from deploy.fleet_file import find_fleet, read_fleet
+from messages.se3 import Pose3
 from messages.topics import CMD_VEL, JOINT_EFFORT
 from models import urdf_path
 from models.model import read_model
 from models.world import read_world
 from services.runtime.graph import Entity, token_pattern
 from services.runtime.parameters.validation import build
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.sim.drive.config import DriveConfig, robot_config
 from services.sim.drive.driver import AT_REST, step_drive, wheel_speeds
 from services.sim.parameters import BaseParameters
 from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import Body, Motor, Pose3
+from services.sim.physics.world import Body, Motor
 
 
 class Span(NamedTuple):
@@ -105,8 +105,7 @@ def raw_factor(steps: ActuatorSchedule, span: Span, hold: Callable[[int], None] 
     """Simulated seconds per wall-clock second of the raw loop; ``hold`` is called with the number of each step."""
     with BulletWorld(read_world("empty"), STEP_NS) as world:
         for robot in lab_robots():
-            half = robot.pose.yaw / 2
-            place = Pose3((robot.pose.x, robot.pose.y, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)))
+            place = Pose3.planar(robot.pose.x, robot.pose.y, robot.pose.yaw)
             fixed = read_model(robot.model).fixed_base
             world.spawn(Body(robot.name, urdf_path(robot.model), place, wheel_motors(robot), fixed))
         started = 0.0

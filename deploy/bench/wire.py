@@ -197,7 +197,7 @@ def run_wire(rounds: int, folder: Path, say: Callable[[str], None]) -> list[Figu
     endpoint = router_in(folder)  # Both sides meet over the same kind of link.
     module = [sys.executable, "-P", "-m"]
     commands = (
-        [*module, "services.router", "--param", f"listen={endpoint}"],
+        [*module, "services", "router", "--param", f"listen={endpoint}"],
         [*module, "deploy.bench.peer", "raw", endpoint],
         [*module, "deploy.bench.peer", "typed", "--connect", endpoint],
     )

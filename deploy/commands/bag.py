@@ -1,4 +1,4 @@
-"""``elea bag``: record what travels on the bus, play it back, inspect it, export it."""
+"""``elea bag``: record, play, inspect and export bags."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from deploy.commands.completion import TOPIC
 from deploy.commands.lazy_group import LazyCommand, LazyGroup
 from deploy.commands.options import json_option, network_options
 from deploy.live.message_format import escape_unprintable
@@ -27,37 +28,43 @@ _UNITS = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9, "Ki": 2**10, "Mi": 2**20, "
 
 
 class IncompleteBag(EleaError):
-    """A bag is torn or damaged, or not all of it could be used."""
+    """A bag is incomplete or damaged, or not all of it could be used."""
 
 
 COMMANDS = {
     "record": LazyCommand("bag:record_command", "Record topics, or all of them, until Ctrl-C."),
     "play": LazyCommand("bag:play_command", "Play a bag back on simulated time."),
     "info": LazyCommand("bag:info_command", "Show what a bag holds."),
-    "export": LazyCommand("bag:export_command", "Write a bag as CSV, for the viewer, or anew."),
+    "export": LazyCommand("bag:export_command", "Convert a bag to CSV, for the viewer, or to a whole bag."),
 }
 
 
 @click.command(cls=LazyGroup, name="bag", table=COMMANDS)
 def command() -> None:
-    """Record, play, inspect and export bags: MCAP files in a rosbag2 folder, which ROS 2's own tools read."""
+    """Record, play, inspect and export bags: MCAP files in a rosbag2 folder, which ROS 2's own tools can read."""
 
 
 @click.command("record")
-@click.argument("topics", nargs=-1)
-@click.option("-a", "--all", "everything", is_flag=True, help="Record all topics, also those that come later.")
-@click.option("-e", "--regex", default="", help="Record the topics in whose names this is found.")
-@click.option("-x", "--exclude", default="", metavar="REGEX", help="Do not record topics in whose names this is found.")
-@click.option("-o", "--output", default="", help="Folder of the bag; rosbag2_TIME by default.")
+@click.argument("topics", nargs=-1, type=TOPIC)
+@click.option("-a", "--all", "everything", is_flag=True, help="Record all topics, including those that appear later.")
+@click.option("-e", "--regex", default="", help="Record topics whose names match this regular expression.")
 @click.option(
-    "-b", "--max-size", default="0", metavar="BYTES", help="Split files at this size; 100M, 1Gi are understood."
+    "-x",
+    "--exclude",
+    default="",
+    metavar="REGEX",
+    help="Do not record topics whose names match this regular expression.",
 )
-@click.option("-d", "--max-duration", type=float, default=0.0, metavar="S", help="Split files after so much wall time.")
+@click.option("-o", "--output", default="", help="Folder of the bag; rosbag2_TIME by default.")
+@click.option("-b", "--max-size", default="0", metavar="BYTES", help="Split files at this size, e.g. 100M or 1Gi.")
+@click.option(
+    "-d", "--max-duration", type=float, default=0.0, metavar="S", help="Split files after S seconds of wall time."
+)
 @network_options
 def record_command(topics: tuple[str, ...], everything: bool, place: NetworkAddress, **given: Any) -> None:
     """Record TOPICS, or all with -a, until Ctrl-C.
 
-    The status is 1 when the disk did not take everything; the bag is then readable as far as it goes.
+    The exit status is 1 if not everything could be written; the bag is then readable up to that point.
     """
     if not topics and not everything and not given["regex"]:
         raise BadInput("nothing to record: name topics, or give --all or --regex")
@@ -77,28 +84,37 @@ def record_command(topics: tuple[str, ...], everything: bool, place: NetworkAddr
 
 @click.command("play")
 @click.argument("bag", type=click.Path(path_type=Path))
-@click.option("-r", "--rate", type=float, help="Times as fast as simulated time; 1 by default, 0: as fast as it can.")
-@click.option("-l", "--loop", is_flag=True, help="Begin again at the end, in a new epoch.")
-@click.option("--topics", multiple=True, metavar="TOPIC", help="Play this topic alone; may be repeated.")
-@click.option("-x", "--exclude", default="", metavar="REGEX", help="Do not play topics in whose names this is found.")
-@click.option("--start", "--start-offset", type=float, default=0.0, metavar="S", help="Begin so late in the bag.")
-@click.option("--duration", "--playback-duration", type=float, default=0.0, metavar="S", help="Play so long.")
-@click.option("-m", "--remap", multiple=True, metavar="FROM:=TO", help="Play under another name; may be repeated.")
-@click.option("--clock", type=float, default=0.0, metavar="HZ", help="Make /clock anew at this rate.")
+@click.option("-r", "--rate", type=float, help="Playback rate; 1 by default, 0 for as fast as possible.")
+@click.option("-l", "--loop", is_flag=True, help="Start again at the end, in a new epoch.")
+@click.option("--topics", multiple=True, metavar="TOPIC", help="Play only this topic; may be repeated.")
 @click.option(
-    "--wait", "--wait-for-subscribers", type=float, default=0.0, metavar="S", help="Wait for subscribers first."
+    "-x", "--exclude", default="", metavar="REGEX", help="Do not play topics whose names match this regular expression."
 )
-@click.option("--lockstep", metavar="NODES", default="", help="Be their simulation: they step with the bag; /a/b,/c.")
+@click.option("--start", "--start-offset", type=float, default=0.0, metavar="S", help="Start S seconds into the bag.")
+@click.option("--duration", "--playback-duration", type=float, default=0.0, metavar="S", help="Play only S seconds.")
+@click.option("-m", "--remap", multiple=True, metavar="FROM:=TO", help="Publish under another name; may be repeated.")
 @click.option(
-    "--latency", type=click.IntRange(0, 1), help="With --lockstep, that of the fleet; as it was recorded by default."
+    "--clock", type=float, default=0.0, metavar="HZ", help="Publish /clock at this rate instead of the recorded one."
 )
+@click.option(
+    "--wait",
+    "--wait-for-subscribers",
+    type=float,
+    default=0.0,
+    metavar="S",
+    help="Wait up to S seconds for subscribers.",
+)
+@click.option(
+    "--lockstep", metavar="NODES", default="", help="Step these nodes with the bag, as their simulation, e.g. /a/b,/c."
+)
+@click.option("--latency", type=click.IntRange(0, 1), help="Lockstep latency in ticks; as recorded by default.")
 @network_options
 def play_command(bag: Path, lockstep: str, place: NetworkAddress, **given: Any) -> None:
-    """Play BAG back on simulated time, with /clock unless a simulation runs: then on its time.
+    """Play BAG in simulation time: publish /clock, or follow a running simulation's.
 
-    Heartbeats, states of processes and parameters are played only when their topics are named. With --lockstep the
-    nodes named see each message at the tick at which it was recorded, however fast the machine is: what they answer is
-    the same every time. The status is 1 when something could not be played.
+    Heartbeats, process states and parameters are played only if their topics are named. With --lockstep, the named
+    nodes receive each message at the tick at which it was recorded, however fast the machine is, so that their outputs
+    repeat. The exit status is 1 if something could not be played.
     """
     from services.bag.reader import open_bag
 
@@ -126,7 +142,7 @@ def play_command(bag: Path, lockstep: str, place: NetworkAddress, **given: Any) 
 @click.argument("bag", type=click.Path(path_type=Path))
 @json_option
 def info_command(bag: Path, as_json: bool) -> None:
-    """Show what BAG holds. The status is 1 when it is torn or damaged."""
+    """Show the contents of BAG. The exit status is 1 if it is incomplete or damaged."""
     import msgspec
 
     from services.bag.info import bag_info
@@ -143,14 +159,16 @@ def info_command(bag: Path, as_json: bool) -> None:
 
 @click.command("export")
 @click.argument("bag", type=click.Path(path_type=Path))
-@click.option("--to", "form", type=click.Choice(["csv", "rrd", "rosbag2"]), default="csv", help="csv by default.")
-@click.option("-o", "--output", default="", help="Folder, or file of an rrd; beside the bag by default.")
-@click.option("--topics", multiple=True, metavar="TOPIC", help="Export this topic alone; may be repeated.")
+@click.option(
+    "--to", "form", type=click.Choice(["csv", "rrd", "rosbag2"]), default="csv", help="Output format; csv by default."
+)
+@click.option("-o", "--output", default="", help="Output folder, or file for rrd; next to the bag by default.")
+@click.option("--topics", multiple=True, metavar="TOPIC", help="Export only this topic; may be repeated.")
 @json_option
 def export_command(bag: Path, form: str, output: str, topics: tuple[str, ...], as_json: bool) -> None:
-    """Write BAG as CSV (a file for each topic), as a recording for the rerun viewer, or anew as a whole rosbag2 folder.
+    """Convert BAG to CSV (a file per topic), to a recording for the rerun viewer, or to a rosbag2 folder.
 
-    The last one mends a torn bag. The status is 1 when something of it could not be exported.
+    The last repairs an incomplete bag. The exit status is 1 if something could not be exported.
     """
     from deploy.bag_export import export_bag
 
@@ -171,7 +189,7 @@ def _parse_size(text: str) -> int:
 
 
 def _exec_service(service: str, parameters: dict[str, Any], arguments: list[str]) -> None:
-    """Go on as a service, in this terminal; its parameters are checked first."""
+    """Replace this process by a service, after checking its parameters."""
     from deploy.service_catalog import load_service
     from services.runtime.parameters.validation import build
 
@@ -180,7 +198,7 @@ def _exec_service(service: str, parameters: dict[str, Any], arguments: list[str]
     )
     words = [w for name, value in parameters.items() for w in ("--param", f"{name}={json.dumps(value)}")]
     sys.stdout.flush()
-    command_line = [sys.executable, "-P", "-m", f"services.{service}", *arguments, *words]
+    command_line = [sys.executable, "-P", "-m", "services", service, *arguments, *words]
     os.execve(sys.executable, command_line, {**os.environ, "PYTHONPATH": str(ROOT)})
 
 
@@ -189,7 +207,7 @@ def _plain(value: Any) -> Any:
 
 
 def print_info(info: BagInfo) -> None:
-    """Print it."""
+    """Print the contents of a bag."""
     begun = datetime.fromtimestamp(info.start).astimezone().isoformat(sep=" ", timespec="seconds")
     files = f"{len(info.files)} {'file' if len(info.files) == 1 else 'files'}"
     lines = [
@@ -214,7 +232,7 @@ def _topic_row(topic: TopicInfo) -> tuple[str, ...]:
 
 
 def _format_columns(rows: list[tuple[str, ...]]) -> list[str]:
-    """Names to the left, numbers to the right, notes as they are."""
+    """Format columns: names left-aligned, numbers right-aligned, notes unchanged."""
     topic, kind, messages, rate, _ = (max(map(len, column)) for column in zip(*rows, strict=True))
     return [
         f"{each[0]:{topic}}  {each[1]:{kind}}  {each[2]:>{messages}}  {each[3]:>{rate}}  {each[4]}".rstrip()

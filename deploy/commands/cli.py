@@ -1,4 +1,4 @@
-"""The table of verbs, and the command that dispatches to them."""
+"""The command line ``elea``: the table of verbs and their dispatch."""
 
 from __future__ import annotations
 
@@ -14,26 +14,27 @@ from services.runtime.errors import BadInput, EleaError
 from services.runtime.process import lossy_stderr
 
 COMMANDS = {
-    "up": LazyCommand("up", "Run a fleet to its report; lab by default."),
-    "down": LazyCommand("fleet:down_command", "End a running fleet."),
+    "up": LazyCommand("up", "Run a fleet (lab by default) and report on it."),
+    "down": LazyCommand("fleet:down_command", "Stop a running fleet."),
     "ps": LazyCommand("fleet:ps_command", "List the processes of the running fleets."),
-    "logs": LazyCommand("fleet:logs_command", "Show what the processes of a fleet have written."),
+    "logs": LazyCommand("fleet:logs_command", "Show the logs of a fleet's processes."),
     "restart": LazyCommand("fleet:restart_command", "Restart a process of a running fleet."),
     "graph": LazyCommand("node:graph_command", "List the nodes and topics of the network."),
-    "sim": LazyCommand("sim", "Ask the running simulation: models, joints, forces, time."),
+    "sim": LazyCommand("sim", "Query and control the running simulation."),
     "param": LazyCommand("param", "Read and change the parameters of running services."),
     "topic": LazyCommand("topic", "List, show, measure and publish topics."),
-    "node": LazyCommand("node", "List nodes and tell of one."),
-    "service": LazyCommand("service", "List requests and call one."),
-    "interface": LazyCommand("interface", "List the types of messages and requests and show one."),
-    "tf": LazyCommand("tf", "Show the tree of frames, and where one lies in another."),
+    "node": LazyCommand("node", "List nodes, show one or ping it."),
+    "service": LazyCommand("service", "List services or call one."),
+    "interface": LazyCommand("interface", "List message and service types or show one."),
+    "tf": LazyCommand("tf", "Show the frame tree, or the transform between two frames."),
     "doctor": LazyCommand("diagnostics:doctor_command", "Check the machine, the installation and the network."),
-    "run": LazyCommand("run", "Run one service, or a Python file of your own."),
+    "run": LazyCommand("run", "Run a service, or a Python file of your own."),
     "panel": LazyCommand("panel", "Open the web page of a running fleet."),
     "teleop": LazyCommand("teleop", "Drive a robot from the keyboard."),
     "bag": LazyCommand("bag", "Record, play, inspect and export bags."),
-    "view": LazyCommand("view", "Open a run, a recording or a bag in the viewer, or make its pictures."),
+    "view": LazyCommand("view", "Open a run, a recording or a bag in the viewer, or render it to pictures."),
     "diff": LazyCommand("diff", "Show where two runs differ."),
+    "check": LazyCommand("check", "Check the code and run the quick tests, as before a commit."),
     "test": LazyCommand("diagnostics:test_command", "Run the tests."),
     "bench": LazyCommand("diagnostics:bench_command", "Measure the middleware against raw Zenoh and raw PyBullet."),
 }
@@ -42,17 +43,17 @@ COMMANDS = {
 @click.command(cls=LazyGroup, table=COMMANDS, name="elea")
 @click.version_option(VERSION, prog_name="elea")
 def elea() -> None:
-    """Robots in simulation on Zenoh: processes that run, grade themselves and repeat bit for bit.
+    """Simulated robots on Zenoh, in runs that grade themselves and repeat bit for bit.
 
-    Exit status: 0 all is well, 1 it failed or missed a bound, 2 bad input, 130 interrupted before the run's own end,
-    75 for a service that may work later: its name or port is taken, or the network is out of reach.
+    Exit status: 0 success, 1 failure or a missed bound, 2 bad input, 75 temporary failure (a name or port is taken, or
+    the network cannot be reached), 130 interrupted.
     """
 
 
 def main() -> None:
     """Run the command line; raises SystemExit with its status.
 
-    A reader that closes standard output ends it quietly, one that closes standard error does not.
+    A closed standard output ends it quietly; a closed standard error does not.
     """
     if "_ELEA_COMPLETE" in os.environ:
         from deploy.commands.completion import register_shells
@@ -79,7 +80,7 @@ def _run() -> int:
     try:
         elea.main(prog_name="elea")
     except SystemExit as ended:
-        # Of a closed pipe click makes a status of 1, and puts something that bears it in the place of the output.
+        # On a closed pipe, click exits with status 1 and replaces the output stream.
         return _exit_status(ended) if sys.stdout is out else 0
     except BadInput as error:
         sys.stderr.write(printable(f"elea: {error}\n"))
@@ -91,7 +92,7 @@ def _run() -> int:
 
 
 def _exit_status(ended: SystemExit) -> int:
-    """The exit status; a text in its place is an error that is told."""
+    """Return the exit status; a text in its place is printed as an error."""
     if ended.code is None or isinstance(ended.code, int):
         return ended.code or 0
     sys.stderr.write(f"{ended.code}\n")

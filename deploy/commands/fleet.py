@@ -24,19 +24,19 @@ from deploy.supervisor.log_file import log_name
 from services.runtime.errors import BadInput, unknown_name
 
 STOP_TIMEOUT_S = 60.0
-"""Wall time that a fleet has to stop by SIGINT, with its report, before its supervisor is killed. The supervisor needs
-40 s at most, however its processes behave: four stages (controllers, simulation, parameters, router), each with 5 s
+"""Wall time for a fleet to stop on SIGINT and write its report, before its supervisor is killed. The supervisor needs
+at most 40 s, however its processes behave: four stages (controllers, simulation, parameters, router), each with 5 s
 after SIGINT, 3 s after SIGTERM and 2 s after SIGKILL."""
 
 
 @click.command("down")
 @port_option
-@click.option("--all", "every", is_flag=True, help="End every fleet of this user.")
+@click.option("--all", "every", is_flag=True, help="Stop all fleets of this user.")
 def down_command(port: int | None, every: bool) -> None:
-    """End a running fleet in the reverse order of its start; its report is written.
+    """Stop a running fleet, in reverse start order, and write its report.
 
-    That takes a second or two; 60 s at most, also when processes hang. A supervisor that takes longer is killed, and
-    its processes with it: then the report is missing and the status is 1.
+    This takes a second or two, and 60 s at most, even if processes hang. A supervisor that takes longer is killed with
+    its processes; the report is then missing and the exit status 1.
     """
     killed = False
     handles = [
@@ -49,18 +49,18 @@ def down_command(port: int | None, every: bool) -> None:
     for fleet, handle in handles:
         sys.stderr.write(f"stopping {fleet.fleet} (supervisor {fleet.pid})\n")
         if not _wait_for_exit(handle, STOP_TIMEOUT_S):
-            sys.stderr.write(f"{fleet.fleet} does not stop: killing its supervisor\n")
+            sys.stderr.write(f"{fleet.fleet} did not stop: killing its supervisor\n")
             signal.pidfd_send_signal(handle, signal.SIGKILL)
             _wait_for_exit(handle, 5.0)
             killed = True
-        sys.stdout.write(f"{fleet.fleet} has ended; results in {fleet.folder}\n")
+        sys.stdout.write(f"{fleet.fleet} has stopped; results in {fleet.folder}\n")
     if killed:
         raise SystemExit(1)
 
 
 def _open_pidfd(fleet: FleetInstance) -> int | None:
-    """A descriptor of the supervisor; None when it has ended meanwhile. It stays this process's, whoever gets the
-    number later, since the fleet still runs after it was opened.
+    """Return a pidfd of the supervisor; None if it has exited. It cannot refer to a later process with the same id,
+    since the fleet is still running after it was opened.
     """
     try:
         handle = os.pidfd_open(fleet.pid)
@@ -70,7 +70,7 @@ def _open_pidfd(fleet: FleetInstance) -> int | None:
 
 
 def _wait_for_exit(handle: int, seconds: float) -> bool:
-    """Wait for the end of a process."""
+    """Wait for a process to exit; return whether it has."""
     return bool(select.select([handle], [], [], seconds)[0])
 
 
@@ -78,14 +78,12 @@ def _wait_for_exit(handle: int, seconds: float) -> bool:
 @port_option
 @json_option
 def ps_command(port: int | None, as_json: bool) -> None:
-    """List the processes of the running fleets, or of that on --port: state, restarts, memory, share of a core since
-    the start.
-    """
+    """List the processes of the running fleets, with state, restarts, memory and mean processor load."""
     fleets = [_describe_fleet(each) for each in (running_fleets() if port is None else (select_fleet(port),))]
     if as_json:
         sys.stdout.write(json.dumps(fleets, indent=2) + "\n")
     elif not fleets:
-        sys.stdout.write("no fleet runs\n")
+        sys.stdout.write("no fleet is running\n")
     else:
         for fleet in fleets:
             _print_fleet(fleet)
@@ -102,7 +100,7 @@ def _describe_fleet(entry: FleetInstance) -> dict[str, Any]:
 
 
 def _usage(pid: int) -> dict[str, float | None]:
-    """Memory [MiB] and share of a core [%] of a process."""
+    """Return memory [MiB] and processor load [%] of a process."""
     import time
 
     import psutil
@@ -140,11 +138,11 @@ _TAIL_PERIOD_S = 0.2
 
 @click.command("logs")
 @click.argument("name", default="", type=PROCESS)
-@click.option("-f", "--follow", is_flag=True, help="Go on as more is written, until Ctrl-C.")
+@click.option("-f", "--follow", is_flag=True, help="Keep printing new lines until Ctrl-C.")
 @port_option
 @json_option
 def logs_command(name: str, follow: bool, port: int | None, as_json: bool) -> None:
-    """Show the log of process NAME, or of all; of the running fleet, or of the latest run, wherever its results went.
+    """Show the log of process NAME, or all logs, of the running fleet or the latest run.
 
     With --json, each line is an object with the process and the text.
     """
@@ -175,14 +173,14 @@ def logs_command(name: str, follow: bool, port: int | None, as_json: bool) -> No
 
 
 class LogTail:
-    """A log that is read to its end again and again, also when it is begun anew."""
+    """Follows a log file, also when it is truncated."""
 
     def __init__(self, name: str, path: Path) -> None:
         self.name = name
         self._path, self._offset, self._rest = path, 0, b""
 
     def lines(self) -> Iterator[str]:
-        """What has been added, whole lines only."""
+        """Return the complete lines added since the last call."""
         try:
             with self._path.open("rb") as file:
                 if file.seek(0, 2) < self._offset:
@@ -211,7 +209,7 @@ def _print_log_line(name: str, line: str, as_json: bool, alone: bool) -> None:
 @port_option
 @json_option
 def restart_command(name: str, port: int | None, as_json: bool) -> None:
-    """Stop process NAME, as `./elea ps` calls it, and start it again."""
+    """Restart process NAME, as listed by `./elea ps`."""
     from deploy.live.connect import connect
     from messages.names import key
     from messages.requests import SUPERVISOR_RESTART, Name

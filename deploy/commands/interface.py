@@ -17,16 +17,16 @@ COMMANDS = {
 
 @click.command("interface", cls=LazyGroup, table=COMMANDS)
 def command() -> None:
-    """List the types of messages and requests and show one. It needs no network."""
+    """List message and service types or show one. Needs no network."""
 
 
 @click.command("list")
 @click.argument("package", default="")
-@click.option("-m", "--only-msgs", is_flag=True, help="Messages alone.")
-@click.option("-s", "--only-srvs", is_flag=True, help="Requests alone.")
+@click.option("-m", "--only-msgs", is_flag=True, help="List only messages.")
+@click.option("-s", "--only-srvs", is_flag=True, help="List only services.")
 @json_option
 def list_command(package: str, only_msgs: bool, only_srvs: bool, as_json: bool) -> None:
-    """List all types of messages and all requests, or those of PACKAGE, as geometry_msgs."""
+    """List all message and service types, or those of PACKAGE, e.g. geometry_msgs."""
     from deploy.interfaces import list_types
     from deploy.live.output import write_json, write_text
 
@@ -53,9 +53,9 @@ def list_command(package: str, only_msgs: bool, only_srvs: bool, as_json: bool) 
 @click.argument("name", metavar="TYPE")
 @json_option
 def show_command(name: str, as_json: bool) -> None:
-    """Show TYPE, as geometry_msgs/Twist or geometry_msgs/msg/Twist, or the request of a name, as /sim/spawn.
+    """Show TYPE, e.g. geometry_msgs/Twist or geometry_msgs/msg/Twist, or a service, e.g. /sim/spawn.
 
-    Every field with its type, unit, bounds and default, those of the records within below it.
+    Each field is shown with its type, unit, bounds and default; nested records are indented below it.
     """
     from deploy.interfaces import describe_type, find_interface
     from deploy.live.output import write_json, write_text
@@ -77,7 +77,7 @@ def show_command(name: str, as_json: bool) -> None:
 
 
 def format_type(record: dict[str, Any]) -> str:
-    """A record as text: what it is, where it is used, its constants, its fields."""
+    """Format a record: description, uses, constants and fields."""
     lines = [record["type"], *(f"# {line}".rstrip() for line in record["about"].splitlines())]
     for title, names in (("topics", record["topics"]), ("requests", record["requests"])):
         if names:
@@ -91,7 +91,7 @@ def format_type(record: dict[str, Any]) -> str:
 
 
 def _field_rows(fields: list[dict[str, Any]], depth: int) -> list[tuple[str, str, str]]:
-    """Name, type, and what else there is to say of each field."""
+    """Return name, type and remarks of each field."""
     rows = []
     for each in fields:
         facts = [each["unit"], each["bounds"], " or ".join(map(repr, each["choices"]))]

@@ -18,24 +18,24 @@ if TYPE_CHECKING:
     from services.runtime.graph import Entity
 
 COMMANDS = {
-    "list": LazyCommand("node:list_command", "List the nodes of the network."),
-    "info": LazyCommand("node:info_command", "Tell what a node publishes, subscribes and serves, and how it is."),
-    "ping": LazyCommand("node:ping_command", "Measure the round trip to a node's loop."),
+    "list": LazyCommand("node:list_command", "List the running nodes."),
+    "info": LazyCommand("node:info_command", "Show the topics, services and health of a node."),
+    "ping": LazyCommand("node:ping_command", "Measure the round-trip time to a node's loop."),
 }
 
 
 @click.command("node", cls=LazyGroup, table=COMMANDS)
 def command() -> None:
-    """List nodes, tell of one and ping it, asked of the network now: there is no daemon."""
+    """List nodes, show one or ping it. Queries the network directly; there is no daemon."""
 
 
 @click.command("list")
-@click.option("-a", "--all", "every", is_flag=True, help="Also those whose name begins with an underscore: tools.")
-@click.option("-c", "--count-nodes", is_flag=True, help="Show how many there are.")
+@click.option("-a", "--all", "every", is_flag=True, help="Include tools, whose names begin with an underscore.")
+@click.option("-c", "--count-nodes", is_flag=True, help="Show only their number.")
 @network_options
 @json_option
 def list_command(every: bool, count_nodes: bool, place: NetworkAddress, as_json: bool) -> None:
-    """List the nodes that live now, and which kind of service each is."""
+    """List the running nodes."""
     from deploy.live.connect import connect
     from deploy.live.output import write_json, write_text
     from deploy.live.topics import is_hidden
@@ -56,7 +56,7 @@ def list_command(every: bool, count_nodes: bool, place: NetworkAddress, as_json:
 @network_options
 @json_option
 def info_command(node: str, place: NetworkAddress, as_json: bool) -> None:
-    """Tell what NODE publishes, subscribes and serves; its heartbeat, which comes once a second, tells how it is."""
+    """Show what NODE publishes, subscribes to and serves, and its health from its next heartbeat."""
     from deploy.live.connect import cli_node
     from deploy.live.output import write_json, write_text
     from deploy.live.subscribers import collect_heartbeats
@@ -69,7 +69,7 @@ def info_command(node: str, place: NetworkAddress, as_json: bool) -> None:
         own = [each for each in graph if each.node == name]
         if not own:
             raise not_found(
-                "node", name, {each.node for each in graph if each.node != live.node}, "./elea node list tells them all"
+                "node", name, {each.node for each in graph if each.node != live.node}, "./elea node list shows them all"
             )
         told = _describe_node(name, own, collect_heartbeats(live, [name]))
     if as_json:
@@ -113,7 +113,7 @@ def _format_node(told: dict[str, Any]) -> str:
     lines = [f"{told['node']}  ({told['kind']})"]
     health = told["health"]
     if health is None:
-        lines.append("  no heartbeat: it is a tool or a foreign program, or its loop is stuck")
+        lines.append("  no heartbeat: a tool, an external program, or a stuck loop")
     else:
         note = f" ({health['note']})" if health["note"] else ""
         lines.append(f"  {health['state']}{note}, pid {health['pid']}, {health['ticks']} ticks")
@@ -141,9 +141,14 @@ def _format_counts(row: dict[str, Any]) -> str:
 
 @click.command("ping")
 @click.argument("node", type=NODE)
-@click.option("-n", "--count", type=click.IntRange(1, 10_000), default=4, show_default=True, help="So many pings.")
+@click.option("-n", "--count", type=click.IntRange(1, 10_000), default=4, show_default=True, help="Number of pings.")
 @click.option(
-    "--interval", type=click.FloatRange(0, 60), default=1.0, show_default=True, metavar="S", help="Pause between two."
+    "--interval",
+    type=click.FloatRange(0, 60),
+    default=1.0,
+    show_default=True,
+    metavar="S",
+    help="Pause between pings, in seconds.",
 )
 @click.option(
     "--timeout",
@@ -151,14 +156,14 @@ def _format_counts(row: dict[str, Any]) -> str:
     default=2.0,
     show_default=True,
     metavar="S",
-    help="Patience.",
+    help="Time to wait for each answer, in seconds.",
 )
 @network_options
 @json_option
 def ping_command(node: str, count: int, interval: float, timeout: float, place: NetworkAddress, as_json: bool) -> None:
-    """Measure the round trip to the loop of NODE and back [ms]: through the network, and until the loop turns.
+    """Measure the round-trip time to the loop of NODE [ms]: the network, and the wait for the loop's next turn.
 
-    A loop that hangs does not answer, whatever else its process does. The exit status is 1 when no ping was answered.
+    A hung loop does not answer, even if its process is alive. The exit status is 1 if no ping was answered.
     """
     from deploy.live.connect import cli_node
     from deploy.live.output import write_json, write_text
@@ -169,7 +174,7 @@ def ping_command(node: str, count: int, interval: float, timeout: float, place: 
     with cli_node(place, "ping") as live:
         nodes = {each.node: each.session for each in snapshot(live.transport) if each.kind == "node"}
         if name not in nodes or name == live.node:
-            raise not_found("node", name, nodes.keys() - {live.node}, "./elea node list tells them all")
+            raise not_found("node", name, nodes.keys() - {live.node}, "./elea node list shows them all")
         took: list[float | None] = []
         for number in range(count):
             if number:
@@ -188,12 +193,12 @@ def ping_command(node: str, count: int, interval: float, timeout: float, place: 
         spread = f"min {told['min_ms']:.2f}, mean {told['mean_ms']:.2f}, max {told['max_ms']:.2f} ms"
         write_text(f"{told['answered']} of {told['sent']} answered: {spread}\n")
     else:
-        write_text(f"0 of {told['sent']} answered: the loop hangs, or the node is a tool, which has none\n")
+        write_text(f"0 of {told['sent']} answered: the loop hangs, or the node is a tool without a loop\n")
     raise SystemExit(0 if told["answered"] else 1)
 
 
 def _sleep(live: Any, seconds: float) -> None:
-    """Wait for the next ping, or until the verb is stopped."""
+    """Wait for the next ping, or until stopped."""
     end = time.monotonic() + seconds
     while not live.stopping and (left := end - time.monotonic()) > 0:
         time.sleep(min(left, 0.1))
@@ -216,7 +221,7 @@ def _summarize_pings(name: str, took: list[float | None]) -> dict[str, Any]:
 @network_options
 @json_option
 def graph_command(place: NetworkAddress, as_json: bool) -> None:
-    """List every node with what it publishes, subscribes and serves, asked of the network now."""
+    """List every node with its publishers, subscribers and services."""
     from deploy.live.connect import connect
     from deploy.live.output import write_json, write_text
     from services.runtime.graph import snapshot
@@ -230,7 +235,7 @@ def graph_command(place: NetworkAddress, as_json: bool) -> None:
 
 
 def _format_graph(entities: list[Entity]) -> str:
-    """Each node with its ends below it, each topic with its type and quality."""
+    """Format each node with its endpoints, each topic with type and quality."""
     arrows = {"pub": "->", "sub": "<-", "srv": "serves"}
     lines = []
     for node in sorted({each.node for each in entities}):
@@ -241,4 +246,4 @@ def _format_graph(entities: list[Entity]) -> str:
             if each.kind in arrows:
                 quality = "" if each.kind == "srv" else f", {each.detail.lower()}"
                 lines.append(f"  {arrows[each.kind]} {each.name}  [{each.record}{quality}]")
-    return "\n".join(lines) + "\n" if lines else "nobody is there\n"
+    return "\n".join(lines) + "\n" if lines else "no nodes\n"

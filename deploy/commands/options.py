@@ -15,12 +15,12 @@ F = TypeVar("F", bound=Callable[..., Any])
 json_option: Callable[[F], F] = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 
 port_option: Callable[[F], F] = click.option(
-    "--port", type=click.IntRange(1, 65535), help="Port of the fleet's router, where several fleets run."
+    "--port", type=click.IntRange(1, 65535), help="Port of the fleet's router, if several fleets are running."
 )
 
 
 def network_options(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """The options that say which network is meant; the verb gets a ``place``, of the running fleet by default."""
+    """Add options for the network; the verb gets a ``place``, by default that of the running fleet."""
 
     @click.option("--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default.")
     @click.option("--domain", default="", help="Domain of the fleet.")

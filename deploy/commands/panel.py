@@ -1,11 +1,10 @@
-"""``elea panel``: the web page of a running fleet; one is started for a fleet that has none."""
+"""``elea panel``: open the web page of a running fleet, serving one if it has none."""
 
 from __future__ import annotations
 
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -26,23 +25,25 @@ if TYPE_CHECKING:
     from services.panel.address import Address
 
 _START_TIMEOUT_S = 15.0
-"""Wall time that a panel has to open its page."""
+"""Wall time for a panel to open its page."""
 
 _POLL_PERIOD_S = 0.5
 
 
 @click.command("panel")
-@click.option("--page-port", type=click.IntRange(0, 65535), help="Port of the page, where one is started; 8600.")
-@click.option("--no-open", is_flag=True, help="Print the address only; do not open a browser.")
+@click.option(
+    "--page-port", type=click.IntRange(0, 65535), help="Port of a page that this command serves; 8600 by default."
+)
+@click.option("--no-open", is_flag=True, help="Only print the address; do not open a browser.")
 @click.option("--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default.")
 @click.option("--domain", default="", help="Domain of the fleet.")
 @port_option
 @json_option
 def command(page_port: int | None, no_open: bool, connect: str, domain: str, port: int | None, as_json: bool) -> None:
-    """Print the address of the running fleet's page, and open it where there is a display.
+    """Print the address of the running fleet's web page, and open it if there is a display.
 
-    A fleet without a panel gets one, served by this command until the fleet ends, or Ctrl-C. The address holds a token:
-    whoever has it may drive the robots.
+    A fleet without a panel gets one, served by this command until the fleet stops or Ctrl-C. The address contains a
+    token: anyone who has it can drive the robots.
     """
     fleet = select_fleet(port) if not connect and running_fleets() else None
     if fleet is not None and (address := _page_of_fleet(fleet)) is not None:
@@ -52,21 +53,20 @@ def command(page_port: int | None, no_open: bool, connect: str, domain: str, por
 
 
 def _page_of_fleet(fleet: FleetInstance) -> Address | None:
-    """The page of a fleet whose panel lives."""
+    """Return the page of a fleet with a running panel."""
     from services.panel.address import ADDRESS_FILE, read_address
+    from services.runtime.ports import port_in_use
 
     address = read_address(Path(fleet.folder) / ADDRESS_FILE)
     if address is None or not Path(f"/proc/{address.pid}").exists():
         return None
-    with socket.socket() as probe:
-        probe.settimeout(2.0)
-        return address if probe.connect_ex(("127.0.0.1", address.port)) == 0 else None
+    return address if port_in_use(address.port, 2.0) else None
 
 
 def _serve_page(
     place: NetworkAddress, page_port: int | None, as_json: bool, no_open: bool, fleet: FleetInstance | None
 ) -> int:
-    """Run a panel until it ends, or its fleet does; its exit status."""
+    """Run a panel until it or its fleet stops; return its exit status."""
     from deploy.live.connect import connect
     from services.panel.address import read_address
 
@@ -77,7 +77,7 @@ def _serve_page(
         arguments = [*place.arguments, "--param", f"address={file}"]
         arguments += ["--param", f"port={page_port}"] if page_port is not None else []
         child = subprocess.Popen(
-            [sys.executable, "-P", "-m", "services.panel", *arguments],
+            [sys.executable, "-P", "-m", "services", "panel", *arguments],
             env={**os.environ, "PYTHONPATH": str(ROOT), PARENT: str(os.getpid())},
         )
         try:

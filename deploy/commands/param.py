@@ -1,4 +1,4 @@
-"""``elea param``: the parameters of running services, as rosparam, ros2 param and dynparam together."""
+"""``elea param``: the parameters of running services, like rosparam, ros2 param and dynparam."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ if TYPE_CHECKING:
     from messages.parameters import ParameterSchema, ParameterValues, Value
 
 COMMANDS = {
-    "list": LazyCommand("param:list_command", "List the sets of parameters, or the parameters of one."),
+    "list": LazyCommand("param:list_command", "List the parameter sets, or the parameters of one."),
     "get": LazyCommand("param:get_command", "Show values and where they come from."),
-    "describe": LazyCommand("param:describe_command", "Show types, bounds, defaults, units and texts."),
-    "set": LazyCommand("param:set_command", "Change parameters, all or none."),
-    "reset": LazyCommand("param:reset_command", "Forget what was set: fleet file and defaults count again."),
-    "undo": LazyCommand("param:undo_command", "Take the newest change of a set back."),
+    "describe": LazyCommand("param:describe_command", "Show types, bounds, defaults, units and descriptions."),
+    "set": LazyCommand("param:set_command", "Set parameters, all or none."),
+    "reset": LazyCommand("param:reset_command", "Reset parameters to the fleet file and defaults."),
+    "undo": LazyCommand("param:undo_command", "Undo the last change of a set."),
     "dump": LazyCommand("param:dump_command", "Write values as YAML or TOML."),
-    "load": LazyCommand("param:load_command", "Set the values of a YAML or TOML file."),
-    "history": LazyCommand("param:history_command", "Show who changed what, and when."),
+    "load": LazyCommand("param:load_command", "Set values from a YAML or TOML file."),
+    "history": LazyCommand("param:history_command", "Show the history of changes."),
 }
 
 
 @click.command(cls=LazyGroup, name="param", table=COMMANDS)
 def command() -> None:
-    """Read and change the parameters of running services, checked and kept by the parameter service.
+    """Read and change the parameters of running services, which the parameter service checks and stores.
 
-    SET is the name of a set as `list` shows it, with or without the leading slash, or of a node that follows it.
+    SET is the name of a parameter set as shown by `list`, with or without the leading slash, or of a node that uses it.
 
-    Exit status: 0 done, 1 refused, failed, or the answer was lost and the outcome unknown, 2 bad input.
+    Exit status: 0 done, 1 refused, failed, or outcome unknown because the answer was lost, 2 bad input.
     """
 
 
@@ -51,11 +51,18 @@ def client_options(function: F) -> F:
     for option in (
         json_option,
         click.option(
-            "-t", "--timeout", type=click.FloatRange(0.1, 600), default=5.0, show_default=True, help="Wait so long, s."
+            "-t",
+            "--timeout",
+            type=click.FloatRange(0.1, 600),
+            default=5.0,
+            show_default=True,
+            help="Time to wait, in seconds.",
         ),
         port_option,
         click.option("--domain", default="", help="Domain of the fleet."),
-        click.option("--connect", metavar="ENDPOINT", default="", help="Router to ask; by default the fleet's."),
+        click.option(
+            "--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default."
+        ),
     ):
         function = option(function)
     return function
@@ -63,7 +70,7 @@ def client_options(function: F) -> F:
 
 @contextmanager
 def connect_client(options: dict[str, Any]) -> Iterator[ParameterServiceClient]:
-    """The client at the place that the options say; what is left in ``options`` are the verb's own."""
+    """Connect a client as the options say, and remove these from ``options``."""
     from deploy.commands.param_client import ParameterServiceClient
     from deploy.live.connect import connect
 
@@ -75,10 +82,10 @@ def connect_client(options: dict[str, Any]) -> Iterator[ParameterServiceClient]:
 
 @click.command("list")
 @click.argument("set_name", metavar="[SET]", default="", type=SET)
-@click.option("-v", "--values", is_flag=True, help="A line `/SET/NAME VALUE` for each parameter, as grep wants it.")
+@click.option("-v", "--values", is_flag=True, help="Print a line `/SET/NAME VALUE` per parameter, for grep.")
 @client_options
 def list_command(set_name: str, values: bool, as_json: bool, **options: Any) -> None:
-    """List the sets with the names of their parameters, or those of SET."""
+    """List the parameter sets with their parameters, or only SET."""
     from deploy.commands.param_values import print_json
 
     with connect_client(options) as client:
@@ -122,9 +129,9 @@ def _print_values(told: dict[str, ParameterValues], as_json: bool) -> None:
 @click.argument("names", metavar="[NAME]...", nargs=-1, type=PARAMETER)
 @client_options
 def get_command(set_name: str, names: tuple[str, ...], as_json: bool, **options: Any) -> None:
-    """Show the values of SET that count and where they come from; of one NAME, the bare value.
+    """Show the effective values of SET and their origins; for a single NAME, only the value.
 
-    A single parameter may be named in one path, as `/tb3_0/waypoint/max_linear`.
+    A single parameter may also be given as one path, e.g. `/tb3_0/waypoint/max_linear`.
     """
     import msgspec
 
@@ -157,10 +164,10 @@ def get_command(set_name: str, names: tuple[str, ...], as_json: bool, **options:
 @click.argument("names", metavar="[NAME]...", nargs=-1, type=PARAMETER)
 @client_options
 def describe_command(set_name: str, names: tuple[str, ...], as_json: bool, **options: Any) -> None:
-    """Show type, bounds, default, unit and text of the parameters of SET, or of some.
+    """Show type, bounds, default, unit and description of the parameters of SET, or of some.
 
-    Bounds, lengths, choices, and what must hold between two parameters (`at most OTHER`, `not with OTHER`) are checked
-    before a change counts.
+    Bounds, lengths, choices and constraints between parameters (`at most OTHER`, `not with OTHER`) are checked before
+    a change takes effect.
     """
     import msgspec
 
@@ -185,12 +192,14 @@ def describe_command(set_name: str, names: tuple[str, ...], as_json: bool, **opt
 
 @click.command("history")
 @click.argument("set_name", metavar="[SET]", default="", type=SET)
-@click.option("-n", "--limit", type=click.IntRange(1, 10_000), default=20, show_default=True, help="So many at most.")
+@click.option(
+    "-n", "--limit", type=click.IntRange(1, 10_000), default=20, show_default=True, help="Maximum number of changes."
+)
 @client_options
 def history_command(set_name: str, limit: int, as_json: bool, **options: Any) -> None:
-    """Show the changes of SET, or of all, newest first: who, when, from what to what.
+    """Show the changes of SET, or of all sets, newest first: author, time, old and new values.
 
-    The newest 50 000 changes, and 32 MiB, of all sets together are kept.
+    At most 50 000 changes and 32 MiB are kept over all sets.
     """
     import msgspec
 
@@ -209,17 +218,17 @@ def history_command(set_name: str, limit: int, as_json: bool, **options: Any) ->
 @click.command("set", context_settings={"ignore_unknown_options": True})
 @click.argument("set_name", metavar="SET", type=SET)
 @click.argument("words", metavar="NAME VALUE | NAME=VALUE... | {NAME: VALUE, ...}", nargs=-1, type=PARAMETER)
-@click.option("--clamp", is_flag=True, help="Take a number that is out of bounds at the bound.")
-@click.option("--run", is_flag=True, help="For this run alone: not saved.")
+@click.option("--clamp", is_flag=True, help="Clamp numbers to their bounds instead of refusing them.")
+@click.option("--run", is_flag=True, help="Set for this run only; do not save.")
 @client_options
 def set_command(set_name: str, words: tuple[str, ...], clamp: bool, run: bool, as_json: bool, **options: Any) -> None:
-    """Change parameters of SET, all or none.
+    """Set parameters of SET, all or none.
 
-    Names of choices are taken in any case; a bool is yes, true, t, y, on or 1, and no, false, f, n, off or 0.
+    Choices are not case-sensitive; a bool is yes, true, t, y, on or 1, and no, false, f, n, off or 0.
 
-    An answer that is lost is asked for again under the same id, so that nothing is applied twice. What `describe` tells
-    is checked before a change counts. A service may find fault with more, such as a deceleration of 0: then it takes
-    the change back a moment later, and `history` has its reason.
+    If the answer is lost, the request is repeated with the same id, so that nothing is applied twice. Values are
+    checked as shown by `describe`. A service may reject a value for other reasons, such as a deceleration of 0: it then
+    undoes the change a moment later, and `history` shows why.
     """
     from deploy.commands.param_values import parse_assignments, to_assignments, validate_change
 
@@ -242,7 +251,7 @@ def set_command(set_name: str, words: tuple[str, ...], clamp: bool, run: bool, a
 @click.argument("names", metavar="[NAME]...", nargs=-1, type=PARAMETER)
 @client_options
 def reset_command(set_name: str, names: tuple[str, ...], as_json: bool, **options: Any) -> None:
-    """Forget what was set of SET, or of some NAMEs: command line, fleet file and defaults count again."""
+    """Reset SET, or some NAMEs, to the values of the command line, the fleet file and the defaults."""
     with connect_client(options) as client:
         one = client.find_set(set_name)
         before = client.values(one.set)
@@ -258,7 +267,7 @@ def reset_command(set_name: str, names: tuple[str, ...], as_json: bool, **option
 @click.argument("set_name", metavar="SET", type=SET)
 @client_options
 def undo_command(set_name: str, as_json: bool, **options: Any) -> None:
-    """Take the newest change of SET back; once more takes the one before back. An undo itself is not taken back."""
+    """Undo the last change of SET; run again for the one before. An undo cannot be undone."""
     with connect_client(options) as client:
         one = client.find_set(set_name)
         before = client.values(one.set)
@@ -267,7 +276,7 @@ def undo_command(set_name: str, as_json: bool, **options: Any) -> None:
 
 
 def _changed_names(before: ParameterValues, after: ParameterValues) -> tuple[str, ...]:
-    """Names whose value or origin has changed."""
+    """Return the names whose value or origin has changed."""
     old = {each.name: each for each in before.values}
     new = {each.name: each for each in after.values}
     return tuple(name for name in dict.fromkeys((*old, *new)) if old.get(name) != new.get(name))
@@ -285,24 +294,27 @@ def _print_change(before: ParameterValues, after: ParameterValues, names: tuple[
 
 
 class PlannedLoad(NamedTuple):
-    """The values of a set that count, and those that a file has for it."""
+    """The effective values of a set, and the values to load."""
 
     before: ParameterValues
     values: dict[str, Value]
 
 
 format_option = click.option(
-    "--format", "form", type=click.Choice(["yaml", "toml"]), help="By the ending of the file, else YAML."
+    "--format",
+    "form",
+    type=click.Choice(["yaml", "toml"]),
+    help="File format; by default from the file name, else YAML.",
 )
 
 
 @click.command("dump")
 @click.argument("names", metavar="[SET]...", nargs=-1, type=SET)
-@click.option("-o", "--output", metavar="FILE", default="", help="Write here; standard output by default.")
+@click.option("-o", "--output", metavar="FILE", default="", help="File to write; standard output by default.")
 @format_option
 @client_options
 def dump_command(names: tuple[str, ...], output: str, form: str | None, as_json: bool, **options: Any) -> None:
-    """Write the values of the SETs, or of all, for `load`: those that may be set while services run."""
+    """Write the live parameters of the SETs, or of all, to a file for `load`."""
     from deploy.commands.param_client import find_set
     from deploy.commands.param_values import file_format, format_tables, print_json
 
@@ -328,13 +340,15 @@ def dump_command(names: tuple[str, ...], output: str, form: str | None, as_json:
 
 @click.command("load")
 @click.argument("file", type=click.Path())
-@click.option("--set", "only", metavar="SET", default="", help="FILE has the values of this set, without its name.")
-@click.option("--clamp", is_flag=True, help="Take a number that is out of bounds at the bound.")
-@click.option("--run", is_flag=True, help="For this run alone: not saved.")
+@click.option(
+    "--set", "only", metavar="SET", default="", help="Read FILE as the values of this set, without set names."
+)
+@click.option("--clamp", is_flag=True, help="Clamp numbers to their bounds instead of refusing them.")
+@click.option("--run", is_flag=True, help="Set for this run only; do not save.")
 @format_option
 @client_options
 def load_command(file: str, only: str, clamp: bool, run: bool, form: str | None, as_json: bool, **options: Any) -> None:
-    """Set what in FILE differs from the values that count; all of FILE is checked first, each set is all or none."""
+    """Set the values in FILE that differ; the whole FILE is checked first, and each set is all or none."""
     from deploy.commands.param_values import file_format, read_parameter_file
 
     tables = read_parameter_file(Path(file), file_format(file, form))
@@ -353,7 +367,7 @@ def load_command(file: str, only: str, clamp: bool, run: bool, form: str | None,
 def _plan_loads(
     client: ParameterServiceClient, tables: dict[str, Any], clamp: bool
 ) -> tuple[list[PlannedLoad], list[str]]:
-    """What to set, and what is wrong with it."""
+    """Return the sets to change, and all errors."""
     from deploy.commands.param_client import find_set
     from deploy.commands.param_values import convert_values, validate_change
 
@@ -376,7 +390,7 @@ def _plan_loads(
 def _apply_loads(
     client: ParameterServiceClient, planned: list[PlannedLoad], clamp: bool, run: bool, as_json: bool
 ) -> None:
-    """Set by set, saying what was changed; raises CallFailed, after saying it, when one is refused."""
+    """Set the values set by set, printing the changes; raises CallFailed if one is refused."""
     from deploy.commands.param_values import format_difference, print_json, to_assignments, values_as_json
 
     done: list[ParameterValues] = []
@@ -401,7 +415,7 @@ def _apply_loads(
 
 
 def _loadable_values(client: ParameterServiceClient, one: ParameterSchema) -> dict[str, Value]:
-    """The values of a set that `load` may set again."""
+    """Return the values of a set that `load` can set."""
     live = {each.name for each in one.parameters if each.live}
     return {each.name: each.value for each in client.values(one.set).values if each.name in live or not one.nodes}
 

@@ -1,4 +1,4 @@
-"""``elea run``: one service, or a Python file of the user's own, in this terminal."""
+"""``elea run``: run a service, or a Python file of the user's own, in this terminal."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from services.runtime.process import ROOT
 @click.argument("target", type=KIND)
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 def command(target: str, arguments: tuple[str, ...], port: int | None) -> None:
-    """Run TARGET, a service by its name or a .py file of your own, with the rest of the line as its arguments.
+    """Run TARGET, the name of a service or a .py file of your own, with the remaining arguments.
 
-    It joins the running fleet, that on --port where several run, unless --connect says otherwise.
+    It joins the running fleet (the one on --port if there are several) unless --connect is given.
 
     `./elea run waypoint --help` shows the options that all services have.
     """
@@ -38,18 +38,18 @@ def command(target: str, arguments: tuple[str, ...], port: int | None) -> None:
         environment["PYTHONPATH"] = f"{ROOT}{os.pathsep}{file.parent}"
         place = [str(file)]
     else:
-        from deploy.service_catalog import service_kinds
+        from services.catalog import service_kinds
 
         if target not in service_kinds():
             raise unknown_name("service", target, service_kinds())
-        place = ["-m", f"services.{target}"]
+        place = ["-m", "services", target]
     environment[process.PROGRAM] = f"./elea run {target}"
     sys.stdout.flush()
     os.execve(sys.executable, [sys.executable, "-P", *place, *arguments], environment)
 
 
 def _extract_port(port: int | None, arguments: tuple[str, ...]) -> tuple[int | None, tuple[str, ...]]:
-    """The port, where it stands behind TARGET, and the other arguments; raises BadInput."""
+    """Return the port, if given after TARGET, and the other arguments; raises BadInput."""
     left = list(arguments)
     for index, word in enumerate(arguments):
         name, equals, value = word.partition("=")
@@ -64,12 +64,12 @@ def _extract_port(port: int | None, arguments: tuple[str, ...]) -> tuple[int | N
 
 
 def _states_network(arguments: tuple[str, ...]) -> bool:
-    """Whether the arguments say where to join, or want no network."""
+    """Whether the arguments select a network, or need none."""
     return any(each.partition("=")[0] in ("--connect", "--help", "--print-config") for each in arguments)
 
 
 def _network_arguments(port: int | None, arguments: tuple[str, ...]) -> list[str]:
-    """The words that lead to the fleet that is meant; a domain that is given stays."""
+    """Return the arguments for joining the selected fleet; keep a given domain."""
     place = resolve_address(port=port)
     if any(each.partition("=")[0] == "--domain" for each in arguments):
         place = place._replace(domain="")

@@ -10,26 +10,26 @@ from deploy.commands.options import json_option, network_options
 from deploy.network_address import NetworkAddress
 
 COMMANDS = {
-    "list": LazyCommand("service:list_command", "List the requests that somebody serves."),
-    "type": LazyCommand("service:type_command", "Tell what a request asks and replies."),
-    "find": LazyCommand("service:find_command", "List the requests of a type."),
-    "call": LazyCommand("service:call_command", "Ask, and show the reply."),
+    "list": LazyCommand("service:list_command", "List the services on the network."),
+    "type": LazyCommand("service:type_command", "Show the request and response types of a service."),
+    "find": LazyCommand("service:find_command", "List the services of a type."),
+    "call": LazyCommand("service:call_command", "Call a service and print its response."),
 }
 
 
 @click.command("service", cls=LazyGroup, table=COMMANDS)
 def command() -> None:
-    """List requests and call one, asked of the network now: there is no daemon."""
+    """List services or call one. Queries the network directly; there is no daemon."""
 
 
 @click.command("list")
-@click.option("-t", "--show-types", is_flag=True, help="Show what each asks and replies.")
-@click.option("-v", "--verbose", is_flag=True, help="Show types, nodes and what each does.")
-@click.option("-c", "--count-services", is_flag=True, help="Show how many there are.")
+@click.option("-t", "--show-types", is_flag=True, help="Show request and response types.")
+@click.option("-v", "--verbose", is_flag=True, help="Show types, nodes and descriptions.")
+@click.option("-c", "--count-services", is_flag=True, help="Show only their number.")
 @network_options
 @json_option
 def list_command(show_types: bool, verbose: bool, count_services: bool, place: NetworkAddress, as_json: bool) -> None:
-    """List the requests that somebody serves now."""
+    """List the services on the network."""
     from deploy.live.connect import connect
     from deploy.live.output import write_json, write_text
     from deploy.live.services import list_services
@@ -52,7 +52,7 @@ def list_command(show_types: bool, verbose: bool, count_services: bool, place: N
 @network_options
 @json_option
 def type_command(service: str, place: NetworkAddress, as_json: bool) -> None:
-    """Tell the types of what SERVICE asks and replies."""
+    """Show the request and response types of SERVICE."""
     from deploy.live.connect import connect
     from deploy.live.output import write_json, write_text
     from deploy.live.services import find_service
@@ -69,11 +69,11 @@ def type_command(service: str, place: NetworkAddress, as_json: bool) -> None:
 
 @click.command("find")
 @click.argument("type_name", metavar="TYPE", type=TYPE)
-@click.option("-c", "--count-services", is_flag=True, help="Show how many there are.")
+@click.option("-c", "--count-services", is_flag=True, help="Show only their number.")
 @network_options
 @json_option
 def find_command(type_name: str, count_services: bool, place: NetworkAddress, as_json: bool) -> None:
-    """List the requests that ask or reply TYPE, as elea_msgs/Name. The status is 1 when there are none at present."""
+    """List the services with request or response TYPE, e.g. elea_msgs/Name. The exit status is 1 if there are none."""
     from deploy.live.connect import connect
     from deploy.live.message_types import canonical_type, record_by_type
     from deploy.live.output import write_json, write_note, write_text
@@ -97,18 +97,23 @@ def find_command(type_name: str, count_services: bool, place: NetworkAddress, as
 @click.argument("service", type=SERVICE)
 @click.argument("values", nargs=-1, metavar="[TYPE] [VALUES]...", type=TYPE_OR_VALUES)
 @click.option(
-    "--timeout", type=click.FloatRange(0, min_open=True), default=5.0, show_default=True, metavar="S", help="Deadline."
+    "--timeout",
+    type=click.FloatRange(0, min_open=True),
+    default=5.0,
+    show_default=True,
+    metavar="S",
+    help="Time to wait for the response, in seconds.",
 )
-@click.option("--flow-style", is_flag=True, help="The reply on one line.")
+@click.option("--flow-style", is_flag=True, help="Print the response on one line.")
 @network_options
 @json_option
 def call_command(
     service: str, values: tuple[str, ...], timeout: float, flow_style: bool, place: NetworkAddress, as_json: bool
 ) -> None:
-    """Ask SERVICE. VALUES are YAML or JSON, as in '{name: tb3_0}', or the fields in their order.
+    """Call SERVICE. VALUES are YAML or JSON, e.g. '{name: tb3_0}', or the fields in order.
 
-    Fields left out have their defaults; TYPE is that of what is asked, and may be left out. The status is 1 when it is
-    refused, with the reason, and when nobody answers in time.
+    Omitted fields have their defaults; TYPE is the request type, and may be omitted. The exit status is 1 if the
+    request is refused or not answered in time.
     """
     from deploy.live.connect import connect
     from deploy.live.message_format import to_flow_yaml, to_yaml

@@ -1,4 +1,4 @@
-"""``elea sim``: the running simulation: time and emergency stops; models and joints are beside this file."""
+"""``elea sim``: time and emergency stops of the running simulation; see also sim_models."""
 
 from __future__ import annotations
 
@@ -22,43 +22,43 @@ if TYPE_CHECKING:
 
 COMMANDS = {
     "list": LazyCommand("sim_models:list_", "List the models with their poses."),
-    "spawn": LazyCommand("sim_models:spawn", "Put a model into the world."),
-    "delete": LazyCommand("sim_models:delete", "Take a model out of the world."),
-    "state": LazyCommand("sim_models:state", "Tell pose and twist of a model or a link."),
+    "spawn": LazyCommand("sim_models:spawn", "Spawn a model."),
+    "delete": LazyCommand("sim_models:delete", "Delete a model."),
+    "state": LazyCommand("sim_models:state", "Show the pose and twist of a model or link."),
     "set-state": LazyCommand("sim_models:set_state", "Move a model."),
-    "properties": LazyCommand("sim_models:properties", "Tell what the world, a model or a link is made of."),
-    "joints": LazyCommand("sim_models:joints", "Tell what joints are and do."),
-    "effort": LazyCommand("sim_models:effort", "Put an effort on a joint for a time."),
-    "wrench": LazyCommand("sim_models:wrench", "Push and twist a link."),
-    "clear": LazyCommand("sim_models:clear", "Drop the efforts on a joint."),
-    "configure": LazyCommand("sim_models:configure", "Put joints at positions, at rest."),
-    "stops": LazyCommand("sim:stops", "List the emergency stops: who holds which robot."),
-    "release": LazyCommand("sim:release", "Release an emergency stop for those who hold it."),
-    "pause": LazyCommand("sim:pause", "Stop simulation time."),
-    "resume": LazyCommand("sim:resume", "Let simulation time go on."),
-    "step": LazyCommand("sim:step", "Run physics steps of 5 ms while time is paused."),
-    "reset": LazyCommand("sim:reset", "Time to zero, all models to where they were spawned."),
-    "reset-world": LazyCommand("sim:reset_world", "As reset, but time goes on."),
+    "properties": LazyCommand("sim_models:properties", "Show properties of the world, a model or a link."),
+    "joints": LazyCommand("sim_models:joints", "Show type, limits, state and effort of joints."),
+    "effort": LazyCommand("sim_models:effort", "Apply an effort to a joint for some time."),
+    "wrench": LazyCommand("sim_models:wrench", "Apply a force and torque to a link."),
+    "clear": LazyCommand("sim_models:clear", "Clear the efforts on a joint."),
+    "configure": LazyCommand("sim_models:configure", "Set joint positions."),
+    "stops": LazyCommand("sim:stops", "List the emergency stops and their holders."),
+    "release": LazyCommand("sim:release", "Release an emergency stop whose holder is gone."),
+    "pause": LazyCommand("sim:pause", "Pause simulation time."),
+    "resume": LazyCommand("sim:resume", "Resume simulation time."),
+    "step": LazyCommand("sim:step", "Run physics steps of 5 ms while paused."),
+    "reset": LazyCommand("sim:reset", "Reset time to zero and all models to their spawn poses."),
+    "reset-world": LazyCommand("sim:reset_world", "Reset all models to their spawn poses; time continues."),
 }
 
 
 @click.command(cls=LazyGroup, name="sim", table=COMMANDS)
 def command() -> None:
-    """Ask the running simulation: its models, joints, forces and time.
+    """Query and control the running simulation: models, joints, forces and time.
 
-    A joint or link is named alone where one model only has it, or as model::name or model/name. All times are of the
-    simulation.
+    A joint or link is named model::name or model/name, or by its name alone if only one model has it. Times are
+    simulation times.
     """
 
 
 R = TypeVar("R", bound="Message")
 
 TIMEOUT_S = 5.0
-"""Wall time that a request may take unless told otherwise."""
+"""Default wall time for a request [s]."""
 
 
 class SimulationClient:
-    """Asks the services of one fleet, which it joins at the first question, and prints what they say."""
+    """Calls the services of a fleet, which it joins at the first call, and prints the responses."""
 
     def __init__(self, place: NetworkAddress, timeout: float, as_json: bool) -> None:
         self._place, self._timeout, self._as_json = place, timeout, as_json
@@ -72,7 +72,7 @@ class SimulationClient:
         self._visit.close()
 
     def call(self, request: Request[Any, R], message: Message) -> R:
-        """The reply to one request; raises CallFailed with the reason, BadInput when no router is there."""
+        """Return the response to a request; raises CallFailed with the reason, BadInput without a router."""
         from deploy.live.connect import connect
         from messages.names import key
         from services.runtime.requests import call
@@ -82,7 +82,7 @@ class SimulationClient:
         return call(self._transport, request, key(request.name), message, self._timeout)
 
     def print_reply(self, reply: Message | Iterable[Message], text: str) -> None:
-        """Print the reply as JSON, or the text that says it."""
+        """Print the response as JSON, or the given text."""
         if not self._as_json:
             write_text(f"{text}\n" if text else "")
             return
@@ -93,10 +93,13 @@ class SimulationClient:
 
 
 def simulation_command(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--connect``, ``--domain``, ``--port``, ``--timeout`` and ``--json``; it gets a SimulationClient."""
+    """Add ``--connect``, ``--domain``, ``--port``, ``--timeout`` and ``--json``; the verb gets a SimulationClient."""
 
     @click.option(
-        "--timeout", type=click.FloatRange(0, min_open=True), default=TIMEOUT_S, help="Wall time to wait, s; 5."
+        "--timeout",
+        type=click.FloatRange(0, min_open=True),
+        default=TIMEOUT_S,
+        help="Wall time to wait for the answer, in seconds; 5 by default.",
     )
     @network_options
     @json_option
@@ -109,7 +112,7 @@ def simulation_command(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def format_table(rows: Iterable[Iterable[str]]) -> str:
-    """Rows of words in columns that are as wide as they need to be."""
+    """Format rows in aligned columns."""
     lines = [list(row) for row in rows]
     widths = [max(len(row[column]) for row in lines) for column in range(len(lines[0]))] if lines else []
     return "\n".join(
@@ -118,7 +121,7 @@ def format_table(rows: Iterable[Iterable[str]]) -> str:
 
 
 def parse_joint_positions(pairs: Iterable[str]) -> dict[str, float]:
-    """``name=number`` words as a table; raises click's own error for another form."""
+    """Parse ``name=number`` words; raises click's error for another form."""
     found: dict[str, float] = {}
     for pair in pairs:
         name, equals, value = pair.rpartition("=")
@@ -134,7 +137,7 @@ def parse_joint_positions(pairs: Iterable[str]) -> dict[str, float]:
 @click.command("pause")
 @simulation_command
 def pause(asker: SimulationClient) -> None:
-    """Stop simulation time."""
+    """Pause simulation time."""
     from messages.requests import PAUSE
 
     _call_and_print(asker, PAUSE, "paused")
@@ -143,7 +146,7 @@ def pause(asker: SimulationClient) -> None:
 @click.command("resume")
 @simulation_command
 def resume(asker: SimulationClient) -> None:
-    """Let simulation time go on."""
+    """Resume simulation time."""
     from messages.requests import RESUME
 
     _call_and_print(asker, RESUME, "running")
@@ -153,7 +156,7 @@ def resume(asker: SimulationClient) -> None:
 @click.argument("count", type=click.IntRange(1, 1_000_000), default=1)
 @simulation_command
 def step(asker: SimulationClient, count: int) -> None:
-    """Run COUNT physics steps (1) of 5 ms while time is paused."""
+    """Run COUNT physics steps (1 by default) of 5 ms while time is paused."""
     from messages.requests import STEP
     from messages.simulation import Steps
 
@@ -164,7 +167,7 @@ def step(asker: SimulationClient, count: int) -> None:
 @click.command("reset")
 @simulation_command
 def reset(asker: SimulationClient) -> None:
-    """Time to zero, all models to where they were spawned, all efforts and wrenches dropped."""
+    """Reset time to zero and all models to their spawn poses; clear all efforts and wrenches."""
     from messages.requests import RESET
 
     _call_and_print(asker, RESET, "reset")
@@ -173,7 +176,7 @@ def reset(asker: SimulationClient) -> None:
 @click.command("reset-world")
 @simulation_command
 def reset_world(asker: SimulationClient) -> None:
-    """As reset, but time goes on."""
+    """Reset all models to their spawn poses; time continues."""
     from messages.requests import RESET_WORLD
 
     _call_and_print(asker, RESET_WORLD, "models are where they were spawned")
@@ -189,7 +192,7 @@ def _call_and_print(asker: SimulationClient, request: Request[Any, Any], done: s
 @click.command("stops")
 @simulation_command
 def stops(asker: SimulationClient) -> None:
-    """List the emergency stops: who holds which robot, and since when."""
+    """List the emergency stops, with their holders and times."""
     from datetime import datetime
 
     from messages.requests import LIST_STOPS
@@ -205,16 +208,14 @@ def stops(asker: SimulationClient) -> None:
 
 @click.command("release")
 @click.argument("name", default="")
-@click.option("--all", "every", is_flag=True, help="The stop of all robots (/e_stop), in place of one robot's own.")
-@click.option(
-    "--holder", default="", help="Only what this node holds, by name or id as `stops` lists it; else everyone."
-)
+@click.option("--all", "every", is_flag=True, help="Release the stop of all robots (/e_stop) instead of one robot's.")
+@click.option("--holder", default="", help="Release only this node's stop, by name or id as listed by `stops`.")
 @simulation_command
 def release(asker: SimulationClient, name: str, every: bool, holder: str) -> None:
-    """Release the emergency stop of the robot NAME for those who hold it.
+    """Release the emergency stop of the robot NAME on behalf of its holders.
 
-    For holders that are gone for good; one that is there resets its stop itself, by false on the topic. A publisher
-    that still says true stops the robot again when the simulation restarts.
+    Use this for holders that are gone for good; a running holder resets its stop itself by publishing false. A
+    publisher that still publishes true stops the robot again when the simulation restarts.
     """
     from messages.requests import RELEASE_STOP
     from messages.simulation import ReleaseStop

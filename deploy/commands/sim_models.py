@@ -1,8 +1,7 @@
-"""``elea sim spawn`` and its like: models, joints, efforts and wrenches."""
+"""``elea sim``: models, joints, efforts and wrenches of the running simulation."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -12,7 +11,7 @@ from deploy.commands.sim import SimulationClient, format_table, parse_joint_posi
 
 if TYPE_CHECKING:
     from messages.elea import ModelState
-    from messages.geometry import Pose, Quaternion, Twist
+    from messages.geometry import Pose, Twist
     from messages.joints import JointProperties
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -24,11 +23,11 @@ POSE_OPTIONS = (
     ("-P", "pitch", "rad"),
     ("-Y", "yaw", "rad"),
 )
-"""As ROS's ``spawn_model`` has them."""
+"""The names of ROS's ``spawn_model``."""
 
 
 def pose_options(command: F) -> F:
-    """Gives a command the six numbers of a pose, None where one is not stated."""
+    """Add options for the six numbers of a pose; None if not given."""
     for short, name, unit in reversed(POSE_OPTIONS):
         names = [short, name] if len(name) == 1 else [short, f"--{name}", name]
         command = click.option(*names, type=float, help=f"{name.capitalize()}, {unit}.")(command)
@@ -53,9 +52,11 @@ def list_(asker: SimulationClient) -> None:
 @click.argument("name")
 @pose_options
 @click.option("--frame", default="", help="Frame of the pose: world (default), a model, or model::link.")
-@click.option("--namespace", default="", help="Of its topics; its name by default.")
-@click.option("-J", "--joint", "joints", multiple=True, metavar="JOINT=POSITION", help="Start of a joint, rad or m.")
-@click.option("--param", "pairs", multiple=True, metavar="NAME=VALUE", help="A parameter of its base or joints.")
+@click.option("--namespace", default="", help="Namespace of its topics; its name by default.")
+@click.option(
+    "-J", "--joint", "joints", multiple=True, metavar="JOINT=POSITION", help="Initial position of a joint, in rad or m."
+)
+@click.option("--param", "pairs", multiple=True, metavar="NAME=VALUE", help="Parameter of its base or joints.")
 @simulation_command
 def spawn(
     asker: SimulationClient,
@@ -67,7 +68,7 @@ def spawn(
     pairs: tuple[str, ...],
     **place: float | None,
 ) -> None:
-    """Put a MODEL into the world as NAME."""
+    """Spawn a MODEL as NAME."""
     from messages.parameters import Assignment
     from messages.requests import SPAWN
     from messages.simulation import SpawnModel
@@ -94,7 +95,7 @@ def spawn(
 @click.argument("name")
 @simulation_command
 def delete(asker: SimulationClient, name: str) -> None:
-    """Take the model NAME out of the world."""
+    """Delete the model NAME."""
     from messages.requests import DELETE, Name
 
     reply = asker.call(DELETE, Name(name=name))
@@ -103,12 +104,12 @@ def delete(asker: SimulationClient, name: str) -> None:
 
 @click.command("state")
 @click.argument("name")
-@click.option("--relative", default="", help="As seen from this model or model::link, or from the world, in its axes.")
+@click.option("--relative", default="", help="Frame of pose and twist: world, a model, or model::link.")
 @simulation_command
 def state(asker: SimulationClient, name: str, relative: str) -> None:
-    """Tell pose and twist of a model, or of a link: NAME is model::link.
+    """Show the pose and twist of model NAME, or of a link (model::link).
 
-    Without --relative, a model's pose is in the world and its twist in its own axes.
+    Without --relative, a model's pose is in the world frame and its twist in its own axes.
     """
     from messages.gazebo import LinkName
     from messages.requests import GET_STATE, LINK_STATE
@@ -137,13 +138,14 @@ def set_state(
     frame: str,
     **place: float | None,
 ) -> None:
-    """Move the model NAME; what is not stated of its pose stays. Its joints keep their angles."""
+    """Move the model NAME; parts of the pose that are not given stay, and so do its joint angles."""
     from messages.geometry import Twist, Vector3
     from messages.requests import GET_STATE, SET_STATE
+    from messages.se3 import Pose3
     from messages.simulation import GetModelState, SetModelState
 
     now = asker.call(GET_STATE, GetModelState(name=name, relative_entity=frame)).pose
-    roll, pitch, yaw = _angles(now.orientation)
+    roll, pitch, yaw = Pose3.from_msg(now).rpy
     kept = {"x": now.position.x, "y": now.position.y, "z": now.position.z, "roll": roll, "pitch": pitch, "yaw": yaw}
     stated = {axis: value for axis, value in place.items() if value is not None}
     (vx, vy, vz), (wx, wy, wz) = linear, angular
@@ -158,7 +160,7 @@ def set_state(
 @click.argument("name", default="")
 @simulation_command
 def properties(asker: SimulationClient, name: str) -> None:
-    """Tell what the world is made of, or a model (NAME), or a link (model::link)."""
+    """Show properties of the world, a model (NAME) or a link (model::link)."""
     from messages.gazebo import LinkName
     from messages.requests import LINK_PROPERTIES, MODEL_PROPERTIES, WORLD_PROPERTIES, Name
     from messages.std import Empty
@@ -176,27 +178,11 @@ def properties(asker: SimulationClient, name: str) -> None:
 
 
 def _pose(place: dict[str, float]) -> Pose:
-    """A pose of x, y, z [m] and roll, pitch, yaw [rad] about fixed axes."""
-    from messages.geometry import Point, Pose, Quaternion
+    """Return a pose from x, y, z [m] and roll, pitch, yaw [rad] about fixed axes."""
+    from messages.se3 import Pose3, quaternion_from_rpy
 
-    roll, pitch, yaw = (place[axis] / 2 for axis in ("roll", "pitch", "yaw"))
-    cr, sr, cp, sp, cy, sy = (turn(half) for half in (roll, pitch, yaw) for turn in (math.cos, math.sin))
-    return Pose(
-        position=Point(x=place["x"], y=place["y"], z=place["z"]),
-        orientation=Quaternion(
-            x=sr * cp * cy - cr * sp * sy,
-            y=cr * sp * cy + sr * cp * sy,
-            z=cr * cp * sy - sr * sp * cy,
-            w=cr * cp * cy + sr * sp * sy,
-        ),
-    )
-
-
-def _angles(q: Quaternion) -> tuple[float, float, float]:
-    """Roll, pitch and yaw, rad."""
-    roll = math.atan2(2 * (q.w * q.x + q.y * q.z), 1 - 2 * (q.x * q.x + q.y * q.y))
-    pitch = math.asin(max(-1.0, min(1.0, 2 * (q.w * q.y - q.z * q.x))))
-    return roll, pitch, q.yaw
+    rotation = quaternion_from_rpy(place["roll"], place["pitch"], place["yaw"])
+    return Pose3((place["x"], place["y"], place["z"]), rotation).to_msg()
 
 
 def _planar_pose(model: ModelState) -> tuple[str, str, str, str]:
@@ -210,7 +196,9 @@ def _pose_words(model: ModelState) -> list[str]:
 
 
 def _format_state(pose: Pose, twist: Twist) -> str:
-    place, turn = pose.position, _angles(pose.orientation)
+    from messages.se3 import Pose3
+
+    place, turn = pose.position, Pose3.from_msg(pose).rpy
     rows = [("", "x", "y", "z")]
     for name, (a, b, c) in (
         ("position m", (place.x, place.y, place.z)),
@@ -236,13 +224,16 @@ def _format_property(value: object) -> str:
 Vector = tuple[float, float, float]
 ZERO = (0.0, 0.0, 0.0)
 ALLOW_NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
-"""So that a negative number is no option."""
+"""Lets negative numbers be arguments instead of options."""
 
 start_option = click.option(
-    "--start", type=click.FloatRange(0, 1e9), default=0.0, help="Time at which it begins, s; now."
+    "--start",
+    type=click.FloatRange(0, 1e9),
+    default=0.0,
+    help="Simulation time at which it starts, in seconds; now by default.",
 )
 duration_option = click.option(
-    "--duration", type=float, default=1.0, help="How long it acts, s; 1. Negative: until it is cleared."
+    "--duration", type=float, default=1.0, help="How long it acts, in seconds; 1 by default, until cleared if negative."
 )
 
 
@@ -250,7 +241,7 @@ duration_option = click.option(
 @click.argument("name", default="")
 @simulation_command
 def joints(asker: SimulationClient, name: str) -> None:
-    """Tell what joints are and do: all, those of a model, or one (model::joint)."""
+    """Show type, limits, state and effort of all joints, those of a model, or one (model::joint)."""
     from messages.gazebo import JointName
     from messages.requests import JOINT_PROPERTIES, LIST, MODEL_PROPERTIES, Name
     from messages.std import Empty
@@ -273,7 +264,7 @@ def joints(asker: SimulationClient, name: str) -> None:
 @duration_option
 @simulation_command
 def effort(asker: SimulationClient, joint: str, effort: float, start: float, duration: float) -> None:
-    """Put EFFORT, in N m or N, on a JOINT for a time."""
+    """Apply EFFORT, in N m or N, to a JOINT for some time."""
     from messages.gazebo import ApplyEffort
     from messages.joints import JointEffort
     from messages.requests import APPLY_EFFORT
@@ -288,10 +279,16 @@ def effort(asker: SimulationClient, joint: str, effort: float, start: float, dur
 
 @click.command("wrench")
 @click.argument("link")
-@click.option("--force", type=float, nargs=3, default=ZERO, help="N.")
-@click.option("--torque", type=float, nargs=3, default=ZERO, help="N m.")
-@click.option("--point", type=float, nargs=3, default=ZERO, help="Of the link, where the force acts, m; its origin.")
-@click.option("--frame", default="", help="Whose axes these are: the world (default), a model, or model::link.")
+@click.option("--force", type=float, nargs=3, default=ZERO, help="Force, in N.")
+@click.option("--torque", type=float, nargs=3, default=ZERO, help="Torque, in N m.")
+@click.option(
+    "--point",
+    type=float,
+    nargs=3,
+    default=ZERO,
+    help="Point of the link where the force acts, in m; its origin by default.",
+)
+@click.option("--frame", default="", help="Axes of force and torque: world (default), a model, or model::link.")
 @start_option
 @duration_option
 @simulation_command
@@ -305,7 +302,7 @@ def wrench(
     start: float,
     duration: float,
 ) -> None:
-    """Push and twist a LINK (model::link), or a model at its root."""
+    """Apply a force and torque to a LINK (model::link), or to a model at its root link."""
     from messages.gazebo import ApplyWrench
     from messages.geometry import Point, Vector3, Wrench
     from messages.requests import APPLY_WRENCH
@@ -328,10 +325,10 @@ def wrench(
 
 @click.command("clear")
 @click.argument("name")
-@click.option("--wrench", "of_link", is_flag=True, help="NAME is a link: drop the wrenches on it.")
+@click.option("--wrench", "of_link", is_flag=True, help="Clear the wrenches on the link NAME instead.")
 @simulation_command
 def clear(asker: SimulationClient, name: str, of_link: bool) -> None:
-    """Drop the efforts on the joint NAME, those that wait included."""
+    """Clear the efforts on the joint NAME, including those yet to start."""
     from messages.gazebo import JointName, LinkName
     from messages.requests import CLEAR_EFFORT, CLEAR_WRENCH
 
@@ -347,7 +344,7 @@ def clear(asker: SimulationClient, name: str, of_link: bool) -> None:
 @click.argument("positions", nargs=-1, required=True, metavar="JOINT=POSITION...")
 @simulation_command
 def configure(asker: SimulationClient, model: str, positions: tuple[str, ...]) -> None:
-    """Put joints of a MODEL at positions, in rad or m, at rest; the others stay as they are."""
+    """Set joint positions of a MODEL, in rad or m, at zero velocity; other joints keep their state."""
     from messages.gazebo import SetConfiguration
     from messages.requests import SET_CONFIGURATION
 
@@ -361,7 +358,7 @@ def configure(asker: SimulationClient, model: str, positions: tuple[str, ...]) -
 
 
 def _clamp_duration(duration: float) -> float:
-    """Any negative duration is "until cleared", which travels as -1."""
+    """Map any negative duration, which means until cleared, to -1."""
     return duration if duration >= 0 else -1.0
 
 

@@ -18,7 +18,7 @@ from services.teleop.keys import KEY_TABLE
 from services.teleop.script import script_events
 
 _ROBOT_TIMEOUT_S = 3.0
-"""Wall time that a fleet which is starting has to show a robot."""
+"""Wall time for a starting fleet to have a robot."""
 _TELEOP_PARAMETERS = (
     "speed",
     "turn",
@@ -34,27 +34,29 @@ _TELEOP_PARAMETERS = (
 
 @click.command("teleop", epilog=f"\b\nKeys, held down:\n{KEY_TABLE}")
 @click.argument("namespace", default="")
-@click.option("--speed", type=float, help="Linear speed at the start, m/s; 0.5 by default.")
-@click.option("--turn", type=float, help="Turn rate at the start, rad/s; 1.0 by default.")
-@click.option("--speed-limit", type=float, help="Scaling goes no higher, m/s.")
-@click.option("--turn-limit", type=float, help="Scaling goes no higher, rad/s.")
-@click.option("--repeat-rate", type=float, help="Commands per second while a key is held, 20 by default; 0: at events.")
+@click.option("--speed", type=float, help="Initial linear speed, in m/s; 0.5 by default.")
+@click.option("--turn", type=float, help="Initial turn rate, in rad/s; 1.0 by default.")
+@click.option("--speed-limit", type=float, help="Maximum linear speed that scaling can reach, in m/s.")
+@click.option("--turn-limit", type=float, help="Maximum turn rate that scaling can reach, in rad/s.")
 @click.option(
-    "--key-timeout", type=float, help="A key counts as held so long after its first event, s; 0.6 by default."
+    "--repeat-rate", type=float, help="Commands per second while a key is held; 20 by default, 0 for key events only."
+)
+@click.option(
+    "--key-timeout", type=float, help="How long a key counts as held after its first event, in s; 0.6 by default."
 )
 @click.option("--fixed", is_flag=True, help="Wait --key-timeout after every event, as teleop_twist_keyboard does.")
-@click.option("--give-way", type=float, help="Zero is held so long after the last key, s; 3 by default.")
-@click.option("--stamped", is_flag=True, help="Send TwistStamped instead of Twist.")
+@click.option("--give-way", type=float, help="How long zero is sent after the last key, in s; 3 by default.")
+@click.option("--stamped", is_flag=True, help="Publish TwistStamped instead of Twist.")
 @click.option("--frame-id", help="Frame in the header of a TwistStamped.")
 @click.option(
-    "--keys", metavar="SCRIPT", help="Play a script instead: 'i@0.5-2 k@2.5' is KEY@FROM[-TO], s of simulation."
+    "--keys", metavar="SCRIPT", help="Play a script of keys, KEY@FROM[-TO] in simulation s, e.g. 'i@0.5-2 k@2.5'."
 )
 @network_options
 def command(namespace: str, fixed: bool, stamped: bool, place: NetworkAddress, **values: object) -> None:
-    """Drive the robot in NAMESPACE, as /p3dx; the only one there is when it is not given.
+    """Drive the robot in NAMESPACE, e.g. /p3dx; may be omitted if there is only one robot.
 
-    A key moves the robot for as long as it is held. Teleop wins over a controller, and gives the robot back to it some
-    seconds after the last key.
+    The robot moves while a key is held. Teleop overrides a controller, and returns the robot to it a few seconds after
+    the last key.
     """
     from deploy.live.connect import connect
     from services.runtime.graph import snapshot
@@ -78,6 +80,6 @@ def command(namespace: str, fixed: bool, stamped: bool, place: NetworkAddress, *
     sys.stdout.flush()
     os.execve(
         sys.executable,
-        [sys.executable, "-P", "-m", "services.teleop", *arguments],
+        [sys.executable, "-P", "-m", "services", "teleop", *arguments],
         {**os.environ, "PYTHONPATH": str(ROOT)},
     )

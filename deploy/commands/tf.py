@@ -1,4 +1,4 @@
-"""``elea tf``: the tree of frames, and the transform between two."""
+"""``elea tf``: show the frame tree, or the transform between two frames."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from deploy.network_address import NetworkAddress
 
 COMMANDS = {
     "tree": LazyCommand("tf:tree_command", "Show all frames with their publishers, rates and ages."),
-    "echo": LazyCommand("tf:echo_command", "Show where one frame lies in another."),
+    "echo": LazyCommand("tf:echo_command", "Print the transform between two frames."),
 }
 
 
 @click.command("tf", cls=LazyGroup, table=COMMANDS)
 def command() -> None:
-    """Show the tree of frames, and where one lies in another, asked of the network now: there is no daemon."""
+    """Show the frame tree, or the transform between two frames. Queries the network directly; there is no daemon."""
 
 
 @click.command("tree")
@@ -26,15 +26,15 @@ def command() -> None:
     default=1.5,
     show_default=True,
     metavar="S",
-    help="Listen so long, by the wall clock.",
+    help="Wall time to listen, in seconds.",
 )
 @json_option
 @network_options
 def tree_command(place: NetworkAddress, listen: float, as_json: bool) -> None:
-    """Show the tree of frames on /tf and /tf_static.
+    """Show the frame tree on /tf and /tf_static.
 
-    Rates and ages are in simulation time. The exit status is 1 when nobody tells of frames, and when the frames are no
-    tree: one has two parents or two publishers, or they run in a circle.
+    Rates and ages are in simulation time. The exit status is 1 if there are no frames, or if they do not form a tree:
+    a frame has two parents or two publishers, or there is a loop.
     """
     from deploy.live.tf import show_tree
 
@@ -51,9 +51,9 @@ def tree_command(place: NetworkAddress, listen: float, as_json: bool) -> None:
     default=1.0,
     show_default=True,
     metavar="HZ",
-    help="Per second of simulation time.",
+    help="Transforms per second of simulation time.",
 )
-@click.option("--once", is_flag=True, help="End after the first one.")
+@click.option("--once", is_flag=True, help="Exit after the first transform.")
 @click.option("--count", "-n", type=click.IntRange(1), metavar="N", help="End after N.")
 @click.option(
     "--timeout",
@@ -61,7 +61,7 @@ def tree_command(place: NetworkAddress, listen: float, as_json: bool) -> None:
     default=3.0,
     show_default=True,
     metavar="S",
-    help="Wait so long for the frames, by the wall clock.",
+    help="Wall time to wait for the frames, in seconds.",
 )
 @json_option
 @network_options
@@ -75,10 +75,10 @@ def echo_command(
     timeout: float,
     as_json: bool,
 ) -> None:
-    """Show where the frame TARGET lies in the frame SOURCE: what takes data from TARGET to SOURCE, as tf_echo does.
+    """Print the pose of frame TARGET in frame SOURCE, which transforms data from TARGET to SOURCE, as tf_echo does.
 
-    Translation in m, rotation as quaternion (x, y, z, w) and as roll, pitch, yaw about fixed axes. With --json, each is
-    an object on a line.
+    Translation in m, rotation as quaternion (x, y, z, w) and as roll, pitch, yaw about fixed axes. With --json, one
+    object per line.
     """
     from deploy.live.tf import TfEchoOptions, echo_transform
 

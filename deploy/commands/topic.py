@@ -23,7 +23,7 @@ COMMANDS = {
     "hz": LazyCommand("topic_messages:hz_command", "Measure how often topics come."),
     "bw": LazyCommand("topic_messages:bw_command", "Measure how many bytes a topic takes."),
     "delay": LazyCommand("topic_messages:delay_command", "Measure how late a topic comes."),
-    "info": LazyCommand("topic:info_command", "Tell who publishes and who subscribes to a topic."),
+    "info": LazyCommand("topic:info_command", "Show the type, publishers and subscribers of a topic."),
     "pub": LazyCommand("topic_messages:pub_command", "Publish messages."),
     "find": LazyCommand("topic:find_command", "List the topics of a type."),
     "type": LazyCommand("topic:type_command", "Tell the type of a topic."),
@@ -32,13 +32,13 @@ COMMANDS = {
 
 @click.command("topic", cls=LazyGroup, table=COMMANDS)
 def command() -> None:
-    """List, show, measure and publish topics, asked of the network now: there is no daemon."""
+    """List, show, measure and publish topics. Queries the network directly; there is no daemon."""
 
 
 topic_argument: Callable[[Any], Any] = click.argument("topic", type=TOPIC)
 
 wait_option: Callable[[Any], Any] = click.option(
-    "--wait", is_flag=True, help="Wait for a topic that nobody knows yet, instead of failing."
+    "--wait", is_flag=True, help="Wait for a topic that does not exist yet instead of failing."
 )
 timeout_option: Callable[[Any], Any] = click.option(
     "--timeout", type=click.FloatRange(0, min_open=True), metavar="S", help="End after S seconds of wall time."
@@ -46,11 +46,16 @@ timeout_option: Callable[[Any], Any] = click.option(
 
 
 def measure_options(window: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """The options of a verb that measures; it gets ``place``, ``window`` and ``terms``."""
+    """Add the options of a measuring verb, which gets ``place``, ``window`` and ``terms``."""
 
     def decorate(verb: Callable[..., Any]) -> Callable[..., Any]:
         @click.option(
-            "-w", "--window", type=click.IntRange(2), default=window, show_default=True, help="Newest messages counted."
+            "-w",
+            "--window",
+            type=click.IntRange(2),
+            default=window,
+            show_default=True,
+            help="Number of newest messages to average over.",
         )
         @click.option("-n", "--count", type=click.IntRange(1), default=None, help="End after N messages of each topic.")
         @timeout_option
@@ -72,18 +77,22 @@ def measure_options(window: int) -> Callable[[Callable[..., Any]], Callable[...,
 @click.command("list")
 @click.option("-t", "--show-types", is_flag=True, help="Show the types.")
 @click.option("-v", "--verbose", is_flag=True, help="Show types, qualities, publishers and subscribers.")
-@click.option("-c", "--count-topics", is_flag=True, help="Show how many there are.")
+@click.option("-c", "--count-topics", is_flag=True, help="Show only their number.")
 @click.option(
-    "--listen", type=click.FloatRange(0, 60), default=0.0, metavar="S", help="Listen S seconds for undeclared topics."
+    "--listen",
+    type=click.FloatRange(0, 60),
+    default=0.0,
+    metavar="S",
+    help="Listen for S seconds for undeclared topics.",
 )
 @network_options
 @json_option
 def list_command(
     show_types: bool, verbose: bool, count_topics: bool, listen: float, place: NetworkAddress, as_json: bool
 ) -> None:
-    """List the topics that somebody publishes or subscribes.
+    """List the topics that have publishers or subscribers.
 
-    A program that is not of this project declares nothing: --listen shows the topics that it sends meanwhile.
+    External programs do not declare their topics: --listen also shows topics on which they publish meanwhile.
     """
     from deploy.live.connect import cli_node
     from deploy.live.output import write_json, write_text
@@ -105,7 +114,7 @@ def list_command(
 
 
 def _foreign_topics(live: CliNode, seconds: float) -> dict[str, list[str]]:
-    """Topics with samples on them that nobody of this project sent, and the types that these tell."""
+    """Return topics on which external programs publish, with the types they declare."""
     from messages.names import BadName, name_of
     from services.runtime.transport.wire import FORMAT, unpack_attachment
 
@@ -166,18 +175,23 @@ def _format_row(row: dict[str, Any], types: bool, verbose: bool) -> str:
 
 
 _LISTEN_S = 1.2
-"""Wall time that a rate is measured, and heartbeats are awaited, which come once a second."""
+"""Wall time [s] to measure rates and to wait for heartbeats, which are published once per second."""
 
 _COUNTS = ("received", "lost", "refused", "repeated", "resynced", "foreign")
 
 
 @click.command("info")
 @topic_argument
-@click.option("-v", "--verbose", is_flag=True, help="Listen for a second: nodes, qualities, rates, losses, foreigners.")
+@click.option(
+    "-v",
+    "--verbose",
+    is_flag=True,
+    help="Listen for a second to show nodes, qualities, rates, losses and external publishers.",
+)
 @network_options
 @json_option
 def info_command(topic: str, verbose: bool, place: NetworkAddress, as_json: bool) -> None:
-    """Tell type, publishers and subscribers of TOPIC."""
+    """Show the type, publishers and subscribers of TOPIC."""
     from deploy.live.connect import cli_node
     from deploy.live.output import write_json, write_text
     from deploy.live.topics import absolute_name, find_topic
@@ -214,12 +228,13 @@ def _describe_topic(ends: TopicEndpoints, live: CliNode, verbose: bool) -> dict[
 
 
 def _add_measurements(told: dict[str, Any], ends: TopicEndpoints, live: CliNode) -> None:
-    """Add what a second of listening shows: each publisher's rate, and what the ends say in their heartbeats."""
-    from deploy.live.subscribers import ClockSubscriber, HeartbeatSubscriber, UntypedSubscriber
+    """Add the rates of publishers and the counts in heartbeats, measured for a second."""
+    from deploy.live.subscribers import ClockSubscriber, HeartbeatSubscriber
     from deploy.live.topic_statistics import RateSample, SampleWindow
     from deploy.live.topics import is_latched
     from messages.names import key as key_of
     from services.runtime.transport.wire import MEMBER_BYTES, member_id, publisher_id
+    from services.runtime.untyped_subscriber import UntypedSubscriber
 
     beats, clock = HeartbeatSubscriber(live), ClockSubscriber(live.transport)
     listener, foreign = UntypedSubscriber(live.transport, ends.name, is_latched(ends)), list[str]()
@@ -289,7 +304,7 @@ def _format_subscriber(row: dict[str, Any]) -> str:
 
         silent = "a passing tool" if is_hidden(row["node"]) else "no heartbeat for a second"
         if row["beats"]:
-            silent = f"it reads so many topics that this one's turn did not come: ./elea node info {row['node']}"
+            silent = f"it has too many topics to list this one: ./elea node info {row['node']}"
         return f"  {row['node']}  [{row['type']}, {row['quality']}]  {silent}"
     shown = [name for name in _COUNTS if row[name] or name not in ("repeated", "resynced")]
     counts = ", ".join(f"{name} {row[name]}" for name in shown)
@@ -299,11 +314,11 @@ def _format_subscriber(row: dict[str, Any]) -> str:
 
 @click.command("find")
 @click.argument("type_name", metavar="TYPE", type=TYPE)
-@click.option("-c", "--count-topics", is_flag=True, help="Show how many there are.")
+@click.option("-c", "--count-topics", is_flag=True, help="Show only their number.")
 @network_options
 @json_option
 def find_command(type_name: str, count_topics: bool, place: NetworkAddress, as_json: bool) -> None:
-    """List the topics that carry TYPE, as geometry_msgs/Twist. The status is 1 when there are none at present."""
+    """List the topics of TYPE, e.g. geometry_msgs/Twist. The exit status is 1 if there are none."""
     from deploy.live.connect import connect
     from deploy.live.message_types import canonical_type, record_by_type
     from deploy.live.output import write_json, write_note, write_text
@@ -329,7 +344,7 @@ def find_command(type_name: str, count_topics: bool, place: NetworkAddress, as_j
 @network_options
 @json_option
 def type_command(topic: str, place: NetworkAddress, as_json: bool) -> None:
-    """Tell the type of TOPIC, or all of them when its ends do not agree."""
+    """Show the type of TOPIC, or all types if its publishers and subscribers disagree."""
     from deploy.live.connect import connect
     from deploy.live.output import write_json, write_text
     from deploy.live.topics import absolute_name, group_by_topic, not_found
@@ -339,7 +354,7 @@ def type_command(topic: str, place: NetworkAddress, as_json: bool) -> None:
     with connect(place.router, place.domain) as transport:
         found = group_by_topic(snapshot(transport))
     if name not in found:
-        raise not_found("topic", name, found, "./elea topic list tells them all")
+        raise not_found("topic", name, found, "./elea topic list shows them all")
     types = found[name].types
     if as_json:
         write_json({"topic": name, "types": types})

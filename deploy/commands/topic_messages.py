@@ -20,15 +20,25 @@ if TYPE_CHECKING:
 @click.argument("type_name", metavar="[TYPE]", default="", type=TYPE)
 @click.option("--once", is_flag=True, help="End after one message.")
 @click.option("-n", "--count", type=click.IntRange(1), help="End after N messages.")
-@click.option("--field", "fields", multiple=True, type=FIELD, help="A part: pose.pose.position, ranges[0]; repeatable.")
-@click.option("--csv", "-p", "as_csv", is_flag=True, help="A row of CSV for each message, below a row of names.")
-@click.option("--no-header", is_flag=True, help="CSV without the row of names.")
-@click.option("--no-arr", "--noarr", is_flag=True, help="Lists by their length alone.")
-@click.option("--no-str", "--nostr", is_flag=True, help="Texts by their length alone.")
-@click.option("-f", "--full-length", is_flag=True, help="Lists and texts in full length; CSV and JSON are so anyway.")
-@click.option("-l", "--truncate-length", type=click.IntRange(1), help="Elements shown of a list; 128 by default.")
-@click.option("--flow-style", is_flag=True, help="Each message on one line.")
-@click.option("--include-message-info", "with_info", is_flag=True, help="Show number, sender and times of each sample.")
+@click.option(
+    "--field",
+    "fields",
+    multiple=True,
+    type=FIELD,
+    help="Print only this field, e.g. pose.pose.position or ranges[0]; repeatable.",
+)
+@click.option("--csv", "-p", "as_csv", is_flag=True, help="Print CSV: a header row, then a row per message.")
+@click.option("--no-header", is_flag=True, help="Print CSV without the header row.")
+@click.option("--no-arr", "--noarr", is_flag=True, help="Print only the length of arrays.")
+@click.option("--no-str", "--nostr", is_flag=True, help="Print only the length of strings.")
+@click.option("-f", "--full-length", is_flag=True, help="Do not truncate arrays and strings; CSV and JSON never are.")
+@click.option(
+    "-l", "--truncate-length", type=click.IntRange(1), help="Elements after which arrays are truncated; 128 by default."
+)
+@click.option("--flow-style", is_flag=True, help="Print each message on one line.")
+@click.option(
+    "--include-message-info", "with_info", is_flag=True, help="Print the number, publisher and times of each message."
+)
 @timeout_option
 @wait_option
 @network_options
@@ -45,10 +55,10 @@ def echo_command(
     as_json: bool,
     **style: Any,
 ) -> None:
-    """Show the messages of TOPIC as YAML, until Ctrl-C; with --json, each as one line.
+    """Print the messages of TOPIC as YAML until Ctrl-C; with --json, one per line.
 
-    TYPE is needed only for a sender that does not tell it. What is of a type that is not known here is shown all the
-    same. With --timeout the status is 1 when the messages did not come in time.
+    TYPE is needed only if the publisher does not declare it. Unknown types are printed, too. With --timeout, the exit
+    status is 1 if the messages did not arrive in time.
     """
     from deploy.live.echo import EchoFormat, EchoRequest, echo
     from services.runtime.errors import BadInput
@@ -66,10 +76,10 @@ def echo_command(
 @click.argument("topics", type=TOPIC, nargs=-1, required=True)
 @measure_options(10_000)
 def hz_command(topics: tuple[str, ...], window: int, terms: MeasureOptions, place: NetworkAddress) -> None:
-    """Measure the rate of TOPICS, by simulation time and by the wall clock, until Ctrl-C.
+    """Measure the rate of TOPICS in simulation time and wall time until Ctrl-C.
 
-    Simulation time is that of a message's header, without one that of /clock when it was sent. Messages that were lost
-    on the way are known by their numbers: they are counted in the rate, and shown.
+    Simulation time is that of the message header, or of /clock when the message was sent. Lost messages, known from
+    gaps in the sequence numbers, count towards the rate and are shown.
     """
     from deploy.live.measure import measure
     from deploy.live.topic_statistics import HzMeter
@@ -81,9 +91,9 @@ def hz_command(topics: tuple[str, ...], window: int, terms: MeasureOptions, plac
 @click.argument("topics", type=TOPIC, nargs=-1, required=True)
 @measure_options(100)
 def bw_command(topics: tuple[str, ...], window: int, terms: MeasureOptions, place: NetworkAddress) -> None:
-    """Measure the bytes of payload that each of TOPICS takes each second, until Ctrl-C.
+    """Measure the payload bandwidth of TOPICS in bytes per second until Ctrl-C.
 
-    Each sample has 33 bytes more beside its payload, and what the network adds.
+    Each message adds 33 bytes to its payload, and the network its own overhead.
     """
     from deploy.live.measure import measure
     from deploy.live.topic_statistics import BwMeter
@@ -95,10 +105,10 @@ def bw_command(topics: tuple[str, ...], window: int, terms: MeasureOptions, plac
 @topic_argument
 @measure_options(10_000)
 def delay_command(topic: str, window: int, terms: MeasureOptions, place: NetworkAddress) -> None:
-    """Measure how old the messages of TOPIC are when they arrive, until Ctrl-C.
+    """Measure the age of the messages of TOPIC on arrival until Ctrl-C.
 
-    Once by simulation time, from the stamp in the header to the last /clock, which comes every 20 ms; and once by the
-    wall clock, from the sending, whose time every sample bears: exact on one machine.
+    In simulation time, from the header stamp to the last /clock, which is published every 20 ms; and in wall time, from
+    the time of sending that every message carries: exact on one machine.
     """
     from deploy.live.measure import measure
     from deploy.live.topic_statistics import DelayMeter
@@ -110,7 +120,7 @@ def delay_command(topic: str, window: int, terms: MeasureOptions, place: Network
 @topic_argument
 @click.argument("values", nargs=-1, metavar="[TYPE] [VALUES]...", type=TYPE_OR_VALUES)
 @click.option("-r", "--rate", type=click.FloatRange(0, 1000, min_open=True), metavar="HZ", help="Messages per second.")
-@click.option("-1", "--once", is_flag=True, help="Send one message and end.")
+@click.option("-1", "--once", is_flag=True, help="Publish one message and exit.")
 @click.option("-t", "--times", type=click.IntRange(1), metavar="N", help="End after N messages.")
 @click.option(
     "-w",
@@ -119,7 +129,7 @@ def delay_command(topic: str, window: int, terms: MeasureOptions, place: Network
     "wait_matching",
     type=click.IntRange(0),
     metavar="N",
-    help="Wait for N subscribers first; 1 by default with --once and -t, else 0.",
+    help="Wait for N subscribers first; by default 1 with --once or -t, else 0.",
 )
 @click.option(
     "--timeout", type=click.FloatRange(0, min_open=True), metavar="S", help="Give up waiting after S seconds."
@@ -129,11 +139,17 @@ def delay_command(topic: str, window: int, terms: MeasureOptions, place: Network
     type=click.Choice(["now", "zero"]),
     default="now",
     show_default=True,
-    help="Headers without a stamp get simulation time, or stay at zero.",
+    help="Stamp headers without a stamp with simulation time, or leave them at zero.",
 )
-@click.option("--wall-time", is_flag=True, help="Count the rate by the wall clock; by default by /clock, if it runs.")
-@click.option("--keep-alive", type=click.FloatRange(0, 3600), default=0.1, metavar="S", help="Stay S after the last.")
-@click.option("-q", "--quiet", is_flag=True, help="Do not show what is sent.")
+@click.option("--wall-time", is_flag=True, help="Publish by wall time; by default by /clock, if it is published.")
+@click.option(
+    "--keep-alive",
+    type=click.FloatRange(0, 3600),
+    default=0.1,
+    metavar="S",
+    help="Stay connected for S seconds after the last message.",
+)
+@click.option("-q", "--quiet", is_flag=True, help="Do not print the messages.")
 @network_options
 @json_option
 def pub_command(
@@ -151,11 +167,11 @@ def pub_command(
     place: NetworkAddress,
     as_json: bool,
 ) -> None:
-    """Publish on TOPIC.
+    """Publish messages on TOPIC.
 
-    VALUES are YAML or JSON: '{linear: {x: 0.1}}', or the fields in their order: '[0.1, 0, 0]' '[0, 0, 1]'.
-    Fields left out have their defaults. TYPE, as geometry_msgs/Twist, may be left out where the topic is known.
-    Without -r, --once and -t: a command is sent at its promised rate, what is latched once and held, everything else
+    VALUES are YAML or JSON, e.g. '{linear: {x: 0.1}}', or the fields in order, e.g. '[0.1, 0, 0]' '[0, 0, 1]'.
+    Omitted fields have their defaults. TYPE, e.g. geometry_msgs/Twist, may be omitted for a known topic.
+    Without -r, --once or -t, commands are published at their promised rate, latched messages once and held, all others
     once a second, until Ctrl-C. A base stops when its commands stop.
     """
     from deploy.live.publish import PublishRequest, publish

@@ -1,4 +1,4 @@
-"""``elea up``: run a fleet to its report."""
+"""``elea up``: run a fleet and report on it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import msgspec
 
 from deploy.commands.completion import FLEET
 from deploy.fleet import MODES, REMOVED_MODES, Fleet, RunConfig, ServiceConfig
-from deploy.fleet_file import find_fleet, read_fleet
+from deploy.fleet_file import find_fleet, read_fleet, saved_parameters_file
 from services.runtime.errors import BadInput
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class _Mode(click.Choice[str]):
-    """A mode of time; one that there was once is refused with what to take instead."""
+    """A time mode; a removed one is refused with its replacement."""
 
     def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
         if value in REMOVED_MODES:
@@ -30,26 +30,30 @@ class _Mode(click.Choice[str]):
 @click.command("up")
 @click.argument("fleet", default="lab", type=FLEET)
 @click.option("--mode", type=_Mode(MODES), help="How time runs; the fleet's by default.")
-@click.option("--factor", type=float, help="Simulated per wall-clock second, in real time.")
+@click.option("--factor", type=float, help="Simulated seconds per wall-clock second, in mode real.")
 @click.option("--duration", type=float, metavar="S", help="End after S seconds of simulation time.")
-@click.option("--detach", is_flag=True, help="Return when all is ready; end it with ./elea down.")
-@click.option("--report", metavar="DIR", default="", help="Folder of the results; runs/TIME-FLEET by default.")
-@click.option("--seed", type=int, metavar="N", help="Seed of the sensors' noise.")
-@click.option("--domain", default="", help="Isolates fleets of one network from each other.")
-@click.option("--connect", multiple=True, metavar="ENDPOINT", help="Router of another machine, as tcp/host:7447.")
-@click.option("--port", type=int, help="Tells this fleet from others; the TCP port of one that listens on TCP.")
-@click.option("--listen", multiple=True, metavar="ENDPOINT", help="Let others in, too, as at tcp/127.0.0.1:7447.")
+@click.option("--detach", is_flag=True, help="Return when the fleet is ready; stop it with ./elea down.")
+@click.option("--report", metavar="DIR", default="", help="Folder for the results; runs/TIME-FLEET by default.")
+@click.option("--seed", type=int, metavar="N", help="Random seed of the sensor noise.")
+@click.option("--domain", default="", help="Isolate the fleet from others on the same network.")
+@click.option(
+    "--connect", multiple=True, metavar="ENDPOINT", help="Router on another machine to join, e.g. tcp/host:7447."
+)
+@click.option("--port", type=int, help="Port that identifies this fleet, and on which it listens if it uses TCP.")
+@click.option(
+    "--listen", multiple=True, metavar="ENDPOINT", help="Also accept connections here, e.g. tcp/127.0.0.1:7447."
+)
 @click.option("--insecure", is_flag=True, help="Allow --listen on addresses that other machines can reach.")
 @click.option("--params", metavar="FILE", default="", help="File of saved parameters; params/FLEET.db by default.")
-@click.option("--no-saved", is_flag=True, help="Leave saved parameters out, and save none.")
-@click.option("--record", is_flag=True, help="Record all topics into a bag beside the report.")
-@click.option("--no-view", is_flag=True, help="Do not open the viewer, nor serve the run to one.")
+@click.option("--no-saved", is_flag=True, help="Neither use nor save saved parameters.")
+@click.option("--record", is_flag=True, help="Record all topics into a bag next to the report.")
+@click.option("--no-view", is_flag=True, help="Do not open a viewer, nor serve the run to one.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 def command(fleet: str, detach: bool, report: str, as_json: bool, **options: Any) -> None:
-    """Run FLEET, one of deploy/fleets or a TOML file, to its report; lab by default.
+    """Run FLEET, from deploy/fleets or a TOML file (lab by default), and report on it.
 
-    Ctrl-C ends the run with a report on what was driven so far and exit status 130 (0 for a fleet that never ends by
-    itself); a second one kills. The status is 0 when every check of the report holds, 1 if not, 2 for bad input.
+    Ctrl-C stops the run and reports on it so far, with exit status 130 (0 for a fleet that never ends on its own); a
+    second Ctrl-C kills it. The exit status is 0 if every check of the report passes, 1 if not, 2 for bad input.
     """
     if detach:
         from deploy.detach import start_detached
@@ -60,7 +64,7 @@ def command(fleet: str, detach: bool, report: str, as_json: bool, **options: Any
 
 
 def override_run(fleet: Fleet, options: dict[str, Any]) -> Fleet:
-    """The fleet with what the command line says about its run; raises BadInput."""
+    """Apply the command line's options to the fleet's run; raises BadInput."""
     stated = {
         name: options[name] for name in ("mode", "factor", "duration", "seed", "port") if options[name] is not None
     }
@@ -86,7 +90,7 @@ def _run(fleet: Fleet, report: str, as_json: bool, options: dict[str, Any]) -> i
 
     if options["params"] and options["no_saved"]:
         raise BadInput("--params and --no-saved contradict each other: give one of them")
-    saved = None if options["no_saved"] else Path(options["params"] or Path("params") / f"{fleet.name}.db").absolute()
+    saved = None if options["no_saved"] else Path(options["params"] or saved_parameters_file(fleet.name)).absolute()
     links = tuple(endpoint(each) for each in options["connect"])
     listen = check_listen(options["listen"], options["insecure"])
     folder = make_run_folder(fleet.name, report)

@@ -1,4 +1,4 @@
-"""``elea view``: a run in the viewer, or, where there is no display, as pictures."""
+"""``elea view``: open a run in the viewer, or render it to pictures without a display."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from services.runtime.errors import BadInput
 
 MAX_TIME_S = 1e9
 MIN_PIXELS, MAX_PIXELS = 320, 4096
-"""Pixels of a picture's width and height."""
+"""Limits of a picture's width and height in pixels."""
 
 
 @click.command("view")
 @click.argument("run", default="", type=click.Path(path_type=Path))
-@click.option("--picture", is_flag=True, help="Make pictures also where there is a display.")
+@click.option("--picture", is_flag=True, help="Render pictures even if there is a display.")
 @click.option(
-    "--at", "times", multiple=True, type=float, metavar="S", help="Simulated time of a picture; the end else."
+    "--at", "times", multiple=True, type=float, metavar="S", help="Simulation time of a picture; the end by default."
 )
-@click.option("--close", multiple=True, metavar="ROBOT", help="A picture of this robot from near by, too.")
-@click.option("--size", default="1920x1080", metavar="WxH", show_default=True, help="Of the pictures, in pixels.")
-@click.option("-o", "--output", default="", help="Folder of the pictures; beside the recording by default.")
+@click.option("--close", multiple=True, metavar="ROBOT", help="Also render a close-up of this robot.")
+@click.option("--size", default="1920x1080", metavar="WxH", show_default=True, help="Size of the pictures, in pixels.")
+@click.option("-o", "--output", default="", help="Folder for the pictures; next to the recording by default.")
 @json_option
 def command(
     run: Path,
@@ -36,9 +36,9 @@ def command(
     output: str,
     as_json: bool,
 ) -> None:
-    """Open RUN in the viewer: the folder of a run, an .rrd, or a bag; the newest run by default.
+    """Open RUN in the viewer: a run folder, an .rrd file or a bag; the latest run by default.
 
-    Without a display, or with --picture, pictures are made, and it says where.
+    Without a display, or with --picture, render pictures and print where they are.
     """
     import json
 
@@ -65,7 +65,7 @@ def command(
 
 
 def _recording(run: Path) -> Path:
-    """The recording to show; one of a bag is made beside it, anew when the bag is newer."""
+    """Return the recording to show; that of a bag is created next to it, again if the bag is newer."""
     from deploy.run_folder import BAG_FOLDER, RECORDING_FILE
     from services.logger.file_rotation import rotated
 

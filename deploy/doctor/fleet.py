@@ -7,7 +7,6 @@ import shutil
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -114,7 +113,7 @@ def commands(bases: Mapping[str, BaseStatus], entities: Collection[Entity]) -> I
         if base.stale_dropped >= MIN_STALE and base.stale_dropped > STALE_SHARE * offered:
             yield warn(
                 f"base {robot}",
-                f"{base.stale_dropped} of {offered} commands {who} were too old when they came, and not obeyed",
+                f"{base.stale_dropped} of {offered} commands {who} were too old on arrival, and ignored",
                 "the sender stalls, its link buffers, or its clock was set: restart the sender if it goes on",
             )
         if base.refused:
@@ -176,7 +175,7 @@ def disk(fleet: str, folder: str) -> Iterator[Finding]:
         free = shutil.disk_usage(path).free
     except OSError as error:
         yield fail(
-            f"disk of {fleet}", f"{path} cannot be looked at: {error.strerror}", "the run's results may be lost: look"
+            f"disk of {fleet}", f"{path} cannot be checked: {error.strerror}", "the run's results may be lost: look"
         )
         return
     yield disk_space(f"disk of {fleet}", path, free)
@@ -187,12 +186,12 @@ def observe_fleet(link: Transport, entities: Sequence[Entity], seconds: float = 
 
     ``seconds`` are enough for each node to beat, and for a busy one as well.
     """
-    from deploy.live.subscribers import UntypedSubscriber
     from messages.base import WrongPayload, decoder
     from messages.names import key as key_of
     from messages.topics import BASE_STATUS, CLOCK, FLEET_STATE, HEALTH
     from services.runtime.subscriber import Subscriber
     from services.runtime.transport.wire import publisher_id
+    from services.runtime.untyped_subscriber import UntypedSubscriber
 
     nodes = {
         publisher_id(each.node, each.session, key_of(each.name)): each.node for each in entities if each.kind == "pub"
@@ -263,9 +262,9 @@ def orphans() -> Iterator[Finding]:
     left, run = [], 0
     for process in psutil.process_iter(["pid", "cmdline", "uids"]):
         words = process.info["cmdline"] or []
-        module = next((word for before, word in pairwise(words) if before == "-m"), "")
+        place = words.index("-m") if "-m" in words else len(words)
         uids = process.info["uids"]
-        if not module.startswith("services.") or uids is None or uids.real != os.getuid():
+        if words[place + 1 : place + 2] != ["services"] or uids is None or uids.real != os.getuid():
             continue
         try:
             line = process.parents()
@@ -274,7 +273,7 @@ def orphans() -> Iterator[Finding]:
             continue
         run += 1
         if orphan and not supervisors & {each.pid for each in line}:
-            left.append(f"{module} ({process.info['pid']})")
+            left.append(f"{' '.join(words[place + 2 : place + 3])} ({process.info['pid']})")
     if left:
         yield warn(
             "processes",

@@ -28,7 +28,7 @@ def version(root: Path = ROOT) -> Iterator[Finding]:
         check_import_roots()
         stated = tomllib.loads((root / "pyproject.toml").read_text())["project"]["version"]
     except BadInput as error:
-        yield fail("version", str(error), "unset PYTHONPATH, and start by ./elea")
+        yield fail("version", str(error), "unset PYTHONPATH, and start with ./elea")
         return
     except (OSError, ValueError, KeyError) as error:
         yield fail("version", f"pyproject.toml cannot be read: {error}", "get the project's files again")
@@ -48,7 +48,7 @@ def environment(root: Path = ROOT) -> Iterator[Finding]:
     own = root / ".venv"
     if Path(sys.prefix).resolve() != own.resolve():
         yield warn(
-            "environment", f"Python runs in {sys.prefix}, not in {own}", "start by ./elea, which makes and uses it"
+            "environment", f"Python runs in {sys.prefix}, not in {own}", "start with ./elea, which makes and uses it"
         )
     elif not (own / ".complete").is_file():
         yield warn("environment", f"{own} is not complete: it was interrupted", REINSTALL)

@@ -34,7 +34,7 @@ def python_version() -> Iterator[Finding]:
     else:
         yield fail(
             "python",
-            f"{sys.implementation.name} {version}; PyBullet has packages for CPython 3.11 alone",
+            f"{sys.implementation.name} {version}; PyBullet has packages only for CPython 3.11",
             "install uv, or python3.11 with venv, remove .venv, and start ./elea again",
         )
 
@@ -46,7 +46,7 @@ def platform_supported() -> Iterator[Finding]:
         yield ok("platform", here)
     else:
         yield fail(
-            "platform", f"{here}; PyBullet has packages for Linux on x86_64 alone", "use such a machine, or a container"
+            "platform", f"{here}; PyBullet has packages only for Linux on x86_64", "use such a machine, or a container"
         )
 
 
@@ -60,13 +60,13 @@ def cores_and_memory() -> Iterator[Finding]:
         yield warn("cores", f"{cores} may be used", f"a fleet runs, slowly; {MIN_CORES} or more are better")
     elif load > 1.5 * cores:
         yield warn(
-            "cores", f"{cores}, with {load:.1f} processes that want one", "end what else runs: real time may lag"
+            "cores", f"{cores}, with {load:.1f} processes that want one", "stop other programs: real time may lag"
         )
     else:
         yield ok("cores", f"{cores}, load {load:.1f}")
     free = memory.available // 2**20
     if free < MIN_MEMORY_MIB:
-        yield warn("memory", f"{free} MiB available", f"end what else runs: a fleet wants about {MIN_MEMORY_MIB} MiB")
+        yield warn("memory", f"{free} MiB available", f"stop other programs: a fleet needs about {MIN_MEMORY_MIB} MiB")
     else:
         yield ok("memory", f"{free} MiB available")
 
@@ -82,7 +82,7 @@ def clock() -> Iterator[Finding]:
         )
     elif step > _STEP_S / 2:
         yield warn(
-            "clock", f"the wall clock stepped by {step * 1000:.0f} ms", "see to the time service: chronyc tracking"
+            "clock", f"the wall clock stepped by {step * 1000:.0f} ms", "check the time service: chronyc tracking"
         )
     else:
         yield ok("clock", time.strftime("%Y-%m-%d %H:%M:%S %Z, steady"))
@@ -107,7 +107,7 @@ def loopback() -> Iterator[Finding]:
     if heard == b"elea":
         yield ok("loopback", f"127.0.0.1, {took * 1e6:.0f} us")
     else:
-        yield fail("loopback", "127.0.0.1 lost what was sent", "look for a firewall on lo: nft list ruleset")
+        yield fail("loopback", "127.0.0.1 lost the data sent", "look for a firewall on lo: nft list ruleset")
 
 
 VULKAN_DRIVER_FOLDERS = (
@@ -139,9 +139,11 @@ def display(environment: Mapping[str, str] = os.environ) -> Iterator[Finding]:
     if x:
         yield ok("display", f"X, DISPLAY={x}")
     elif wayland:
-        yield warn("display", f"WAYLAND_DISPLAY is {wayland}, but nobody is there", "unset it, or log in on the screen")
+        yield warn(
+            "display", f"WAYLAND_DISPLAY is {wayland}, but no compositor answers", "unset it, or log in on the screen"
+        )
     else:
-        yield ok("display", "none: the viewer does not open by itself, recordings can be looked at elsewhere")
+        yield ok("display", "none: the viewer does not open by itself; recordings can be viewed elsewhere")
 
 
 def vulkan() -> Iterator[Finding]:
@@ -150,7 +152,7 @@ def vulkan() -> Iterator[Finding]:
         ctypes.CDLL("libvulkan.so.1")
     except OSError:
         yield warn(
-            "vulkan", "libvulkan.so.1 is not there: the viewer draws nothing, all else works", VULKAN_INSTALL_HINT
+            "vulkan", "libvulkan.so.1 is missing: the viewer draws nothing, everything else works", VULKAN_INSTALL_HINT
         )
         return
     stated = os.environ.get("VK_DRIVER_FILES") or os.environ.get("VK_ICD_FILENAMES")
@@ -162,7 +164,7 @@ def vulkan() -> Iterator[Finding]:
     if any(each.is_file() for each in drivers):
         yield ok("vulkan", f"{len(drivers)} drivers, {drivers[0].stem} for one")
     else:
-        yield warn("vulkan", "there is no driver: the viewer draws nothing, all else works", VULKAN_INSTALL_HINT)
+        yield warn("vulkan", "there is no driver: the viewer draws nothing, everything else works", VULKAN_INSTALL_HINT)
 
 
 LOW_DISK_MIB, MIN_DISK_MIB = 2048, 64
@@ -172,7 +174,7 @@ LOW_DISK_MIB, MIN_DISK_MIB = 2048, 64
 def run_folder_writable(runs: Path = RUNS) -> Iterator[Finding]:
     """The folder of the runs can be written, and there is room."""
     yield from _check_writable(
-        "run folder", runs, "choose another with ./elea up --report DIR, or mend its rights: chown"
+        "run folder", runs, "choose another with ./elea up --report DIR, or fix its ownership: chown"
     )
 
 

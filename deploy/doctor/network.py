@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
 
@@ -13,6 +12,7 @@ from deploy.network_address import NetworkAddress, fleet_router
 from messages.elea import Health
 from services.runtime.errors import BadInput
 from services.runtime.graph import Entity
+from services.runtime.ports import port_in_use
 from services.runtime.transport.unix_sockets import is_listening, is_unix, make_private, path_of, remove_stale
 from services.runtime.transport.zenoh_config import is_local
 
@@ -29,17 +29,17 @@ def ports(place: NetworkAddress) -> Iterator[Finding]:
         yield ok("port", f"{place.router} is held by the fleet {held.fleet} (supervisor {held.pid})")
     elif is_unix(place.router):
         yield from _sockets(place.router)
-    elif _port_in_use(port := int(place.router.rpartition(":")[2])):
+    elif port_in_use(port := int(place.router.rpartition(":")[2])):
         yield warn(
             "port",
-            f"{port} is held by a program that is no fleet of yours",
-            f"see who: ss -ltnp sport = :{port}; or use --port",
+            f"{port} is used by a program that is not one of your fleets",
+            f"find it: ss -ltnp sport = :{port}; or use --port",
         )
     else:
         yield ok("port", f"{port} is free for a router")
-    if _port_in_use(VIEWER_PORT) and not fleets:
+    if port_in_use(VIEWER_PORT) and not fleets:
         yield warn(
-            "live view", f"{VIEWER_PORT} is held by another program", f"see who: ss -ltnp sport = :{VIEWER_PORT}"
+            "live view", f"{VIEWER_PORT} is held by another program", f"find it: ss -ltnp sport = :{VIEWER_PORT}"
         )
 
 
@@ -50,15 +50,15 @@ def _sockets(router: str) -> Iterator[Finding]:
         make_private(folder)
         remove_stale(folder)
     except BadInput as error:
-        yield fail("sockets", str(error), "fleets cannot start until this is mended")
+        yield fail("sockets", str(error), "fleets cannot start until this is fixed")
         return
     try:
         is_listening(router)
     except OSError:
-        yield ok("sockets", f"{router} is free for a router, and out of reach for other users")
+        yield ok("sockets", f"{router} is free for a router, and not accessible to other users")
     else:
         yield warn(
-            "sockets", f"{router} is held by a router that no fleet of yours has started", "end it, or use --port"
+            "sockets", f"{router} is used by a router that none of your fleets has started", "end it, or use --port"
         )
 
 
@@ -66,18 +66,18 @@ def access() -> Iterator[Finding]:
     """Who, besides this user, can drive the robots of the running fleets."""
     for each in running_fleets():
         for where in each.listen:
-            who = "every user of this machine" if is_local(where) else "whoever reaches it over the network"
+            who = "every user of this machine" if is_local(where) else "anyone who can reach it over the network"
             yield warn(
                 "access",
                 f"{each.fleet} listens on {where}: {who} can drive its robots",
-                "if nobody else needs it, leave out --listen, and tcp in the fleet file; see docs/security.md",
+                "if this is not needed, remove --listen, and tcp from the fleet file; see docs/security.md",
             )
 
 
 def router(place: NetworkAddress, asked: bool) -> Iterator[Finding]:
     """The router answers, the nodes beat, and nothing is lost or refused; ``asked`` when a router was named."""
     if not asked and not running_fleets():
-        yield ok("router", "no fleet runs")
+        yield ok("router", "no fleet is running")
         return
     from deploy.live.connect import connect
     from services.runtime.graph import snapshot
@@ -146,16 +146,16 @@ def nodes(
             if each.resynced or each.repeated > each.received:
                 yield warn(
                     f"node {name}",
-                    f"{each.topic}: the numbers of a publisher began anew {each.resynced} times, and {each.repeated} "
-                    f"messages that repeat one were dropped, {each.received} taken",
-                    "a program began anew under its old publisher id (choose one at each start), or somebody forges "
+                    f"{each.topic}: the sequence numbers of a publisher restarted {each.resynced} times, and "
+                    f"{each.repeated} repeated messages were dropped, {each.received} accepted",
+                    "a program restarted with its old publisher id (choose a new one at each start), or forges "
                     "numbers: ./elea topic info -v",
                 )
         if beat.refused_requests:
             yield warn(
                 f"node {name}",
                 f"{beat.refused_requests} requests were refused, the last one: {beat.request_reason}",
-                f"see who asks: ./elea logs {name.strip('/')}",
+                f"see the log: ./elea logs {name.strip('/')}",
             )
         for what in ("lost", "refused", "resynced"):
             if (unlisted := getattr(beat, what) - sum(getattr(each, what) for each in beat.inputs)) > 0:
@@ -196,9 +196,3 @@ def _advice(router: str, fleets: Sequence[FleetInstance]) -> str:
 def _fleet_at(router: str, fleets: Sequence[FleetInstance]) -> FleetInstance | None:
     """The fleet whose router listens at an endpoint."""
     return next((each for each in fleets if router in (fleet_router(each), *each.listen)), None)
-
-
-def _port_in_use(port: int) -> bool:
-    with socket.socket() as probe:
-        probe.settimeout(0.5)
-        return probe.connect_ex(("127.0.0.1", port)) == 0

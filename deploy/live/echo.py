@@ -20,13 +20,13 @@ from deploy.live.message_types import (
     record_by_type,
 )
 from deploy.live.output import write_json, write_note, write_text
-from deploy.live.subscribers import ReceivedSample, UntypedSubscriber
 from deploy.live.topics import absolute_name, group_by_topic, is_latched, topic_type, wait_for_topic
 from deploy.network_address import NetworkAddress
 from messages.base import Message, WrongPayload, decoder
 from messages.plain import plain, plain_record
 from services.runtime.errors import EleaError
 from services.runtime.graph import snapshot
+from services.runtime.untyped_subscriber import ReceivedSample, UntypedSubscriber
 
 
 class MessageReader:
@@ -62,8 +62,8 @@ class MessageReader:
             record = known_record(type_name)
             self._decoders[type_name] = decoder(record) if record is not None else None
             if record is None:
-                said = f"the type {type_name} is not known here" if type_name else "nobody tells the type"
-                self._note(f"{said}: shown as its MessagePack tells it")
+                said = f"unknown type {type_name}" if type_name else "undeclared type"
+                self._note(f"{said}: printed as decoded from MessagePack")
         return self._decoders[type_name]
 
     def _note(self, text: str) -> None:
@@ -134,14 +134,12 @@ def echo(place: NetworkAddress, asked: EchoRequest, style: EchoFormat) -> int:
                 if printer.shown == asked.count:
                     return 0
         if listener.lost:
-            write_note(f"{listener.lost} messages were lost on the way here: they come faster than they can be shown")
+            write_note(f"{listener.lost} messages were lost: they arrive faster than they can be printed")
         if live.stopping:
             return INTERRUPTED if asked.count else 0
     if printer.shown and not asked.count:
         return 0
-    raise EleaError(
-        f"{printer.shown} messages came on {name} within {asked.timeout:g} s: is somebody publishing there?"
-    )
+    raise EleaError(f"{printer.shown} messages arrived on {name} within {asked.timeout:g} s: is it being published?")
 
 
 class _Printer:

@@ -103,7 +103,7 @@ def check_path(record: type[Message], path: FieldPath) -> None:
             _element_index(step, path)
             kind = element
         elif kind is not Any:
-            raise BadInput(f"{'.'.join(path)!r}: there is nothing below a single value, as {step!r} asks for")
+            raise BadInput(f"{'.'.join(path)!r}: a single value has no element {step!r}")
 
 
 def get_field(value: Any, path: FieldPath) -> Any:
@@ -119,7 +119,7 @@ def get_field(value: Any, path: FieldPath) -> Any:
                 raise BadInput(f"{'.'.join(path)!r}: there are {len(value)} elements, no number {number}")
             value = value[number]
         else:
-            raise BadInput(f"{'.'.join(path)!r}: there is nothing below a single value, as {step!r} asks for")
+            raise BadInput(f"{'.'.join(path)!r}: a single value has no element {step!r}")
     return value
 
 
@@ -137,5 +137,5 @@ def complete_path(record: type[Message], begun: str) -> list[str]:
 
 def _element_index(step: str, path: FieldPath) -> int:
     if not re.fullmatch(r"-?\d{1,9}", step):
-        raise BadInput(f"{'.'.join(path)!r}: an element of a list is asked by its number, not by {step!r}")
+        raise BadInput(f"{'.'.join(path)!r}: an array element is selected by its index, not by {step!r}")
     return int(step)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from deploy.live.message_builder import MessageBuilder, read_yaml, split_type
+from deploy.live.message_builder import MessageBuilder, split_type
 from deploy.live.message_types import known_record, known_request, record_by_type
 from deploy.live.output import write_note
 from deploy.live.topics import not_found
+from deploy.yaml_reader import read_yaml
 from messages.base import encode
 from messages.names import key as key_of
 from messages.plain import plain
@@ -55,7 +56,7 @@ def find_service(transport: Transport, name: str) -> ServiceInfo:
     """The request ``name``; raises BadInput with the nearest name when nobody serves it."""
     found = list_services(transport)
     if name not in found:
-        raise not_found("service", name, found, "./elea service list tells them all")
+        raise not_found("service", name, found, "./elea service list shows them all")
     return found[name]
 
 
@@ -64,11 +65,11 @@ def call_service(transport: Transport, name: str, values: Sequence[str], timeout
     server = find_service(transport, name)
     given, words = split_type(values)
     if given and server.asks != record_by_type(given).ROS_TYPE:
-        raise BadInput(f"{name} asks {server.asks}, not {given}")
+        raise BadInput(f"{name} has the request type {server.asks}, not {given}")
     record, known = known_record(server.asks), known_request(name)
     message: Any
     if record is None:
-        write_note(f"{name} asks {server.asks}, a type that is not known here: what you wrote is sent as it stands")
+        write_note(f"{name} has the unknown request type {server.asks}: the values are sent unchecked")
         message = read_yaml(words[0]) if len(words) == 1 else [read_yaml(each) for each in words] or {}
     else:
         message = MessageBuilder(record, words).build(0)

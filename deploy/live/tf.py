@@ -77,7 +77,7 @@ class TfMonitor:
         told = []
         for frame, text in self.buffer.conflicts().items():
             who = [names.get(each, "a foreign sender" if not each else "?") for each in self.buffer.publishers(frame)]
-            told.append(f"{text}: {', '.join(who)} tell of it")
+            told.append(f"{text}: published by {', '.join(who)}")
         if self.buffer.refused:
             told.append(f"{self.buffer.refused} transforms refused, the last one: {self.buffer.reason}")
         for source in (self.dynamic, self._static):
@@ -101,9 +101,7 @@ def show_tree(place: NetworkAddress, listen: float, as_json: bool) -> int:
         names = watch.publishers()
         frames = watch.buffer.frames()
         if not frames:
-            raise EleaError(
-                f"no frames within {listen:g} s: nobody publishes on /tf or /tf_static; is a simulation running?"
-            )
+            raise EleaError(f"no frames on /tf or /tf_static within {listen:g} s: is a simulation running?")
         rows = {each: _frame_row(watch, each, names) for each in frames}
         faults = watch.faults(names) + _find_cycles(rows)
         now = watch.clock.now
@@ -135,7 +133,7 @@ def format_tree(rows: dict[str, dict[str, Any]]) -> Iterator[str]:
             stack += [(each, inner, each == below[name][-1]) for each in reversed(below.get(name, []))]
     for name in rows:
         if name not in shown:
-            yield f"{name} in {rows[name]['parent']}  {_format_frame(rows[name])}, in a circle"
+            yield f"{name} in {rows[name]['parent']}  {_format_frame(rows[name])}, in a loop"
 
 
 def _frame_row(watch: TfMonitor, frame: str, names: dict[bytes, str]) -> dict[str, Any]:
@@ -172,7 +170,7 @@ def _find_cycles(rows: dict[str, dict[str, Any]]) -> list[str]:
         while (parent := rows[here]["parent"]) is not None and parent not in done:
             if parent in line:
                 circle = line[line.index(parent) :]
-                told.append(f"frames in a circle: {' in '.join([*circle, parent])}")
+                told.append(f"frames in a loop: {' in '.join([*circle, parent])}")
                 break
             line.append(parent)
             here = parent
@@ -243,8 +241,8 @@ def _show_transform(source: str, target: str, found: LookupResult, watch: TfMoni
     age = "" if row["age"] is None or row["age"] < 0.5 else f", {row['age']:.3f} s old"
     lines = [
         f"{target} in {source}, {when}{age}",
-        f"- translation [m]: {_format_vector(found.transform.translation)}",
-        f"- quaternion (x, y, z, w): {_format_vector(found.transform.rotation)}",
+        f"- translation [m]: {_format_vector(found.transform.position)}",
+        f"- quaternion (x, y, z, w): {_format_vector(found.transform.orientation)}",
         f"- rpy [rad]: {_format_vector(row['rpy'])}",
         f"- rpy [deg]: {_format_vector(row['rpy_degrees'], 2)}",
     ]
@@ -260,8 +258,8 @@ def transform_facts(source: str, target: str, found: LookupResult, watch: TfMoni
         "target": target,
         "time": None if found.time is None else found.time / 1e9,
         "age": None if age is None else round(age, 6),
-        "translation": dict(zip("xyz", found.transform.translation, strict=True)),
-        "quaternion": dict(zip("xyzw", found.transform.rotation, strict=True)),
+        "translation": dict(zip("xyz", found.transform.position, strict=True)),
+        "quaternion": dict(zip("xyzw", found.transform.orientation, strict=True)),
         "rpy": list(rpy),
         "rpy_degrees": [math.degrees(each) for each in rpy],
     }

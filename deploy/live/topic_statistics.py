@@ -10,7 +10,8 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from deploy.live.message_types import known_topic
-from deploy.live.subscribers import ClockSubscriber, ReceivedSample, header_stamp
+from deploy.live.subscribers import ClockSubscriber, header_stamp
+from services.runtime.untyped_subscriber import ReceivedSample
 
 NS_PER_S = 1e9
 
@@ -231,7 +232,11 @@ class DelayMeter:
         lines = []
         for what, values, without in (
             ("since its stamp, by simulation time", self._ages, "the messages have no stamp, or there is no /clock"),
-            ("since it was sent, by the wall clock", self._transit_times, "the sender is foreign and tells no time"),
+            (
+                "since it was sent, by the wall clock",
+                self._transit_times,
+                "external publisher without a time of sending",
+            ),
         ):
             spread = _statistics(values)
             lines.append(

@@ -21,7 +21,7 @@ from services.grader.records import (
     Measurements,
 )
 from services.runtime.errors import BadInput
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 
 
 class TrajectoryDifference(msgspec.Struct, frozen=True, kw_only=True):

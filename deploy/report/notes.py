@@ -6,23 +6,23 @@ import math
 
 from deploy.fleet import Fleet, RobotConfig
 from deploy.report.record import RunFigures
-from services.driving.planar import Twist2
+from messages.se2 import Twist2
 from services.runtime.errors import BadInput
 from services.runtime.parameters.validation import build
-from services.sim import BaseParameters
 from services.sim.drive.config import DriveConfig, robot_config
 from services.sim.drive.driver import AT_REST, Drive, commanded_velocity, step_drive
+from services.sim.parameters import BaseParameters
 from services.square import SquareParameters
 from services.square.tutorial import ANGLE_THRESHOLD, STEP_S, BaseStep, overrun, predict
 
 
 def fleet_notes(fleet: Fleet) -> tuple[str, ...]:
-    """What the base driver warns of in its configuration, and one text for each square driven by the seed's law."""
+    """Returns the base drivers' configuration warnings, and a note for each square driven by the tutorial's law."""
     found = []
     for robot in fleet.robot:
         found += _base_warnings(robot)
         for member in (*robot.services, *(each for _, each in fleet.shared_services(robot))):
-            if member.kind == "square" and member.parameters.get("law") == "seed":
+            if member.kind == "square" and member.parameters.get("law") == "tutorial":
                 found.append(_tutorial_note(robot, build(SquareParameters, member.parameters)))
     return tuple(found)
 
@@ -45,8 +45,8 @@ def _tutorial_note(robot: RobotConfig, p: SquareParameters) -> str:
     if ends is not None:
         told = f"it would end {ends.closure:.3f} m and {abs(math.degrees(ends.excess_turn)):.1f} deg from its start"
     return (
-        f"{robot.name} drives the seed's law, which is off by design. Ten times a second it acts on a pose that is up "
-        f"to 0.1 s old; it takes a turn for done {math.degrees(ANGLE_THRESHOLD):.1f} deg before its end, but its base "
+        f"{robot.name} drives by the tutorial's law, which is inaccurate by design. Ten times a second it acts on a "
+        f"pose up to 0.1 s old; it ends a turn {math.degrees(ANGLE_THRESHOLD):.1f} deg early, but the base "
         f"turns on by {math.degrees(overrun(_ideal_base(drive), p.angular_speed)):.1f} deg and what the delay adds; "
         "the next side counts from the place, and the next turn from the heading, at which it happens to be: "
         "the errors add up. "
@@ -90,6 +90,6 @@ def real_time_notes(run: RunFigures, ok: bool) -> tuple[str, ...]:
         rest = len(worst) - MAX_NAMED_NODES
         parts.append(f"ticks were missed by {named}{f' and {rest} more' if rest > 0 else ''}")
     return (
-        f"This machine did not keep up with real time at factor {run.factor:g}: {'; '.join(parts)}. What is missed may "
-        "be the machine's fault: let less run beside, take a lower --factor, or --mode lockstep, which waits.",
+        f"This machine did not keep up with real time at factor {run.factor:g}: {'; '.join(parts)}. Missed bounds may "
+        "be due to that: stop other programs, use a lower --factor, or --mode lockstep, which waits.",
     )

@@ -77,7 +77,7 @@ class ManagedProcess:
         second life would be a second process of the name.
         """
         if self.is_running:
-            raise BadInput(f"{self.spec.name} runs already ({self.state})")
+            raise BadInput(f"{self.spec.name} is already running ({self.state})")
         self._dependencies = needs
         self._set_state("waiting")
         self._task = spawn(self._run, self.spec.name)

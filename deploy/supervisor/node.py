@@ -81,7 +81,7 @@ class RunMonitor:
         told = self._changes.get(number)
         made, at, reason = (told.made, told.time.ns / 1e9, told.reason) if told else (None, None, "")
         if told is None and change.at + END_MARGIN_S < end_s:
-            made, reason = False, "the parameter service does not tell of it: did somebody announce its set?"
+            made, reason = False, "the parameter service did not report on it: has a node announced its set?"
         elif told is None:
             reason = f"the run ended at {end_s:g} s"
         return ChangeFigures(

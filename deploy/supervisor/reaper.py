@@ -51,7 +51,7 @@ class Reaper:
         try:
             self._process.stdin.write(order)
         except BrokenPipeError:
-            sys.stderr.write("the reaper is gone: grandchildren may outlive a supervisor that is killed\n")
+            sys.stderr.write("the reaper has died: grandchildren may outlive a killed supervisor\n")
 
 
 if __name__ == "__main__":

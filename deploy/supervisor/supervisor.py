@@ -167,17 +167,17 @@ class Supervisor:
         if life is None:
             raise unknown_name("process", name, self.processes)
         if self._stopping:
-            raise BadInput("the fleet is about to end")
+            raise BadInput("the fleet is stopping")
         under_way = self._pending_actions(life)
         if under_way and (verb, under_way) != ("stop", ["restart"]):
-            raise BadInput(f"{name} is being {_PARTICIPLES[under_way[-1]]}: ask again when that is done")
+            raise BadInput(f"{name} is being {_PARTICIPLES[under_way[-1]]}: try again when that is done")
         if verb == "start" and life.is_running:
-            raise BadInput(f"{name} runs already ({life.state})")
+            raise BadInput(f"{name} is already running ({life.state})")
         if verb == "start":
             self._start(life)
             return f"{name} starts"
         if verb == "stop" and not life.is_running and not under_way:
-            raise BadInput(f"{name} does not run ({life.state})")
+            raise BadInput(f"{name} is not running ({life.state})")
         order = self._start_task(partial(self._restart if verb == "restart" else self._stop, life), f"{verb} {name}")
         self._actions[order] = verb, life
         order.add_done_callback(self._actions.pop)
@@ -248,7 +248,7 @@ class Supervisor:
         ready = [life for life in self.processes.values() if life.state == "ready"]
         why = ""
         if self._bus.flooded:
-            why = "somebody floods /health, so that heartbeats get lost"
+            why = "/health is flooded, so that heartbeats get lost"
         elif len(ready) > 1 and not any(life.is_healthy(now) for life in ready) and self._bus.router_answers():
             why = "no heartbeat of any process comes, though the router answers"
         if why != self._note:

@@ -1,7 +1,8 @@
-"""ROS 2's definitions of message types: read from text, written as text, and derived from records.
+"""Definitions of ROS 2 message types: parsed from text, written as text, derived from records.
 
-Facts of rcl_interfaces, common_interfaces and geometry2 (Apache-2.0 and BSD-3-Clause). A test compares the hash of each
-with that of an independent library.
+The standard ones are facts of rcl_interfaces, common_interfaces and geometry2 (Apache-2.0 and BSD-3-Clause); a test
+compares the hash of each with that of an independent library. ``rosbags`` could parse the text, but it has no limits
+for hostile definitions, takes 1.6 ms for an Odometry where ``parse`` takes 0.08, and needs four more packages.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import NamedTuple
 import msgspec.inspect as kinds
 
 from messages.base import Array, Float32Array, Message
+from messages.errors import BadInput
 
 SIZES = {
     "bool": ("?", 1),
@@ -30,12 +32,12 @@ SIZES = {
     "float32": ("f", 4),
     "float64": ("d", 8),
 }
-"""Code of ``struct`` and bytes of every number."""
+"""The ``struct`` code and the size in bytes of each number type."""
 
 DEEPEST = 16
-"""Levels of types within types; ROS has five at most."""
+"""Maximum levels of nested types; ROS has five."""
 LARGEST_LEAST = 1 << 26
-"""Bytes that the smallest message of a type may have: its reader makes a value of each of its fields."""
+"""Maximum bytes of the smallest message of a type, since its reader makes a value of each field."""
 
 SEPARATOR = "=" * 80
 
@@ -48,7 +50,7 @@ _CONSTANT = re.compile(r"[A-Za-z][\w/<=]*\s+\w+\s*=.*")
 class Field(NamedTuple):
     """A field: ``extent`` is None for a single value, -1 for a sequence, else the length of an array.
 
-    ``bound`` is the greatest length of a sequence, 0 without one.
+    ``bound`` is the maximum length of a sequence, 0 without one.
     """
 
     name: str
@@ -67,17 +69,17 @@ class Field(NamedTuple):
 
 
 Definitions = Mapping[str, tuple[Field, ...]]
-"""Types by name (``geometry_msgs/Pose``), each with its fields in order."""
+"""Fields of each type in order, by name (``geometry_msgs/Pose``)."""
 
 
-class BadDefinition(ValueError):
-    """A text does not define a message type; it says where."""
+class BadDefinition(BadInput):
+    """A text does not define a message type; the error says where."""
 
 
 def parse(name: str, text: str) -> Definitions:
-    """The type ``name`` and those that it is made of, from a text as it stands in MCAP files; raises BadDefinition.
+    """The type ``name`` and all types that it uses, from the text of an MCAP schema; raises BadDefinition.
 
-    The definitions of other types follow behind lines of ``=``, each under ``MSG: package/Type``.
+    The definitions of the other types follow lines of ``=``, each under ``MSG: package/Type``.
     """
     found: dict[str, tuple[Field, ...]] = {}
     for number, section in enumerate(re.split(r"^={3,}\s*$", text, flags=re.MULTILINE)):
@@ -96,7 +98,7 @@ def parse(name: str, text: str) -> Definitions:
 
 
 def fields_in(owner: str, lines: Iterable[str]) -> tuple[Field, ...]:
-    """The fields that the lines of the type ``owner`` state; raises BadDefinition."""
+    """The fields in the lines of the type ``owner``; raises BadDefinition."""
     return tuple(_fields(owner, lines))
 
 
@@ -106,20 +108,20 @@ def short_type_name(name: str) -> str:
 
 
 def long_type_name(name: str) -> str:
-    """``geometry_msgs/msg/Pose`` for ``geometry_msgs/Pose``; what says its kind, as ``pkg/srv/X_Request``, stays."""
+    """``geometry_msgs/msg/Pose`` for ``geometry_msgs/Pose``; names such as ``pkg/srv/X_Request`` stay."""
     package, slash, own = name.partition("/")
     return f"{package}/msg/{own}" if slash and "/" not in own else name
 
 
 def minimum_size(name: str, definitions: Definitions) -> int:
-    """Bytes of the smallest value of a type, without alignment; one at least."""
+    """Bytes of the smallest value of a type without alignment, at least one."""
     if name in SIZES:
         return SIZES[name][1]
     return 4 if name == "string" else _minimum_size(name, definitions, {})
 
 
 def text_of(name: str, definitions: Definitions) -> str:
-    """The text of a type and of those that it is made of, as ``parse`` reads it."""
+    """The text of a type and all types that it uses, as ``parse`` reads it."""
     parts = []
     for each in closure(name, definitions):
         head = "" if each == name else f"MSG: {each}\n"
@@ -128,7 +130,7 @@ def text_of(name: str, definitions: Definitions) -> str:
 
 
 def closure(name: str, definitions: Definitions) -> list[str]:
-    """A type and all that it is made of, itself first, in the order in which they are met."""
+    """A type and all types that it uses, in the order of first use."""
     met = [name]
     for each in met:
         met += [kind for kind in dict.fromkeys(f.type for f in definitions[each]) if _complex(kind) and kind not in met]
@@ -157,7 +159,7 @@ def _fields(owner: str, lines: Iterable[str]) -> Iterator[Field]:
 
 
 def _check(name: str, definitions: Definitions, above: tuple[str, ...], depths: dict[str, int]) -> int:
-    """The levels of a type, which is checked once, however often it is used; raises BadDefinition."""
+    """Check a type once, however often it is used, and return its levels; raises BadDefinition."""
     if name in above or len(above) + depths.get(name, 0) > DEEPEST:
         raise BadDefinition(f"{name} holds itself, or types lie more than {DEEPEST} deep")
     if name in depths:
@@ -262,7 +264,7 @@ STANDARD: dict[str, str] = {
     "std_msgs/String": "string data",
     "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
 }
-"""Type and fields, separated by semicolons; without the constants, which are not part of a message."""
+"""Fields of each type, separated by semicolons; constants are left out, as they are not part of a message."""
 
 
 _WIDTHS = (("uint8", 0, 2**8 - 1), ("uint32", 0, 2**32 - 1), ("int32", -(2**31), 2**31 - 1))
@@ -276,14 +278,14 @@ def standard() -> Definitions:
 
 @cache
 def definitions(record: type[Message]) -> Definitions:
-    """The type of a record and those that it is made of, by name."""
+    """The type of a record and all types that it uses, by name."""
     found = dict(standard())
     _derive(record, found)
     return {name: found[name] for name in closure(record.ROS_TYPE, found)}
 
 
 def fields_of(record: type[Message]) -> dict[str, kinds.Field]:
-    """The fields of a record, by their names on the wire."""
+    """The fields of a record by their names on the wire."""
     info = kinds.type_info(record)
     assert isinstance(info, kinds.StructType)
     return {field.encode_name: field for field in info.fields}
@@ -295,7 +297,7 @@ def unwrap(kind: kinds.Type) -> kinds.Type:
 
 
 def record_of(kind: kinds.Type) -> type[Message] | None:
-    """The record that a field holds, if it holds one."""
+    """The record class of a field that holds a record, else None."""
     return kind.cls if isinstance(kind, kinds.StructType) and issubclass(kind.cls, Message) else None
 
 
@@ -308,7 +310,7 @@ def optional(kind: kinds.Type) -> kinds.Type | None:
 
 
 def anything(kind: kinds.Type) -> bool:
-    """Whether a field holds a parameter's value: of several types, known only when it comes."""
+    """Whether a field holds a parameter's value, whose type is only known on arrival."""
     return isinstance(kind, kinds.UnionType) and optional(kind) is None and not packed(kind)
 
 

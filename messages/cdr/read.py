@@ -1,4 +1,4 @@
-"""CDR to records or plain values: a reader is put together once for each type and encapsulation."""
+"""Decodes CDR to records or plain values, by readers that are composed once for each type and encapsulation."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from messages.cdr.definitions import (
 M = TypeVar("M", bound=Message)
 
 Read = Callable[[bytes, int], tuple[Any, int]]
-"""Reads a value that begins at a position; gives it, and where the next one begins."""
+"""Reads the value at an offset; returns it and the offset of the next one."""
 
 LARGEST_READ = 1 << 26
-"""Bytes of a message that is read into values; each of its numbers takes 8 to 32 bytes in memory."""
+"""Maximum bytes of a message to decode; each of its numbers takes 8 to 32 bytes of memory."""
 
 
 class Encoding(NamedTuple):
-    """How an encapsulation lays values out: OMG's RTPS 2.5 (10.5) and DDS-XTypes 1.3 (7.4.3).
+    """The layout of values in an encapsulation, from OMG's RTPS 2.5 (10.5) and DDS-XTypes 1.3 (7.4.3).
 
-    ``order`` is that of ``struct``. Numbers are aligned to their size, ``widest`` bytes at most. In XCDR2 the bytes of
-    an array of anything but numbers are counted before it (``sized_arrays``), in its delimited form also those of each
-    structure (``sized_structs``).
+    ``order`` is the byte order code of ``struct``. Numbers are aligned to their size, at most ``widest`` bytes. In
+    XCDR2 a byte count precedes each array of anything but numbers (``sized_arrays``), and in its delimited form
+    each structure (``sized_structs``).
     """
 
     order: str
@@ -60,15 +60,15 @@ _COMPRESSED = (b"\x28\xb5\x2f\xfd", b"\x04\x22\x4d\x18")
 
 
 def plain_reader(name: str, types: Definitions) -> Callable[[bytes], dict[str, Any]]:
-    """A function from CDR to a dict of plain values; it raises WrongPayload."""
+    """A function from CDR to a dict of plain values, which raises WrongPayload."""
     return _guarded(name, types, None)
 
 
 def record_reader(record: type[M], types: Definitions, name: str = "") -> Callable[[bytes], M]:
     """A function from CDR of the type ``name`` (the record's own by default) to ``record``.
 
-    Fields are matched by name: what the record lacks is dropped, what the type lacks has its default. It raises
-    WrongPayload, also for values out of the record's bounds.
+    Fields are matched by name: those that the record lacks are dropped, those that the type lacks keep their defaults.
+    The function raises WrongPayload, also for values outside the record's bounds.
     """
     read = _guarded(name or record.ROS_TYPE, types, record)
     check = raw_decoder(record)
@@ -104,11 +104,11 @@ def _guarded(name: str, types: Definitions, record: type[Message] | None) -> Cal
 
 
 def _unread(head: bytes) -> str:
-    """Why a message with these first bytes is not read."""
+    """Why a message with these first bytes cannot be decoded."""
     if head in _COMPRESSED:
         return (
             "it is compressed by itself (rosbag2's compression mode MESSAGE): "
-            "write the bag anew without, with 'ros2 bag convert'"
+            "rewrite the bag without it, with 'ros2 bag convert'"
         )
     if head[:2] in _LISTS:
         return f"the encapsulation {head.hex()} is a list of numbered parameters, which ROS's definitions do not number"
@@ -119,7 +119,7 @@ def _unread(head: bytes) -> str:
 
 
 class _Readers:
-    """Puts readers together for one encoding, one for each type and record."""
+    """Composes the readers of one encoding, one for each type and record."""
 
     def __init__(self, types: Definitions, encoding: Encoding) -> None:
         self._types, self._encoding = types, encoding
@@ -127,7 +127,7 @@ class _Readers:
         self._made: dict[tuple[str, type[Message] | None], Read] = {}
 
     def whole(self, name: str, record: type[Message] | None) -> Read:
-        """A whole message: one without fields may lack the byte that ROS 2 sends for it."""
+        """The reader of a whole message; one without fields may lack the byte that ROS 2 sends for it."""
         if not self._types[name]:
             make: Callable[[], Any] = record or dict
             return lambda data, at: (make(), at)
@@ -231,7 +231,7 @@ class _Readers:
         return self._sized(items, self._encoding.sized_arrays, exact=True)
 
     def _sized(self, read: Read, sized: bool, exact: bool = False) -> Read:
-        """What has its bytes counted before it, if it is ``sized``; unless ``exact``, more may come than is known."""
+        """Read a preceding byte count if ``sized``; unless ``exact``, skip bytes after the known fields."""
         if not sized:
             return read
 

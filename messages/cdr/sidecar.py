@@ -1,4 +1,4 @@
-"""What records say beyond their ROS 2 types, or said before they were made to fit: it is recorded beside them."""
+"""Sidecar records: what a message has beyond its ROS 2 type, recorded in a message before it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from messages.rosgraph import DEBUG, ERROR, FATAL, INFO, WARN, Clock, Log
 from messages.std import Header, String, Time
 
 LEVELS = {DEBUG: 10, INFO: 20, WARN: 30, ERROR: 40, FATAL: 50}
-"""ROS 2's levels of a log line by those of ROS 1, which travel on the bus."""
+"""ROS 2's log levels by those of ROS 1, which are used on the bus."""
 _LEVELS = {ours: level for level, ours in LEVELS.items()}
 
 Level = Annotated[int, Meta(ge=0, le=255)]
@@ -49,21 +49,21 @@ class ClockExtra(Message, frozen=True, kw_only=True):
 
 
 class StringExtra(Message, frozen=True, kw_only=True):
-    """A text as it travelled, where another one is recorded for ROS 2's tools."""
+    """The original text, where another one is recorded for ROS 2's tools."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/StringExtra"
     data: str = ""
 
 
 EXTRAS: dict[type[Message], type[Message]] = {Clock: ClockExtra, Log: LogExtra, String: StringExtra}
-"""The record beside another one."""
+"""The sidecar of each record that has one."""
 
 ROS_RECORDS: dict[type[Message], type[Message]] = {Log: RosLog}
-"""The record that stands for another one in ROS 2."""
+"""The record that replaces another one in ROS 2."""
 
 
 def split(message: Message) -> tuple[Message, Message | None]:
-    """A message as ROS 2 has it, and what is to be recorded beside it, if anything."""
+    """A message as ROS 2 has it, and its sidecar, if it needs one."""
     match message:
         case Clock():
             return message, ClockExtra(tick=message.tick, epoch=message.epoch, paused=message.paused)
@@ -85,7 +85,7 @@ def split(message: Message) -> tuple[Message, Message | None]:
 
 
 def join(message: Message, extra: Message | None) -> Message:
-    """The record that travels on the bus, from what was recorded."""
+    """The message as it is on the bus, from what ``split`` made of it."""
     match message, extra:
         case Clock(clock=time), ClockExtra(tick=tick, epoch=epoch, paused=paused):
             return Clock(clock=time, tick=tick, epoch=epoch, paused=paused)

@@ -1,4 +1,4 @@
-"""One topic in a bag: its name, its type, how its messages are encoded, and how they travelled."""
+"""One topic in a bag: its name, type, encoding and quality of service."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from messages.cdr.definitions import definitions, long_type_name, text_of
 from messages.topics import Quality
 
 CDR, RAW = "cdr", "msgpack"
-"""Encodings of messages: as ROS 2 has it; as they travelled, for types that are unknown here."""
+"""Message encodings: ROS 2's; that of the bus, for types that Elea does not know."""
 
 
 class Raw(Message, frozen=True, kw_only=True):
-    """How a payload of an unknown type is kept, so that ROS 2's tools read the rest of the bag."""
+    """Wraps a payload of an unknown type, so that ROS 2's tools can read the rest of the bag."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Raw"
     type: str = ""
@@ -22,16 +22,16 @@ class Raw(Message, frozen=True, kw_only=True):
 
 
 SIDECAR = "/_elea"
-"""Ends the topic on which is recorded what ROS 2's type of another one lacks; hidden from ROS's own tools."""
+"""Suffix of the topic that holds what a message's ROS 2 type lacks; ROS 2's tools hide such topics."""
 
 SENDER_SIDECAR = "/_sender"
-"""Ends the topic on which is recorded who sent what is latched, where several nodes do; hidden like the other one."""
+"""Suffix of the topic that holds the senders of a latched topic with several publishers; hidden as well."""
 
 
 class Sender(Message, frozen=True, kw_only=True):
-    """The node that sent the message which follows, as bytes that stand for its name.
+    """The node that sent the message which follows; ``node`` is derived from its name.
 
-    The node that was the first on its topic is not noted.
+    The first node on a topic is not recorded.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Sender"
@@ -53,9 +53,10 @@ _QOS = """\
 
 @dataclass(frozen=True)
 class Channel:
-    """A topic of a bag. ``type`` is written as ``nav_msgs/Odometry``; ``schema`` is its definition, if there is one.
+    """A topic of a bag.
 
-    ``schema_encoding`` names the language of the schema: ``ros2msg``, or another one in bags of others.
+    ``type`` is written as ``nav_msgs/Odometry``; ``schema`` is its definition, if the bag has one, in the language
+    ``schema_encoding``: ``ros2msg`` unless another program wrote the bag.
     """
 
     topic: str
@@ -67,7 +68,7 @@ class Channel:
 
     @property
     def name(self) -> str:
-        """The topic's absolute name: in bags of others, ``cmd_vel`` stands for ``/cmd_vel``."""
+        """The topic's absolute name: bags of other programs may have ``cmd_vel`` for ``/cmd_vel``."""
         return self.topic if self.topic.startswith("/") else f"/{self.topic}"
 
     @property
@@ -77,12 +78,12 @@ class Channel:
 
     @property
     def stored(self) -> Channel:
-        """The channel as it stands in the file: what travelled as MessagePack is wrapped in a ``Raw``."""
+        """The channel as the file declares it: MessagePack payloads are wrapped in a ``Raw``."""
         return channel_of(self.topic, Raw, self.quality) if self.encoding == RAW else self
 
     @property
     def metadata(self) -> dict[str, str]:
-        """What stands beside the channel in the file."""
+        """The channel's metadata in the file."""
         own = {"offered_qos_profiles": qos_text(self.quality), "elea_quality": self.quality.name}
         return own | {"elea_type": self.type} if self.encoding == RAW else own
 
@@ -93,14 +94,14 @@ def channel_of(topic: str, record: type[Message], quality: Quality) -> Channel:
 
 
 def raw_channel(topic: str, type_name: str, quality: Quality) -> Channel:
-    """The channel for messages of a type that is unknown here; they are kept as they travelled."""
+    """The channel for messages of a type that Elea does not know; their payloads are stored unchanged."""
     return Channel(topic, type_name, RAW, "", "", quality)
 
 
 def qos_text(quality: Quality) -> str:
-    """ROS 2's quality of service, as rosbag2 writes it: all is offered reliably, so that any subscriber may have it.
+    """ROS 2's quality of service as rosbag2 writes it: ``transient_local`` for latched topics.
 
-    What is latched is ``transient_local``.
+    All topics are ``reliable``, so that every subscriber matches on playback.
     """
     latched = quality is Quality.LATCHED
     return _QOS.format(
@@ -111,7 +112,7 @@ def qos_text(quality: Quality) -> str:
 
 
 def quality_of(metadata: dict[str, str]) -> Quality:
-    """How the messages of a channel travelled; in bags of others, as far as their quality of service tells it."""
+    """The quality of a channel's topic; derived from its ROS 2 quality of service in bags of other programs."""
     name = metadata.get("elea_quality", "")
     if name in Quality.__members__:
         return Quality[name]
@@ -122,6 +123,6 @@ def quality_of(metadata: dict[str, str]) -> Quality:
 
 
 def _has_policy(offered: str, key: str, name: str, number: str) -> bool:
-    """rosbag2 writes the names since version 9, and the numbers before it."""
+    """Whether a profile has a policy; rosbag2 writes names since version 9, and numbers before."""
     lines = [line.strip(" -") for line in offered.splitlines()]
     return f"{key}: {name}" in lines or f"{key}: {number}" in lines

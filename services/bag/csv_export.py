@@ -1,4 +1,4 @@
-"""Bags as CSV: a file for each topic, a column for each field, a row for each message."""
+"""Exports bags as CSV: one file for each topic, one column for each field, one row for each message."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from services.bag.reader import Bag, plain_decoder
 from services.runtime.errors import BadInput
 
 MAX_LIST_COLUMNS = 1024
-"""Columns that a list becomes, at most; of longer ones, pictures for instance, only the length is kept."""
+"""Maximum columns for one list; of longer ones, images for instance, only the length is written."""
 MAX_COLUMNS = 16_384
-"""Columns of a table, as spreadsheets have them at most; what a message has beyond them is left out, and told."""
+"""Maximum columns of a table, as in spreadsheets; further ones are left out and reported."""
 
 
 class ExportResult(NamedTuple):
-    """What became of a topic: its file and rows, or the reason why there is none."""
+    """The result for one topic: its file and rows, or the reason why it has none."""
 
     topic: str
     file: Path | None
@@ -30,7 +30,7 @@ class ExportResult(NamedTuple):
 
 
 class _Table:
-    """One topic: the reader of its messages and the columns that they need."""
+    """The table of one topic: decodes its messages and collects the columns that they need."""
 
     def __init__(self, channel: Channel) -> None:
         self.rows = self.undecodable = 0
@@ -39,7 +39,7 @@ class _Table:
         self._read: Callable[[bytes], Any] = plain_decoder(channel)
 
     def row(self, data: bytes) -> dict[str, Any] | None:
-        """The values by column; None for what is no message of the topic's type."""
+        """The values by column; None for data that is not of the topic's type."""
         try:
             found = dict(islice(flatten(self._read(data)), MAX_COLUMNS + 1))
         except WrongPayload:
@@ -48,7 +48,7 @@ class _Table:
         return found
 
     def widen(self, row: Iterable[str]) -> None:
-        """Have a column for each value of a row, as long as there is room."""
+        """Add the columns that a row needs, up to MAX_COLUMNS."""
         for name in row:
             if name not in self.columns:
                 if len(self.columns) >= MAX_COLUMNS:
@@ -60,8 +60,8 @@ class _Table:
 def export_csv(bag: Bag, folder: Path, wanted: Callable[[str], bool]) -> list[ExportResult]:
     """Write ``folder``/TOPIC.csv for every topic that is ``wanted``; raises BadInput when it cannot be written.
 
-    ``time`` and ``log_time`` [s] are the simulated time and that on the wall; names of fields are joined by dots.
-    The bag is read twice: the columns are known only at its end, since lists may grow.
+    The columns ``time`` and ``log_time`` [s] are simulated and wall time; field names are joined by dots. The bag is
+    read twice, since lists may grow and so the columns are only known at its end.
     """
     sheets, refused = _read_tables(bag, wanted)
     try:
@@ -70,16 +70,16 @@ def export_csv(bag: Bag, folder: Path, wanted: Callable[[str], bool]) -> list[Ex
         _write(bag, {channel: folder / name for channel, name in names.items()}, sheets)
     except (OSError, ValueError) as error:
         raise BadInput(f"the tables cannot be written to {folder}: {error}") from None
-    told = list(refused.values())
+    results = list(refused.values())
     for channel, sheet in sheets.items():
         reasons = [f"{sheet.undecodable} messages are not of their type"] if sheet.undecodable else []
         reasons += [f"columns beyond {MAX_COLUMNS} are left out"] if sheet.truncated else []
-        told.append(ExportResult(channel.topic, folder / names[channel], sheet.rows, "; ".join(reasons)))
-    return sorted(told, key=lambda each: (each.topic, str(each.file)))
+        results.append(ExportResult(channel.topic, folder / names[channel], sheet.rows, "; ".join(reasons)))
+    return sorted(results, key=lambda each: (each.topic, str(each.file)))
 
 
 def _read_tables(bag: Bag, wanted: Callable[[str], bool]) -> tuple[dict[Channel, _Table], dict[Channel, ExportResult]]:
-    """The topics with their columns, and those that cannot be had."""
+    """The topics with their columns, and those that cannot be exported."""
     sheets: dict[Channel, _Table] = {}
     refused: dict[Channel, ExportResult] = {}
     for entry in bag.entries():
@@ -113,7 +113,7 @@ def _write(bag: Bag, files: dict[Channel, Path], sheets: dict[Channel, _Table]) 
 
 
 def _file_names(channels: Iterable[Channel]) -> dict[Channel, str]:
-    """A file for each channel, called like its topic; where the name is taken, as by another type, it is numbered."""
+    """A file name for each channel, from its topic; numbered where several would be equal."""
     names: dict[Channel, str] = {}
     for channel in channels:
         stem = channel.topic.strip("/").replace("/", "__")
@@ -123,7 +123,7 @@ def _file_names(channels: Iterable[Channel]) -> dict[Channel, str]:
 
 
 def flatten(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """The leaves of nested dicts and lists, each with its path: ``pose.position.x``, ``ranges[3]``."""
+    """The leaves of nested dicts and lists with their paths: ``pose.position.x``, ``ranges[3]``."""
     if isinstance(value, dict):
         for name, each in value.items():
             yield from flatten(each, f"{path}.{name}" if path else name)

@@ -1,4 +1,4 @@
-"""What a bag holds: span, topics, counts, rates, files, and what is wrong with it."""
+"""Summarises a bag: duration, topics, counts, rates, files and problems."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from services.bag.reader import Bag, Timeline, is_sidecar, unplayable_reason
 
 
 class TopicInfo(msgspec.Struct, frozen=True, kw_only=True):
-    """One topic; ``rate`` [Hz] is by simulated time, None for fewer than two messages or when they bear one time."""
+    """One topic; ``rate`` [Hz] is in simulated time, None unless its messages have two different times."""
 
     topic: str
     type: str
@@ -32,7 +32,7 @@ class FileInfo(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BagInfo(msgspec.Struct, frozen=True, kw_only=True):
-    """A bag. Times in s: ``start`` by the clock on the wall, ``wall_seconds`` long there, ``seconds`` simulated."""
+    """A bag, with times in s: ``start`` and ``wall_seconds`` are wall time, ``seconds`` is simulated time."""
 
     path: str
     bytes: int
@@ -48,7 +48,7 @@ class BagInfo(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class _TimeSpan:
-    """The time [ns] that messages cover, counted anew in each segment: where time began anew, as after a reset."""
+    """The time [ns] that messages cover, summed over the segments between resets of the time."""
 
     def __init__(self) -> None:
         self.messages = 0
@@ -62,7 +62,7 @@ class _TimeSpan:
 
     @property
     def elapsed(self) -> int:
-        """Times of several senders interleave, so a segment is as long as from its earliest to its latest time."""
+        """Total time [ns]; from the earliest to the latest time of each segment, since senders interleave."""
         return sum(last - first for first, last in self._segments.values())
 
     @property
@@ -73,7 +73,7 @@ class _TimeSpan:
 
 
 def bag_info(bag: Bag) -> BagInfo:
-    """Read the whole bag and tell of it; 100,000 messages take about half a second."""
+    """Read the whole bag and summarise it; 100,000 messages take about half a second."""
     spans: dict[Channel, _TimeSpan] = {}
     whole, wall, timeline = _TimeSpan(), _TimeSpan(), Timeline()
     start: int | None = None

@@ -1,4 +1,8 @@
-"""Reads one MCAP file: record by record, torn or damaged files as far as possible, or its summary alone."""
+"""Reads one MCAP file record by record, torn or damaged files as far as possible, or its summary alone.
+
+Records are parsed by ``mcap``, whole files are not: ``mcap.stream_reader`` ends at the first damaged record, unpacks as
+many bytes as a chunk's data claims, and takes 3.3 us for an Odometry where this takes 1.5.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +19,7 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
+from mcap.reader import SeekingReader
 from mcap.records import Channel as ChannelRecord
 from mcap.records import Chunk, Header, Metadata, Schema, Statistics
 
@@ -26,13 +30,13 @@ from services.bag.mcap_writer import LIBRARY, MAGIC
 from services.bag.metadata import FileStats
 
 MAX_RECORD_SIZE = 1 << 28
-"""Bytes of a chunk, unpacked, and of any record; whatever is larger is not read. Recorders make chunks of 1 to 4 MB."""
+"""Maximum bytes of an unpacked chunk and of a record; larger ones are skipped. Recorders write chunks of 1 to 4 MB."""
 MAX_TEXT_SIZE = 1 << 22
-"""Bytes of a schema, or of what is noted beside a channel or the file."""
+"""Maximum bytes of one schema, channel or metadata record."""
 MAX_TOTAL_TEXT_SIZE = 1 << 26
-"""Bytes of all schemas and notes of a file."""
+"""Maximum bytes of all schemas, channels and metadata records of a file."""
 MAX_REPORTED_PROBLEMS = 20
-"""Damaged places that are told one by one."""
+"""Damaged places that are reported one by one; the others are counted."""
 
 _RECORD_HEAD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
@@ -56,11 +60,11 @@ DECODE_ERRORS = (
     EOFError,
     MemoryError,
 )
-"""What the libraries raise for bytes that are no records."""
+"""What the libraries raise for bytes that are not valid records."""
 
 
 class SerializedMessage(NamedTuple):
-    """A message; ``channel`` is its number in the file."""
+    """A message as it is in the file; ``channel`` is the number of its channel there."""
 
     channel: int
     sequence: int
@@ -70,7 +74,7 @@ class SerializedMessage(NamedTuple):
 
 
 class McapScanner:
-    """Reads ``stream``. ``channels``, ``problems`` and ``metadata`` grow as ``messages`` goes on."""
+    """Reads ``stream``, the file ``path``; ``channels``, ``problems`` and ``metadata`` fill up during ``messages``."""
 
     def __init__(self, stream: BinaryIO, path: Path) -> None:
         self.channels: dict[int, Channel] = {}
@@ -84,7 +88,7 @@ class McapScanner:
         self._expected_count: int | None = None
 
     def messages(self) -> Iterator[SerializedMessage]:
-        """Every message, in the order of the file; those of a chunk by log time when the file is not ours."""
+        """Every message in file order; in files that Elea did not write, each chunk is sorted by log time."""
         self._stream.seek(len(MAGIC))
         at, ended = len(MAGIC), False
         while True:
@@ -111,7 +115,7 @@ class McapScanner:
         self._report_totals()
 
     def _report_torn(self, at: int, ended: bool) -> None:
-        """The file ends too early: in its data, or when they had ``ended``."""
+        """Report a file that ends early: within its data, or after they had ``ended``."""
         if ended:
             self._report_torn_summary()
             return
@@ -131,7 +135,7 @@ class McapScanner:
         )
 
     def _report_totals(self) -> None:
-        """Tell how much is damaged, and what the table of contents has that was not found."""
+        """Report how many more places are damaged, and whether messages are missing."""
         if self._damaged > MAX_REPORTED_PROBLEMS:
             self.problems.append(f"{self._path}: damaged in {self._damaged - MAX_REPORTED_PROBLEMS} more places")
         if self._expected_count is not None and self._expected_count != self._count:
@@ -146,7 +150,7 @@ class McapScanner:
             self.problems.append(f"{self._path}: damaged at byte {at}: {reason}")
 
     def _record(self, opcode: int, data: bytes, at: int) -> Iterator[SerializedMessage]:
-        """The messages of the record at a byte of the file, if it has some; what cannot be read is told instead."""
+        """The messages of the record at byte ``at``, if it has any; reports what cannot be read."""
         try:
             match opcode:
                 case Opcode.CHUNK:
@@ -191,7 +195,7 @@ class McapScanner:
             raise ValueError(f"schemas, channels and notes of more than {MAX_TOTAL_TEXT_SIZE} bytes in all")
 
     def _chunk(self, records: bytes, place: int) -> Iterator[SerializedMessage]:
-        """The messages of a chunk that lies at a byte of the file; its other records count before all of them."""
+        """The messages of the chunk at byte ``place``; its schemas and channels are read before all of them."""
         starts, times = array("Q"), array("Q")
         at = 0
         while at < len(records):
@@ -233,7 +237,7 @@ class McapScanner:
 
 
 def channel_from(record: ChannelRecord, schema: Schema | None) -> Channel:
-    """The channel that two records of a file describe."""
+    """The channel that a channel record and its schema describe."""
     if (kept := record.metadata.get("elea_type")) is not None:
         return raw_channel(record.topic, kept, quality_of(record.metadata))
     return Channel(
@@ -247,7 +251,7 @@ def channel_from(record: ChannelRecord, schema: Schema | None) -> Channel:
 
 
 def _decompress(chunk: Chunk) -> bytes:
-    """The records of a chunk: as many bytes as it says, and no more, however well the data is packed."""
+    """The records of a chunk; never unpacks more bytes than the chunk states. Raises ValueError."""
     size = chunk.uncompressed_size
     if size > MAX_RECORD_SIZE:
         raise ValueError(f"a chunk of {size} bytes, the limit is {MAX_RECORD_SIZE}")
@@ -255,9 +259,9 @@ def _decompress(chunk: Chunk) -> bytes:
         case "":
             records = chunk.data
         case "zstd":
-            told = zstandard.get_frame_parameters(chunk.data).content_size
-            if told not in (size, zstandard.CONTENTSIZE_UNKNOWN):
-                raise ValueError(f"a chunk whose data has {told} bytes, unpacked, instead of {size}")
+            stated = zstandard.get_frame_parameters(chunk.data).content_size
+            if stated not in (size, zstandard.CONTENTSIZE_UNKNOWN):
+                raise ValueError(f"a chunk whose data has {stated} bytes, unpacked, instead of {size}")
             with zstandard.ZstdDecompressor().stream_reader(BytesIO(chunk.data), read_across_frames=True) as stream:
                 records = stream.read(size + 1)
         case "lz4":
@@ -272,17 +276,18 @@ def _decompress(chunk: Chunk) -> bytes:
 
 
 def read_stats(file: Path) -> FileStats | None:
-    """The file as metadata.yaml tells of it; None for one that is torn, which ROS 2's tools do not open."""
+    """The file's entry for metadata.yaml; None for a torn file, which ROS 2's tools do not open."""
     try:
         with file.open("rb") as stream:
-            summary = make_reader(stream).get_summary()
-        if summary is None or (told := summary.statistics) is None:
+            summary = SeekingReader(stream, record_size_limit=MAX_RECORD_SIZE).get_summary()
+        if summary is None or (statistics := summary.statistics) is None:
             return None
+        counts = statistics.channel_message_counts
         topics = {
-            channel_from(record, summary.schemas.get(record.schema_id)): told.channel_message_counts.get(number, 0)
+            channel_from(record, summary.schemas.get(record.schema_id)): counts.get(number, 0)
             for number, record in summary.channels.items()
         }
     except (OSError, *DECODE_ERRORS):
         return None
-    span = told.message_start_time, told.message_end_time
-    return FileStats(file.name, file.stat().st_size, told.message_count, *span, topics)
+    span = statistics.message_start_time, statistics.message_end_time
+    return FileStats(file.name, file.stat().st_size, statistics.message_count, *span, topics)

@@ -1,4 +1,4 @@
-"""metadata.yaml, which makes a folder of MCAP files a bag of rosbag2 (version 9)."""
+"""Reads and writes metadata.yaml, which makes a folder of MCAP files a rosbag2 bag (version 9)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from services.bag.channel import Channel, qos_text
 METADATA_FILE = "metadata.yaml"
 VERSION = 9
 MAX_METADATA_SIZE = 1 << 24
-"""Bytes of a metadata.yaml that is read; one topic takes some 500."""
+"""Maximum bytes of a metadata.yaml; a topic takes about 500."""
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
@@ -29,7 +29,7 @@ class FileStats(NamedTuple):
 
 
 def metadata_text(files: Sequence[FileStats]) -> str:
-    """The text for these files, in their order."""
+    """The text of metadata.yaml for these files, in this order."""
     counts: dict[Channel, int] = {}
     for file in files:
         for channel, count in file.topics.items():
@@ -62,14 +62,14 @@ def metadata_text(files: Sequence[FileStats]) -> str:
 
 
 class FileList(NamedTuple):
-    """The files that a metadata.yaml names, in order; None without one, or when it is damaged: ``problem`` says how."""
+    """The files that metadata.yaml names, in order; None if it is missing or damaged, as ``problem`` says."""
 
     names: list[str] | None = None
     problem: str = ""
 
 
 def read_file_list(folder: Path) -> FileList:
-    """What the metadata.yaml of a folder says of its files."""
+    """Read which files the metadata.yaml of a folder names."""
     file = folder / METADATA_FILE
     if not file.exists():
         return FileList()

@@ -1,4 +1,4 @@
-"""Reads bags, ours and those of others: messages in order, their simulated time line, and their records."""
+"""Reads bags of Elea and of other programs: messages in order, their timeline in simulated time, their records."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from services.bag.writer import file_number
 from services.runtime.errors import BadInput
 
 JUMP_NS = 1_000_000_000
-"""When time falls back by more, it has begun anew; less is a message that came late."""
+"""A larger step back in time begins a new segment; a smaller one is a late message."""
 GAP_NS = 24 * 3600 * 1_000_000_000
-"""When it goes on by more, it has begun anew as well: a message without a time before one with, or a damaged time."""
+"""A larger step forward begins a new segment too: after a message without a time, or at a damaged time."""
 
 
 class BagTime(NamedTuple):
-    """``position`` [ns] from the start of the bag; simulated ``time`` [ns]; how often that began anew: ``segment``."""
+    """``position`` [ns] from the start of the bag; simulated ``time`` [ns]; ``segment`` counts the resets before."""
 
     position: int
     segment: int
@@ -38,7 +38,7 @@ class BagTime(NamedTuple):
 
 
 class Timeline:
-    """Places messages in the order of their recording; positions never fall."""
+    """Assigns bag times to messages in the order of their recording; positions never decrease."""
 
     def __init__(self) -> None:
         self._last: int | None = None
@@ -46,7 +46,7 @@ class Timeline:
         self._epoch: int | None = None
 
     def locate(self, time: int, epoch: int | None = None) -> BagTime:
-        """The moment of a message of simulated ``time`` [ns]; ``epoch`` is known of the clock's own messages."""
+        """The bag time of a message at simulated ``time`` [ns]; only messages of the clock have an ``epoch``."""
         if self._last is None:
             self._last = time
         if not self._last - JUMP_NS <= time <= self._last + GAP_NS:
@@ -66,7 +66,7 @@ class Timeline:
 
 
 class Entry(NamedTuple):
-    """One message as it is recorded; times in ns. In bags of ours, ``publish_time`` is simulated time."""
+    """One recorded message; times in ns. In bags that Elea wrote, ``publish_time`` is simulated time."""
 
     channel: Channel
     sequence: int
@@ -79,8 +79,8 @@ class Entry(NamedTuple):
 class Bag:
     """The files of a bag, in order.
 
-    ``problems`` lists what could not be read so far, ``known_problems`` what metadata.yaml alone shows to be missing.
-    ``from_elea`` is true while everything read so far was written by our recorder.
+    ``problems`` lists what could not be read so far, ``known_problems`` what metadata.yaml shows to be missing.
+    ``from_elea`` is true while Elea's recorder wrote everything read so far.
     """
 
     path: Path
@@ -96,13 +96,13 @@ class Bag:
         return sum(each.stat().st_size for each in self.files)
 
     def entries(self) -> Iterator[Entry]:
-        """Every message in the order of its recording; raises BadInput when nothing at all can be read."""
+        """Every message in the order of recording; raises BadInput when a file cannot be opened."""
         self.problems, self.metadata, self.from_elea = [*self.known_problems], {}, True
         for file in self.files:
             yield from self._read_file(file)
 
     def channels(self) -> list[Channel]:
-        """Every topic that has a message, in the order of their names."""
+        """Every topic that has a message, sorted by name."""
         return sorted({entry.channel for entry in self.entries()}, key=lambda channel: channel.topic)
 
     def _read_file(self, file: Path) -> Iterator[Entry]:
@@ -120,7 +120,7 @@ class Bag:
 
 
 def open_bag(path: Path) -> Bag:
-    """The bag at ``path``, an MCAP file or a folder of them; raises BadInput that says what it is instead."""
+    """Open the bag at ``path``, an MCAP file or a folder of them; raises BadInput that says what it is instead."""
     if path.is_dir():
         return Bag(path, *_list_files(path))
     if not path.exists():
@@ -132,7 +132,7 @@ def open_bag(path: Path) -> Bag:
 
 
 def _list_files(folder: Path) -> tuple[list[Path], tuple[str, ...]]:
-    """The files of a bag in their order, and what of it is missing by its metadata.yaml."""
+    """The files of a bag in order, and the problems that its metadata.yaml shows."""
     present = sorted(
         (each for each in folder.glob("*.mcap") if each.is_file()), key=lambda file: (file_number(file), file.name)
     )
@@ -180,25 +180,25 @@ Decoder = Callable[[bytes], Any]
 
 
 def record_type(channel: Channel) -> type[Message] | None:
-    """The record that the messages of a channel become; None for types that are unknown here."""
+    """The record for the messages of a channel; None for types that Elea does not know."""
     return _RECORDS_BY_ROS_TYPE.get(channel.type) or RECORDS.get(channel.type)
 
 
 def unknown_record(ros_type: str) -> type[Message]:
-    """A record without fields that stands for a type which is unknown here."""
+    """A record without fields that stands for a type that Elea does not know."""
     made = msgspec.defstruct("Unknown", [], bases=(Message,), namespace={"ROS_TYPE": ros_type}, frozen=True)
     assert issubclass(made, Message)
     return made
 
 
 def is_sidecar(channel: Channel) -> bool:
-    """Whether a channel holds what another one lacks."""
+    """Whether a channel holds additions to the messages of another one."""
     ending = SENDER_SIDECAR if channel.type == Sender.ROS_TYPE else SIDECAR
     return channel.topic.endswith(ending) and channel.type in _SIDECAR_RECORDS
 
 
 def unplayable_reason(channel: Channel) -> str:
-    """Why a channel cannot be put on the bus; empty when it can."""
+    """Why a channel cannot be played; empty when it can."""
     try:
         validate(channel.name)
     except BadName as error:
@@ -207,7 +207,7 @@ def unplayable_reason(channel: Channel) -> str:
 
 
 def unreadable_reason(channel: Channel) -> str:
-    """Why the messages of a channel cannot be read; empty when they can, or belong to another channel."""
+    """Why the messages of a channel cannot be decoded; empty when they can."""
     if channel.encoding == RAW and channel.type:
         return ""
     if channel.encoding != CDR:
@@ -222,7 +222,7 @@ def unreadable_reason(channel: Channel) -> str:
 
 
 class MessageDecoder:
-    """Gives the record of one entry after the other; what was recorded beside a message is put back into it."""
+    """Decodes entries in order, and merges what a sidecar channel holds into the message that follows."""
 
     def __init__(self) -> None:
         self._decoders: dict[Channel, Decoder] = {}
@@ -230,9 +230,9 @@ class MessageDecoder:
         self._senders: dict[str, tuple[int, int, bytes]] = {}
 
     def decode(self, entry: Entry) -> Message | None:
-        """The record; None for what belongs to the message that follows. Raises WrongPayload.
+        """The record of an entry; None for one that belongs to the message that follows. Raises WrongPayload.
 
-        The channel must be one that ``unreadable_reason`` has nothing against.
+        ``unreadable_reason`` of its channel must be empty.
         """
         channel = entry.channel
         read = self._decoders.get(channel)
@@ -250,13 +250,13 @@ class MessageDecoder:
         return join(found, extra[2] if extra is not None and belongs else None)
 
     def sender(self, entry: Entry) -> bytes:
-        """Which of several nodes on a latched topic has sent this message; empty for the first of them."""
+        """Which of several nodes on a latched topic sent this message; empty for the first one."""
         noted = self._senders.pop(entry.channel.topic, None)
         return noted[2] if noted is not None and noted[:2] == (entry.sequence, entry.log_time) else b""
 
 
 def plain_decoder(channel: Channel) -> Decoder:
-    """A function from the data of a channel to plain values, whatever its type; raises WrongPayload."""
+    """A function from the data of a channel of any type to plain values; raises WrongPayload."""
     if channel.encoding != CDR or channel.schema_encoding != "ros2msg":
         raise WrongPayload(f"{channel.topic}: only CDR with a ros2msg schema can be read, not {channel.encoding}")
     try:
@@ -272,7 +272,7 @@ def _record_decoder(channel: Channel) -> Decoder:
 
 
 def _definitions(channel: Channel) -> Definitions:
-    """The definition that the file itself holds: of another version of ROS, or of this project, perhaps."""
+    """The definitions in the file itself, which may be of another version of ROS or Elea."""
     if channel.schema_encoding != "ros2msg":
         raise BadDefinition(f"it is written as {channel.schema_encoding or 'nothing'}, not as ros2msg")
     return _parsed(channel.type, channel.schema)

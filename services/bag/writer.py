@@ -1,4 +1,4 @@
-"""A bag in the making: a rosbag2 folder with one MCAP file after the other, and its metadata.yaml."""
+"""Writes a bag: a rosbag2 folder of consecutive MCAP files, and its metadata.yaml."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from services.bag.channel import Channel
 from services.bag.mcap_reader import read_stats
 from services.bag.mcap_writer import CHUNK_SIZE, McapWriter
 from services.bag.metadata import METADATA_FILE, FileStats, metadata_text
+from services.runtime.atomic_file import write_atomic
 from services.runtime.errors import BadInput
 
 MIN_FILE_SIZE = 1 << 16
 """Bytes; no file is split below this."""
 _MIN_CHUNKS_PER_FILE = 8
-"""Chunks are so many times smaller than a file may be, at least."""
+"""Minimum ratio of a file's maximum size to the size of its chunks."""
 
 
 @dataclass
@@ -29,11 +30,16 @@ class TimeSpan:
 
 
 class BagWriter:
-    """Writes ``folder``, files ``NAME_0.mcap``, ``NAME_1.mcap``, … ; ``with`` opens and closes it.
+    """Writes ``folder`` with files ``NAME_0.mcap``, ``NAME_1.mcap``, …; ``with`` opens and closes it.
 
-    A new file begins when one has ``max_size`` [bytes] or spans ``max_duration`` [s of log time]; 0 is no limit.
-    What the disk does not take is told by OSError of ``add`` and ``flush``, and counted in ``unwritten``; what comes
-    later is tried again. With ``resume`` the folder may be there: its files are kept and the numbers of files go on.
+    When the disk refuses messages, ``write`` and ``flush`` raise OSError and ``unwritten`` counts them; the bag can be
+    used further.
+
+    Args:
+        folder: must not exist, unless ``resume`` is set.
+        max_size: bytes after which a new file begins; 0 is no limit.
+        max_duration: log time [s] after which a new file begins; 0 is no limit.
+        resume: keep the files of an existing folder and continue their numbers.
     """
 
     def __init__(self, folder: Path, max_size: int = 0, max_duration: float = 0.0, resume: bool = False) -> None:
@@ -49,7 +55,7 @@ class BagWriter:
         self._file_start: int | None = None
 
     def __enter__(self) -> Self:
-        """Raises BadInput when the folder cannot be made, or is there already."""
+        """Raises BadInput when the folder exists or cannot be created."""
         try:
             self.folder.mkdir(parents=True, exist_ok=self._resume)
             there = sorted(self.folder.glob("*.mcap"), key=lambda file: (file_number(file), file.name))
@@ -69,12 +75,12 @@ class BagWriter:
 
     @property
     def unwritten(self) -> int:
-        """Messages that the disk did not take."""
+        """Messages that the disk refused."""
         return self._dropped + (self._file.unwritten if self._file is not None else 0)
 
     @property
     def files(self) -> int:
-        """Files so far."""
+        """Number of files so far."""
         return len(self._file_stats())
 
     @property
@@ -96,9 +102,9 @@ class BagWriter:
             except OSError:
                 self._dropped += 1
                 raise
-        if (tally := self.time_spans.get(channel)) is None:
-            tally = self.time_spans[channel] = TimeSpan(publish_time)
-        tally.last = publish_time
+        if (span := self.time_spans.get(channel)) is None:
+            span = self.time_spans[channel] = TimeSpan(publish_time)
+        span.last = publish_time
         number = self._channel_ids.get(channel)
         if number is None:
             number = self._channel_ids[channel] = file.register_channel(channel)
@@ -112,17 +118,17 @@ class BagWriter:
             self._close_file()
 
     def flush_due(self) -> None:
-        """Write what has come, if it is time to; raises OSError."""
+        """Write pending messages if it is time to; raises OSError."""
         if self._file is not None and self._file.due:
             self.flush()
 
     def flush(self) -> None:
-        """Write what has come; raises OSError."""
+        """Write pending messages; raises OSError."""
         if self._file is not None:
             self._file.flush()
 
     def close(self) -> None:
-        """Write what is left; raises OSError."""
+        """Write pending messages and the summary; raises OSError."""
         self._close_file()
 
     def _open_file(self) -> McapWriter:
@@ -138,10 +144,10 @@ class BagWriter:
         return file
 
     def _close_file(self) -> None:
-        """Close the file, and describe the bag as it is then."""
+        """Close the file and update metadata.yaml; raises OSError."""
         if self._file is None:
             return
-        spans = {each.topic: [tally.first, tally.last] for each, tally in self.time_spans.items()}
+        spans = {each.topic: [span.first, span.last] for each, span in self.time_spans.items()}
         try:
             self._file.close({**self.metadata, "simulated": json.dumps(spans)})
         finally:
@@ -152,19 +158,12 @@ class BagWriter:
     def _file_stats(self) -> list[FileStats]:
         if (file := self._file) is None:
             return self._closed_files
-        now = FileStats(file.path.name, file.size, file.count, file.start, file.end, file.channel_counts)
-        return [*self._closed_files, now]
+        return [*self._closed_files, file.stats]
 
     def _write_metadata(self) -> None:
         """Write metadata.yaml, whole or not at all; raises OSError."""
         text = metadata_text([*self._resumed_files, *self._closed_files])
-        temporary = self.folder / f".{METADATA_FILE}"
-        try:
-            temporary.write_text(text)
-            temporary.replace(self.folder / METADATA_FILE)
-        except OSError:
-            temporary.unlink(missing_ok=True)
-            raise
+        write_atomic(self.folder / METADATA_FILE, text.encode())
 
 
 def file_number(file: Path) -> int:

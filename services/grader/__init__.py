@@ -1,4 +1,4 @@
-"""The grader service: it watches a run, measures every robot against ground truth, and ends the run."""
+"""The grader service: measures all robots of a run against ground truth, and ends the run."""
 
 from __future__ import annotations
 
@@ -7,22 +7,13 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from messages.topics import (
-    BASE_STATUS,
-    CONTROL_STATE,
-    GROUND_TRUTH,
-    HEALTH,
-    JOINT_STATES,
-    LOCKSTEP,
-    ODOM,
-    PLAN,
-    STATUS,
-)
-from services.runtime.service import Parameters, Service
+from messages.topics import CONTROL_STATE
+from services.runtime.parameters.base import Parameters
+from services.runtime.service import Service
 
 
 class BrakingSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How the base of robot ``name`` stops: ``timeout`` [s] after the last command it brakes, at ``brake`` [m/s2]."""
+    """How the base of robot ``name`` brakes: ``timeout`` [s] after the last command, at ``brake`` [m/s2]."""
 
     name: str
     timeout: Annotated[float, Meta(ge=0, extra={"unit": "s"})]
@@ -30,9 +21,9 @@ class BrakingSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 class ArmSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """An arm among the robots: ``name``, the joint that is controlled, and the largest effort [N m] of its controller.
+    """An arm: its ``name``, the controlled ``joint``, and the largest effort [N m] of its controller.
 
-    ``state`` is the topic on which the controller tells of each tick.
+    ``state`` is the topic on which the controller publishes its state at each tick.
     """
 
     name: str
@@ -42,37 +33,47 @@ class ArmSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
 
 _FIXED = {"live": False}
-"""What has been measured so far would mean something else."""
+"""Changing these would invalidate what has been measured."""
 
 
 class GraderParameters(Parameters, frozen=True, kw_only=True):
-    """Whom to watch, until when, and where the measurements go. When the run ends is live."""
+    """Robots to measure, end of the run, and output folder. The end of the run is live."""
 
-    robots: Annotated[tuple[str, ...], Meta(description="namespaces of the robots to measure", extra=_FIXED)] = ()
-    halting: Annotated[tuple[BrakingSpec, ...], Meta(description="how their bases stop, for the theory of stops")] = ()
-    arms: Annotated[tuple[ArmSpec, ...], Meta(description="those of the robots that are arms", extra=_FIXED)] = ()
+    robots: Annotated[tuple[str, ...], Meta(description="Namespaces of the robots to measure.", extra=_FIXED)] = ()
+    halting: Annotated[
+        tuple[BrakingSpec, ...], Meta(description="How each base brakes, to compute the expected stopping distance.")
+    ] = ()
+    arms: Annotated[tuple[ArmSpec, ...], Meta(description="The robots that are arms.", extra=_FIXED)] = ()
     ends: Annotated[
         Literal["goals", "duration", "never"],
-        Meta(description="end the run when all robots have finished, after the duration, or only when stopped"),
+        Meta(description="End the run when all robots have finished, after the duration, or only when stopped."),
     ] = "goals"
     duration: Annotated[
-        float, Meta(ge=0, le=1e7, description="longest simulation time; 0 is no limit", extra={"unit": "s"})
+        float, Meta(ge=0, le=1e7, description="Longest simulation time; 0 for no limit.", extra={"unit": "s"})
     ] = 0.0
     not_before: Annotated[
         float,
-        Meta(ge=0, le=1e7, description="earliest end by goals: after the last scheduled change", extra={"unit": "s"}),
+        Meta(
+            ge=0,
+            le=1e7,
+            description="Earliest time at which finished goals end the run: after the last scheduled change.",
+            extra={"unit": "s"},
+        ),
     ] = 0.0
     readers: Annotated[
         tuple[str, ...],
-        Meta(description="nodes whose losses count, the fleet's own; those of others are told apart", extra=_FIXED),
+        Meta(
+            description="The fleet's own nodes, whose lost messages count; those of others are listed separately.",
+            extra=_FIXED,
+        ),
     ] = ()
-    output: Annotated[str, Meta(description="folder of measurements.json and trajectories.npz", extra=_FIXED)] = "."
+    output: Annotated[str, Meta(description="Folder for measurements.json and trajectories.npz.", extra=_FIXED)] = "."
     reach_tolerance: Annotated[
         float,
         Meta(
             gt=0,
             le=1,
-            description="true distance at which a point counts as reached",
+            description="True distance at which a point counts as reached.",
             extra={"unit": "m", "live": False},
         ),
     ] = 0.05
@@ -80,10 +81,9 @@ class GraderParameters(Parameters, frozen=True, kw_only=True):
 
 SERVICE = Service(
     name="grader",
-    about="measures a run against ground truth, ends it and writes the figures",
+    about="Measures a run against ground truth, ends it and writes the results.",
     run="services.grader.loop:run",
-    reads=(GROUND_TRUTH, ODOM, PLAN, STATUS, BASE_STATUS, JOINT_STATES, CONTROL_STATE, HEALTH, LOCKSTEP),
     rate=5,
-    observer=True,
     parameters=GraderParameters,
+    role="observer",
 )

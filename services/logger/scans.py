@@ -1,4 +1,4 @@
-"""Laser scans as points in the world, where the robot truly was when it took them."""
+"""Converts laser scans to points in the world, by the robot's true pose at their stamps."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from messages.se3 import SE3
+from messages.se3 import Pose3, rotate
 from messages.sensor import LaserScan
 from services.logger.static_frames import mount_transform
 from services.runtime.tf.buffer import TransformBuffer
@@ -22,7 +22,7 @@ Stamps = NDArray[np.int64]
 class ScanBuffer:
     """Keeps a robot's scans until the true pose at their stamps is known; beyond ``limit`` the oldest are dropped.
 
-    Points in the laser's own frame would ride along with the robot until its next scan, and smear as it turns.
+    Points in the laser's own frame would move with the robot until its next scan, and smear as it turns.
     """
 
     def __init__(self, frames: TransformBuffer, limit: int = MAX_SCANS) -> None:
@@ -31,21 +31,21 @@ class ScanBuffer:
         self._waiting: list[LaserScan] = []
 
     def add(self, scans: Sequence[LaserScan]) -> None:
-        """Take scans, newest last."""
+        """Add scans, newest last."""
         self._waiting += scans
         if (excess := len(self._waiting) - self._limit) > 0:
             del self._waiting[:excess]
             self.dropped += excess
 
     def clear(self) -> None:
-        """Forget what waits."""
+        """Drop the waiting scans."""
         self._waiting = []
 
     def to_world(self, base: str, truth: Floats) -> tuple[Stamps, list[Floats]]:
         """Times [ns] and echoes, each (n, 3) [m] in the world, of the scans whose pose is now known.
 
         ``truth`` has rows of time [ns], position [m] and quaternion (x, y, z, w) of the frame ``base``. Scans from
-        before it, and those of a laser whose mount nobody tells, are left out.
+        before it, and those of a laser without a transform, are left out.
         """
         if not len(truth):
             return np.empty(0, np.int64), []
@@ -61,7 +61,7 @@ class ScanBuffer:
 
 
 def scan_points(scan: LaserScan) -> Floats:
-    """Where the laser saw something, (n, 3) [m] in its own frame; rays without an echo are left out."""
+    """The echoes of a scan, (n, 3) [m] in the laser's frame; rays without an echo are left out."""
     ranges = scan.ranges.numpy().astype(np.float64)
     angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
     seen = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges <= scan.range_max)
@@ -69,23 +69,21 @@ def scan_points(scan: LaserScan) -> Floats:
     return np.column_stack((near * np.cos(turn), near * np.sin(turn), np.zeros(len(near))))
 
 
-def _pose(truth: Floats, time: int) -> SE3:
+def _pose(truth: Floats, time: int) -> Pose3:
     """The pose at a time within ``truth``."""
     after = int(np.searchsorted(truth[:, 0], time))
     late = truth[after]
     early = late if late[0] == time else truth[after - 1]
     span = late[0] - early[0]
-    return _rigid_from_row(early).interpolate(_rigid_from_row(late), float((time - early[0]) / span) if span else 0.0)
+    return _pose_from_row(early).interpolate(_pose_from_row(late), float((time - early[0]) / span) if span else 0.0)
 
 
-def _rigid_from_row(row: Floats) -> SE3:
+def _pose_from_row(row: Floats) -> Pose3:
     x, y, z, i, j, k, w = (float(each) for each in row[1:8])
-    return SE3((x, y, z), (i, j, k, w))
+    return Pose3((x, y, z), (i, j, k, w))
 
 
-def _transformed(pose: SE3, points: Floats) -> Floats:
-    """Points p as R(turn) p + place."""
-    turn, w = np.array(pose.rotation[:3]), pose.rotation[3]
-    twice = 2 * np.cross(turn, points)
-    moved: Floats = points + w * twice + np.cross(turn, twice) + np.array(pose.translation)
+def _transformed(pose: Pose3, points: Floats) -> Floats:
+    x, y, z = points.T
+    moved: Floats = np.column_stack(rotate(pose.orientation, (x, y, z))) + np.array(pose.position)
     return moved

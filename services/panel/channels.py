@@ -12,13 +12,14 @@ import psutil
 from messages.elea import FleetState
 from messages.parameters import ParameterSchema, ParameterValues
 from messages.rosgraph import Log
+from messages.se2 import Pose2
 from messages.topics import DESCRIPTIONS, FLEET_STATE, ROSOUT, UPDATES
 from models import MODELS
 from models.model import read_model
 from services.panel.estop import EmergencyStopClient
 from services.panel.graph import NodeGraph
 from services.panel.protocol import as_json
-from services.panel.robots import Pose2, RobotState, RobotTracker
+from services.panel.robots import RobotState, RobotTracker
 from services.panel.subscriptions import SharedSubscriptions, SubscriptionGroup
 
 USAGE_PERIOD_S = 1.0
@@ -256,8 +257,5 @@ def robot_summary(robot: RobotState, stops: EmergencyStopClient) -> dict[str, An
         "collisions": base.collisions if base else 0,
         "state": goal.state if goal else "",
         "index": goal.index if goal else 0,
-        "plan": [
-            list(robot.origin.compose(Pose2(p.pose.position.x, p.pose.position.y, p.pose.orientation.yaw)))[:2]
-            for p in goals
-        ],
+        "plan": [list(robot.origin @ Pose2.from_msg(each.pose))[:2] for each in goals],
     }

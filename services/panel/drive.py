@@ -10,14 +10,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from messages.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
+from messages.geometry import PoseStamped, Twist, TwistStamped, Vector3
+from messages.se2 import Pose2
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, GOAL_POSE, Quality, Topic
 from services.driving.command_repeater import CommandRepeater
 from services.panel import PanelParameters
 from services.panel.pages import Page
 from services.panel.protocol import Drive, Goal
-from services.panel.robots import Pose2, RobotState, RobotTracker
+from services.panel.robots import RobotState, RobotTracker
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
@@ -147,16 +148,16 @@ class GoalPublisher:
             raise unknown_name("robot", said.robot, self._robots.by_namespace)
         if not robot.accepts_goals:
             raise BadInput(
-                f"nobody takes goals on {said.robot}/{GOAL_POSE.name}: does a waypoint service run for this robot?"
+                f"no subscriber to {said.robot}/{GOAL_POSE.name}: is a waypoint service running for this robot?"
             )
         if robot.estimate is None:
             raise BadInput(f"no odometry from {said.robot} yet, so its frame is not known: is the simulation running?")
         output = self._publishers.get(said.robot)
         if output is None:
             output = self._publishers[said.robot] = self._node.advertise(GOAL_POSE, f"{said.robot}/{GOAL_POSE.name}")
-        at = robot.origin.between(Pose2(said.x, said.y, said.yaw))
+        at = robot.origin.between(Pose2(said.x, said.y, said.yaw)).wrapped
         header = Header(stamp=Time.of(sim_ns), frame_id=robot.frame)
-        output.publish(PoseStamped(header=header, pose=Pose.planar(at.x, at.y, at.yaw)))
+        output.publish(PoseStamped(header=header, pose=at.to_msg()))
         return f"{said.robot} is sent to ({said.x:.2f} m, {said.y:.2f} m)"
 
     def close_unused(self) -> None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 from messages.elea import BaseStatus, GoalStatus
 from messages.nav import Odometry, Path
+from messages.se2 import IDENTITY, ZERO_TWIST, Pose2, Twist2
 from messages.tf import TFMessage
 from messages.topics import BASE_STATUS, CMD_VEL, E_STOP, GOAL_POSE, GROUND_TRUTH, ODOM, PLAN, STATUS, TF_STATIC, Topic
 from models.palette import Palette, hexadecimal
@@ -15,26 +15,6 @@ from services.panel.graph import NodeGraph
 from services.panel.subscriptions import SharedSubscriptions, SubscriptionGroup
 
 WORLD = "world"
-
-
-class Pose2(NamedTuple):
-    """A place on the ground: m, m, rad."""
-
-    x: float = 0.0
-    y: float = 0.0
-    yaw: float = 0.0
-
-    def compose(self, there: Pose2) -> Pose2:
-        """``there``, which is told in the frame at this spot, as this spot's own frame tells it."""
-        c, s = math.cos(self.yaw), math.sin(self.yaw)
-        yaw = math.remainder(self.yaw + there.yaw, math.tau)
-        return Pose2(self.x + c * there.x - s * there.y, self.y + s * there.x + c * there.y, yaw)
-
-    def between(self, there: Pose2) -> Pose2:
-        """The inverse of ``compose``: ``there`` as the frame at this spot tells it."""
-        c, s = math.cos(self.yaw), math.sin(self.yaw)
-        dx, dy = there.x - self.x, there.y - self.y
-        return Pose2(c * dx + s * dy, c * dy - s * dx, math.remainder(there.yaw - self.yaw, math.tau))
 
 
 @dataclass
@@ -47,11 +27,11 @@ class RobotState:
     has_e_stop: bool = False
     truth: Pose2 | None = None
     estimate: Pose2 | None = None
-    speed: tuple[float, float] = (0.0, 0.0)
+    speed: Twist2 = ZERO_TWIST
     base: BaseStatus | None = None
     goal: GoalStatus | None = None
     plan: Path | None = None
-    origin: Pose2 = field(default_factory=Pose2)
+    origin: Pose2 = IDENTITY
 
     @property
     def frame(self) -> str:
@@ -128,20 +108,20 @@ class RobotTracker:
 
     def _update_origins(self, message: TFMessage) -> None:
         for each in message.transforms:
-            if each.header.frame_id == WORLD:
-                place, turn = each.transform.translation, each.transform.rotation
-                if each.child_frame_id in self._origins or len(self._origins) < MAX_ORIGINS:
-                    self._origins[each.child_frame_id] = Pose2(place.x, place.y, turn.yaw)
+            known = each.child_frame_id in self._origins or len(self._origins) < MAX_ORIGINS
+            if each.header.frame_id == WORLD and known:
+                self._origins[each.child_frame_id] = Pose2.from_msg(each.transform)
         self.version += 1
 
     def _update_robot(self, robot: RobotState) -> None:
         space = robot.namespace
         for truth, _ in self._subscriptions.messages(f"{space}/{GROUND_TRUTH.name}", Odometry.ROS_TYPE)[-1:]:
-            robot.truth, self.pose_version, self._pose_received = _pose(truth), self.pose_version + 1, True
-            robot.speed = truth.twist.twist.linear.x, truth.twist.twist.angular.z
+            robot.truth = Pose2.from_msg(truth.pose.pose)
+            self.pose_version, self._pose_received = self.pose_version + 1, True
+            robot.speed = Twist2.from_msg(truth.twist.twist)
         for odometry, _ in self._subscriptions.messages(f"{space}/{ODOM.name}", Odometry.ROS_TYPE)[-1:]:
-            robot.origin = self._origins.get(odometry.header.frame_id, Pose2())
-            robot.estimate = robot.origin.compose(_pose(odometry))
+            robot.origin = self._origins.get(odometry.header.frame_id, IDENTITY)
+            robot.estimate = (robot.origin @ Pose2.from_msg(odometry.pose.pose)).wrapped
         for status, _ in self._subscriptions.messages(f"{space}/{BASE_STATUS.name}", BaseStatus.ROS_TYPE)[-1:]:
             if robot.base is None or _changed(robot.base, status):
                 self.version += 1
@@ -150,11 +130,6 @@ class RobotTracker:
             robot.goal, self.version = goal, self.version + 1
         for plan, _ in self._subscriptions.messages(f"{space}/{PLAN.name}", Path.ROS_TYPE)[-1:]:
             robot.plan, self.version = plan, self.version + 1
-
-
-def _pose(odometry: Odometry) -> Pose2:
-    pose = odometry.pose.pose
-    return Pose2(pose.position.x, pose.position.y, pose.orientation.yaw)
 
 
 def _changed(before: BaseStatus, after: BaseStatus) -> bool:

@@ -10,6 +10,7 @@ from messages.parameters import Announcement, ParameterDescription, ResetParamet
 from services.params.schema import Schema, SetState, same_value
 from services.params.value_check import fit, format_value, parse_type
 from services.runtime.errors import BadInput, nearest, unknown_name
+from services.runtime.parameters.renamed_choices import renamed_choice
 from services.runtime.parameters.schema import violations
 
 _MOST_HINTS = 10
@@ -29,9 +30,9 @@ class Migration:
 def migrate(saved: Mapping[str, Value], schema: Schema, owners: Mapping[str, Collection[str]]) -> Migration:
     """Fit saved values to the schema. ``owners`` are the nodes that had each parameter when it was last announced.
 
-    An int becomes a float and a whole float an int. What is out of the new bounds is left out, not clamped: a bound is
-    a value that nobody chose. A name that all its owners no longer announce is left out, and a new name for it is not
-    guessed; one that waits for an owner to announce is kept as it is.
+    An int becomes a float and a whole float an int; a renamed choice gets its new name. What is out of the new bounds
+    is left out, not clamped: a bound is a value that nobody chose. A name that all its owners no longer announce is
+    left out, and a new name for it is not guessed; one that waits for an owner to announce is kept as it is.
     """
     kept: dict[str, Value] = {}
     names: list[str] = []
@@ -52,21 +53,21 @@ def migrate(saved: Mapping[str, Value], schema: Schema, owners: Mapping[str, Col
         kept[name] = new
         if repr(new) != repr(value):
             assert described is not None
+            why = "the choice was renamed" if described.choices else f"its type is {described.type} now"
             names.append(name)
-            texts.append(
-                f"saved {name} = {format_value(value)} became {format_value(new)}: its type is {described.type} now"
-            )
+            texts.append(f"saved {name} = {format_value(value)} became {format_value(new)}: {why}")
     return Migration(kept, tuple(names), tuple(texts), tuple(waiting))
 
 
 def _fitted(described: ParameterDescription | None, name: str, value: Value, schema: Schema, hints: bool) -> Value:
     if described is None:
-        near = nearest(name, schema.parameters) if hints else ""
-        hint = f" (if it is called {near} now, set that)" if near else ""
+        near = nearest(name, schema.parameters) if hints else []
+        hint = f" (if it is called {near[0]} now, set that)" if near else ""
         raise BadInput(f"no parameter has this name any more{hint}")
     if not described.live:
         raise BadInput("it is for the fleet file or the command line to say now")
-    return fit(described, _whole(value) if parse_type(described.type) == ("int", 0) else value).value
+    whole = _whole(value) if parse_type(described.type) == ("int", 0) else value
+    return fit(described, renamed_choice(whole, described.choices) or whole).value
 
 
 def _whole(value: Value) -> Value:
@@ -211,7 +212,7 @@ def plan_set(state: SetState, asked: SetParameters) -> Change:
             if not described.live:
                 raise BadInput(
                     f"{each.name} cannot change while {_node_names(state)} runs: "
-                    "say it in the fleet file or on the command line, and start anew"
+                    "set it in the fleet file or on the command line, and restart"
                 )
             fitted[each.name], said = fit(described, each.value, asked.clamp)
             notes += said
@@ -263,7 +264,7 @@ def plan_undo(state: SetState, back: UndoPatch, for_run: bool) -> Change:
             described = state.schema.parameters.get(name)
             if described is not None:
                 try:
-                    layer[name] = fit(described, old[name]).value
+                    layer[name] = fit(described, renamed_choice(old[name], described.choices) or old[name]).value
                 except BadInput as error:
                     raise BadInput(f"the last change cannot be taken back, its schema has changed: {error}") from None
     return _check_constraints(_make_change(state, saved, run, back.names, for_run, []))

@@ -223,7 +223,7 @@ class ParameterServer:
     def get(self, asked: ParameterSet) -> ParameterValues:
         """The values of a set that count."""
         state = self._find_set(asked.set)
-        notes = [f"{name} is saved, but nobody has announced it" for name in state.unannounced()]
+        notes = [f"{name} is saved, but no node has announced it" for name in state.unannounced()]
         if not state.schema.announced:
             notes = ["no running service has announced this set: these are its saved values"]
         return state.to_message(notes=notes)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from messages.base import LARGEST
 from messages.parameters import ParameterDescription, Value
 from services.runtime.errors import BadInput
+from services.runtime.parameters.renamed_choices import renamed_choice
 from services.runtime.parameters.schema import describe_length, describe_range
 
 _TYPE = re.compile(r"(bool|int|float|str)((?:\[\]){0,2})")
@@ -122,6 +123,8 @@ def _check_length(description: ParameterDescription, value: Any, where: str, lev
 def _fit_text(description: ParameterDescription, value: str, where: str) -> str:
     if len(value) > _MAX_TEXT_LENGTH:
         raise BadInput(f"{where}: a text of {len(value)} characters, at most {_MAX_TEXT_LENGTH} are taken")
+    if new := renamed_choice(value, description.choices):
+        raise BadInput(f"{where} = {format_value(value)}: it is called {new!r} now")
     if description.choices and value not in description.choices:
         raise BadInput(f"{where} = {format_value(value)}: expected one of {', '.join(description.choices)}")
     return value

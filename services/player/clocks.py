@@ -1,4 +1,4 @@
-"""The clocks a bag is played by: wall clock, a running simulation, or lockstep; and the /clock that is published."""
+"""The clocks that pace a bag: wall clock, a running simulation, or lockstep; and the publisher of /clock."""
 
 from __future__ import annotations
 
@@ -17,34 +17,34 @@ from services.runtime.lockstep.barrier import Barrier
 from services.runtime.lockstep.protocol import StepGrant
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 
 CLOCK_RATE = 50.0
-"""Hz of the clock that is made anew, as that of the simulation."""
+"""Rate of a generated clock [Hz], as in the simulation."""
 
 
 class ClockPublisher:
-    """Publishes /clock, at ``rate`` [Hz] if it is not 0, else as recorded; nothing unless the player ``tells`` time."""
+    """Publishes /clock at ``rate`` [Hz], or as recorded if that is 0; does nothing unless ``enabled``."""
 
-    def __init__(self, node: Node, tells: bool, rate: float) -> None:
-        self._out: Publisher[Clock] | None = node.advertise(CLOCK) if tells else None
-        self._period = round(1e9 / rate) if rate and tells else 0
+    def __init__(self, node: Node, enabled: bool, rate: float) -> None:
+        self._out: Publisher[Clock] | None = node.advertise(CLOCK) if enabled else None
+        self._period = round(1e9 / rate) if rate and enabled else 0
         self._next: int | None = None
         self._segment = -1
         self._base = 0
         self.now = SimTime()
 
     def restart(self) -> None:
-        """The bag begins anew, in a new epoch."""
+        """Start the bag again, in a new epoch."""
         self._base += self._segment + 1
         self._segment, self._next = -1, None
 
     def epoch_of(self, segment: int) -> int:
-        """The epoch that a segment has for those who listen."""
+        """The epoch that is published for a segment of the bag."""
         return self._base + segment
 
     def ticks_until(self, bag_time: BagTime) -> Iterator[BagTime]:
-        """The beats that come before a moment, or with it."""
+        """The generated ticks up to and including a bag time."""
         if bag_time.segment != self._segment:
             self._segment, self._next = bag_time.segment, None
         if not self._period:
@@ -56,16 +56,16 @@ class ClockPublisher:
             self._next += self._period
 
     def publish(self, bag_time: BagTime) -> None:
-        """Publish a beat."""
+        """Publish a generated tick."""
         self._publish(Clock(clock=Time.of(bag_time.time), tick=bag_time.time // STEP_NS), bag_time.segment)
 
     def publish_pause(self, bag_time: BagTime) -> None:
-        """Publish that time stands still."""
-        stands = Clock(clock=Time.of(self.now.time), tick=self.now.tick, paused=True)
-        self._publish(stands, bag_time.segment)
+        """Publish that time is paused."""
+        paused = Clock(clock=Time.of(self.now.time), tick=self.now.tick, paused=True)
+        self._publish(paused, bag_time.segment)
 
     def publish_recorded(self, clock: Clock, bag_time: BagTime) -> None:
-        """Publish a recorded message of the clock, unless beats are made."""
+        """Publish a recorded clock message, unless ticks are generated."""
         if not self._period:
             self._publish(clock, bag_time.segment)
 
@@ -73,34 +73,33 @@ class ClockPublisher:
         epoch = self.epoch_of(segment)
         self.now = SimTime(time=clock.clock.ns, tick=clock.tick, epoch=epoch)
         if self._out is not None:
-            told = Clock(clock=clock.clock, tick=clock.tick, epoch=epoch, paused=clock.paused)
-            self._out.publish(told)
+            self._out.publish(Clock(clock=clock.clock, tick=clock.tick, epoch=epoch, paused=clock.paused))
 
 
 CLOCK_TIMEOUT_S = 2.0
-"""Wall time without the clock of others after which it is told that the bag waits for it."""
+"""Wall time without a message of the simulation's clock after which a warning is logged."""
 POLL_PERIOD_S = 0.02
-"""Wall time between two looks at what else there is to do."""
+"""Wall time between two polls of requests and subscribers."""
 
 
 class PlaybackClock(Protocol):
-    """Holds the player until a moment has come."""
+    """Blocks the player until a bag time is due."""
 
     def start(self) -> None:
-        """The bag starts, or starts again."""
+        """Start the bag, or start it again."""
         ...
 
     def wait_until(self, bag_time: BagTime) -> None:
-        """Block until it is time for the messages of this moment."""
+        """Block until the messages at this bag time are due."""
         ...
 
     def finish(self) -> None:
-        """The last message was played."""
+        """Finish after the last message."""
         ...
 
 
 class WallClock:
-    """By the clock on the wall, times ``rate``; 0 is without waiting. It can be paused by request."""
+    """Plays at ``rate`` times wall time, without waiting if that is 0; can be paused by request."""
 
     def __init__(self, node: Node, rate: float, clock_publisher: ClockPublisher) -> None:
         self._node, self._rate, self._clock_publisher = node, rate, clock_publisher
@@ -146,9 +145,9 @@ class WallClock:
 
 
 class SimClock:
-    """By the time of a simulation that runs beside, times ``rate``; it stands still with it.
+    """Plays at ``rate`` times the time of a running simulation, and stops while that is paused.
 
-    ``elapsed`` [ns] of it has passed since the bag began.
+    ``elapsed`` [ns] is the simulation time since the bag began.
     """
 
     def __init__(self, ctx: Context[Any], rate: float) -> None:
@@ -158,7 +157,7 @@ class SimClock:
         self.elapsed, self._origin, self._last_received = 0, -1, time.monotonic()
 
     def start(self) -> None:
-        self._update()  # time that has passed until now, while subscribers were waited for, is none of the bag's
+        self._update()  # the wait for subscribers does not count
         self.elapsed, self._origin = 0, -1
 
     def wait_until(self, bag_time: BagTime) -> None:
@@ -177,7 +176,7 @@ class SimClock:
         pass
 
     def _update(self) -> None:
-        """Add up the time that has passed since the last look; a reset adds none."""
+        """Add the time that has passed since the last update; a reset adds none."""
         self._clock.update()
         for clock, _ in self._clock.messages:
             if self._last is not None and clock.epoch == self._last.epoch:
@@ -186,9 +185,9 @@ class SimClock:
 
 
 class LockstepClock:
-    """In lockstep: the members are waited for at each of their ticks, as a simulation does it.
+    """Plays in lockstep: waits for the members at each of their ticks, as a simulation does.
 
-    With ``latency`` 1 what they send counts when they are due again, with 0 at once: so it was when the bag was made.
+    Their messages count at their next tick with ``latency`` 1, at once with 0; it should be that of the recorded run.
     """
 
     def __init__(
@@ -206,7 +205,7 @@ class LockstepClock:
 
     @property
     def lost(self) -> tuple[str, ...]:
-        """The members that the bag was played on without."""
+        """The members that were lost during playback."""
         return self._barrier.state.lost
 
     def start(self) -> None:
@@ -219,7 +218,7 @@ class LockstepClock:
         epoch = self._clock_publisher.epoch_of(bag_time.segment)
         if self._next is not None and epoch != self._epoch:
             self._step()
-            self._barrier.collect_reports(0)  # as at a reset: all of the time before is told before time begins anew
+            self._barrier.collect_reports(0)  # as at a reset: the old time line ends before the new one begins
             self._next = None
         if self._next is None:
             self._next, self._epoch = -(-bag_time.time // STEP_NS) * STEP_NS, epoch
@@ -232,10 +231,10 @@ class LockstepClock:
     def finish(self) -> None:
         if self._next is not None:
             self._step()
-        self._barrier.collect_reports(0)  # whatever is still under way, since every member is due at 0
+        self._barrier.collect_reports(0)  # collects all that is outstanding, since every member is due at 0
 
     def _advance(self, time_ns: int) -> None:
-        """Step as often as lies before ``time_ns``: its own messages are part of the step that follows."""
+        """Take all steps before ``time_ns``; messages at that time belong to the step that follows."""
         while self._next is not None and self._next < time_ns:
             self._step()
             self._next += STEP_NS
@@ -255,7 +254,7 @@ class LockstepClock:
             self._barrier.collect_reports(self._next)
 
     def _throttle(self, bag_time: BagTime) -> None:
-        """Keep to the clock on the wall, if that is asked for."""
+        """Wait for wall time if a rate is given."""
         if self._origin < 0:
             self._origin = bag_time.position
         if self._rate:

@@ -1,4 +1,4 @@
-"""The player's loop: choose, declare, wait, and put one message after the other on the bus."""
+"""The player's loop: selects and advertises topics, waits for subscribers, and publishes message after message."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from services.runtime.node import Node
 from services.runtime.publisher import Publisher
 
 _FLUSH_CYCLES = 3
-"""Tenths of a second that the last messages have to leave."""
+"""Idle cycles of 0.1 s in which the last messages are sent."""
 
 
 _DISCOVERY_S = 1.5
-"""Wall time in which a simulation that runs must have come in sight: two clocks would tear time apart for everybody."""
+"""Wall time to discover a running simulation: with two clocks, time would jump back and forth for all nodes."""
 
 
 class PlaybackIncomplete(EleaError):
-    """Something of the bag was not played, or nobody listened."""
+    """A part of the bag was not played, or no node subscribed."""
 
 
 def run(ctx: Context[PlayerParameters]) -> None:
-    """Play the bag; raises PlaybackIncomplete at the end when a part of it could not be played."""
+    """Play the bag; raises PlaybackIncomplete at the end if a part of it could not be played."""
     p, node = ctx.params, ctx.node
     bag = open_bag(Path(p.bag))
     selection = select(bag.channels(), p)
@@ -40,15 +40,15 @@ def run(ctx: Context[PlayerParameters]) -> None:
         ctx.log.warn(f"{trouble}; what can be read is played")
     for topic, reason in sorted(selection.rejected.items()):
         ctx.log.warn(f"{topic} is not played: {reason}")
-    theirs = _other_clock_publisher(node)
-    if theirs and p.members:
-        raise BadInput(f"{theirs} publishes /clock: a bag in lockstep is the simulation itself; end the other one")
-    if theirs:
-        ctx.log.info(f"{theirs} publishes /clock: the bag is played on its time, and its own clock is left out")
+    other = _other_clock_publisher(node)
+    if other and p.members:
+        raise BadInput(f"{other} publishes /clock: a bag in lockstep is the simulation itself; end the other one")
+    if other:
+        ctx.log.info(f"{other} publishes /clock: the bag is played on its time, and its own clock is left out")
     recorded = any(is_clock(channel) for channel in selection.played)
-    clock_publisher = ClockPublisher(node, not theirs, p.clock or (0.0 if recorded else CLOCK_RATE))
+    clock_publisher = ClockPublisher(node, not other, p.clock or (0.0 if recorded else CLOCK_RATE))
     publishers = Publishers(node, [channel for channel in selection.played if not is_clock(channel)])
-    playback_clock = _playback_clock(ctx, bag, bool(theirs), clock_publisher)
+    playback_clock = _playback_clock(ctx, bag, bool(other), clock_publisher)
     _await_subscribers(ctx, publishers)
     playback = Playback(bag, selection, p.start, p.duration)
     _play(ctx, playback, playback_clock, clock_publisher, publishers)
@@ -76,7 +76,7 @@ def _play(
             else:
                 publishers.publish(timed)
         if not played:
-            raise BadInput(f"{ctx.params.bag}: no message of the chosen topics lies in the span that is asked for")
+            raise BadInput(f"{ctx.params.bag}: no messages of the chosen topics in the requested time span")
         ctx.log.info(f"played {played} messages")
         if not ctx.params.loop:
             break
@@ -94,15 +94,13 @@ def _playback_clock(
         latency = p.latency if p.latency is not None else recorded_latency(bag)
         if latency is None:
             latency = 0
-            ctx.log.info(
-                f"{p.bag} does not hold {SIM_PARAMETER_UPDATES}, which tells the latency of its run: 0 is taken"
-            )
+            ctx.log.info(f"{p.bag} does not contain {SIM_PARAMETER_UPDATES}, which has the latency of its run: using 0")
         return LockstepClock(ctx.node, p.members, p.rate, clock_publisher, latency)
     return SimClock(ctx, p.rate) if follows else WallClock(ctx.node, p.rate, clock_publisher)
 
 
 def _other_clock_publisher(node: Node) -> str:
-    """The node that publishes simulation time already; empty when none does within _DISCOVERY_S."""
+    """The node that already publishes simulation time; empty if none is found within _DISCOVERY_S."""
     deadline = time.monotonic() + _DISCOVERY_S
     while True:
         found = (Entity.parse(key) for key in node.transport.tokens(token_pattern("pub", name=CLOCK.name)))
@@ -114,24 +112,26 @@ def _other_clock_publisher(node: Node) -> str:
 
 
 def _await_subscribers(ctx: Context[PlayerParameters], publishers: Publishers) -> None:
-    """Wait until every topic that was named has a subscriber, or, when none was, any topic has."""
+    """Wait until every named topic has a subscriber, or any topic if none is named."""
     p, node = ctx.params, ctx.node
     if not p.wait:
         return
     deadline = time.monotonic() + p.wait
     while True:
         found = (Entity.parse(key) for key in node.transport.tokens(token_pattern("sub")))
-        heard = {each.name for each in found if each is not None and each.session != node.transport.session}
-        lonely = [each.name for each in publishers.publishers if each.name not in heard and not _has_subscriber(each)]
-        if not lonely or (not p.topics and len(lonely) < len(publishers.publishers)):
+        subscribed = {each.name for each in found if each is not None and each.session != node.transport.session}
+        unmatched = [
+            each.name for each in publishers.publishers if each.name not in subscribed and not _has_subscriber(each)
+        ]
+        if not unmatched or (not p.topics and len(unmatched) < len(publishers.publishers)):
             return
         if time.monotonic() > deadline:
-            raise PlaybackIncomplete(f"nobody has subscribed to {', '.join(lonely[:5])} within {p.wait:g} s")
+            raise PlaybackIncomplete(f"no subscribers to {', '.join(unmatched[:5])} within {p.wait:g} s")
         ctx.idle()
 
 
 def _has_subscriber(output: Publisher[Any]) -> bool:
-    """What is latched counts as wanted always, so it says nothing."""
+    """Whether a publisher has subscribers; False for latched ones, which always seem to have some."""
     return output.has_subscribers and output.topic.quality.name != "LATCHED"
 
 

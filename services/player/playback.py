@@ -1,4 +1,4 @@
-"""The messages of a bag to be played: selected by topic, decoded, placed in time, cut to the requested span."""
+"""Prepares a bag's messages for playback: selects topics, decodes, assigns bag times, cuts to the requested span."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from services.player import PlayerParameters
 from services.runtime.errors import BadInput, unknown_name
 
 PROCESS_TYPES = frozenset(each.ROS_TYPE for each in (Health, FleetState, ParameterSchema, ParameterValues))
-"""Types that tell of processes which are gone: played only when their topics are named."""
+"""Types about processes of the recorded run: played only if their topics are named."""
 
 
 class Selection(NamedTuple):
-    """Channels to play, and reasons by topic why others cannot be; ``is_sidecar`` complete the played ones."""
+    """Channels to play, their sidecars, and for other topics the reasons why they cannot be played."""
 
     played: tuple[Channel, ...]
     sidecars: tuple[Channel, ...]
@@ -32,7 +32,7 @@ class Selection(NamedTuple):
 
 
 def select(channels: Iterable[Channel], params: PlayerParameters) -> Selection:
-    """What to play of a bag; raises BadInput for names that are not in it, and when nothing is left."""
+    """Select what to play; raises BadInput for names that are not in the bag, and if nothing is left."""
     channels = list(channels)
     if not channels:
         raise BadInput(f"{params.bag} holds no messages")
@@ -63,7 +63,7 @@ def select(channels: Iterable[Channel], params: PlayerParameters) -> Selection:
 
 
 def is_clock(channel: Channel) -> bool:
-    """Whether a channel is simulation time."""
+    """Whether a channel carries simulation time."""
     return channel.name == CLOCK.name and channel.type == CLOCK.record.ROS_TYPE
 
 
@@ -75,23 +75,23 @@ def _compile(text: str) -> re.Pattern[str] | None:
 
 
 class StaticTransforms:
-    """Joins ``/tf_static`` by the frames that it places, as everybody knows them who has heard it from the start."""
+    """Merges the messages on ``/tf_static`` by child frame, so that late subscribers get all frames."""
 
     def __init__(self) -> None:
         self._by_child: dict[str, TransformStamped] = {}
 
     def merge(self, message: TFMessage) -> TFMessage:
-        """The message with all frames of those before it; what it says of a frame itself counts."""
+        """The message with all frames of earlier ones; its own transforms take precedence."""
         self._by_child |= {each.child_frame_id.removeprefix("/"): each for each in message.transforms}
         return TFMessage(transforms=tuple(self._by_child.values()))
 
 
 SIM_PARAMETER_UPDATES = "/sim/parameter_updates"
-"""Where a simulation's parameters are told; a fleet's recording holds it, unless it was left out."""
+"""Topic of a simulation's parameters, which a fleet's recording has unless it was excluded."""
 
 
 def recorded_latency(bag: Bag) -> int | None:
-    """The latency, 0 or 1; None when the bag does not tell. A run that was not in lockstep had none."""
+    """The recorded run's latency, 0 or 1, where 0 includes runs without lockstep; None if the bag lacks it."""
     if not any(each.name == SIM_PARAMETER_UPDATES and not unreadable_reason(each) for each in bag.channels()):
         return None
     decoder = MessageDecoder()
@@ -103,19 +103,19 @@ def recorded_latency(bag: Bag) -> int | None:
         except WrongPayload:
             continue
         if isinstance(message, ParameterValues):
-            told = {each.name: each.value for each in message.values}
-            return int(told.get("mode") == "lockstep" and told.get("latency") == 1)
+            values = {each.name: each.value for each in message.values}
+            return int(values.get("mode") == "lockstep" and values.get("latency") == 1)
     return None
 
 
 MAX_TIME_NS = (2**31 - 1) * 10**9
-"""The last time that a ``builtin_interfaces/Time`` has, in the year 2038."""
+"""The latest time of a ``builtin_interfaces/Time``, in the year 2038."""
 
 
 class TimedMessage(NamedTuple):
-    """A message and its moment; of a type that is unknown here, it is the payload itself.
+    """A message and its bag time; ``message`` is the payload if its type is unknown.
 
-    ``sender`` tells the nodes apart that sent on one latched topic; it is empty for the first of them.
+    ``sender`` distinguishes the nodes on one latched topic; it is empty for the first one.
     """
 
     bag_time: BagTime
@@ -125,9 +125,9 @@ class TimedMessage(NamedTuple):
 
 
 class Playback:
-    """Reads ``bag`` again and again.
+    """Reads ``bag`` any number of times, from ``start`` on and for ``duration`` [s], to the end if that is 0.
 
-    ``undecodable`` counts messages that do not match their type, ``out_of_range`` those after the last valid time.
+    ``undecodable`` counts messages that do not match their type, ``out_of_range`` those after MAX_TIME_NS, by topic.
     """
 
     def __init__(self, bag: Bag, selection: Selection, start: float, duration: float) -> None:
@@ -138,7 +138,7 @@ class Playback:
         self.out_of_range: Counter[str] = Counter()
 
     def messages(self) -> Iterator[TimedMessage]:
-        """The chosen messages from ``start`` on, with what was latched until then before them."""
+        """The selected messages from ``start`` on, preceded by those latched before it."""
         latched: dict[tuple[Channel, bytes], TimedMessage] = {}
         first: BagTime | None = None
         for timed in self._all():

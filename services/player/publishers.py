@@ -1,4 +1,4 @@
-"""What the player publishes: one publication for each channel, and one for each further node that was latched on it."""
+"""The player's publishers: one for each channel, and one for each further node on a latched channel."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from services.runtime.transport.wire import publisher_id
 
 
 class Publishers:
-    """The publications for ``channels``. Who joins late gets the last message of every recorded node, as it was."""
+    """The publishers of ``channels``; a late subscriber gets the last message of every recorded node, as in the run."""
 
     def __init__(self, node: Node, channels: list[Channel]) -> None:
         self._node = node
@@ -26,11 +26,11 @@ class Publishers:
 
     @property
     def publishers(self) -> list[Publisher[Any]]:
-        """Those of all channels, one each."""
+        """The first publisher of each channel."""
         return [self._publishers[channel, b""] for channel in self._topics]
 
     def publish(self, timed: TimedMessage) -> None:
-        """Publish what a cue holds."""
+        """Publish a message on its channel, by its sender's publisher."""
         output = self._publishers.get((timed.channel, timed.sender)) or self._add(timed.channel, timed.sender)
         if isinstance(timed.message, bytes):
             output.publish_encoded(timed.message)
@@ -38,7 +38,7 @@ class Publishers:
             output.publish(timed.message)
 
     def _add(self, channel: Channel, sender: bytes) -> Publisher[Any]:
-        """Another publication of the same topic; its number series must not be mixed up with the first one's."""
+        """Add a publisher for another sender, with an id and sequence numbers of its own."""
         node, topic = self._node, self._topics[channel]
         name, key, own = node.identity.resolve(topic.name), node.identity.key(topic.name), node.identity.node
         made = Publisher(topic, name, key, own, node.transport, node.send_buffer)

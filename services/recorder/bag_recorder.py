@@ -1,4 +1,4 @@
-"""Writes received messages to a bag: their order and times, CDR encoding, and a count of what is lost."""
+"""Writes received messages to a bag, in order, with their times, as CDR, and counts what is lost."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from messages.base import Message
 from messages.cdr.sidecar import split
 from messages.cdr.write import NotWritable, writer
 from messages.rosgraph import Clock
-from messages.std import Header
+from messages.std import stamp_of
 from messages.tf import TFMessage
 from messages.topics import CLOCK, TF, TF_STATIC, Quality
 from services.bag.channel import SENDER_SIDECAR, SIDECAR, Channel, Sender, channel_of, raw_channel
@@ -25,71 +25,66 @@ from services.runtime.subscriber import Subscriber
 from services.runtime.transport.wire import NODE_BYTES, SampleInfo
 
 MAX_STAMP_OFFSET_NS = 1_000_000_000
-"""A stamp that is farther from the clock is not the time of the message."""
+"""Maximum difference between a message's stamp and the clock; other stamps are ignored."""
 
 
 class PublishTimes:
-    """Follows ``/clock``, message by message; without one, simulated time is that on the wall."""
+    """Assigns simulated times by following ``/clock``; without a clock they are wall times."""
 
     def __init__(self) -> None:
         self.clock: int | None = None
 
-    def publish_time(self, message: object, log_time: int, timed: bool) -> int:
+    def publish_time(self, message: object, log_time: int, has_clock: bool) -> int:
         """The simulated time [ns] of a message: its stamp if it is near the clock, else the clock.
 
-        ``has_clock`` tells whether there is a clock, though it may not have spoken yet.
+        Args:
+            message: the message, or its payload if its type is unknown.
+            log_time: wall time at which it was received [ns].
+            has_clock: whether a node publishes ``/clock``, even if no message has arrived yet.
         """
         if isinstance(message, Clock):
             self.clock = max(0, message.clock.ns)
         if self.clock is None:
-            return 0 if timed else log_time
-        stamp = header_stamp(message) if isinstance(message, Message) else None
+            return 0 if has_clock else log_time
+        stamp = stamp_of(message)
         return (
             stamp if stamp is not None and abs(stamp - self.clock) <= MAX_STAMP_OFFSET_NS and stamp >= 0 else self.clock
         )
 
 
 def receive_time(source_ns: int | None, since: int, now: int) -> int:
-    """When a message came, ns on the wall: when it was sent, within the span in which it must have come."""
+    """The wall time [ns] of a message: when it was sent, clamped to the span in which it must have arrived."""
     return now if source_ns is None else min(max(source_ns, since), now)
 
 
-def header_stamp(message: Message) -> int | None:
-    """The stamp [ns] in a message's header, or in that of its first transform."""
-    if isinstance(message, TFMessage) and message.transforms:
-        message = message.transforms[0]
-    header = getattr(message, "header", None)
-    return header.stamp.ns if isinstance(header, Header) else None
-
-
 REORDER_DELAY_S = 0.1
-"""Wall time for which a message waits for those that were sent before it."""
+"""Wall time that a message is held back for earlier ones that are still on their way."""
 
 ReceivedMessage = tuple[Subscriber[Any], Any, SampleInfo | None]
-"""An input, a message of it, and where that came from."""
+"""A subscriber, one of its messages, and the message's sender, time and number if known."""
 
 
 class ReorderBuffer:
-    """Keeps messages until none that was sent earlier is to be expected."""
+    """Sorts messages by the time of sending, by holding each back for REORDER_DELAY_S."""
 
     def __init__(self) -> None:
         self._since = time.time_ns()
         self._waiting: list[tuple[int, ReceivedMessage]] = []
 
     def push(self, received: ReceivedMessage, wall: int) -> None:
-        """A message was there at ``wall`` [ns]."""
+        """Add a message that was received by ``wall`` [ns]."""
         origin = received[2]
         self._waiting.append(
             (receive_time(origin.source_ns if origin is not None else None, self._since, wall), received)
         )
 
     def drain(self, wall: int, end: bool) -> list[tuple[int, ReceivedMessage]]:
-        """Messages at least REORDER_DELAY_S older than ``wall`` [ns], with receive times; all at the ``end``."""
+        """Messages that are REORDER_DELAY_S older than ``wall`` [ns], with their times; all at the ``end``."""
         self._since = wall if end else max(self._since, wall - round(REORDER_DELAY_S * 1e9))
         self._waiting.sort(key=_receive_time)
-        ripe = bisect_right(self._waiting, self._since, key=_receive_time)
-        taken, self._waiting = self._waiting[:ripe], self._waiting[ripe:]
-        return taken
+        due = bisect_right(self._waiting, self._since, key=_receive_time)
+        drained, self._waiting = self._waiting[:due], self._waiting[due:]
+        return drained
 
 
 def _receive_time(entry: tuple[int, ReceivedMessage]) -> int:
@@ -97,15 +92,15 @@ def _receive_time(entry: tuple[int, ReceivedMessage]) -> int:
 
 
 LOW_DISK_FACTOR = 10
-"""The disk is low when less than so many times the room is free that a bag leaves to others."""
+"""A warning is logged when less than this multiple of a bag's disk reserve is free."""
 DISK_CHECK_PERIOD_S = 10.0
-"""Wall time between two looks at the disk."""
+"""Wall time between two checks of the disk."""
 _UNKNOWN_SENDER = b"foreign"
-"""Stands for all senders that do not tell who they are."""
+"""Stands for all publishers that do not identify themselves."""
 
 
 class BagRecorder:
-    """Writes what ``subscriptions`` has heard to ``bag``."""
+    """Writes the messages of ``subscriptions`` to ``bag``."""
 
     def __init__(self, bag: BagWriter, subscriptions: Subscriptions, log: Log) -> None:
         self._bag, self._subscriptions, self._log = bag, subscriptions, log
@@ -121,9 +116,10 @@ class BagRecorder:
         self.write_error = ""
 
     def record_tick(self, now: int) -> None:
-        """A tick of lockstep, at ``now`` [ns] of simulation time: from then on, what has come counts for its readers.
+        """Record what has arrived by a tick of lockstep, at simulated time ``now`` [ns].
 
-        So it is what a replay must repeat at this tick. The order is the same in every run.
+        This is what the other members read at this tick, and what a replay must repeat. The order is the same in every
+        run.
         """
         wall = time.time_ns()
         self._learn_frames()
@@ -133,24 +129,25 @@ class BagRecorder:
                 self._write(source, message, origin, wall, now)
 
     def record_remaining(self, now: int) -> None:
-        """What came after the last tick, at ``now`` [ns]: nobody had it yet, so its time lies after that tick.
+        """Record what arrived after the last tick, at simulated time ``now`` [ns], with times after that tick.
 
-        Its own stamp tells it; one without a stamp lies right after the clock that was sent before it, at no step.
+        No member has read it yet. A message without a stamp is placed 1 ns after the last clock before it, between two
+        steps.
         """
         wall = time.time_ns()
         self._learn_frames()
         self._publish_times.clock = now
         self._enqueue(wall)
         for _, (source, message, origin) in self._reorder_buffer.drain(wall, end=True):
-            bare = header_stamp(message) is None and not isinstance(message, Clock)
-            later = max(self._publish_times.publish_time(message, wall, timed=True) + bare, now + 1)
+            unstamped = stamp_of(message) is None
+            later = max(self._publish_times.publish_time(message, wall, has_clock=True) + unstamped, now + 1)
             if source.name in self._subscriptions.by_topic:
                 self._write(source, message, origin, wall, later)
 
     def record(self, end: bool = False) -> None:
-        """Write messages in the order of sending, but not those of the last REORDER_DELAY_S; at the ``end``, all."""
+        """Record messages in the order of sending, except those of the last REORDER_DELAY_S; all at the ``end``."""
         clock = self._subscriptions.clock
-        # Inputs are emptied in turn: what a clock told meanwhile belongs before what came after it.
+        # Subscribers are drained in turn: clock messages of the meantime belong before messages sent after them.
         early = clock.messages
         clock.update()
         clock.messages = [*early, *clock.messages]
@@ -164,11 +161,11 @@ class BagRecorder:
 
     @property
     def now(self) -> int:
-        """Simulated time [ns], as far as the clock has told it; 0 without one."""
+        """Simulated time [ns] of the last clock message; 0 without one."""
         return self._publish_times.clock or 0
 
     def flush_due(self) -> None:
-        """Write a chunk if it is time to, and tell what was lost."""
+        """Write a chunk if it is time to, and warn of lost messages."""
         try:
             self._bag.flush_due()
         except OSError as error:
@@ -180,7 +177,7 @@ class BagRecorder:
             self._lost_reported = lost
 
     def close(self) -> None:
-        """Write what is left, and the account."""
+        """Write what is left, with the counts of what is missing."""
         self._bag.metadata["lost"] = json.dumps(self.lost)
         self._bag.metadata["unfit"] = json.dumps(self.unconvertible)
         self._bag.metadata["unwritten"] = str(self._bag.unwritten)
@@ -191,11 +188,11 @@ class BagRecorder:
 
     @property
     def lost(self) -> dict[str, int]:
-        """Messages that were sent and did not arrive, by topic."""
+        """Number of messages by topic that were sent and did not arrive."""
         return {name: source.lost for name, source in sorted(self._subscriptions.by_topic.items()) if source.lost}
 
     def _learn_frames(self) -> None:
-        """Whatever comes with a description of a robot may tell how its frames are called."""
+        """Note the names of frames, by which robot descriptions are prefixed."""
         for topic in (TF, TF_STATIC):
             if (
                 source := self._subscriptions.by_topic.get(topic.name)
@@ -203,7 +200,7 @@ class BagRecorder:
                 self._urdf_prefixer.add_frames(message for message, _ in source.messages)
 
     def _enqueue(self, wall: int) -> None:
-        """Leave it to the order of sending when what is there is written."""
+        """Move received messages to the reorder buffer."""
         for source in {**self._subscriptions.by_topic, CLOCK.name: self._subscriptions.clock}.values():
             for message, origin in source.messages:
                 self._reorder_buffer.push((source, message, origin), wall)
@@ -232,12 +229,12 @@ class BagRecorder:
                     self._add(self._channel_of(topic, each, source), sequence, log_time, publish_time, data)
         except NotWritable as error:
             self.unconvertible[name] += 1
-            self._log.warn(f"{name}: a message has no place in its ROS type and is not recorded: {error}", every=5.0)
+            self._log.warn(f"{name}: a message does not fit its ROS type and is not recorded: {error}", every=5.0)
 
     def _additional_sender(self, name: str, origin: SampleInfo | None) -> bytes:
-        """The node behind a message, unless it was the first on its topic.
+        """The node that sent a message, empty for the first node on the topic.
 
-        A late joiner has the last message of each node; one that was started anew takes the place of the old one.
+        A late subscriber gets the last message of each node; a restarted node replaces its former self.
         """
         node = origin.publisher[:NODE_BYTES] if origin is not None else _UNKNOWN_SENDER
         return node if self._first_sender.setdefault(name, node) != node else b""
@@ -256,7 +253,7 @@ class BagRecorder:
         return self._channels.setdefault((topic, made.type), made)
 
     def _check_disk(self) -> None:
-        """Warn while there is time to make room."""
+        """Warn while there is still time to make room."""
         now = time.monotonic()
         if now - self._disk_checked < DISK_CHECK_PERIOD_S:
             return
@@ -264,7 +261,7 @@ class BagRecorder:
         try:
             free, reserve = disk_space(self._bag.folder)
         except OSError:
-            return  # writing tells it
+            return  # writing reports it
         if free < LOW_DISK_FACTOR * reserve:
             self._log.warn(
                 f"{free / 1e6:.0f} MB are left on the disk of {self._bag.folder}: nothing more is recorded when "

@@ -1,4 +1,4 @@
-"""The recorder's loop: with the ticks of lockstep, else as messages come."""
+"""The recorder's loop: at the ticks of lockstep, otherwise as messages arrive."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from services.recorder.subscriptions import Subscriptions, TopicFilter
 from services.runtime.context import Context
 from services.runtime.discovery import wait_for_nodes
 from services.runtime.errors import EleaError
-from services.runtime.service import period_of
+from services.runtime.step import period_of
 
 
 class RecordingIncomplete(EleaError):
@@ -20,7 +20,7 @@ class RecordingIncomplete(EleaError):
 
 
 def run(ctx: Context[RecorderParameters]) -> None:
-    """Record until told to stop; raises RecordingIncomplete at the end when the disk did not take everything."""
+    """Record until stopped; raises RecordingIncomplete at the end if the disk refused messages."""
     p, node = ctx.params, ctx.node
     subscriptions = Subscriptions(node, TopicFilter(p, node.identity.resolve))
     bag = BagWriter(Path(p.output).absolute(), p.max_size, p.max_duration, p.resume)
@@ -31,7 +31,9 @@ def run(ctx: Context[RecorderParameters]) -> None:
             wait_for_nodes(node.transport, [each for each in p.members if each != ctx.node_name], ctx.idle)
             subscriptions.subscribe_existing()
             if missing := subscriptions.missing:
-                ctx.log.warn(f"nobody publishes or reads {', '.join(missing)} yet: recorded as soon as somebody does")
+                ctx.log.warn(
+                    f"no publishers or subscribers of {', '.join(missing)} yet: recording starts when there are"
+                )
             if ctx.lockstep:
                 _record_ticks(ctx, subscriptions, recorder)
             else:
@@ -56,7 +58,7 @@ def _record_ticks(ctx: Context[RecorderParameters], subscriptions: Subscriptions
 
 
 def _record_messages(ctx: Context[RecorderParameters], subscriptions: Subscriptions, recorder: BagRecorder) -> None:
-    """Time may stand still or not exist: messages are taken as they come."""
+    """Record messages as they arrive, since simulated time may stand still or not exist."""
     ctx.node.declare_stepping(period_of(100, lockstep=False))
     ctx.node.heartbeat.state = "running"
     while True:

@@ -20,7 +20,7 @@ from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
 
 
 class TopicFilter:
-    """The topics that parameters choose; ``resolve`` makes a name absolute. Raises BadInput for what is no name."""
+    """The topics that the parameters select; ``resolve`` makes names absolute. Raises BadInput for an invalid name."""
 
     def __init__(self, params: RecorderParameters, resolve: Callable[[str], str]) -> None:
         try:
@@ -47,9 +47,9 @@ _KINDS: tuple[Kind, ...] = ("pub", "sub")
 
 
 class Subscriptions:
-    """``by_topic`` are the inputs by topic. What is of a type that is unknown here is heard ``raw``.
+    """Subscribers of the selected topics, ``by_topic``; those in ``raw`` have types that Elea does not know.
 
-    The ``clock`` is heard in any case, be it to be recorded or not.
+    ``clock`` is subscribed to whether it is recorded or not.
     """
 
     def __init__(self, node: Node, topic_filter: TopicFilter) -> None:
@@ -62,13 +62,13 @@ class Subscriptions:
         self.has_clock = False
 
     def subscribe_existing(self) -> None:
-        """Subscribe to all that is there by now; what the watches tell may come a moment later."""
+        """Subscribe to the topics that exist now; ``update`` would find them a moment later."""
         for kind in _KINDS:
             for key in self._node.transport.tokens(token_pattern(kind)):
                 self._subscribe(Entity.parse(key))
 
     def update(self) -> None:
-        """Subscribe to what is new. ``has_clock`` tells whether somebody publishes simulation time."""
+        """Subscribe to new topics, and set ``has_clock`` when a node publishes ``/clock``."""
         for watch in self._watches:
             while (event := watch.poll()) is not None:
                 if event.alive:
@@ -76,7 +76,7 @@ class Subscriptions:
 
     @property
     def missing(self) -> list[str]:
-        """Topics that were named, and that nobody publishes or reads."""
+        """Topics that are named in the parameters and have no publisher or subscriber."""
         return sorted(self._filter.named - self.by_topic.keys())
 
     def _subscribe(self, entity: Entity | None) -> None:

@@ -1,9 +1,8 @@
-"""Descriptions of robots that fit the frames in the bag: their links carry the robot's prefix, as on ``/tf``.
+"""Adds a robot's frame prefix to the links of its recorded description, as on ``/tf``.
 
-On the bus a description is that of its model, and a reader adds the prefix, as ROS 2's robot_state_publisher has it in
-``frame_prefix``. A viewer that opens the bag has nobody to tell it the prefix. rerun 0.41 takes the names of links for
-frames and the name of the robot for the place of its shapes: of four robots of one model it keeps one, and a single
-link whose frame nobody tells of leaves its whole view empty.
+On the bus a description is that of the model, and readers add the prefix, which ROS 2's robot_state_publisher has in
+``frame_prefix``. A viewer that opens the bag cannot know it. rerun 0.41 uses link names as frames and the robot's name
+as the path of its shapes: of four robots of one model it shows one, and a link without a transform empties its view.
 """
 
 from __future__ import annotations
@@ -16,30 +15,30 @@ from messages.cdr.sidecar import StringExtra
 from messages.std import String
 from messages.tf import TFMessage
 from messages.topics import ROBOT_DESCRIPTION
-from models.robot_description import BadUrdf, parse_urdf, parse_xml
+from models.urdf import BadUrdf, parse_urdf, parse_xml
 
 
 class UrdfPrefixer:
-    """Knows the frames that have been heard."""
+    """Finds each robot's prefix from the frames in transforms."""
 
     def __init__(self) -> None:
         self._frames: set[str] = set()
 
     def add_frames(self, messages: Iterable[TFMessage]) -> None:
-        """Frames that are told of."""
+        """Note the child frames of transforms."""
         for message in messages:
             self._frames.update(each.child_frame_id.removeprefix("/") for each in message.transforms)
 
     def apply(self, topic: str, message: Message) -> tuple[Message, Message | None]:
-        """A message of the absolute name ``topic`` as it is to be recorded, and its own text if that differs.
+        """A message of the absolute name ``topic`` as it should be recorded, and a sidecar with its text if changed.
 
-        What is no description of a robot, or fits as it is, stays as it is.
+        Other messages than robot descriptions are returned unchanged.
         """
         namespace, _, name = topic.rpartition("/")
         if name != ROBOT_DESCRIPTION.name or not isinstance(message, String):
             return message, None
         try:
-            links = [each.frame.child for each in parse_urdf(message.data).joints]
+            links = [each.child for each in parse_urdf(message.data).joints]
         except BadUrdf:
             return message, None
         prefix = self._prefix(namespace.strip("/"), links)
@@ -48,7 +47,7 @@ class UrdfPrefixer:
         return String(data=prefix_links(message.data, prefix)), StringExtra(data=message.data)
 
     def _prefix(self, namespace: str, links: list[str]) -> str:
-        """What the frames of a robot's links begin with: its namespace unless the frames tell of something else."""
+        """The prefix of a robot's frames: its namespace, unless the known frames have another one."""
         wanted = f"{namespace}/" if namespace else ""
         if any(link.startswith(wanted) for link in links if wanted):
             return ""
@@ -60,9 +59,9 @@ class UrdfPrefixer:
 
 
 def prefix_links(urdf: str, prefix: str) -> str:
-    """A URDF with ``prefix`` before the names of its links, and for its name; joints keep theirs, as in joint states.
+    """Add ``prefix`` to the link names of a URDF and name the robot by it; joints keep their names, as in joint states.
 
-    ``urdf`` is one that ``models.robot_description.describe`` takes.
+    ``urdf`` must be one that ``models.urdf.parse_urdf`` accepts.
     """
     robot = parse_xml(urdf)
     robot.set("name", prefix.strip("/"))

@@ -1,4 +1,4 @@
-"""The reference service: where the arm should be, fifty times a second."""
+"""The reference service: publishes the arm's set-point at 50 Hz."""
 
 from __future__ import annotations
 
@@ -7,46 +7,41 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from messages.joints import LowerEnd, UpperEnd
-from messages.topics import REFERENCE
-from services.runtime.service import Parameters, Service
-
-
-def _number(low: float, high: float, unit: str, text: str) -> Meta:
-    return Meta(ge=low, le=high, description=text, extra={"unit": unit})
+from services.runtime.parameters.base import Parameters, param
+from services.runtime.service import Service
 
 
 class ReferenceParameters(Parameters, frozen=True, kw_only=True):
-    """What to publish. Names as in the tutorial where it has one; its reference_type 0 is step here, its 1 is sine."""
+    """Parameters of the reference, named as in the tutorial, whose reference_type 0 is step here and 1 is sine."""
 
     reference_type: Annotated[
         Literal["step", "sine", "ramp", "square", "chirp", "csv"],
-        Meta(description="step: ref_angle at once; ramp: ref_angle at ramp_rate; csv: the table of the file"),
+        Meta(description="Waveform: step jumps to ref_angle, ramp moves there at ramp_rate, csv reads a file."),
     ] = "step"
-    ref_angle: Annotated[float, _number(-360, 360, "deg", "angle of step, and where ramp ends")] = 0.0
-    sin_ref_gain: Annotated[float, _number(0, 360, "deg", "amplitude of sine, square and chirp")] = 30.0
-    sin_ref_f: Annotated[float, _number(0, 10, "Hz", "frequency of sine and square")] = 0.2
-    ramp_rate: Annotated[float, _number(0.1, 1000, "deg/s", "speed of ramp")] = 10.0
-    chirp_from: Annotated[float, _number(0, 10, "Hz", "frequency at which chirp begins")] = 0.1
-    chirp_to: Annotated[float, _number(0, 10, "Hz", "frequency that chirp reaches, evenly, and keeps")] = 1.0
-    chirp_time: Annotated[float, _number(0.1, 3600, "s", "how long chirp takes to get there")] = 20.0
+    ref_angle: float = param(0.0, -360, 360, "deg", "Angle of the step, and final angle of the ramp.")
+    sin_ref_gain: float = param(30.0, 0, 360, "deg", "Amplitude of sine, square and chirp.")
+    sin_ref_f: float = param(0.2, 0, 10, "Hz", "Frequency of sine and square.")
+    ramp_rate: float = param(10.0, 0.1, 1000, "deg/s", "Rate of the ramp.")
+    chirp_from: float = param(0.1, 0, 10, "Hz", "Start frequency of the chirp.")
+    chirp_to: float = param(1.0, 0, 10, "Hz", "End frequency of the chirp, reached linearly and then kept.")
+    chirp_time: float = param(20.0, 0.1, 3600, "s", "Time the chirp takes to reach its end frequency.")
     csv: Annotated[
         str,
         Meta(
             max_length=4096,
-            description="file of rows time [s], angle [deg], for csv; an absolute path, or one from the run's folder",
+            description="CSV file with rows of time [s], angle [deg]; relative to the run's folder.",
             extra={"live": False},
         ),
     ] = ""
-    csv_repeat: Annotated[bool, Meta(description="begin the file again after its last row")] = False
+    csv_repeat: Annotated[bool, Meta(description="Start the file again after its last row.")] = False
     lower: LowerEnd = -90.0
     upper: UpperEnd = 90.0
 
 
 SERVICE = Service(
     name="reference",
-    about="publishes the angle that the arm should take: step, sine, ramp, square, chirp or a file",
+    about="Publishes the arm's set-point: step, sine, ramp, square, chirp or a file.",
     run="services.reference.loop:run",
-    writes=(REFERENCE,),
     rate=50,
     parameters=ReferenceParameters,
     parameter_set="/robot_control",

@@ -4,7 +4,8 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from services.runtime.service import Parameters, Service
+from services.runtime.parameters.base import Parameters
+from services.runtime.service import Service
 
 
 class RouterParameters(Parameters, frozen=True, kw_only=True):
@@ -13,27 +14,27 @@ class RouterParameters(Parameters, frozen=True, kw_only=True):
     listen: Annotated[
         str,
         Meta(
-            description="endpoint where the nodes of this machine meet; the user's Unix socket of port 7447 by default",
+            description="Endpoint for this machine's nodes; the user's Unix socket of port 7447 by default.",
             extra={"live": False},
         ),
     ] = ""
     also: Annotated[
         tuple[str, ...],
-        Meta(description="further endpoints to listen on, as tcp/127.0.0.1:7447", extra={"live": False}),
+        Meta(description="Further endpoints to listen on, e.g. tcp/127.0.0.1:7447.", extra={"live": False}),
     ] = ()
     insecure: Annotated[
-        bool, Meta(description="listen where other machines can reach the router, too", extra={"live": False})
+        bool, Meta(description="Allow endpoints that other machines can reach.", extra={"live": False})
     ] = False
     link: Annotated[
-        tuple[str, ...], Meta(description="endpoints of routers on other machines", extra={"live": False})
+        tuple[str, ...],
+        Meta(description="Endpoints of routers on other machines to connect to.", extra={"live": False}),
     ] = ()
 
 
 SERVICE = Service(
     name="router",
-    about="The meeting point of all nodes of a machine.",
+    about="Zenoh router: connects the nodes of a machine, and other machines.",
     run="services.router.loop:run",
     parameters=RouterParameters,
-    holds_lockstep=False,
-    routes=True,
+    role="router",
 )

@@ -14,12 +14,13 @@ from services.runtime.errors import BadInput
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.pacing import ClockPacer, Instant, LockstepPacer, Pacer
+from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.subscription import ParameterSubscription
 from services.runtime.parameters.validation import ALL_LEVELS
 from services.runtime.publisher import Publisher
 from services.runtime.requests import DEADLINE_S
-from services.runtime.service import Parameters, period_of
 from services.runtime.service_checks import ServiceChecks
+from services.runtime.step import period_of
 from services.runtime.subscriber import Latest, Stream
 from services.runtime.tf.buffer import CACHE_S
 from services.runtime.tf.listener import TransformListener
@@ -101,15 +102,15 @@ class Context(Generic[P]):
         """The node itself, for the few services that pace themselves."""
         return self._node
 
-    def latest(self, topic: Topic[M], name: str | None = None) -> Latest[M]:
-        """The newest message of a topic."""
-        view = Latest(self._node.subscribe(topic, name), lambda: self.now)
+    def latest(self, topic: Topic[M]) -> Latest[M]:
+        """The newest message of a topic; that of another namespace by ``ODOM.of("tb3_0")``."""
+        view = Latest(self._node.subscribe(topic), lambda: self.now)
         self._views.append(view)
         return view
 
-    def stream(self, topic: Topic[M], name: str | None = None) -> Stream[M]:
+    def stream(self, topic: Topic[M]) -> Stream[M]:
         """Every message of a topic."""
-        view = Stream(self._node.subscribe(topic, name))
+        view = Stream(self._node.subscribe(topic))
         self._views.append(view)
         return view
 
@@ -122,16 +123,18 @@ class Context(Generic[P]):
         self._views.append(view)
         return view
 
-    def advertise(self, topic: Topic[M], name: str | None = None) -> Publisher[M]:
-        """A publication, declared now; what lists itself in the graph before its first message."""
-        return self._node.advertise(topic, name)
+    def advertise(self, topic: Topic[M]) -> Publisher[M]:
+        """A publication that is in the graph from now on, before its first message."""
+        return self._node.advertise(topic)
 
-    def publish(self, topic: Topic[M], message: M, name: str | None = None) -> None:
-        """Send a message; raises TypeError when it is not the topic's record."""
-        wanted = name or topic.name
-        output = self._publishers.get(wanted)
+    def publish(self, topic: Topic[M], message: M) -> None:
+        """Send a message; raises TypeError when it is not the topic's record.
+
+        The first one declares the publication; ``advertise`` does so before.
+        """
+        output = self._publishers.get(topic.name)
         if output is None:
-            output = self._publishers[wanted] = self._node.advertise(topic, name)
+            output = self._publishers[topic.name] = self._node.advertise(topic)
         output.publish(message)
 
     def check(
@@ -188,8 +191,8 @@ class Context(Generic[P]):
             raise BadInput("a service without a rate has no ticks")
         period = period_of(chosen, self._lockstep)
         pacer: Pacer = (LockstepPacer if self._lockstep else ClockPacer)(self._node, period)
-        if self._node.parameter_client is not None:
-            self._node.parameter_client.watermarks = pacer.watermarks
+        if self._subscription is not None:
+            self._subscription.client.watermarks = pacer.watermarks
         self._await_parameters()
         pacer.start()
         try:
@@ -197,12 +200,12 @@ class Context(Generic[P]):
         finally:
             pacer.close()
 
-    def messages(self, topic: Topic[M], name: str | None = None) -> Iterator[M]:
+    def messages(self, topic: Topic[M]) -> Iterator[M]:
         """Every message of a topic as it arrives, for services that answer to messages instead of time.
 
         ``params`` is followed between two messages, ten times a second.
         """
-        source = self._node.subscribe(topic, name)
+        source = self._node.subscribe(topic)
         self._node.declare_ready()
         self._node.heartbeat.state = "running"
         while True:
@@ -237,12 +240,12 @@ class Context(Generic[P]):
         return self.params_changed
 
     def _await_parameters(self) -> None:
-        """Wait up to ANSWER_S for a parameter service that is expected, is there and has not answered yet: a node is
-        ready when its set is known."""
-        following, deadline = self._node.parameter_client, time.monotonic() + PARAMETER_ANSWER_S
-        if following is None or not self._node.expects_params:
+        """Wait up to PARAMETER_ANSWER_S for a parameter service that is expected, is there and has not answered yet: a
+        node is ready when its set is known."""
+        if self._subscription is None or not self._subscription.client.expected:
             return
-        while following.unanswered and time.monotonic() < deadline:
+        client, deadline = self._subscription.client, time.monotonic() + PARAMETER_ANSWER_S
+        while client.unanswered and time.monotonic() < deadline:
             self._node.heartbeat.detail = "waiting for the answer of the parameter service"
             self.idle()
         self._node.heartbeat.detail = ""

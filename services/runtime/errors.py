@@ -1,45 +1,47 @@
-"""The one tree of errors.
+"""The one tree of errors; those of other modules stand with the module's name.
 
 EleaError
 ├── BadInput (ValueError)        a file, flag, name or value from outside is wrong       -> exit status 2
-│   └── TryAgain                 it is wrong for now: a name taken, a network out of reach -> exit status 75
+│   ├── TryAgain                 it is wrong for now: a name taken, a network out of reach -> exit status 75
+│   ├── BadName                  messages.names: not a legal ROS name or remapping rule
+│   ├── UnknownRecord            messages.records: no record has this name (LookupError)
+│   ├── BadDefinition            messages.cdr.definitions: the text of a message type cannot be read
+│   ├── UnknownModel             models: no robot or world has this name
+│   ├── BadUrdf                  models.urdf: a URDF cannot be read
+│   ├── NoWheels                 models.urdf: a robot has no two wheels to drive on
+│   └── ParameterConflict        services.params.schema: two nodes contradict each other about a parameter
+├── WrongPayload (ValueError)    messages.base: a payload is not the expected record
+├── NotWritable (ValueError)     messages.cdr.write: a message cannot be written as CDR
 ├── CallFailed (RuntimeError)    a request was refused, or nobody answered in time
 │   ├── NoAnswer                 nobody serves it, or nobody answered in time
-│   └── SeveralServers           more than one process answered it
-├── NoTransform (LookupError)    where one frame lies in another cannot be told
-│   ├── UnknownFrame             nobody has told of a frame of this name
-│   ├── NotConnected             the two frames lie in different trees
-│   ├── Extrapolation            the time lies outside what is known
-│   └── FrameLoop                a frame lies above itself
+│   ├── SeveralServers           more than one process answered it
+│   └── OutcomeUnknown           services.runtime.parameters.client: it may have been carried out, or not
+├── NoTransform (LookupError)    a transform between two frames cannot be found
+│   ├── UnknownFrame             nobody has published a frame of this name
+│   ├── NotConnected             the two frames are in different trees
+│   ├── Extrapolation            the time is outside what is known
+│   └── FrameLoop                a frame is its own ancestor
+├── SaveError                    services.params.store: a change of parameters could not be written
+├── RecordingIncomplete          services.recorder.loop: part of what was to be recorded is missing
+├── PlaybackIncomplete           services.player.loop: part of a bag was not played, or nobody listened
+├── IncompleteBag                deploy.commands.bag: a bag is damaged, or not all of it could be used
 └── Stopped                      the process was asked to end; unwinds the loop          -> exit status 0
 """
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable
+from messages.errors import BadInput as BadInput
+from messages.errors import EleaError as EleaError
+from messages.errors import did_you_mean as did_you_mean
+from messages.errors import nearest as nearest
+from messages.errors import unknown_name as unknown_name
 
 TRY_AGAIN = 75
 """Exit status after TryAgain: EX_TEMPFAIL of sysexits(3)."""
 
 
-_MOST_LISTED = 100
-"""Alternatives that an error lists."""
-_LONG = 100
-_WORK = 500_000
-"""Pairs of characters: 1,200 names of 20, within 4 ms; of the worst kind, 35 ms."""
-
-
-class EleaError(Exception):
-    """Anything that this project raises on purpose."""
-
-
-class BadInput(EleaError, ValueError):
-    """Something from outside is wrong: the text says what, where, the limit and the likely cause."""
-
-
 class TryAgain(BadInput):
-    """What was asked for cannot be had for now, through no fault of its own: the same may work a moment later."""
+    """What was asked for is not possible for now, through no fault of its own: the same may work a moment later."""
 
 
 class CallFailed(EleaError, RuntimeError):
@@ -51,15 +53,15 @@ class NoAnswer(CallFailed):
 
 
 class SeveralServers(CallFailed):
-    """More than one process answered a request: whose answer holds cannot be told, and all may have carried it out."""
+    """More than one process answered a request: nobody knows whose answer holds, and all may have carried it out."""
 
 
 class NoTransform(EleaError, LookupError):
-    """Where one frame lies in another cannot be told; the text says why, and what there is instead."""
+    """A transform between two frames cannot be found; the text says why, and what there is instead."""
 
 
 class UnknownFrame(NoTransform):
-    """Nobody has told of a frame of this name."""
+    """Nobody has published a frame of this name."""
 
 
 class NotConnected(NoTransform):
@@ -67,42 +69,12 @@ class NotConnected(NoTransform):
 
 
 class Extrapolation(NoTransform):
-    """The time lies before or after what is known of a frame."""
+    """The time is before or after what is known of a frame."""
 
 
 class FrameLoop(NoTransform):
-    """A frame lies above itself, so nobody can say where it is."""
+    """A frame is its own ancestor, so nobody can say where it is."""
 
 
 class Stopped(EleaError):
     """The process was asked to end."""
-
-
-def unknown_name(kind: str, name: str, known: Iterable[str], where: str = "") -> BadInput:
-    """The error for a name that does not exist, with the nearest right one and the alternatives."""
-    names = sorted(known)
-    near = nearest(name, names)
-    hint = f"; did you mean {near!r}?" if near else ""
-    prefix = f"{where}: " if where else ""
-    listed = ", ".join(names[:_MOST_LISTED]) or "none"
-    more = f" and {len(names) - _MOST_LISTED} more" if len(names) > _MOST_LISTED else ""
-    return BadInput(f"{prefix}unknown {kind} {name[:255]!r}{hint} (known: {listed}{more})")
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """The name of ``known`` that ``name`` may have been meant for, or nothing.
-
-    Names come from outside and are as long and as many as somebody likes, and comparing two takes the product of their
-    lengths: a name of 100 characters or more is compared with none, others with those nearest to its length for as
-    long as _WORK lasts.
-    """
-    if len(name) >= _LONG:
-        return ""
-    work, candidates = 0, []
-    for each in sorted(known, key=lambda each: abs(len(each) - len(name))):
-        work += len(name) * len(each)
-        if work > _WORK or len(each) >= _LONG:
-            break
-        candidates.append(each)
-    near = difflib.get_close_matches(name, candidates, 1)
-    return near[0] if near else ""

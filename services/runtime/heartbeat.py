@@ -85,7 +85,7 @@ class Heartbeat:
             trouble = str(error)
         if self._log is not None and not self._complained:
             self._complained = True
-            self._log.error(f"the heartbeat tells totals alone, and nothing of single topics: {trouble}")
+            self._log.error(f"heartbeats carry totals only, without single topics: {trouble}")
         return encode(self._health(inputs, outputs, refusals, listed=False))
 
     def _health(

@@ -1,58 +1,59 @@
-"""The command line of every service, the same for all: ``python -m services.NAME``."""
+"""The command line of every service, the same for all: ``python -m services NAME`` and files that call ``main``."""
 
 from __future__ import annotations
 
 import json
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
-from typing import Any
+from typing import Any, overload
 
 import click
 import msgspec
 
 from services.runtime.errors import TRY_AGAIN, BadInput, EleaError, Stopped, TryAgain
+from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.schema import describe_range, describe_relations
 from services.runtime.parameters.validation import build, describe_parameters, read_assignments, stated
-from services.runtime.service import Parameters, Service
-
-_capturing = ContextVar("declaring", default=False)
-
-
-class ServiceCaptured(BaseException):
-    """Raised by ``main`` within ``capture_service`` with the service it would run; no ``except Exception`` stops it."""
-
-    def __init__(self, service: Service) -> None:
-        super().__init__(service.name)
-        self.service = service
+from services.runtime.service import Role, Run, Service
+from services.runtime.service_file import capture
 
 
-@contextmanager
-def capture_service() -> Iterator[None]:
-    """Within, ``main`` tells what it would run instead of running it."""
-    token = _capturing.set(True)
-    try:
-        yield
-    finally:
-        _capturing.reset(token)
+@overload
+def main(service: Service) -> None: ...
+@overload
+def main(
+    service: Run,
+    *,
+    name: str,
+    about: str,
+    rate: float | None = None,
+    parameters: type[Parameters] = Parameters,
+    role: Role = "member",
+) -> None: ...
+def main(service: Service | Run, **declaration: Any) -> None:
+    """Parse the command line, run a service and end the process, as ``run_command_line`` does.
 
-
-def main(service: Service) -> None:
-    """Parse the command line, run the service and end the process.
-
-    Its status is 0, 1 after an error, 2 for bad input, and TRY_AGAIN when the same may work later.
+    ``main(run, name=..., about=..., rate=...)`` is short for ``main(Service(run=run, name=..., ...))``.
     """
-    if _capturing.get():
-        raise ServiceCaptured(service)
+    if not isinstance(service, Service):
+        service = Service(run=service, **declaration)
+    capture(service)
+    run_command_line(service, sys.argv[1:])
+
+
+def run_command_line(service: Service, arguments: list[str], program: str | None = None) -> None:
+    """Run the service with the options in ``arguments`` and end the process.
+
+    Its status is 0, 1 after an error, 2 for bad input, and TRY_AGAIN when the same may work later. ``program`` is how
+    the service was called, for its usage line; what ``./elea run`` says of that goes before it.
+    """
     from services.runtime import process
 
     process.lossy_stderr()
     try:
         process.check_import_roots()
-        called = os.environ.pop(process.PROGRAM, None)
-        options = _command(service).main(prog_name=called, standalone_mode=False)
+        program = os.environ.pop(process.PROGRAM, program)
+        options = _command(service).main(arguments, program, standalone_mode=False)
     except click.ClickException as error:
         error.show()
         sys.exit(2)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from itertools import islice
-from typing import Any, Self, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 from messages.base import Message
 from messages.elea import Health
@@ -19,10 +19,9 @@ from services.runtime.heartbeat import Heartbeat
 from services.runtime.identity import Identity
 from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.log import Log
-from services.runtime.parameters.client import ParameterClient
 from services.runtime.publisher import Publisher, SendBuffer
 from services.runtime.refusal_counter import RefusalCounter
-from services.runtime.requests import DEADLINE_S, RequestServer, call
+from services.runtime.requests import DEADLINE_S, DeferredReply, RequestServer, call
 from services.runtime.subscriber import WAIT_BUDGET_S, Subscriber, WaitBudget
 from services.runtime.transport.api import RawSubscriber, Token, Transport
 
@@ -41,6 +40,14 @@ _PINGS = 16
 """Pings answered in one turn."""
 
 
+class Extension(Protocol):
+    """Something that a node's loop serves along with the node's own work."""
+
+    def spin_once(self) -> None:
+        """Do what is due, without blocking."""
+        ...
+
+
 class Node:
     """Everything of a node but its time. Used by one thread, the loop's."""
 
@@ -54,8 +61,8 @@ class Node:
         """Of keys that no input reads; the health lists those that refused something."""
         self.request_server = RequestServer(transport, log)
         self.request_handlers = self.request_server.served
-        self.parameter_client: ParameterClient | None = None
-        self.expects_params = False
+        self.extensions: list[Extension] = []
+        """Served by the loop along with the node's own work, as the client of the parameter service."""
         self.clock_patience_s = CLOCK_PATIENCE_S
         self.stopping = self.calling = False
         self._tokens: dict[tuple[Kind, str], Token] = {}
@@ -74,6 +81,7 @@ class Node:
         return self
 
     def __exit__(self, *exception: object) -> None:
+        self.request_server.close()
         self.log.publish = None
 
     def subscribe(self, topic: Topic[M], name: str | None = None, raw: bool = False) -> Subscriber[M]:
@@ -122,8 +130,13 @@ class Node:
                     del self._numbers[next(iter(self._numbers))]
             end.close()
 
-    def serve(self, request: Request[Q, R], handler: Callable[[Q], R], name: str | None = None) -> None:
-        """Answer a request in this node's loop; the handler raises BadInput to refuse with a reason."""
+    def serve(
+        self, request: Request[Q, R], handler: Callable[[Q], R | DeferredReply[R]], name: str | None = None
+    ) -> None:
+        """Answer a request in this node's loop.
+
+        The handler raises BadInput to refuse with a reason; it returns a ``DeferredReply`` to answer later.
+        """
         absolute = self.identity.resolve(name or request.name)
         self.request_server.add(request, self.identity.key(name or request.name), handler)
         self._declare("srv", absolute, request.request_type.ROS_TYPE, "-")
@@ -157,8 +170,8 @@ class Node:
         self.request_server.spin_once()
         for query in islice(iter(self._pings.recv, None), _PINGS):
             query.reply(b"")
-        if self.parameter_client is not None:
-            self.parameter_client.spin_once()
+        for each in self.extensions:
+            each.spin_once()
         self._reachability.update()
         self._publish_heartbeat()
 

@@ -127,7 +127,9 @@ class ClockSource:
             self._look()
             silent = now - self._heard > CLOCK_SILENCE_S
             if self._source is not None and not silent and self._rank(publisher) <= self._rank(self._source):
-                self.counts.reject(f"{self._called(publisher)} tells another time than {self._called(self._source)}")
+                self.counts.reject(
+                    f"{self._called(publisher)} publishes another time than {self._called(self._source)}"
+                )
                 self._log.warn(f"a second {self._name} is not followed: {self.counts.reason}", every=30.0)
                 return False
             self._source = publisher
@@ -288,7 +290,9 @@ class LockstepPacer:
             if now < self._deadline:
                 return
             told = ", ".join(absent)[:500]
-            self._node.log.warn(f"{told} not in sight after {LINK_S:g} s: it goes on without", every=10.0)
+            self._node.log.warn(
+                f"timed out after {LINK_S:g} s waiting to discover {told}; continuing without", every=10.0
+            )
         greeting, self._joining = self._joining, None
         if not self._join_sent:
             self._join_sent = True

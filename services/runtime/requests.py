@@ -1,4 +1,4 @@
-"""Requests: calling a server with a deadline, and serving with bounded work in each turn."""
+"""Requests: calling a server with a deadline, and serving with bounded work in each turn, at once or later."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import Any, Generic, TypeVar
 
 from messages.base import Message, WrongPayload, decoder, encode
 from messages.requests import Refusal, Request
-from services.runtime.errors import CallFailed, EleaError, NoAnswer, SeveralServers
+from services.runtime.errors import CallFailed, EleaError, NoAnswer, SeveralServers, Stopped
 from services.runtime.graph import Entity, token_pattern
 from services.runtime.log import Log
-from services.runtime.transport.api import TIMEOUT, Reply, TokenWatch, Transport
+from services.runtime.transport.api import TIMEOUT, Query, Reply, TokenWatch, Transport
 from services.runtime.transport.request_queue import Refusals
 
 Q = TypeVar("Q", bound=Message)
@@ -39,7 +39,7 @@ def read_replies(request: Request[Q, R], key: str, replies: Sequence[Reply], tim
     """The answer in ``replies``; raises CallFailed as ``call`` does. ``transport`` tells whose they are."""
     name = f"/{key}"
     if not replies:
-        raise NoAnswer(f"nobody serves {name}: is the process that does running?")
+        raise NoAnswer(f"no server for {name}: is the process that provides it running?")
     check_single(name, replies, transport)
     for reply in replies:
         if not reply.ok:
@@ -98,6 +98,29 @@ _LONGEST_TRACE = 4000
 _LOG_S = 1.0
 
 
+class DeferredReply(Generic[R]):
+    """The reply to a request that is answered later: a handler returns it in place of the response.
+
+    The query stays open until ``answer`` is called. A caller whose own deadline passes first no longer sees the reply;
+    what was asked is carried out all the same. Queries that are still open when the node closes are refused.
+    """
+
+    def __init__(self) -> None:
+        self._answer: Callable[[Callable[[], R | DeferredReply[R]]], None] | None = None
+
+    def bind(self, answer: Callable[[Callable[[], R | DeferredReply[R]]], None]) -> None:
+        """Set what ``answer`` calls; done by the server once the handler has returned."""
+        self._answer = answer
+
+    def answer(self, response: Callable[[], R | DeferredReply[R]]) -> None:
+        """Send what ``response`` returns, or refuse the request with the error that it raises.
+
+        A ``DeferredReply`` that it returns takes the place of this one.
+        """
+        assert self._answer is not None, "a reply is deferred by returning it from the handler"
+        self._answer(response)
+
+
 class RequestHandler(Generic[Q, R]):
     """One request that a node answers."""
 
@@ -105,38 +128,66 @@ class RequestHandler(Generic[Q, R]):
         self,
         request: Request[Q, R],
         key: str,
-        handler: Callable[[Q], R],
+        handler: Callable[[Q], R | DeferredReply[R]],
         transport: Transport,
         log: Log,
         refusals: Refusals,
     ) -> None:
         self.request, self.name, self._key = request, f"/{key}", key
-        self._handler, self._log, self._refusals = handler, log, refusals
+        self._handler, self._transport, self._log, self._refusals = handler, transport, log, refusals
         self._read = decoder(request.request_type)
         self._server = transport.serve(key, request.largest, refusals)
         self.waiting: Collection[object] = self._server.waiting
+        self._open: dict[DeferredReply[R], Query] = {}
 
     def answer(self) -> None:
         """Answer the oldest request that waits, if one does.
 
-        A bad one gets its reason. When a handler fails, the asker is told so, the log has the traceback, and the
-        process goes on: one request must not end a simulation. What is asked of a wildcard reaches every request that
-        it covers, and is meant for none of them.
+        A bad one gets its reason. When a handler fails, the caller gets an error, the log has the traceback, and the
+        process goes on: one request must not end a simulation. A request to a wildcard reaches every server that it
+        matches, and is refused by all.
         """
         if (query := self._server.recv()) is None:
             return
         if query.key != self._key:
             query.refuse(self._refusals.add(f"asked of {query.key[:80]!r}, not of {self.name} alone"))
             return
+        self._respond(query, lambda: self._handler(self._read(query.payload)))
+
+    def close(self) -> None:
+        """Refuse the requests whose replies were deferred and did not come."""
+
+        def stopped() -> R:
+            raise Stopped("the process ended before this was done")
+
+        for reply in list(self._open):
+            reply.answer(stopped)
+
+    def _respond(self, query: Query, response: Callable[[], R | DeferredReply[R]]) -> None:
         try:
-            reply = encode(self._handler(self._read(query.payload)))
+            made = response()
+            if isinstance(made, DeferredReply):
+                self._defer(query, made)
+                return
+            reply = encode(made)
         except (EleaError, ValueError) as error:
             query.refuse(self._refusals.add(str(error)))
-        except Exception as error:  # noqa: BLE001 - whatever a handler may raise is told, logged and counted, here
+        except Exception as error:  # noqa: BLE001 - whatever a handler may raise is sent, logged and counted, here
             self._log.error(f"{self.name} failed:\n{traceback.format_exc()[-_LONGEST_TRACE:]}", every=_LOG_S)
             query.refuse(self._refusals.add(f"{INTERNAL}: {type(error).__name__}: {error}; see the log of its process"))
         else:
             query.reply(reply)
+
+    def _defer(self, query: Query, reply: DeferredReply[R]) -> None:
+        """Keep a query open until its reply comes, and wake the loop, which has to see to it."""
+        self._open[reply] = query
+
+        def answer(response: Callable[[], R | DeferredReply[R]]) -> None:
+            if (held := self._open.pop(reply, None)) is not None:
+                self._respond(held, response)
+
+        reply.bind(answer)
+        self._transport.wake()
 
 
 class RequestServer:
@@ -153,7 +204,7 @@ class RequestServer:
         self._order: deque[RequestHandler[Any, Any]] = deque()
         self._rivals: DuplicateServers | None = None
 
-    def add(self, request: Request[Q, R], key: str, handler: Callable[[Q], R]) -> None:
+    def add(self, request: Request[Q, R], key: str, handler: Callable[[Q], R | DeferredReply[R]]) -> None:
         """Answer ``request`` on ``key`` from the next turn on."""
         made = RequestHandler(request, key, handler, self._transport, self._log, self.refusals)
         self.served.append(made)
@@ -161,6 +212,11 @@ class RequestServer:
         if self._rivals is None:
             self._rivals = DuplicateServers(self._transport, self._log)
         self._rivals.names.add(made.name)
+
+    def close(self) -> None:
+        """Refuse what is still open."""
+        for each in self.served:
+            each.close()
 
     def spin_once(self) -> None:
         """Answer some of what waits; when more does, the loop is woken at once for its next turn."""
@@ -222,5 +278,5 @@ class DuplicateServers:
                 self._said.add((node, session))
                 self._log.warn(
                     f"{node} (session {session[:8]}) serves {', '.join(sorted(names))} as this node does: "
-                    "who asks gets an error that names both, until one of the two is stopped"
+                    "requests fail with an error that names both, until one of them is stopped"
                 )

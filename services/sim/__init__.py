@@ -2,78 +2,59 @@
 
 from typing import Annotated, Literal
 
-import msgspec
 from msgspec import Meta
 
-from messages.requests import SIM_REQUESTS
-from messages.topics import CLOCK, FLEET_STATE, LINK_STATES, MODEL_STATES, SIM_STATUS, STOPS, TF, TF_STATIC
 from services.runtime.discovery import START_PATIENCE_S
-from services.runtime.service import Parameters, Service
-from services.sim.parameters import BaseParameters as BaseParameters
-from services.sim.parameters import JointParameters as JointParameters
-
-Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
-
+from services.runtime.parameters.base import Parameters
+from services.runtime.service import Service
+from services.sim.parameters import RobotEntry
 
 _FIXED = {"live": False}
-
-
-class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A robot that is there from the start.
-
-    ``parameters`` are those of a model with wheels, ``joint_parameters`` those of one without. ``joints`` are positions
-    to start from, rad or m, 0 where none is stated.
-    """
-
-    name: str
-    model: str
-    x: Coordinate = 0.0
-    y: Coordinate = 0.0
-    yaw: float = 0.0
-    namespace: str = ""
-    parameters: BaseParameters = BaseParameters()
-    joint_parameters: JointParameters = JointParameters()
-    joints: dict[str, float] = {}
 
 
 class SimParameters(Parameters, frozen=True, kw_only=True):
     """The world, its robots and how time runs; ``factor`` alone is live."""
 
-    world: Annotated[str, Meta(description="world of models/worlds", extra=_FIXED)] = "empty"
-    robots: Annotated[tuple[RobotEntry, ...], Meta(description="robots that are there from the start")] = ()
-    mode: Annotated[Literal["lockstep", "real"], Meta(description="how time runs", extra=_FIXED)] = "real"
-    factor: Annotated[float, Meta(gt=0, le=1000, description="simulated per wall-clock second, in real time")] = 1.0
+    world: Annotated[str, Meta(description="World, from models/worlds.", extra=_FIXED)] = "empty"
+    robots: Annotated[tuple[RobotEntry, ...], Meta(description="Robots to spawn at the start.")] = ()
+    mode: Annotated[
+        Literal["lockstep", "real"],
+        Meta(description="How time runs: in lockstep with the members, or by the wall clock.", extra=_FIXED),
+    ] = "real"
+    factor: Annotated[
+        float, Meta(gt=0, le=1000, description="Simulated seconds per wall-clock second, in mode 'real'.")
+    ] = 1.0
     latency: Annotated[
         int,
         Meta(
             ge=0,
             le=1,
-            description="ticks of its sender that a command takes in lockstep; 1 overlaps control and physics",
+            description="Delay of a command in lockstep, in ticks of its sender; 1 overlaps control and physics.",
             extra=_FIXED,
         ),
     ] = 0
-    seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="seed of the sensors' noise", extra=_FIXED)] = 0
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="Random seed of the sensor noise.", extra=_FIXED)] = 0
     members: Annotated[
         tuple[str, ...],
-        Meta(description="nodes that lockstep waits for at each tick, and real time at the start", extra=_FIXED),
+        Meta(description="Nodes to wait for at each tick in lockstep, and at the start in mode 'real'.", extra=_FIXED),
     ] = ()
     stops_file: Annotated[
         str,
-        Meta(description="file that keeps emergency stops through a restart; none: in memory alone", extra=_FIXED),
+        Meta(description="File that keeps emergency stops across restarts; in memory only if empty.", extra=_FIXED),
     ] = ""
     awaits: Annotated[
-        tuple[str, ...], Meta(description="further nodes that must be ready before time begins", extra=_FIXED)
+        tuple[str, ...], Meta(description="Further nodes to wait for before time starts.", extra=_FIXED)
     ] = ()
     requires: Annotated[
         tuple[str, ...],
-        Meta(description="those of all these nodes without which time does not begin at all", extra=_FIXED),
+        Meta(description="The awaited nodes without which time does not start at all.", extra=_FIXED),
     ] = ()
     start_timeout: Annotated[
         float,
         Meta(
             gt=0,
             le=3600,
-            description="wall time without a further node becoming ready after which time begins without, or fails",
+            description="Longest wait for the next node to become ready; then start without the rest, or fail.",
             extra={"unit": "s", "live": False},
         ),
     ] = START_PATIENCE_S
@@ -81,11 +62,8 @@ class SimParameters(Parameters, frozen=True, kw_only=True):
 
 SERVICE = Service(
     name="sim",
-    about="Physics, sensors, base drivers and simulation time.",
+    about="Simulates physics, sensors and base drivers, and publishes simulation time.",
     run="services.sim.loop:run",
-    reads=(FLEET_STATE,),
-    writes=(CLOCK, STOPS, TF, TF_STATIC, MODEL_STATES, LINK_STATES, SIM_STATUS),
-    serves=SIM_REQUESTS,
     parameters=SimParameters,
-    holds_lockstep=False,
+    role="free",
 )

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
-from messages.geometry import Point, Pose, Quaternion, Twist, Vector3
-from messages.se3 import quaternion_multiply
+from messages.geometry import Pose, Twist, Vector3
+from messages.se3 import IDENTITY, Pose3, quaternion_conjugate, quaternion_multiply, rotate_inverse
 from services.runtime.errors import BadInput, unknown_name
-from services.sim.physics.rotation import to_body_frame, to_world_frame
-from services.sim.physics.world import ORIGIN, BodyState, Pose3, World
+from services.sim.physics.world import BodyState, World
 
 WORLD_FRAMES = ("", "world", "map", "/map", "/world")
 """The names of the world as a frame."""
 
-WORLD_STATE = BodyState(ORIGIN.position, ORIGIN.orientation, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+WORLD_STATE = BodyState(IDENTITY.position, IDENTITY.orientation, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 """The world, seen from itself."""
 
 
@@ -59,28 +58,24 @@ def frame_state(world: World, name: str) -> BodyState:
 def relative_state(frame: BodyState, state: BodyState) -> BodyState:
     """A state in the axes of a frame; its velocities are the differences, as Gazebo has them."""
     turn = frame.orientation
-    i, j, k, w = turn
     return BodyState(
-        to_body_frame(turn, _difference(state.position, frame.position)),
-        quaternion_multiply((-i, -j, -k, w), state.orientation),
-        to_body_frame(turn, _difference(state.linear, frame.linear)),
-        to_body_frame(turn, _difference(state.angular, frame.angular)),
+        rotate_inverse(turn, _difference(state.position, frame.position)),
+        quaternion_multiply(quaternion_conjugate(turn), state.orientation),
+        rotate_inverse(turn, _difference(state.linear, frame.linear)),
+        rotate_inverse(turn, _difference(state.angular, frame.angular)),
     )
 
 
 def to_world_pose(frame: BodyState, place: Pose3) -> Pose3:
-    """Where in the world something is that has ``place`` in a frame."""
-    x, y, z = to_world_frame(frame.orientation, place.position)
-    a, b, c = frame.position
-    return Pose3((a + x, b + y, c + z), quaternion_multiply(frame.orientation, place.orientation))
+    """The pose in the world of what has the pose ``place`` in a frame."""
+    return Pose3(frame.position, frame.orientation) @ place
 
 
 def pose_and_twist(state: BodyState) -> tuple[Pose, Twist]:
     """A state as messages have it, axes unchanged."""
-    (x, y, z), (i, j, k, w) = state.position, state.orientation
     (vx, vy, vz), (wx, wy, wz) = state.linear, state.angular
     return (
-        Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=i, y=j, z=k, w=w)),
+        Pose3(state.position, state.orientation).to_msg(),
         Twist(linear=Vector3(x=vx, y=vy, z=vz), angular=Vector3(x=wx, y=wy, z=wz)),
     )
 

@@ -1,13 +1,17 @@
-"""The simulation's loop: wait for the fleet, then publish, wait as the time mode asks, read inputs and step."""
+"""The simulation's loop: requests that move time, then a tick, again and again, once the fleet is there."""
 
 from __future__ import annotations
 
-import math
+from collections import deque
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 
-from messages.simulation import SimStatus
+from messages.requests import PAUSE, RESET, RESET_WORLD, RESUME, STEP
+from messages.se3 import Pose3
+from messages.simulation import SimStatus, SimTime, Steps
 from messages.topics import FLEET_STATE, SIM_STATUS
 from models import UnknownModel
 from models.world import read_world
@@ -15,11 +19,12 @@ from services.runtime.context import Context
 from services.runtime.discovery import wait_for_nodes
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
-from services.runtime.service import STEP_NS
+from services.runtime.parameters.client import ParameterClient
+from services.runtime.requests import DeferredReply
+from services.runtime.step import STEP_NS
 from services.sim import SimParameters
 from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import Pose3
-from services.sim.services import JointServices, PropertyServices, SimulationServices, run_tick
+from services.sim.services import JointServices, PropertyServices, SimulationServices
 from services.sim.simulation import Simulation
 from services.sim.time_modes import Lockstep, RealTime, TimeMode
 
@@ -37,38 +42,164 @@ def run(ctx: Context[SimParameters]) -> None:
             simulation = Simulation(node, world, params.seed, params.mode == "real", stops_file)
             node.log.now = lambda: simulation.now
             for entry in params.robots:
-                half = entry.yaw / 2
-                turn = (0.0, 0.0, math.sin(half), math.cos(half))
-                simulation.spawn(entry, Pose3((entry.x, entry.y, 0.0), turn), wait=True)
+                simulation.spawn(entry, Pose3.planar(entry.x, entry.y, entry.yaw), wait=True)
             status_publisher = _StatusPublisher(node)
             time_mode = _time_mode(ctx, simulation, status_publisher)
-            if node.parameter_client is not None:
-                node.parameter_client.watermarks = time_mode.watermarks
-            SimulationServices(simulation, time_mode, node)
+            ParameterClient.of(node).watermarks = time_mode.watermarks
+            loop = SimulationLoop(simulation, time_mode, node)
+            SimulationServices(simulation, node)
             JointServices(simulation, node)
             PropertyServices(simulation, time_mode, node, params, world_description)
-            absent = wait_for_fleet(ctx)
-            time_mode.begin(absent)
+
+            def idle() -> None:
+                ctx.idle()
+                loop.apply_requests()
+
+            absent = wait_for_fleet(ctx, idle)
+            time_mode.begin(absent, loop.apply_requests)
             status_publisher.report_start(absent)
-            node.heartbeat.state = "running"
-            node.heartbeat.request_now()
             ctx.log.info(f"{len(simulation.robots)} robots, {params.mode}")
-            while True:
-                if simulation.paused:
-                    node.heartbeat.state = "paused"
-                    simulation.publish_clock()
-                    simulation.read_stops(time_mode.watermarks)
-                    ctx.idle()
-                else:
-                    node.heartbeat.state = "running"
-                    run_tick(simulation, time_mode)
-                    ctx.update_params(admitted=True)
-                    time_mode.set_factor(ctx.params.factor)
-                    node.heartbeat.ticks = simulation.tick
-                    if simulation.tick % STEPS_PER_SECOND == 0:
-                        node.heartbeat.detail = f"t = {simulation.now / 1e9:.0f} s"
+            _run_loop(ctx, loop)
     except UnknownModel as error:
         raise BadInput(str(error)) from None
+
+
+def _run_loop(ctx: Context[SimParameters], loop: SimulationLoop) -> None:
+    simulation, heartbeat = loop.simulation, ctx.node.heartbeat
+    loop.begin()
+    heartbeat.request_now()
+    try:
+        while True:
+            loop.process_requests()
+            if loop.standing:
+                loop.stand()
+                ctx.idle()
+                continue
+            loop.tick()
+            ctx.update_params(admitted=True)
+            loop.time_mode.set_factor(ctx.params.factor)
+            heartbeat.ticks = simulation.tick
+            if simulation.tick % STEPS_PER_SECOND == 0:
+                heartbeat.detail = f"t = {simulation.now / 1e9:.0f} s"
+    finally:
+        ctx.node.send_buffer.flush()
+
+
+class _Steps(NamedTuple):
+    """Steps that were asked for while time is paused: the tick they end at, and the reply."""
+
+    goal: int
+    reply: DeferredReply[SimTime]
+
+
+class SimulationLoop:
+    """Advances simulation time tick by tick, and serves the requests that move it: pause, resume, reset and step.
+
+    These act between two ticks alone; they interrupt a tick that still waits for members of lockstep, which goes on
+    with its wait afterwards. All other requests are answered at once, also during that wait.
+    """
+
+    def __init__(self, simulation: Simulation, time_mode: TimeMode, node: Node) -> None:
+        self.simulation, self.time_mode, self._node = simulation, time_mode, node
+        self._requests: deque[tuple[DeferredReply[SimTime], Callable[[], SimTime | DeferredReply[SimTime]]]] = deque()
+        self._steps: _Steps | None = None
+        node.serve(PAUSE, lambda _: self._between_ticks(lambda: self._set_paused(True)))
+        node.serve(RESUME, lambda _: self._between_ticks(lambda: self._set_paused(False)))
+        node.serve(RESET, lambda _: self._between_ticks(lambda: self._reset(True)))
+        node.serve(RESET_WORLD, lambda _: self._between_ticks(lambda: self._reset(False)))
+        node.serve(STEP, lambda request: self._between_ticks(lambda: self._begin_steps(request)))
+
+    @property
+    def standing(self) -> bool:
+        """Whether time stands still."""
+        return self.simulation.paused and self._steps is None
+
+    def begin(self) -> None:
+        """Publish the state from which time begins."""
+        self._show_state()
+        self._publish()
+
+    def tick(self) -> None:
+        """Wait until the tick may be taken, read the inputs, take one physics step and publish what is new."""
+        simulation, time_mode = self.simulation, self.time_mode
+        if time_mode.due:
+            if not time_mode.wait(lambda: bool(self._requests)):
+                return
+            simulation.read_inputs(time_mode.watermarks, time_mode.factor)
+        simulation.step()
+        self._publish()
+        if self._steps is not None and simulation.tick >= self._steps.goal:
+            self._end_steps()
+
+    def stand(self) -> None:
+        """What is done while time stands still: publish the clock, and read the emergency stops."""
+        self.simulation.publish_clock()
+        self.simulation.read_stops(self.time_mode.watermarks)
+
+    def process_requests(self) -> None:
+        """Answer what waits; between two ticks, as requests that move time act now. A time that a reset has begun is
+        published from its start.
+        """
+        epoch = self.simulation.epoch
+        if self.simulation.tick % self.simulation.input_steps == 0:
+            self._node.spin_once()
+        self.apply_requests()
+        if self.simulation.epoch != epoch:
+            self._publish()
+
+    def apply_requests(self) -> None:
+        """Carry out the requests that move time, in the order in which they came."""
+        while self._requests:
+            reply, act = self._requests.popleft()
+            reply.answer(act)
+
+    def _between_ticks(self, act: Callable[[], SimTime | DeferredReply[SimTime]]) -> DeferredReply[SimTime]:
+        reply: DeferredReply[SimTime] = DeferredReply()
+        self._requests.append((reply, act))
+        return reply
+
+    def _set_paused(self, paused: bool) -> SimTime:
+        if self.simulation.paused != paused:
+            self.simulation.paused = paused
+            self.time_mode.resync()
+            self.simulation.publish_clock()
+            self._show_state()
+        return self._time()
+
+    def _reset(self, time_too: bool) -> SimTime:
+        self.simulation.reset(time_too)
+        self.time_mode.resync()
+        if time_too:
+            self._end_steps()
+        return self._time()
+
+    def _begin_steps(self, request: Steps) -> DeferredReply[SimTime]:
+        if not self.simulation.paused:
+            raise BadInput("time is running: pause it before stepping")
+        if self._steps is not None:
+            raise BadInput("a step is under way already")
+        self._steps = _Steps(self.simulation.tick + request.count, DeferredReply())
+        self.time_mode.resync()
+        return self._steps.reply
+
+    def _end_steps(self) -> None:
+        """Answer the request for steps, if there is one: they are taken, or a reset has ended them."""
+        steps, self._steps = self._steps, None
+        if steps is not None:
+            self._node.send_buffer.flush()
+            steps.reply.answer(self._time)
+
+    def _publish(self) -> None:
+        self._node.send_buffer.begin()
+        self.simulation.publish()
+        self.time_mode.flush()
+
+    def _show_state(self) -> None:
+        self._node.heartbeat.state = "paused" if self.simulation.paused else "running"
+
+    def _time(self) -> SimTime:
+        simulation = self.simulation
+        return SimTime(time=simulation.now, tick=simulation.tick, epoch=simulation.epoch)
 
 
 def _time_mode(ctx: Context[SimParameters], simulation: Simulation, status_publisher: _StatusPublisher) -> TimeMode:
@@ -78,7 +209,7 @@ def _time_mode(ctx: Context[SimParameters], simulation: Simulation, status_publi
 
 
 class _StatusPublisher:
-    """What the simulation tells of the running of time."""
+    """Publishes when time began, without which nodes, and how much wall time was lost."""
 
     def __init__(self, node: Node) -> None:
         self._publisher = node.advertise(SIM_STATUS)
@@ -89,13 +220,13 @@ class _StatusPublisher:
         self._publish(msgspec.structs.replace(self._status, begun=True, absent=absent))
 
     def report_lag(self, seconds: float) -> None:
-        """So much wall time was lost."""
+        """Wall time of ``seconds`` was lost."""
         was = self._status
         self._publish(msgspec.structs.replace(was, lags=was.lags + 1, lag=was.lag + seconds))
 
-    def _publish(self, status_publisher: SimStatus) -> None:
-        self._status = status_publisher
-        self._publisher.publish(status_publisher)
+    def _publish(self, status: SimStatus) -> None:
+        self._status = status
+        self._publisher.publish(status)
 
 
 _EXITED = ("failed", "finished", "stopped")
@@ -105,8 +236,12 @@ WARN_PERIOD_S = 5.0
 """Wall time before the first line of the log about who is missing, and between two."""
 
 
-def wait_for_fleet(ctx: Context[SimParameters]) -> tuple[str, ...]:
+def wait_for_fleet(ctx: Context[SimParameters], idle: Callable[[], None]) -> tuple[str, ...]:
     """Block until every node of the fleet is ready, with its parameters known, as far as they come.
+
+    Args:
+        ctx: The simulation's context.
+        idle: Waits for something to happen, a tenth of a second at most.
 
     Returns:
         The nodes without which time begins: those that have ended, or that were not ready ``start_timeout`` after the
@@ -135,7 +270,7 @@ def wait_for_fleet(ctx: Context[SimParameters]) -> tuple[str, ...]:
             node.log.warn(f"{node.heartbeat.detail}: did they start?", every=WARN_PERIOD_S)
 
     node.heartbeat.state = "waiting"
-    absent = wait_for_nodes(node.transport, expected, ctx.idle, params.start_timeout, report, exited_nodes)
+    absent = wait_for_nodes(node.transport, expected, idle, params.start_timeout, report, exited_nodes)
     node.heartbeat.detail = ""
     node.unregister(fleet)
     over_by = {each: "has ended" if each in ended else "is not ready" for each in absent}

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
+import msgspec
 from msgspec import Meta
 
-from services.runtime.service import Parameters
+from services.runtime.parameters.base import Parameters
 
 MAX_RATE = 50.0
 """Hz; odometry goes out with the control ticks, at most with each."""
@@ -29,7 +30,7 @@ def _fall(text: str) -> Meta:
 
 
 def _either(text: str) -> Meta:
-    return Meta(ge=-1e6, le=1e6, description=f"{text}, not 0", extra=_RATE)
+    return Meta(ge=-1e6, le=1e6, description=f"{text}; not 0.", extra=_RATE)
 
 
 def _share(text: str) -> Meta:
@@ -50,7 +51,7 @@ _JERKS = tuple(f"{axis}.{end}_jerk" for axis in ("linear", "angular") for end in
 
 Diagonal = Annotated[
     tuple[Annotated[float, Meta(ge=0, le=1e12)], ...],
-    Meta(min_length=6, max_length=6, description="variances of x, y, z, roll, pitch, yaw"),
+    Meta(min_length=6, max_length=6, description="Variances of x, y, z, roll, pitch, yaw."),
 ]
 
 
@@ -61,31 +62,40 @@ class AxisParameters(Parameters, frozen=True, kw_only=True):
     them; their signs do not matter.
     """
 
-    min_velocity: Annotated[float, Meta(ge=-1000, le=0, description="fastest backwards", extra=_SPEED)] | None = None
-    max_velocity: Annotated[float, Meta(ge=0, le=1000, description="fastest forwards", extra=_SPEED)] | None = None
-    min_acceleration: Annotated[float, _fall("of any decrease")] | None = None
-    max_acceleration: Annotated[float, _rise("of any increase")] | None = None
-    max_deceleration: Annotated[float, _either("slowing down forwards")] | None = None
-    max_acceleration_reverse: Annotated[float, _either("speeding up backwards")] | None = None
-    max_deceleration_reverse: Annotated[float, _either("slowing down backwards")] | None = None
-    min_jerk: Annotated[float, _fall("of any decrease of acceleration")] | None = None
-    max_jerk: Annotated[float, _rise("of any increase of acceleration")] | None = None
+    min_velocity: (
+        Annotated[float, Meta(ge=-1000, le=0, description="Limit of the reverse speed.", extra=_SPEED)] | None
+    ) = None
+    max_velocity: (
+        Annotated[float, Meta(ge=0, le=1000, description="Limit of the forward speed.", extra=_SPEED)] | None
+    ) = None
+    min_acceleration: Annotated[float, _fall("Limit of any decrease of the speed.")] | None = None
+    max_acceleration: Annotated[float, _rise("Limit of any increase of the speed.")] | None = None
+    max_deceleration: Annotated[float, _either("Limit of the deceleration when moving forwards")] | None = None
+    max_acceleration_reverse: Annotated[float, _either("Limit of the acceleration in reverse")] | None = None
+    max_deceleration_reverse: Annotated[float, _either("Limit of the deceleration in reverse")] | None = None
+    min_jerk: Annotated[float, _fall("Limit of any decrease of the acceleration.")] | None = None
+    max_jerk: Annotated[float, _rise("Limit of any increase of the acceleration.")] | None = None
 
 
 class PidParameters(Parameters, frozen=True, kw_only=True):
     """A wheel driven by torque instead of by speed, with the semantics of ``gazebo_ros_control``'s ``pid_gains``."""
 
-    p: Annotated[float, _gain("N m per rad/s")]
-    i: Annotated[float, _gain("N m per rad")] = 0.0
-    d: Annotated[float, _gain("N m per rad/s2")] = 0.0
-    i_clamp: Annotated[float, _gain("bound of the integral's share, N m; 0, as in ROS, switches it off")] = 0.0
-    i_clamp_min: Annotated[float, Meta(ge=-1e6, le=0, description="instead of minus i_clamp")] | None = None
-    i_clamp_max: Annotated[float, _gain("instead of i_clamp")] | None = None
-    antiwindup: Annotated[bool, Meta(description="clamp the integral itself, not only its share")] = False
+    p: Annotated[float, _gain("Proportional gain, in N m per rad/s.")]
+    i: Annotated[float, _gain("Integral gain, in N m per rad.")] = 0.0
+    d: Annotated[float, _gain("Derivative gain, in N m per rad/s2.")] = 0.0
+    i_clamp: Annotated[float, _gain("Bound of the integral term, in N m; as in ROS, 0 disables the term.")] = 0.0
+    i_clamp_min: (
+        Annotated[
+            float, Meta(ge=-1e6, le=0, description="Lower bound of the integral term, in N m; overrides minus i_clamp.")
+        ]
+        | None
+    ) = None
+    i_clamp_max: Annotated[float, _gain("Upper bound of the integral term, in N m; overrides i_clamp.")] | None = None
+    antiwindup: Annotated[bool, Meta(description="Clamp the integral itself, not only its term.")] = False
 
 
 class BaseParameters(Parameters, frozen=True, kw_only=True):
-    """How one robot's base and sensors behave. None: as the model's ``[drive]`` says, else as written there.
+    """How one robot's base and sensors behave. None stands for the model's ``[drive]``, or else the default.
 
     The set of a robot ``a`` is ``/a/base``. All are live but what a robot is built of when it is spawned; a wheel's PID
     changes its gains live, and is not switched on or off.
@@ -93,116 +103,186 @@ class BaseParameters(Parameters, frozen=True, kw_only=True):
 
     cmd_vel_timeout: Annotated[
         float,
-        Meta(ge=0, le=60, description="a command older than this is not obeyed; 0 disables it", extra={"unit": "s"}),
+        Meta(ge=0, le=60, description="Ignore commands older than this; 0 disables the time-out.", extra={"unit": "s"}),
     ] = 0.25
-    clamp: Annotated[bool, Meta(description="keep to the hardware's speeds; false obeys anything")] = True
+    clamp: Annotated[bool, Meta(description="Limit commands to the hardware's maximum speeds.")] = True
     jump: Annotated[
-        float, Meta(ge=0, le=1, description="Gazebo's rule: within this, wheels jump to speed", extra={"unit": "m/s"})
+        float,
+        Meta(
+            ge=0,
+            le=1,
+            description="Speed difference within which wheels jump to their target, as in Gazebo.",
+            extra={"unit": "m/s"},
+        ),
     ] = 0.0
     odometry: Annotated[
         Literal["model", "world", "encoder"],
-        Meta(description="true pose, or what the wheels tell; the model's choice", extra=_FIXED),
+        Meta(
+            description="Source of odometry: the true pose, the wheel encoders, or the model's default.", extra=_FIXED
+        ),
     ] = "model"
-    noise: Annotated[bool, Meta(description="sensors have the noise of the real ones")] = True
+    noise: Annotated[bool, Meta(description="Add the noise of the real sensors.")] = True
 
-    left_wheel: Annotated[str, Meta(description="joint of the left wheel; the model's", extra=_FIXED)] | None = None
-    right_wheel: Annotated[str, Meta(description="joint of the right wheel; the model's", extra=_FIXED)] | None = None
-    allow_swapped_wheels: Annotated[bool, Meta(description="drive with left and right exchanged", extra=_FIXED)] = False
-    wheel_separation: Annotated[float, _length("between the wheels; the model's")] | None = None
-    wheel_radius: Annotated[float, _length("of both wheels; the model's")] | None = None
-    wheel_separation_multiplier: Annotated[float, _share("of what is configured; 1")] | None = None
-    wheel_radius_multiplier: Annotated[float, _share("of both wheels, instead of the next two")] | None = None
-    left_wheel_radius_multiplier: Annotated[float, _share("of what is configured; 1")] | None = None
-    right_wheel_radius_multiplier: Annotated[float, _share("of what is configured; 1")] | None = None
+    left_wheel: Annotated[str, Meta(description="Joint of the left wheel.", extra=_FIXED)] | None = None
+    right_wheel: Annotated[str, Meta(description="Joint of the right wheel.", extra=_FIXED)] | None = None
+    allow_swapped_wheels: Annotated[
+        bool, Meta(description="Allow left and right wheels to be exchanged.", extra=_FIXED)
+    ] = False
+    wheel_separation: Annotated[float, _length("Distance between the wheels.")] | None = None
+    wheel_radius: Annotated[float, _length("Radius of both wheels.")] | None = None
+    wheel_separation_multiplier: Annotated[float, _share("Multiplier for the wheel separation.")] | None = None
+    wheel_radius_multiplier: (
+        Annotated[float, _share("Multiplier for both wheel radii; overrides the next two.")] | None
+    ) = None
+    left_wheel_radius_multiplier: Annotated[float, _share("Multiplier for the left wheel radius.")] | None = None
+    right_wheel_radius_multiplier: Annotated[float, _share("Multiplier for the right wheel radius.")] | None = None
 
     ramp: (
         Annotated[
             Literal["wheels", "base"],
             Meta(
-                description="whose the model's acceleration and brake are: each wheel's rim's, or the base's axes'",
+                description="Apply acceleration and brake limits per wheel or to the base.",
                 extra=_FIXED,
             ),
         ]
         | None
     ) = None
-    linear: Annotated[AxisParameters, Meta(description="limits of the speed")] | None = None
-    angular: Annotated[AxisParameters, Meta(description="limits of the turn rate")] | None = None
-    jerk_rule: Annotated[Literal["ros1", "ros2"], Meta(description="ros1 doubles jerk limits and swings")] | None = None
+    linear: Annotated[AxisParameters, Meta(description="Limits of the linear velocity.")] | None = None
+    angular: Annotated[AxisParameters, Meta(description="Limits of the angular velocity.")] | None = None
+    jerk_rule: (
+        Annotated[
+            Literal["ros1", "ros2"],
+            Meta(description="Jerk limiter to imitate; that of ROS 1 doubles the limits and overshoots."),
+        ]
+        | None
+    ) = None
     keep_curvature: (
-        Annotated[bool, Meta(description="limit both axes together; off", extra={"excludes": _JERKS})] | None
+        Annotated[
+            bool,
+            Meta(
+                description="Scale both axes together, so that limits do not change the path.",
+                extra={"excludes": _JERKS},
+            ),
+        ]
+        | None
     ) = None
     brake: (
         Annotated[
             float,
-            Meta(gt=0, le=1e6, description="after a time-out or e-stop; the model's", extra={"unit": "m/s2"}),
+            Meta(
+                gt=0, le=1e6, description="Deceleration after a time-out or an emergency stop.", extra={"unit": "m/s2"}
+            ),
         ]
         | None
     ) = None
     brake_angular: (
         Annotated[
             float,
-            Meta(gt=0, le=1e6, description="as brake, turning; that of a rim on the spot", extra={"unit": "rad/s2"}),
+            Meta(
+                gt=0,
+                le=1e6,
+                description="As brake, for turning; by default, brake over half the wheel separation.",
+                extra={"unit": "rad/s2"},
+            ),
         ]
         | None
     ) = None
 
     allow_multiple_cmd_vel_publishers: (
-        Annotated[bool, Meta(description="false: brakes while several publish; true")] | None
+        Annotated[
+            bool, Meta(description="Obey the newest of several publishers; otherwise, brake while there are several.")
+        ]
+        | None
     ) = None
-    use_stamped_vel: Annotated[bool, Meta(description="cmd_vel is a TwistStamped; off", extra=_FIXED)] | None = None
+    use_stamped_vel: Annotated[bool, Meta(description="Expect TwistStamped on cmd_vel.", extra=_FIXED)] | None = None
     publish_cmd: (
-        Annotated[bool, Meta(description="publish cmd_vel_out, the command after limiting; off", extra=_FIXED)] | None
+        Annotated[bool, Meta(description="Publish the limited command on cmd_vel_out.", extra=_FIXED)] | None
     ) = None
 
     open_loop: (
-        Annotated[bool, Meta(description="odometry from commands instead of wheels; off", extra=_FIXED)] | None
+        Annotated[bool, Meta(description="Compute odometry from commands instead of wheel encoders.", extra=_FIXED)]
+        | None
     ) = None
     velocity_rolling_window_size: (
-        Annotated[int, Meta(ge=1, le=100, description="control ticks that odometry's speed is the mean of; 2")] | None
+        Annotated[
+            int, Meta(ge=1, le=100, description="Number of control ticks over which odometry averages its speed.")
+        ]
+        | None
     ) = None
     pose_covariance_diagonal: Diagonal | None = None
     twist_covariance_diagonal: Diagonal | None = None
     publish_rate: (
-        Annotated[float, Meta(ge=0, le=MAX_RATE, description="of odometry; the model's", extra={"unit": "Hz"})] | None
-    ) = None
-    enable_odom_tf: Annotated[bool, Meta(description="odometry on /tf; on")] | None = None
-    enable_link_tf: (
-        Annotated[bool, Meta(description="links on /tf; false leaves them to the service state; on", extra=_FIXED)]
+        Annotated[
+            float, Meta(ge=0, le=MAX_RATE, description="Rate of odometry; 0 publishes none.", extra={"unit": "Hz"})
+        ]
         | None
     ) = None
-    wheel_pid: Annotated[PidParameters, Meta(description="drive the wheels by torque; off")] | None = None
+    enable_odom_tf: Annotated[bool, Meta(description="Publish odometry on /tf.")] | None = None
+    enable_link_tf: (
+        Annotated[
+            bool,
+            Meta(
+                description="Publish link transforms on /tf; otherwise, leave them to the state service.", extra=_FIXED
+            ),
+        ]
+        | None
+    ) = None
+    wheel_pid: (
+        Annotated[PidParameters, Meta(description="Drive the wheels by torque, with this PID controller.")] | None
+    ) = None
 
 
 class JointParameters(Parameters, frozen=True, kw_only=True):
     """How the joints of one model behave. None: as the model's URDF says.
 
-    The set of a robot ``a`` is ``/a/joints``. All are live but who tells its links.
+    The set of a robot ``a`` is ``/a/joints``. All are live except ``enable_link_tf``.
     """
 
     effort_mode: Annotated[
         Literal["replace", "sum"],
-        Meta(description="the job that began last acts, or, as in Gazebo, all that overlap add up"),
+        Meta(description="Overlapping effort jobs: the newest replaces the others, or, as in Gazebo, all add up."),
     ] = "replace"
     effort_clamp: Annotated[
         Literal["total", "each"],
-        Meta(description="the URDF's effort limit holds for what acts, or, as in Gazebo, for each job by itself"),
+        Meta(description="Apply the URDF's effort limit to the total effort, or, as in Gazebo, to each job."),
     ] = "total"
     velocity_rule: Annotated[
         Literal["unspecified", "gazebo"],
-        Meta(description="a URDF velocity of 0 is none, or, as in Gazebo, a limit: no effort along the motion"),
+        Meta(description="Treat a URDF velocity limit of 0 as unspecified, or, as in Gazebo, as a limit."),
     ] = "unspecified"
     damping: (
         Annotated[
-            float, Meta(ge=0, le=1e6, description="of every joint; the URDF's", extra={"unit": "N m s/rad or N s/m"})
+            float, Meta(ge=0, le=1e6, description="Damping of every joint.", extra={"unit": "N m s/rad or N s/m"})
         ]
         | None
     ) = None
     friction: (
-        Annotated[float, Meta(ge=0, le=1e6, description="dry, of every joint; the URDF's", extra={"unit": "N m or N"})]
+        Annotated[float, Meta(ge=0, le=1e6, description="Dry friction of every joint.", extra={"unit": "N m or N"})]
         | None
     ) = None
-    noise: Annotated[bool, Meta(description="sensors have the noise of the real ones")] = True
+    noise: Annotated[bool, Meta(description="Add the noise of the real sensors.")] = True
     enable_link_tf: Annotated[
         bool,
-        Meta(description="links on /tf and /tf_static; false leaves them to the service state", extra={"live": False}),
+        Meta(description="Publish link transforms; otherwise, leave them to the state service.", extra={"live": False}),
     ] = True
+
+
+Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
+
+
+class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A robot and where it is spawned.
+
+    ``parameters`` are those of a model with wheels, ``joint_parameters`` those of one without. ``joints`` are positions
+    to start from, rad or m, 0 where none is stated.
+    """
+
+    name: str
+    model: str
+    x: Coordinate = 0.0
+    y: Coordinate = 0.0
+    yaw: float = 0.0
+    namespace: str = ""
+    parameters: BaseParameters = BaseParameters()
+    joint_parameters: JointParameters = JointParameters()
+    joints: dict[str, float] = {}

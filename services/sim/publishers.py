@@ -9,6 +9,7 @@ from messages.elea import BaseStatus
 from messages.gazebo import LinkStates, ModelStates
 from messages.geometry import Twist, TwistStamped
 from messages.nav import Odometry
+from messages.se3 import rotate_inverse
 from messages.std import Header, String, Time
 from messages.topics import (
     BASE_STATUS,
@@ -31,13 +32,11 @@ from models import urdf_path
 from models.model import RobotModel
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
-from services.runtime.service import STEP_NS
-from services.sim import RobotEntry
-from services.sim.drive.controller import DiffDriveController
-from services.sim.drive.odometry import Odometer, world_odometry
+from services.runtime.step import STEP_NS
+from services.sim.actuation import Actuation
+from services.sim.drive.odometry import world_odometry
 from services.sim.entities import pose_and_twist
-from services.sim.joints.effort_controller import JointEffortController
-from services.sim.physics.rotation import to_body_frame
+from services.sim.parameters import RobotEntry
 from services.sim.physics.world import BodyState, World
 from services.sim.sensors import (
     camera_image,
@@ -54,10 +53,7 @@ from services.sim.sensors import (
 
 
 class RobotPublishers:
-    """The publications of one robot. What costs time to make is made only while somebody listens.
-
-    ``noise`` tells whether its sensors have any.
-    """
+    """The publications of one robot. What takes time to make is made only while somebody subscribes."""
 
     def __init__(
         self,
@@ -67,21 +63,15 @@ class RobotPublishers:
         model: RobotModel,
         namespace: str,
         seed: int,
-        base: DiffDriveController | None,
-        actuators: JointEffortController | None,
-        odometer: Odometer,
-        noise: bool,
+        actuation: Actuation,
     ) -> None:
         self._node, self._world, self._model, self._seed = node, world, model, seed
-        self._drive_controller, self._effort_controller, self.odometer = base, actuators, odometer
-        self._name = entry.name
-        self.noise = noise
+        self._actuation, self.odometer, self._name = actuation, actuation.odometer, entry.name
         self._joints = world.joints(entry.name)
         self.joint_state_steps = _steps(model.joint_rate or model.odometry_rate)
         topics: list[Topic[Any]] = [GROUND_TRUTH, JOINT_STATES, ROBOT_DESCRIPTION]
         topics += [] if model.fixed_base else [ODOM]
-        topics += [BASE_STATUS] if base is not None else []
-        topics += [CMD_VEL_OUT] if base is not None and base.config.publish_cmd else []
+        topics += actuation.extra_topics
         topics += [SCAN] if model.laser else []
         topics += [SONAR, RANGE] if model.sonar else []
         self._sonar_ring = sonar_ring(entry.model, model.sonar) if model.sonar else None
@@ -99,7 +89,7 @@ class RobotPublishers:
         self._node.unregister(*self._publishers.values())
 
     def reset(self) -> None:
-        """Begin anew from where the body is."""
+        """Start over from where the body is."""
         self.odometer.reset()
         self.odometry: Odometry | None = None
         self._previous_state: tuple[int, BodyState] | None = None
@@ -111,21 +101,18 @@ class RobotPublishers:
     def publish_joint_states(self, now: int, tick: int) -> None:
         """Publish the joints if they are due at ``tick``."""
         if self._joints and tick % self.joint_state_steps == 0 and self._publishers[JOINT_STATES].has_subscribers:
-            readings = self._world.joint_readings(self._name)
-            if self._effort_controller is not None:
-                readings = readings._replace(effort=tuple(self._effort_controller.applied_efforts.values()))
-            self._publishers[JOINT_STATES].publish(joint_state(self._joints, readings, Header(stamp=Time.of(now))))
+            state = joint_state(self._joints, self._actuation.joint_readings, Header(stamp=Time.of(now)))
+            self._publishers[JOINT_STATES].publish(state)
 
     def publish_motion(self, now: int, tick: int) -> None:
         """At a control tick, publish what is due of ground truth, odometry and the limited command."""
         self.odometer.update_from_encoders(now)
-        if CMD_VEL_OUT in self._publishers and self._drive_controller is not None:
+        if CMD_VEL_OUT in self._publishers:
             header = Header(stamp=Time.of(now), frame_id=self._base_frame)
-            twist = Twist.planar(*self._drive_controller.commanded_velocity)
+            twist = Twist.planar(*self._actuation.commanded_velocity)
             self._publishers[CMD_VEL_OUT].publish(TwistStamped(header=header, twist=twist))
         truth_due = _due(tick, self._model.odometry_rate)
-        rate = self._model.odometry_rate if self._drive_controller is None else self._drive_controller.live.publish_rate
-        odometry_due = ODOM in self._publishers and self.odometer.due(now, rate)
+        odometry_due = ODOM in self._publishers and self.odometer.due(now, self._actuation.odometry_rate)
         if not truth_due and not odometry_due:
             return
         state, stamp = self._world.state(self._name), Time.of(now)
@@ -145,7 +132,7 @@ class RobotPublishers:
             self._publish_imu(now, tick)
         if model.laser is not None and _due(tick, model.laser.rate) and self._publishers[SCAN].has_subscribers:
             header = Header(stamp=Time.of(now), frame_id=self.frame_id(model.laser.link))
-            noise = noise_generator(self._seed, self._name, "scan", tick) if self.noise else None
+            noise = noise_generator(self._seed, self._name, "scan", tick) if self._actuation.noise else None
             self._publishers[SCAN].publish(laser_scan(self._world, self._name, model.laser, header, noise))
         if model.sonar is not None and _due(tick, model.sonar.rate):
             self._publish_sonar(now, tick)
@@ -170,9 +157,9 @@ class RobotPublishers:
             return
         place = self._world.link_pose(self._name, unit.link).position
         apart = (place[0] - state.position[0], place[1] - state.position[1], place[2] - state.position[2])
-        noise = noise_generator(self._seed, self._name, "imu", tick) if self.noise else None
+        noise = noise_generator(self._seed, self._name, "imu", tick) if self._actuation.noise else None
         header = Header(stamp=Time.of(now), frame_id=self.frame_id(unit.link))
-        offset, dt = to_body_frame(state.orientation, apart), (now - before[0]) / 1e9
+        offset, dt = rotate_inverse(state.orientation, apart), (now - before[0]) / 1e9
         self._publishers[IMU].publish(imu_reading(unit, offset, before[1], state, dt, header, noise))
 
     def _publish_sonar(self, now: int, tick: int) -> None:
@@ -180,7 +167,7 @@ class RobotPublishers:
         assert ring is not None
         if not (every.has_subscribers or single.has_subscribers):
             return
-        noise = noise_generator(self._seed, self._name, "sonar", tick) if self.noise else None
+        noise = noise_generator(self._seed, self._name, "sonar", tick) if self._actuation.noise else None
         echoes = sonar_ranges(self._world, self._name, ring, noise)
         stamp = Time.of(now)
         if every.has_subscribers:

@@ -12,11 +12,10 @@ from messages.parameters import ParameterDescription
 from messages.simulation import DriveSettings
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
+from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.schema import changed_names, flatten
 from services.runtime.parameters.subscription import ParameterSubscription
 from services.runtime.parameters.validation import describe_parameters
-from services.runtime.service import Parameters
-from services.sim import BaseParameters, JointParameters, RobotEntry
 from services.sim.drive.config import (
     DriveConfig,
     RobotConfig,
@@ -26,6 +25,7 @@ from services.sim.drive.config import (
     with_model_defaults,
 )
 from services.sim.joints.config import JointConfig, joint_config, with_urdf_defaults
+from services.sim.parameters import BaseParameters, JointParameters, RobotEntry
 
 
 class Derived(Protocol):

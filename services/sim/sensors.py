@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from messages.base import Float32Array
 from messages.geometry import Point32, Quaternion, Vector3
+from messages.se3 import Vector, rotate, rotate_inverse, rotated_axes
 from messages.sensor import CameraInfo, ChannelFloat32, Image, Imu, JointState, LaserScan, PointCloud, Range
 from messages.std import Header
 from models.model import CameraConfig, ImuConfig, LaserConfig, SonarConfig
 from models.urdf import read_joints
-from services.sim.physics.rotation import rotation_matrix, to_body_frame, to_world_frame
-from services.sim.physics.world import GRAVITY, BodyState, CameraModel, JointReadings, Vector, World
+from services.sim.physics.world import GRAVITY, BodyState, CameraModel, JointReadings, World
 
 
 def noise_generator(seed: int, robot: str, sensor: str, tick: int) -> np.random.Generator:
@@ -34,7 +34,7 @@ def laser_scan(
     (REP 117). The rays start outside the laser's housing, so that they cannot see it. 360 rays take about 1 ms.
     """
     eye = world.link_pose(robot, laser.link)
-    rays = _ray_directions(laser) @ rotation_matrix(eye.orientation).T
+    rays = _ray_directions(laser) @ np.array(rotated_axes(eye.orientation))
     origin = np.array(eye.position)
     reach = laser.range_max - laser.clearance
     fractions = world.cast_rays(origin + laser.clearance * rays, origin + laser.range_max * rays)
@@ -62,7 +62,7 @@ def _ray_directions(laser: LaserConfig) -> NDArray[np.float64]:
 
 def point_velocity(state: BodyState, offset: Vector) -> Vector:
     """The world velocity [m/s] of the point ``offset`` [m, body axes] of a body: v + w x R r."""
-    rx, ry, rz = to_world_frame(state.orientation, offset)
+    rx, ry, rz = rotate(state.orientation, offset)
     (vx, vy, vz), (wx, wy, wz) = state.linear, state.angular
     return vx + wy * rz - wz * ry, vy + wz * rx - wx * rz, vz + wx * ry - wy * rx
 
@@ -82,10 +82,10 @@ def imu_reading(
     turning off the centre shows up, and a unit at rest measures +g upward.
     """
     old, new = point_velocity(before, offset), point_velocity(now, offset)
-    force = to_body_frame(
+    force = rotate_inverse(
         now.orientation, ((new[0] - old[0]) / dt, (new[1] - old[1]) / dt, (new[2] - old[2]) / dt + GRAVITY)
     )
-    rate = to_body_frame(now.orientation, now.angular)
+    rate = rotate_inverse(now.orientation, now.angular)
     if noise is not None:
         errors = noise.standard_normal(6)
         rate = _add_noise(rate, errors[:3] * unit.gyro_noise)
@@ -177,7 +177,7 @@ class SonarRing:
 def sonar_ring(model: str, figures: SonarConfig) -> SonarRing:
     """The ring of the robot ``model``, its sonars where the URDF mounts their links on ``figures.link``."""
     mounts = {joint.child: joint for joint in read_joints(model) if joint.parent == figures.link}
-    turns = [rotation_matrix(mounts[link].rotation()) for link in figures.links]
+    turns = [np.array(rotated_axes(mounts[link].rotation())).T for link in figures.links]
     return SonarRing(
         config=figures,
         positions=np.array([mounts[link].xyz for link in figures.links]),
@@ -206,7 +206,7 @@ def sonar_ranges(world: World, robot: str, ring: SonarRing, noise: np.random.Gen
     """
     figures = ring.config
     eye = world.link_pose(robot, figures.link)
-    turn = rotation_matrix(eye.orientation)
+    turn = np.array(rotated_axes(eye.orientation)).T
     rays = ring.rays @ turn.T
     starts = np.repeat((np.array(eye.position) + ring.positions @ turn.T)[:, None, :], rays.shape[1], axis=1)
     fall = np.minimum(rays[:, :, 2], -1e-12)

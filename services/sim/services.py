@@ -1,4 +1,4 @@
-"""The services of the simulation: models, states, resets, pause and steps; joints and wrenches; properties."""
+"""The services of the simulation that do not move time: models, states and stops; joints and wrenches; properties."""
 
 from __future__ import annotations
 
@@ -31,23 +31,19 @@ from messages.requests import (
     LIST,
     LIST_STOPS,
     MODEL_PROPERTIES,
-    PAUSE,
     RELEASE_STOP,
-    RESET,
-    RESET_WORLD,
-    RESUME,
     SET_CONFIGURATION,
     SET_DRIVE,
     SET_ODOMETRY,
     SET_STATE,
     SPAWN,
-    STEP,
     WORLD_PROPERTIES,
     Done,
     Name,
 )
+from messages.se3 import Pose3, Vector, rotate
 from messages.sensor import JointState
-from messages.simulation import GetModelState, ModelList, SetModelState, SetOdometry, SimTime, SpawnModel, Steps
+from messages.simulation import DriveSettings, GetModelState, ModelList, SetModelState, SetOdometry, SpawnModel
 from messages.std import Empty, Header, Time
 from models import UnknownModel
 from models.model import read_model
@@ -56,8 +52,8 @@ from models.world import WorldDescription
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
 from services.runtime.parameters.validation import build
-from services.runtime.service import STEP_NS
-from services.sim import BaseParameters, JointParameters, RobotEntry, SimParameters
+from services.runtime.step import STEP_NS
+from services.sim import SimParameters
 from services.sim.entities import (
     WORLD_STATE,
     ScopedName,
@@ -68,35 +64,30 @@ from services.sim.entities import (
     relative_state,
     to_world_pose,
 )
-from services.sim.joints.config import check_positions
 from services.sim.joints.effort_controller import JointEffortController
 from services.sim.joints.jobs import schedule_job
 from services.sim.joints.wrenches import LinkWrench
-from services.sim.physics.rotation import to_world_frame
-from services.sim.physics.world import GRAVITY, SOLVER_ITERATIONS, BodyState, JointFriction, Pose3, Vector
+from services.sim.parameters import BaseParameters, JointParameters, RobotEntry
+from services.sim.physics.world import GRAVITY, SOLVER_ITERATIONS, BodyState, JointFriction
 from services.sim.sensors import joint_state
 from services.sim.simulation import Simulation
 from services.sim.time_modes import TimeMode
 
 
 class SimulationServices:
-    """Answers requests between two steps."""
+    """Requests about models: their spawning, their states and their emergency stops."""
 
-    def __init__(self, simulation: Simulation, time_mode: TimeMode, node: Node) -> None:
-        self._simulation, self._time_mode = simulation, time_mode
-        self._stepping = False
+    def __init__(self, simulation: Simulation, node: Node) -> None:
+        self._simulation = simulation
         node.serve(SPAWN, self._spawn)
         node.serve(DELETE, self._delete)
         node.serve(LIST, self._list)
         node.serve(GET_STATE, self._get_state)
         node.serve(SET_STATE, self._set_state)
         node.serve(SET_ODOMETRY, self._set_odometry)
-        node.serve(SET_DRIVE, lambda request: simulation.find(request.name).set_drive(request, simulation.now))
-        node.serve(RESET, lambda _: self._reset(True))
-        node.serve(RESET_WORLD, lambda _: self._reset(False))
-        node.serve(PAUSE, lambda _: self._pause(True))
-        node.serve(RESUME, lambda _: self._pause(False))
-        node.serve(STEP, self._step)
+        node.serve(
+            SET_DRIVE, lambda request: simulation.find(request.name).actuation.set_drive(request, simulation.now)
+        )
         node.serve(LIST_STOPS, lambda _: EmergencyStops(stops=simulation.stops.all))
         node.serve(RELEASE_STOP, lambda request: Done(text=simulation.release_stop(request.name, request.holder)))
 
@@ -143,11 +134,14 @@ class SimulationServices:
         place = to_world_pose(frame, pose_from_msg(request.pose))
         axes = frame.orientation if request.reference_frame else place.orientation
         v, w = request.twist.linear, request.twist.angular
-        linear, angular = to_world_frame(axes, (v.x, v.y, v.z)), to_world_frame(axes, (w.x, w.y, w.z))
+        linear, angular = rotate(axes, (v.x, v.y, v.z)), rotate(axes, (w.x, w.y, w.z))
         world.set_state(request.name, BodyState(place.position, place.orientation, linear, angular))
         if robot.model.fixed_base:
             self._simulation.publish_static_tf()
         return robot.state()
+
+    def _set_drive(self, request: DriveSettings) -> DriveSettings:
+        return self._simulation.find(request.name).actuation.set_drive(request, self._simulation.now)
 
     def _set_odometry(self, request: SetOdometry) -> Done:
         self._simulation.find(request.name).publishers.odometer.set_pose(request.x, request.y, request.yaw)
@@ -155,58 +149,6 @@ class SimulationServices:
         return Done(
             text=f"odometry of {request.name} is at ({request.x:g} m, {request.y:g} m, {request.yaw:g} rad) now"
         )
-
-    def _reset(self, time_too: bool) -> SimTime:
-        self._simulation.reset(time_too)
-        self._time_mode.resync()
-        return self._time()
-
-    def _pause(self, paused: bool) -> SimTime:
-        if self._simulation.paused != paused:
-            self._simulation.paused = paused
-            self._time_mode.resync()
-            self._simulation.publish_clock()
-        return self._time()
-
-    def _step(self, request: Steps) -> SimTime:
-        if not self._simulation.paused:
-            raise BadInput("time is running: pause it before stepping")
-        if self._stepping:
-            raise BadInput("a step is under way already")
-        simulation = self._simulation
-        epoch, goal = simulation.epoch, simulation.tick + request.count
-        self._stepping = True
-        try:
-            while simulation.tick < goal and simulation.epoch == epoch:
-                run_tick(simulation, self._time_mode)
-        finally:
-            self._stepping = False
-        simulation.publish()
-        return self._time()
-
-    def _time(self) -> SimTime:
-        simulation = self._simulation
-        return SimTime(time=simulation.now, tick=simulation.tick, epoch=simulation.epoch)
-
-
-def run_tick(simulation: Simulation, time_mode: TimeMode) -> None:
-    """Publish, wait and listen, once at each tick, then take one physics step.
-
-    A pause that came with the wait holds time before the step; the next call takes it.
-    """
-    if not simulation.wait_done:
-        simulation.outbox.begin()  # until the timing holds
-        simulation.publish()
-        epoch, tick = simulation.epoch, simulation.tick
-        read = time_mode.wait()
-        if (simulation.epoch, simulation.tick) != (epoch, tick):
-            return
-        if read:
-            simulation.read_inputs(time_mode.watermarks, time_mode.factor)
-        simulation.wait_done = True
-        if simulation.paused:
-            return
-    simulation.step()
 
 
 def pose_from_msg(pose: Pose) -> Pose3:
@@ -223,7 +165,7 @@ MAX_FORCE = 1e5
 
 
 class JointServices:
-    """Answers requests between two steps."""
+    """Requests about joints, and about wrenches on links."""
 
     def __init__(self, simulation: Simulation, node: Node) -> None:
         self._simulation, self._world = simulation, simulation.world
@@ -238,25 +180,20 @@ class JointServices:
         job = request.job
         joint = find_joint(self._world, request.model, job.joint_name)
         own = JointEffort(joint_name=joint.name, effort=job.effort, start_time=job.start_time, duration=job.duration)
-        note = self._effort_controller(joint).add_job(own, self._simulation.now)
+        note = self._controller(joint).add_job(own, self._simulation.now)
         return Done(text=f"{job.effort:g} on {joint} {self._describe_time(job.start_time.ns, job.duration, note)}")
 
     def _clear_effort(self, request: JointName) -> Done:
         joint = find_joint(self._world, request.model, request.joint_name)
-        return Done(text=f"{_count_jobs(self._effort_controller(joint).clear_jobs(joint.name))} of {joint} dropped")
+        return Done(text=f"{_count_jobs(self._controller(joint).clear_jobs(joint.name))} of {joint} dropped")
 
     def _properties(self, request: JointName) -> JointProperties:
         joint = find_joint(self._world, request.model, request.joint_name)
         robot = self._simulation.find(joint.body)
         limits = read_joint_limits(robot.entry.model)[joint.name]
-        readings, place = self._world.joint_readings(joint.body), self._world.joints(joint.body).index(joint.name)
-        applied, jobs = readings.effort[place], 0
-        damping, friction = robot.joint_friction.get(joint.name, JointFriction(limits.damping, limits.friction))
-        if robot.effort_controller is not None:
-            applied, jobs = (
-                robot.effort_controller.applied_efforts[joint.name],
-                len(robot.effort_controller.jobs(joint.name)),
-            )
+        actuation, place = robot.actuation, self._world.joints(joint.body).index(joint.name)
+        readings, of_urdf = actuation.joint_readings, JointFriction(limits.damping, limits.friction)
+        damping, friction = actuation.joint_friction.get(joint.name, of_urdf)
         return JointProperties(
             model=joint.body,
             joint_name=joint.name,
@@ -269,18 +206,15 @@ class JointServices:
             velocity_limit=limits.velocity,
             position=readings.position[place],
             rate=readings.velocity[place],
-            applied_effort=applied,
-            jobs=jobs,
+            applied_effort=readings.effort[place],
+            jobs=actuation.job_count(joint.name),
         )
 
     def _set_configuration(self, request: SetConfiguration) -> JointState:
         robot = self._simulation.find(request.model)
         wanted = positions_by_joint(request.joint_names, request.joint_positions)
         wanted = {find_joint(self._world, robot.name, joint).name: position for joint, position in wanted.items()}
-        if robot.drive_controller is not None:
-            raise BadInput(f"the joints of {robot.name} are its wheels, which odometry counts: use set_state")
-        check_positions(robot.entry.model, wanted)
-        self._world.set_joints(robot.name, wanted)
+        robot.actuation.set_joints(wanted)
         readings = self._world.joint_readings(robot.name)
         return joint_state(self._world.joints(robot.name), readings, Header(stamp=Time.of(self._simulation.now)))
 
@@ -303,11 +237,8 @@ class JointServices:
         link = find_link(self._world, request.link_name)
         return Done(text=f"{_count_jobs(self._simulation.wrenches.clear(link))} of {link} dropped")
 
-    def _effort_controller(self, joint: ScopedName) -> JointEffortController:
-        robot = self._simulation.find(joint.body)
-        if robot.effort_controller is None:
-            raise BadInput(f"{joint} is a wheel, which its base drives: command {robot.namespace}/cmd_vel instead")
-        return robot.effort_controller
+    def _controller(self, joint: ScopedName) -> JointEffortController:
+        return self._simulation.find(joint.body).actuation.effort_controller(joint.name)
 
     def _describe_time(self, start: int, duration: float, note: str) -> str:
         begins = f"from {start / 1e9:g} s " if start > self._simulation.now else "from now "
@@ -332,7 +263,7 @@ def _count_jobs(count: int) -> str:
 
 
 class PropertyServices:
-    """Answers requests between two steps; of all this, only the factor of time can be set while a run lasts."""
+    """Requests for the properties of links, models and the world."""
 
     def __init__(
         self,
@@ -390,7 +321,7 @@ class PropertyServices:
             mass=sum(self._world.inertia(robot.name, link).mass for link in links),
             radius=robot.model.radius,
             is_static=robot.model.fixed_base,
-            driven=robot.drive_controller is not None,
+            driven=robot.model.wheels is not None,
         )
 
     def _world_properties(self, _: Empty) -> WorldProperties:

@@ -8,19 +8,20 @@ from typing import Any
 from messages.elea import EmergencyStops as EmergencyStopList
 from messages.names import BadName, validate
 from messages.rosgraph import Clock
+from messages.se3 import Pose3
 from messages.std import Time
 from messages.topics import CLOCK, E_STOP, STOPS, TF, TF_STATIC
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.runtime.subscriber import Subscriber
-from services.sim import RobotEntry
 from services.sim.command_sources import CommandSources
 from services.sim.emergency_stops import ALL_ROBOTS, EmergencyStopStore
 from services.sim.joints.wrenches import LinkWrenches
-from services.sim.physics.world import Pose3, World
+from services.sim.parameters import RobotEntry
+from services.sim.physics.world import World
 from services.sim.publishers import GazeboStatesPublisher
 from services.sim.robot import Robot
 from services.sim.tf import dynamic_transforms, static_transforms
@@ -38,15 +39,14 @@ STATUS_STEPS = 40
 class Simulation:
     """Everything that moves, and simulation time: ``tick`` counts physics steps since the last reset.
 
-    ``held`` tells that this tick's wait is over: what is left of it is the step. ``pace`` is CONTROL, or less where
-    time follows the wall clock. Emergency stops outlive the process in ``stops_file``, where one is given.
+    ``input_steps`` is CONTROL_STEPS, or less where time follows the wall clock and a robot's joints are published
+    faster. Emergency stops outlive the process in ``stops_file``, where one is given.
     """
 
     def __init__(
         self, node: Node, world: World, seed: int, real_time: bool = True, stops_file: Path | None = None
     ) -> None:
-        self.world, self.tick, self.epoch, self.paused, self.wait_done = world, 0, 0, False, False
-        self.outbox = node.send_buffer
+        self.world, self.tick, self.epoch, self.paused = world, 0, 0, False
         self._node, self._seed, self._real_time = node, seed, real_time
         self._robots: dict[str, tuple[Robot, Pose3]] = {}
         self.wrenches = LinkWrenches(world, node.log)
@@ -62,7 +62,6 @@ class Simulation:
         self.stops.load()
         self.stops.save()
         self._publish_stops()
-        self._last_published_tick = -1
         self.input_steps = CONTROL_STEPS
 
     @property
@@ -112,11 +111,10 @@ class Simulation:
         self.publish_static_tf()
 
     def reset(self, time_too: bool) -> None:
-        """Put everything where it was spawned; with ``time_too`` time begins anew in a new epoch."""
+        """Put everything where it was spawned; with ``time_too`` time restarts at 0, in a new epoch."""
         self.world.reset()
         self.wrenches.reset()
         if time_too:
-            self.wait_done, self._last_published_tick = False, -1
             self.tick = 0
             self.epoch += 1
         for robot in self.robots:
@@ -124,11 +122,8 @@ class Simulation:
         self.publish_static_tf()
 
     def publish(self) -> None:
-        """Publish what is due at this tick, unless that is done."""
+        """Publish what is due at this tick."""
         now, tick = self.now, self.tick
-        if self._last_published_tick == tick:
-            return
-        self._last_published_tick = tick
         if tick % 2 == 0:
             for robot in self.robots:
                 robot.publishers.publish_sensors(now, tick)
@@ -164,9 +159,11 @@ class Simulation:
     def read_inputs(self, watermarks: Watermarks | None, factor: float) -> None:
         """Take the commands and parameters that have come.
 
-        ``watermarks`` are lockstep's, ``factor`` is that of real time.
+        Lost publishers count last: a command that came just before its sender went must not outlive it.
 
-        Who is gone counts last: a command that came just before its sender went must not outlive it.
+        Args:
+            watermarks: How far members of lockstep are let through; None in real time.
+            factor: Simulated seconds per second of wall time.
         """
         self._node.update_subscribers(watermarks)
         self._lost_publishers += self._command_sources.lost_publishers()
@@ -178,21 +175,19 @@ class Simulation:
             lost += self._command_sources.publishers_of(watermarks.lost_members)
             watermarks.lost_members = set()
         for robot in self.robots:
-            robot.update_parameters(self.now)
+            robot.actuation.reconfigure(self.now)
             robot.apply_commands(self.now, lockstep_members, factor)
         for source in lost:
             for robot in self.robots:
-                robot.publisher_lost(source, self.now)
+                robot.actuation.publisher_lost(source, self.now)
 
     def read_stops(self, watermarks: Watermarks | None) -> None:
-        """Take the emergency stops that have come, and nothing else: while time is paused they count, too."""
-        for each in dict.fromkeys(
-            (self._e_stop_subscriber, *(robot.e_stop_subscriber for robot in self.robots))
-        ):  # robots may share one
+        """Take the emergency stops that have come, and nothing else: they count also while time is paused."""
+        # Robots may share one.
+        for each in dict.fromkeys((self._e_stop_subscriber, *(robot.e_stop_subscriber for robot in self.robots))):
             each.update(watermarks)
-        self._lost_publishers += (
-            self._command_sources.lost_publishers()
-        )  # for their names; that they are gone counts with their last commands
+        # For their names; that they are gone counts with their last commands.
+        self._lost_publishers += self._command_sources.lost_publishers()
         self._apply_stops()
 
     def release_stop(self, robot: str, holder: str) -> str:
@@ -205,14 +200,13 @@ class Simulation:
         """One physics step."""
         now = self.now
         for robot, _ in self._robots.values():
-            robot.actuate(now)
+            robot.actuation.step(now)
         self.wrenches.step(now)
         self.world.step()
         self.tick += 1
-        self.wait_done = False
 
     def _apply_stops(self) -> None:
-        """Stop first, then write, then tell: nothing moves meanwhile, and what is told outlives this process."""
+        """Stop first, then write, then publish: nothing moves meanwhile, and what is published is kept."""
         stop_for_all = self.stops.process(ALL_ROBOTS, self._e_stop_subscriber.name, self._e_stop_subscriber.messages)
         for robot in self.robots:
             new_stop = self.stops.process(robot.name, robot.e_stop_subscriber.name, robot.e_stop_subscriber.messages)
@@ -231,7 +225,7 @@ class Simulation:
         self._stops_publisher.publish(EmergencyStopList(stops=self.stops.all))
 
     def _set_input_steps(self) -> None:
-        rates = [robot.publishers.joint_state_steps for robot in self.robots if robot.effort_controller is not None]
+        rates = [robot.publishers.joint_state_steps for robot in self.robots if robot.model.wheels is None]
         self.input_steps = min([CONTROL_STEPS, *rates]) if self._real_time else CONTROL_STEPS
 
     def _update_contacts(self) -> None:

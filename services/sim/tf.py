@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator
 
-from messages.geometry import Quaternion, Transform, TransformStamped, Vector3
+from messages import se2
+from messages.geometry import Transform, TransformStamped, Vector3
+from messages.se3 import IDENTITY, Pose3
 from messages.std import Header, Time
 from messages.tf import TFMessage, split
 from models.urdf import Joint, read_joints
-from services.sim.drive.odometry import Pose2
-from services.sim.physics.rotation import to_world_frame
-from services.sim.physics.world import ORIGIN, Pose3, World
+from services.sim.physics.world import World
 from services.sim.robot import Robot
 
 
@@ -27,7 +26,7 @@ def static_transforms(robots: Iterable[tuple[Robot, Pose3]], now: int) -> TFMess
         origin = robot.pose if fixed_base else _odom_origin(robot, spawn_pose)
         child = f"{robot.name}/{robot.model.base_frame if fixed_base else 'odom'}"
         header = Header(stamp=Time.of(now), frame_id="world")
-        transforms.append(_stamped(header, child, origin.position, origin.orientation))
+        transforms.append(_stamped(header, child, origin))
         for joint in _published_joints(robot):
             if joint.kind == "fixed":
                 transforms.append(_joint_transform(robot.name, joint, 0.0, now))
@@ -39,7 +38,7 @@ def dynamic_transforms(robots: Iterable[Robot], world: World, now: int) -> Itera
     transforms = []
     for robot in robots:
         odometry = robot.publishers.odometry
-        if odometry is not None and (robot.drive_controller is None or robot.drive_controller.live.enable_odom_tf):
+        if odometry is not None and robot.actuation.publishes_odom_tf:
             pose = odometry.pose.pose
             place = pose.position
             transforms.append(
@@ -62,38 +61,24 @@ def dynamic_transforms(robots: Iterable[Robot], world: World, now: int) -> Itera
 
 
 def _published_joints(robot: Robot) -> tuple[Joint, ...]:
-    """The joints whose transforms the simulation tells: all, or none when the service ``state`` does."""
-    entry = robot.entry
-    parameters = entry.parameters if robot.drive_controller is not None else entry.joint_parameters
-    return () if parameters.enable_link_tf is False else read_joints(entry.model)
+    """The joints whose transforms the simulation publishes: all, or none when the service ``state`` does."""
+    return read_joints(robot.entry.model) if robot.actuation.publishes_link_tf else ()
 
 
 def _odom_origin(robot: Robot, spawn_pose: Pose3) -> Pose3:
     """Where the frame of a robot's odometry lies in the world."""
     odometer = robot.publishers.odometer
     if odometer.state is None:
-        return ORIGIN
-    if odometer.offset == Pose2():
+        return IDENTITY
+    if odometer.offset == se2.IDENTITY:
         return spawn_pose
-    x, y, heading = odometer.offset
-    dx, dy, dz = to_world_frame(spawn_pose.orientation, (x, y, 0.0))
-    px, py, pz = spawn_pose.position
-    i, j, k, w = spawn_pose.orientation
-    s, c = math.sin(heading / 2), math.cos(heading / 2)
-    turned = (i * c + j * s, j * c - i * s, k * c + w * s, w * c - k * s)
-    return Pose3((px + dx, py + dy, pz + dz), turned)
+    return spawn_pose @ Pose3.planar(*odometer.offset)
 
 
 def _joint_transform(robot: str, joint: Joint, angle: float, now: int) -> TransformStamped:
     header = Header(stamp=Time.of(now), frame_id=f"{robot}/{joint.parent}")
-    return _stamped(header, f"{robot}/{joint.child}", *joint.transform(angle))
+    return _stamped(header, f"{robot}/{joint.child}", joint.transform(angle))
 
 
-def _stamped(
-    header: Header, child: str, xyz: tuple[float, float, float], rotation: tuple[float, float, float, float]
-) -> TransformStamped:
-    transform = Transform(
-        translation=Vector3(x=xyz[0], y=xyz[1], z=xyz[2]),
-        rotation=Quaternion(x=rotation[0], y=rotation[1], z=rotation[2], w=rotation[3]),
-    )
-    return TransformStamped(header=header, child_frame_id=child, transform=transform)
+def _stamped(header: Header, child: str, pose: Pose3) -> TransformStamped:
+    return TransformStamped(header=header, child_frame_id=child, transform=pose.to_transform())

@@ -18,30 +18,48 @@ MAX_LAG_S = 0.1
 
 
 class TimeMode(Protocol):
-    """Holds the simulation at a tick until it may go on."""
+    """Decides when the simulation takes its next tick."""
 
     watermarks: Watermarks | None
     factor: float
 
-    def begin(self, absent: Collection[str] = ()) -> None:
-        """Block until time may start; nobody waits for the nodes that are ``absent``."""
+    def begin(self, absent: Collection[str], meanwhile: Callable[[], None]) -> None:
+        """Block until time may start.
+
+        Args:
+            absent: Members that are not waited for.
+            meanwhile: Called again and again while members are waited for.
+        """
         ...
 
-    def wait(self) -> bool:
-        """Send what the stage has told, wait as long as this tick asks for; True when commands are to be taken now."""
+    @property
+    def due(self) -> bool:
+        """Whether this tick is waited for, and inputs are read at it."""
+        ...
+
+    def flush(self) -> None:
+        """Send what was published, unless it is to leave with what ``wait`` sends at this tick."""
+        ...
+
+    def wait(self, interrupted: Callable[[], bool]) -> bool:
+        """Block until this tick may be taken.
+
+        Returns:
+            False if ``interrupted`` came true first; the next call goes on waiting.
+        """
         ...
 
     def resync(self) -> None:
-        """Time was paused, stepped or set anew."""
+        """Follow a pause, a resume, a reset, or steps that begin."""
         ...
 
     def set_factor(self, factor: float) -> None:
-        """Let time run at another factor, where there is one."""
+        """Set the simulated seconds per second of wall time, where the mode has such a factor."""
         ...
 
 
 class RealTime:
-    """With the wall clock times a factor; what the machine cannot keep up with is lost, not made up for.
+    """Follows the wall clock times a factor; what the machine cannot keep up with is lost, not made up for.
 
     ``on_lag`` is called with the wall time [s] lost, each time that happens.
     """
@@ -54,14 +72,17 @@ class RealTime:
         self._simulation, self._node, self.factor, self._on_lag = simulation, node, factor, on_lag
         self.resync()
 
-    def begin(self, absent: Collection[str] = ()) -> None:
+    def begin(self, absent: Collection[str], meanwhile: Callable[[], None]) -> None:
         self.resync()
 
-    def wait(self) -> bool:
+    @property
+    def due(self) -> bool:
+        return self._simulation.tick % self._simulation.input_steps == 0
+
+    def flush(self) -> None:
         self._node.send_buffer.flush()
-        if self._simulation.tick % self._simulation.input_steps:
-            return False
-        self._node.spin_once()
+
+    def wait(self, interrupted: Callable[[], bool]) -> bool:
         ahead = self._wall_start + (self._simulation.now - self._sim_start) / 1e9 / self.factor - time.monotonic()
         if ahead > 0:
             time.sleep(ahead)
@@ -93,51 +114,34 @@ class Lockstep:
         node.refusal_counters.append(self._barrier.refusals)
         self.watermarks: Watermarks | None = self._barrier.watermarks
         self._state_publisher, self._published_version = node.advertise(LOCKSTEP), -1
-        self._step_granted = False
-        self._last_granted = -1, -1
 
-    def begin(self, absent: Collection[str] = ()) -> None:
+    def begin(self, absent: Collection[str], meanwhile: Callable[[], None]) -> None:
         self._node.heartbeat.state = "waiting"
         self._node.heartbeat.detail = "time has not begun: waiting for the members of lockstep"
-        self._barrier.wait_for_members(absent)
+        self._barrier.wait_for_members(absent, meanwhile)
         self._node.heartbeat.detail = ""
 
-    def wait(self) -> bool:
+    @property
+    def due(self) -> bool:
+        return self._control or self._barrier.due(self._simulation.now)
+
+    def flush(self) -> None:
+        # One burst with the grants of this tick: each member wakes once.
+        if not self.due:
+            self._node.send_buffer.flush()
+
+    def wait(self, interrupted: Callable[[], bool]) -> bool:
+        barrier, now = self._barrier, self._simulation.now
+        due = barrier.due(now)
+        if self._control:
+            barrier.update()
         try:
-            return self._wait()
+            return not due or self._step_members(now, interrupted)
         finally:
             self._node.send_buffer.flush()
 
-    def _wait(self) -> bool:
-        # While it waits, a request may take single steps, each with a wait of its own; no tick is released twice.
-        tick_id = self._tick_id
-        due = self._barrier.due(self._simulation.now)
-        control = self._simulation.tick % CONTROL_STEPS == 0
-        if control:
-            self._node.spin_once()
-            self._barrier.update()
-        if not due:
-            return control
-        if self._step_granted:
-            self._barrier.collect_reports(self._simulation.now)
-        if self._tick_id != tick_id:
-            return control
-        if self._last_granted != tick_id:
-            self._last_granted = tick_id
-            if self._barrier.version != self._published_version:
-                self._published_version = self._barrier.version
-                self._state_publisher.publish(self._barrier.state)
-            # Also while single steps are taken in a pause.
-            self._barrier.grant(self._step_grant(paused=False), self._node.publishers)
-            self._step_granted = bool(self._latency)
-        if not self._latency:
-            self._barrier.collect_reports(self._simulation.now)
-        # A pause may have been told before this tick's leave, which a member takes for time that goes on.
-        self.resync()
-        return True
-
     def resync(self) -> None:
-        # Of all else the next step tells; whatever is not paused, a member takes as one.
+        # A resume or a reset shows in the next grant; a member takes any that is not paused as a step.
         if self._simulation.paused:
             self._barrier.announce(self._step_grant(paused=True))
 
@@ -145,8 +149,23 @@ class Lockstep:
         pass
 
     @property
-    def _tick_id(self) -> tuple[int, int]:
-        return self._simulation.epoch, self._simulation.tick
+    def _control(self) -> bool:
+        return self._simulation.tick % CONTROL_STEPS == 0
+
+    def _step_members(self, now: int, interrupted: Callable[[], bool]) -> bool:
+        # There are reports of steps before this one with latency 1, or when the wait for them was interrupted.
+        if not self._barrier.collect_reports(now, interrupted):
+            return False
+        self._grant()
+        return bool(self._latency) or self._barrier.collect_reports(now, interrupted)
+
+    def _grant(self) -> None:
+        if self._barrier.version != self._published_version:
+            self._published_version = self._barrier.version
+            self._state_publisher.publish(self._barrier.state)
+        # Not paused: also the steps that are asked for during a pause are steps to a member.
+        self._barrier.grant(self._step_grant(paused=False), self._node.publishers)
+        self.resync()
 
     def _join_reply(self) -> StepGrant:
         return self._step_grant(self._simulation.paused)

@@ -1,4 +1,4 @@
-"""The loop of the square service: odometry in; commands, plan, status and the log out."""
+"""The loop of the square service: reads odometry, publishes commands, plan and status, and writes the log."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from messages.elea import GoalStatus
-from messages.geometry import STOP, Pose, PoseStamped, Twist
+from messages.geometry import STOP, PoseStamped, Twist
 from messages.nav import Odometry
 from messages.nav import Path as Plan
+from messages.se2 import Pose2, Twist2, wrap
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, GROUND_TRUTH, ODOM, PLAN, STATUS
-from services.driving.planar import Pose2, Twist2, wrap
 from services.runtime.context import Context
 from services.square import SquareParameters
 from services.square.controller import SquareController
@@ -22,7 +22,7 @@ from services.square.csv_log import CsvLog, TruthBuffer
 
 
 def run(ctx: Context[SquareParameters]) -> None:
-    """Drive the square, then hold the robot until told to stop; the last command is STOP."""
+    """Drive the square, then hold the robot until asked to stop; the last command is STOP."""
     with _open_log(ctx.params) as record:
         _drive(ctx, record)
 
@@ -70,11 +70,11 @@ def _drive(ctx: Context[SquareParameters], record: CsvLog | None) -> None:
                     ctx.log.error(f"the log {record.path} ends here, it cannot be written: {record.error}")
                     record = None
             if move.phase == "astray":
-                ctx.log.warn("the robot is far from its square, standing still: who has moved it?", every=5)
+                ctx.log.warn("the robot is far from its square, standing still: has it been moved?", every=5)
             elif move.timed_out:
                 ctx.log.warn(
                     f"corner {move.index} not met within the tolerances for {ctx.params.patience:g} s, going on: "
-                    "is the robot held up, or does its base not move so slowly?"
+                    "is the robot blocked, or is the tolerance below what its base can resolve?"
                 )
             if shown != (move.state, move.index) and controller.square is not None:
                 shown = move.state, move.index
@@ -98,30 +98,26 @@ def _open_log(p: SquareParameters) -> Iterator[CsvLog | None]:
 
 def pose_and_twist(odometry: Odometry) -> tuple[Pose2, Twist2]:
     """The pose on the ground and the velocity that an odometry message tells."""
-    pose, twist = odometry.pose.pose, odometry.twist.twist
-    return Pose2(pose.position.x, pose.position.y, pose.orientation.yaw), Twist2(twist.linear.x, twist.angular.z)
+    return Pose2.from_msg(odometry.pose.pose), Twist2.from_msg(odometry.twist.twist)
 
 
 def path_message(square: Square, header: Header) -> Plan:
-    """The corners in order, each with the heading of the side that follows."""
-    return Plan(header=header, poses=tuple(PoseStamped(header=header, pose=_pose(each)) for each in square.corners()))
+    """Return the corners in order, each with the heading of the next side."""
+    corners = (PoseStamped(header=header, pose=each.wrapped.to_msg()) for each in square.corners())
+    return Plan(header=header, poses=tuple(corners))
 
 
 def status_message(move: StepResult, square: Square, here: Pose2 | None, header: Header) -> GoalStatus:
-    """The progress as a message; on an endless drive the index begins anew with every round."""
+    """Return the progress as a message; if endless, the index restarts with each round."""
     corner = square.corner(move.index)
     return GoalStatus(
         header=header,
         state=move.state,
         index=move.index if square.corner_count else move.index % SIDES,
         count=square.corner_count or SIDES,
-        goal=_pose(corner),
+        goal=corner.wrapped.to_msg(),
         distance=0.0 if here is None else math.hypot(corner.x - here.x, corner.y - here.y),
     )
-
-
-def _pose(pose: Pose2) -> Pose:
-    return Pose.planar(pose.x, pose.y, wrap(pose.yaw))
 
 
 def _closure_text(square: Square, here: Pose2) -> str:

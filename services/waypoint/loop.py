@@ -1,22 +1,22 @@
-"""The loop of the waypoint service: odometry and goals in; commands, plan and status out."""
+"""The loop of the waypoint service: reads odometry and goals, publishes commands, plan and status."""
 
 from __future__ import annotations
 
 from messages.elea import GoalStatus
 from messages.geometry import STOP, Pose, PoseStamped, Twist
 from messages.nav import Odometry, Path
+from messages.se2 import Pose2, Twist2
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, GOAL_POSE, ODOM, PLAN, STATUS
-from services.driving.planar import Pose2, Twist2
 from services.runtime.context import Context
 from services.waypoint import PLAN_LEVEL, WaypointParameters
 from services.waypoint.controller import Goal, Plan, Progress, WaypointController
 
 
 def run(ctx: Context[WaypointParameters]) -> None:
-    """Drive until told to stop; the last command is STOP.
+    """Drive until asked to stop; the last command is STOP.
 
-    Commands go on at every tick after the end too: zero holds the robot, silence would count as a timeout.
+    Commands continue after the end: zero holds the robot, while silence would count as a time-out.
     """
     odom, goals = ctx.latest(ODOM), ctx.stream(GOAL_POSE)
     commands, plans, states = ctx.advertise(CMD_VEL), ctx.advertise(PLAN), ctx.advertise(STATUS)
@@ -65,22 +65,21 @@ def run(ctx: Context[WaypointParameters]) -> None:
 
 def pose_and_twist(odometry: Odometry) -> tuple[Pose2, Twist2]:
     """The pose on the ground and the velocity that an odometry message tells."""
-    pose, twist = odometry.pose.pose, odometry.twist.twist
-    return Pose2(pose.position.x, pose.position.y, pose.orientation.yaw), Twist2(twist.linear.x, twist.angular.z)
+    return Pose2.from_msg(odometry.pose.pose), Twist2.from_msg(odometry.twist.twist)
 
 
 def goal_from_pose(asked: PoseStamped) -> Goal:
-    """The goal that a pose asks for, heading included."""
+    """Return a pose message as a goal with a heading."""
     return Goal(asked.pose.position.x, asked.pose.position.y, asked.pose.orientation.yaw)
 
 
 def path_message(plan: Plan, header: Header) -> Path:
-    """A plan as ROS shows it; a goal with a free heading has yaw 0."""
+    """Return the plan as a message; goals with any heading have yaw 0."""
     return Path(header=header, poses=tuple(PoseStamped(header=header, pose=_pose(goal)) for goal in plan.goals))
 
 
 def status_message(progress: Progress, header: Header) -> GoalStatus:
-    """The progress as a message."""
+    """Return the progress as a message."""
     return GoalStatus(
         header=header,
         state=progress.state,

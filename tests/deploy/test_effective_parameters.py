@@ -57,11 +57,11 @@ def test_a_run_on_the_fleet_s_values_says_nothing() -> None:
 
 
 def test_a_run_on_other_values_names_each_with_its_origin_and_the_fleet_s() -> None:
-    other = told(max_linear=(0.3, "saved"), lag=(0.5, "run"), law=("seed", "command line"))
+    other = told(max_linear=(0.3, "saved"), lag=(0.5, "run"), law=("tutorial", "command line"))
     (text,) = overridden_parameter_note(other, OWN, FLEET)
     assert f"{SET} max_linear = 0.3 (saved; the fleet's is 0.2)" in text
     assert f"{SET} lag = 0.5 (run; the fleet's is 0.2)" in text
-    assert f"{SET} law = seed (command line; the fleet's is steady)" in text
+    assert f"{SET} law = tutorial (command line; the fleet's is steady)" in text
     saved = SavedParameterNotes(lambda: other, OWN)
     (line,) = saved.new_lines()
     assert f"{SET} max_linear = 0.3 (saved; the fleet's is 0.2); --no-saved leaves them out" in line

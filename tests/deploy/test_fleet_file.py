@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from deploy.fleet_file import find_fleet, fleet_names, parse_fleet, read_fleet
+from deploy.fleet_file import find_fleet, fleet_names, parse_fleet, read_fleet, saved_parameters_file
 from deploy.service_parameters import NodeGroups, RunOptions, service_parameters
 from services.runtime.errors import BadInput
 
@@ -117,9 +117,9 @@ def test_wrong_value(old: str, new: str, place: int, what: str) -> None:
         ('name = "driver"', "", 13, "/b/waypoint is already stated"),
         ('kind = "logger"', 'kind = "logger"\nremap = { "*" = "x" }', 27, "wildcards are not allowed"),
         ('kind = "logger"', 'kind = "logger"\nfrom_start = ["x"]', 27, "needs a robot"),
-        ('kind = "logger"', 'kind = "logger"\nmodels = ["burger"]', 27, "for [[every_robot]] alone"),
+        ('kind = "logger"', 'kind = "logger"\nmodels = ["burger"]', 27, "only for [[every_robot]]"),
         ('from_start = ["goals"]', 'models = ["waffle_pi"]', 23, "unknown model 'waffle_pi'"),
-        ('kind = "logger"\n', 'kind = "sim"\nname = "world"\n', 25, "keeps its name"),
+        ('kind = "logger"\n', 'kind = "sim"\nname = "world"\n', 25, "cannot be renamed"),
         ('mode = "real"', 'ends = "duration"', 3, "needs a duration"),
         ("factor = 2", "factor = ", 4, "not TOML"),
     ],
@@ -192,6 +192,27 @@ def test_unknown_fleet_names_the_nearest() -> None:
         find_fleet("./mine.toml")
 
 
+def test_renamed_fleets_and_choices_are_refused_with_their_new_names() -> None:
+    with pytest.raises(BadInput, match="the fleet arm_seed is called arm_tutorial now"):
+        find_fleet("arm_seed")
+    for name in ("arm_tutorial", "square_tutorial"):
+        text = find_fleet(name).read_text().replace('law = "tutorial"', 'law = "seed"')
+        with pytest.raises(BadInput, match=r"x\.toml:\d+: parameter law = 'seed': it is called 'tutorial' now"):
+            parse_fleet(Path("x.toml"), text)
+
+
+def test_parameters_saved_under_the_old_name_of_a_fleet_are_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "params").mkdir()
+    assert saved_parameters_file("arm_tutorial") == Path("params/arm_tutorial.db")
+    (tmp_path / "params/arm_seed.db").touch()
+    assert saved_parameters_file("arm_tutorial") == Path("params/arm_seed.db")
+    (tmp_path / "params/arm_tutorial.db").touch()
+    assert saved_parameters_file("arm_tutorial") == Path("params/arm_tutorial.db")
+
+
 def test_file_that_is_no_text(tmp_path: Path) -> None:
     (tmp_path / "x.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(BadInput, match="cannot be read"):
@@ -199,6 +220,6 @@ def test_file_that_is_no_text(tmp_path: Path) -> None:
 
 
 def test_every_fleet_of_the_project_is_good() -> None:
-    assert {"lab", "bare", "square", "square_seed"} <= set(fleet_names())
+    assert {"lab", "bare", "square", "square_tutorial"} <= set(fleet_names())
     for name in fleet_names():
         assert read_fleet(find_fleet(name)).name == name

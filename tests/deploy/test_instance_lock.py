@@ -20,8 +20,8 @@ from services.runtime.transport.zenoh_config import configuration
 
 HOLDER = """
 import sys, time
-from deploy.instance_lock import Running, instance_lock
-entry = Running(fleet="other", mode="real", port=int(sys.argv[1]), pid=0, folder="/x", started="today")
+from deploy.instance_lock import FleetInstance, instance_lock
+entry = FleetInstance(fleet="other", mode="real", port=int(sys.argv[1]), pid=0, folder="/x", started="today")
 with instance_lock(entry):
     print("held", flush=True)
     time.sleep(60)
@@ -93,7 +93,7 @@ def test_another_program_on_the_port(port: int) -> None:
 def test_a_router_that_no_fleet_has_started(port: int) -> None:
     with (
         ZenohTransport(configuration("router", listen=(router_endpoint(port),))),
-        pytest.raises(BadInput, match=r"a router that is no fleet's already listens in .* --port"),
+        pytest.raises(BadInput, match=r"a router that belongs to no fleet already listens in .* --port"),
         instance_lock(entry(port)),
     ):
         pass

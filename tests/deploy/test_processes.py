@@ -34,7 +34,7 @@ def test_every_service_accepts_its_parameters(name: str) -> None:
         build(load_service(process.kind).parameters, read_assignments(options(process, "--fleet-param")))
 
 
-def test_lab_is_the_seed_shifted_by_each_start() -> None:
+def test_lab_is_the_tutorial_shifted_by_each_start() -> None:
     plan = expand(read_fleet(find_fleet("lab")))
     x, y = [5, 1, 2.5, 4, 0, 0, 5, 5, 0, 0], [0, -4, 2.5, -4, 0, 2.5, 2.5, -4, -4, 0]
     for robot in range(4):

@@ -10,9 +10,9 @@ import pytest
 
 from deploy.fleet_file import read_fleet
 from deploy.processes import plan_processes
-from deploy.service_catalog import load_user_service
 from deploy.service_parameters import RunOptions
 from services.runtime.errors import BadInput
+from services.runtime.service_file import load_user_service
 from tests.docs.readme import blocks, section
 from tests.harness.command_line import CommandLine
 
@@ -71,9 +71,9 @@ def test_its_parameters_are_checked_by_its_own_record(tmp_path: Path) -> None:
     ("program", "said"),
     [
         ("x = 1\n", "declares no service: it never calls main"),
-        ("x = 1\nimport nowhere_at_all\n", r"mine\.py:2: it fails as it is loaded: ModuleNotFoundError"),
-        ("x = 1\ny = (\n", r"mine\.py:2: it fails as it is loaded: SyntaxError"),
-        ("import sys\nsys.exit(3)\n", r"mine\.py:2: it fails as it is loaded: SystemExit: 3"),
+        ("x = 1\nimport nowhere_at_all\n", r"mine\.py:2: it fails to load: ModuleNotFoundError"),
+        ("x = 1\ny = (\n", r"mine\.py:2: it fails to load: SyntaxError"),
+        ("import sys\nsys.exit(3)\n", r"mine\.py:2: it fails to load: SystemExit: 3"),
     ],
 )
 def test_what_is_wrong_with_it_is_told_with_both_places(tmp_path: Path, program: str, said: str) -> None:

@@ -25,8 +25,10 @@ def _replaced(process: ProcessSpec) -> ProcessSpec:
     name = process.node.rpartition("/")[2]
     if not (FAULTY / f"{name}.py").is_file():
         return process
-    real, faulty = f"services.{process.kind}", f"tests.faults.services.{name}"
-    return msgspec.structs.replace(process, argv=tuple(faulty if each == real else each for each in process.argv))
+    place = process.argv.index("services")
+    assert process.argv[place + 1] == process.kind
+    faulty = f"tests.faults.services.{name}"
+    return msgspec.structs.replace(process, argv=(*process.argv[:place], faulty, *process.argv[place + 2 :]))
 
 
 if __name__ == "__main__":

@@ -97,8 +97,8 @@ class Process:
 
 
 def start_service(name: str, *arguments: str, logs: Path, env: Mapping[str, str] | None = None) -> Process:
-    """``python -P -m services.NAME`` with ``arguments``, its log in the folder ``logs``."""
-    return Process(["-m", f"services.{name}", *arguments], _unused(logs, name), env)
+    """``python -P -m services NAME`` with ``arguments``, its log in the folder ``logs``."""
+    return Process(["-m", "services", name, *arguments], _unused(logs, name), env)
 
 
 class Network:

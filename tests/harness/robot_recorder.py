@@ -16,7 +16,7 @@ from messages.topics import BASE_STATUS, CMD_VEL, GROUND_TRUTH
 from models.model import WheelConfig, read_model
 from services.runtime.node import Node
 from services.runtime.transport.wire import SampleInfo
-from services.sim import BaseParameters
+from services.sim.parameters import BaseParameters
 from services.sim.time_modes import MAX_LAG_S
 
 BURGER = read_model("burger")

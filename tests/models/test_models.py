@@ -63,7 +63,7 @@ def test_every_movable_joint_has_a_velocity_limit(name: str) -> None:
         if joint.get("type") != "fixed":
             limit = joint.find("limit")
             assert limit is not None
-            # The arm has the seed's 0 on purpose.
+            # The arm has the tutorial's 0 on purpose.
             assert float(limit.attrib["velocity"]) > 0 or (name == "arm" and limit.attrib["velocity"] == "0")
 
 

@@ -13,7 +13,7 @@ from tests.services.sim.physics.arm_simulation import JOINT, arm_simulation
 from tests.services.sim.physics.driven_robot import DT
 
 
-def test_the_figures_of_the_seed() -> None:
+def test_the_figures_of_the_tutorial() -> None:
     weight = read_pendulum("arm", JOINT)
     assert weight.torque == pytest.approx(27.15, abs=0.01)
     assert math.degrees(weight.rest) == pytest.approx(-1.4635, abs=0.001)

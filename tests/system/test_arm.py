@@ -78,11 +78,11 @@ def test_on_the_wall_clock_all_checks_hold(terminal: CommandLine) -> None:
     assert report["robots"]["arm"]["steps"][0]["to_deg"] == 30.0
 
 
-@pytest.mark.parametrize(("fleet", "rate"), [("arm", 200), ("arm_seed", 50)])
-def test_other_rates_and_the_laws_of_the_seed(terminal: CommandLine, first: Run, fleet: str, rate: int) -> None:
-    """The seed's laws are no better than the default; tests/services/arm compares both at every rate."""
+@pytest.mark.parametrize(("fleet", "rate"), [("arm", 200), ("arm_tutorial", 50)])
+def test_other_rates_and_the_tutorials_laws(terminal: CommandLine, first: Run, fleet: str, rate: int) -> None:
+    """The tutorial's laws are no better than the default; tests/services/arm compares both at every rate."""
     text = find_fleet(fleet).read_text()
-    own = '{ kind = "arm", parameters = { law = "seed" } }' if fleet == "arm_seed" else '{ kind = "arm" }'
+    own = '{ kind = "arm", parameters = { law = "tutorial" } }' if fleet == "arm_tutorial" else '{ kind = "arm" }'
     law = fleet.removeprefix("arm_") if fleet != "arm" else "default"
     assert own in text
     path = terminal.folder / f"{fleet}_{rate}.toml"
@@ -90,7 +90,7 @@ def test_other_rates_and_the_laws_of_the_seed(terminal: CommandLine, first: Run,
     other = Run(terminal, path, path.stem)
     holds(other)
     assert other.arm["control_gap_s"] == pytest.approx(1 / rate)
-    if law == "seed":
+    if law == "tutorial":
         assert first.arm["step_steady_error_deg"] <= other.arm["step_steady_error_deg"] + 0.001
         assert first.arm["tracking_rms_deg"] <= other.arm["tracking_rms_deg"] + 0.002
         assert first.arm["effort_rms_nm"] <= other.arm["effort_rms_nm"] + 0.1

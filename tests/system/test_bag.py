@@ -34,7 +34,7 @@ from services.recorder.urdf_prefix import prefix_links
 from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import configuration

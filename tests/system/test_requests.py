@@ -13,7 +13,7 @@ from messages.simulation import ModelList, SetModelState, SimTime, Steps
 from messages.std import Empty
 from messages.topics import CLOCK, CMD_VEL
 from services.runtime.errors import CallFailed
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from tests.harness.message_recorder import WITHIN_S, MessageRecorder, distance, speed
 from tests.harness.waiting import wait_until
 from tests.system.two_robot_simulation import STARTS, TwoRobotSimulation, two_robot_simulation

@@ -9,6 +9,7 @@ import pytest
 
 from messages.geometry import Pose, Twist
 from messages.requests import DELETE, SPAWN, Name
+from messages.se3 import rotate
 from messages.simulation import SpawnModel
 from messages.std import String
 from messages.tf import TFMessage
@@ -29,7 +30,6 @@ from messages.topics import (
 from models import urdf_path
 from models.urdf import link_offset
 from services.runtime.graph import snapshot
-from services.sim.physics.rotation import to_world_frame
 from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, MessageRecorder, distance, speed, time_of
 from tests.harness.waiting import wait_until
 from tests.system.tf_frames import Frame, frame_in_world, frame_of_pose, frames_by_name
@@ -141,7 +141,7 @@ def test_frames_compose_to_ground_truth(running: TwoRobotSimulation, name: str) 
         compared += 1
         frames = {**still, **now}
         close(frame_in_world(frames, f"{name}/base_footprint"), frame_of_pose(exact[0].pose.pose))
-        offset = to_world_frame(frame_of_pose(exact[0].pose.pose).rotation, link_offset(model_of(name), "base_scan"))
+        offset = rotate(frame_of_pose(exact[0].pose.pose).rotation, link_offset(model_of(name), "base_scan"))
         place = frame_of_pose(exact[0].pose.pose).translation
         scan = frame_in_world(frames, f"{name}/base_scan")
         assert scan.translation == pytest.approx([a + b for a, b in zip(place, offset, strict=True)], abs=1e-9)

@@ -61,8 +61,8 @@ def square(terminal: CommandLine) -> Run:
 
 
 @pytest.fixture(scope="module")
-def seed(terminal: CommandLine) -> Run:
-    return Run(terminal, "square_seed", "seed")
+def tutorial(terminal: CommandLine) -> Run:
+    return Run(terminal, "square_tutorial", "tutorial")
 
 
 def test_it_closes_on_ground_truth(square: Run) -> None:
@@ -123,24 +123,24 @@ def test_its_log_has_the_columns_of_the_tutorial_and_the_truth_beside_them(squar
     assert rows[-1]["corner"] == "3"
 
 
-def test_the_law_of_the_tutorial_misses_as_computed_and_the_report_says_why(seed: Run) -> None:
-    assert seed.ended.status == 0, seed.ended.err
-    robot = seed.robot
+def test_the_law_of_the_tutorial_misses_as_computed_and_the_report_says_why(tutorial: Run) -> None:
+    assert tutorial.ended.status == 0, tutorial.ended.err
+    robot = tutorial.robot
     assert 0.2 < robot["closure_m"] < 0.24
     assert 17 < robot["closure_heading_deg"] < 19
     turned = [corner["true_deg"] for corner in robot["corners"]]
     assert turned == pytest.approx([0.3, 4.8, 9.4, 13.9], abs=2.0)
     assert robot["odometry_error_max_m"] < 0.001, "its odometry is not to blame"
     assert robot["closure_odometry_heading_deg"] == pytest.approx(robot["closure_heading_deg"], abs=0.05)
-    (note,) = seed.report["notes"]
-    assert "off by design" in note
+    (note,) = tutorial.report["notes"]
+    assert "inaccurate by design" in note
     assert "would end 0.223 m and 18.2 deg" in note
     assert robot["closure_m"] == pytest.approx(0.223, abs=0.003)
     assert robot["closure_heading_deg"] == pytest.approx(18.2, abs=0.2)
 
 
-def test_the_log_of_the_tutorials_law_shows_its_states(seed: Run) -> None:
-    rows = list(csv.DictReader(seed.log.decode().splitlines()))
+def test_the_log_of_the_tutorials_law_shows_its_states(tutorial: Run) -> None:
+    rows = list(csv.DictReader(tutorial.log.decode().splitlines()))
     assert {row["doing"] for row in rows} == {"MOVE_FORWARD", "ROTATE", "done"}
     assert math.degrees(float(rows[-1]["actual_yaw"])) == pytest.approx(18.1, abs=0.3)
 

@@ -21,8 +21,8 @@ import pytest
 from messages.nav import Odometry
 from models.dynamics import StopPrediction, predict_stop
 from models.model import read_model
-from services.runtime.service import STEP_NS
-from services.sim import BaseParameters
+from services.runtime.step import STEP_NS
+from services.sim.parameters import BaseParameters
 from tests.harness.message_recorder import distance, speed, time_of
 from tests.harness.processes import Network
 from tests.harness.waiting import wait_until

@@ -26,15 +26,17 @@ def test_who_joins_from_another_machine_is_told_to_use_star(tmp_path: Path) -> N
     with tempfile.TemporaryDirectory() as sockets, namespace_pair() as ends:
         router, tcp = router_in(Path(sockets)), f"tcp/{ends.near_address}:{free_port()}"
         said = tmp_path / "near.log"
-        listen = ["-m", "services.router", "--param", f"listen={router}", "--param", f'also=["{tcp}"]']
+        listen = ["-m", "services", "router", "--param", f"listen={router}", "--param", f'also=["{tcp}"]']
         with Process(listen, tmp_path / "refused.log", through=ends.near_command) as refused:
             assert refused.wait(WITHIN_S) == 2
-            assert f"listening on {tcp}: whoever reaches this address can read everything and drive" in refused.text
+            assert (
+                f"listening on {tcp}: anyone who can reach this address can read everything and drive" in refused.text
+            )
             assert "say so with --param insecure=true" in refused.text
         listen += ["--param", "insecure=true"]
         with Process(listen, tmp_path / "router.log", through=ends.near_command) as opened:
             wait_until(lambda: _listens(router), WITHIN_S, "the router")
-            warning = f"WARN /router: listening on {tcp}: whoever reaches this address can"
+            warning = f"WARN /router: listening on {tcp}: anyone who can reach this address can"
             wait_until(lambda: warning in opened.text, WITHIN_S, "its warning")
             identity = Identity.of("tester")
             with (
@@ -53,10 +55,10 @@ def test_who_joins_from_another_machine_is_told_to_use_star(tmp_path: Path) -> N
                     node.spin_once()
                     return "ERROR /cut: this node is cut off from 2 of the 2 nodes" in joined.text
 
-                words = ["-m", "services.waypoint", "--name", "fellow", "--connect", router]
+                words = ["-m", "services", "waypoint", "--name", "fellow", "--connect", router]
                 stack.enter_context(Process(words, tmp_path / "fellow.log"))
                 wait_until(lambda: beating("/fellow"), WITHIN_S, "a heartbeat from peer to peer")
-                words = ["-m", "services.waypoint", "--connect", tcp]
+                words = ["-m", "services", "waypoint", "--connect", tcp]
                 far = ends.far_command(hide=sockets)
                 with Process([*words, "--name", "cut"], tmp_path / "cut.log", through=far) as joined:
                     wait_until(cut_off, WITHIN_S, "the reason")

@@ -6,10 +6,8 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from messages.geometry import Pose
-from messages.se3 import quaternion_multiply
+from messages.se3 import Rotation, Vector, quaternion_multiply, rotate
 from messages.tf import TFMessage
-from services.sim.physics.rotation import to_world_frame
-from services.sim.physics.world import Rotation, Vector
 
 
 class Frame(NamedTuple):
@@ -50,7 +48,7 @@ def frame_in_world(frames: Mapping[str, Frame], name: str) -> Frame:
     here = frames[name]
     while here.parent != "world":
         above = frames[here.parent]
-        shift = to_world_frame(above.rotation, here.translation)
+        shift = rotate(above.rotation, here.translation)
         place = (above.translation[0] + shift[0], above.translation[1] + shift[1], above.translation[2] + shift[2])
         here = Frame(above.parent, place, quaternion_multiply(above.rotation, here.rotation))
     return here

@@ -62,6 +62,14 @@ _HEALTH_KEY = key_of(HEALTH.name)
 C = TypeVar("C")
 
 
+def _nothing() -> None:
+    pass
+
+
+def _never() -> bool:
+    return False
+
+
 class Barrier:
     """Waits for members.
 
@@ -124,11 +132,14 @@ class Barrier:
             left=tuple(self._left),
         )
 
-    def wait_for_members(self, absent: Collection[str] = ()) -> None:
+    def wait_for_members(self, absent: Collection[str] = (), meanwhile: Callable[[], None] = _nothing) -> None:
         """Block until the whole roster has joined and every member sees every other.
 
-        Those ``absent`` are not waited for. When nobody has come for GATHER_S, time begins without those who are
-        missing, and they count as lost.
+        When nobody has come for GATHER_S, time begins without those who are missing, and they count as lost.
+
+        Args:
+            absent: Nodes that are not waited for.
+            meanwhile: Called again and again, ten times a second at least.
         """
         self._absent = frozenset(absent) & self._roster.keys()
         waited = reported = without = 0.0
@@ -157,6 +168,7 @@ class Barrier:
                 reported = waited
                 self._log.warn(f"waiting for {', '.join(missing)} since {waited:.0f} s: did they start?")
             self._idle(self._raw)
+            meanwhile()
         self._begun = True
         self.version += 1
 
@@ -189,20 +201,28 @@ class Barrier:
         )
 
     def grant(self, go: StepGrant, outputs: Iterable[Publisher[Any]]) -> None:
-        """Let the members that are due at ``go.time`` take their step."""
+        """Let the members that are due at ``go.time`` take their step, unless they were let before: none takes a tick
+        twice.
+        """
         news = sequence_numbers(outputs)
         merge_numbers(self._sent, news)
         self._broadcast(news, "sequence_numbers")
-        self.watermarks.epoch_changed, self._epoch = go.epoch > self._epoch >= 0, go.epoch
+        if go.epoch > self._epoch >= 0:
+            self.watermarks.epoch_changed = True
+        self._epoch = go.epoch
         for session, member in self._members.items():
-            if member.active and go.time % member.period_ns == 0:
+            if member.active and go.time % member.period_ns == 0 and member.last != (go.epoch, go.tick):
                 self._pending[session] = member.last = go.epoch, go.tick
                 self._step(member, go)
 
-    def collect_reports(self, time_ns: int) -> None:
+    def collect_reports(self, time_ns: int, interrupted: Callable[[], bool] = _never) -> bool:
         """Block until those that are due at this time have finished their last step, died, or are given up.
 
-        What they sent is then in ``marks``. Answers of others wait for their time: when they came makes no difference.
+        What they sent is then in ``watermarks``. Reports of others wait for their time: when they came makes no
+        difference.
+
+        Returns:
+            False if ``interrupted`` came true first; the next call goes on waiting.
         """
         self._receive()
         last = time.monotonic()
@@ -217,11 +237,14 @@ class Barrier:
                     member.answer = None
                     self._receive_report(answer)
             if late:
+                if interrupted():
+                    return False
                 if (now := time.monotonic()) - last > LOOK_S:
                     self._retry(late, now - last)
                     last = now
                 self._idle(self._raw)
                 self.update()
+        return True
 
     def announce(self, go: StepGrant) -> None:
         """Tell every member something that is no step: a pause."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from services.runtime.lockstep.protocol import StepReport
 from services.runtime.lockstep.watermarks import MAX_JUMP, Numbers
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.runtime.transport.api import RawPublisher
 from services.runtime.transport.wire import MEMBER_BYTES
 
@@ -44,7 +44,7 @@ class MemberState:
     def account(self, done: StepReport) -> str:
         """Take note of the numbers that it tells of; why they cannot be its own, empty when they can."""
         if done.greets and (done.period <= 0 or done.period % STEP_NS):
-            return f"{self.node} wants to step every {done.period} ns, which is no whole number of physics steps"
+            return f"{self.node} wants to step every {done.period} ns, which is not a whole number of physics steps"
         told = {each: number for news in (done.marks, done.known) for each, number in _flat(news)}
         for publisher, number in told.items():
             if publisher[:MEMBER_BYTES] != self.id:

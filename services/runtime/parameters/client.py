@@ -5,22 +5,20 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 from messages.base import Message, WrongPayload, decoder, encode
 from messages.names import key as key_of
-from messages.parameters import Announcement, Assignment, ParameterValues, UndoParameters
+from messages.parameters import Announcement, Assignment, ParameterDescription, ParameterValues, UndoParameters
 from messages.requests import PARAMS_ANNOUNCE, PARAMS_UNDO, Refusal, Request
 from services.runtime.errors import CallFailed, NoAnswer
 from services.runtime.graph import Entity, token_pattern
 from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.log import Log
+from services.runtime.node import Node
 from services.runtime.requests import INTERNAL, call, check_single, read_replies
 from services.runtime.transport.api import TIMEOUT, PendingReplies, Transport
 from services.runtime.transport.wire import MEMBER_BYTES, NODE_BYTES, member_id, publisher_id
-
-if TYPE_CHECKING:
-    from services.runtime.parameters.subscription import ParameterSubscription
 
 Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)
@@ -55,7 +53,9 @@ def call_idempotent(transport: Transport, request: Request[Q, R], message: Q, ti
             )
         if not sent and not transport.tokens(token_pattern("srv", "*", request.name)):
             if time.monotonic() - began > min(timeout, LAST_TRY_S):
-                raise CallFailed(f"nobody serves {request.name}, nothing was asked: is the process that does running?")
+                raise CallFailed(
+                    f"no server for {request.name}, nothing was sent: is the process that provides it running?"
+                )
             time.sleep(_PAUSE_S)
             continue
         sent = True
@@ -108,19 +108,47 @@ _TOKENS = token_pattern("srv", AUTHORITY, PARAMS_ANNOUNCE.name)
 _KEY = key_of(PARAMS_ANNOUNCE.name)
 
 
-class ParameterClient:
-    """Announces a node's sets to the parameter service, now or when it comes. Nothing here blocks but ``begin``.
+class ParameterSet(Protocol):
+    """A set of parameters that a node announces: what it says of itself, and where its values go."""
 
-    ``marks`` are those of lockstep, when there is any. ``quiet`` says nothing of a service that is not there.
+    set: str
+    described: tuple[ParameterDescription, ...]
+    fleet: dict[str, Any]
+    command_line: dict[str, Any]
+    error: str
+    refused: bool
+
+    @property
+    def run_values(self) -> dict[str, Any]: ...
+    def apply_initial(self, values: ParameterValues, source: bytes) -> None: ...
+    def enqueue(self, values: ParameterValues, source: bytes) -> None: ...
+
+
+class ParameterClient:
+    """Announces a node's sets to the parameter service, now or when it comes. Only ``attach`` and ``expect`` block.
+
+    ``watermarks`` are those of lockstep, when there is any. ``expected`` tells that a parameter service runs or is to
+    come, so that the node waits for it. ``quiet`` logs nothing about a service that is not there.
     """
+
+    @classmethod
+    def of(cls, node: Node, quiet: bool = False) -> Self:
+        """The node's client, made when it is first asked for; the node's loop serves it from then on."""
+        for known in node.extensions:
+            if isinstance(known, cls):
+                return known
+        made = cls(node.transport, node.identity.node, node.log, quiet)
+        node.extensions.append(made)
+        return made
 
     def __init__(self, transport: Transport, node: str, log: Log, quiet: bool = False) -> None:
         self.watermarks: Watermarks | None = None
+        self.expected = False
         self._transport, self._node, self._log, self._quiet = transport, node, log, quiet
         self._watch = transport.watch(_TOKENS)
         self._sessions: set[str] = set()
-        self._sets: list[ParameterSubscription[Any]] = []
-        self._asking: dict[ParameterSubscription[Any], tuple[PendingReplies | None, float]] = {}
+        self._sets: list[ParameterSet] = []
+        self._asking: dict[ParameterSet, tuple[PendingReplies | None, float]] = {}
         self._undoing: list[tuple[PendingReplies, str]] = []
         self._leaving: list[PendingReplies] = []
         self._numbers = itertools.count(1)
@@ -148,7 +176,7 @@ class ParameterClient:
             self._poll_tokens()
             time.sleep(0.01)
 
-    def attach(self, followed: ParameterSubscription[Any], wait: bool = True) -> None:
+    def attach(self, followed: ParameterSet, wait: bool = True) -> None:
         """Announce a set; with ``wait``, block until the answer or START_S have passed.
 
         A service that is expected is asked again while the time of ``expect`` lasts: it may be seen before the link to
@@ -166,7 +194,7 @@ class ParameterClient:
         else:
             self._announce(followed)
 
-    def detach(self, followed: ParameterSubscription[Any]) -> None:
+    def detach(self, followed: ParameterSet) -> None:
         """Follow a set no more, and say so."""
         self._sets.remove(followed)
         self._asking.pop(followed, None)
@@ -188,7 +216,7 @@ class ParameterClient:
         if self._undoing:
             self._undoing = [each for each in self._undoing if not self._undone(*each)]
 
-    def request_undo(self, followed: ParameterSubscription[Any], revision: int, reason: str) -> None:
+    def request_undo(self, followed: ParameterSet, revision: int, reason: str) -> None:
         """Let the parameter service undo the change that a node cannot follow, so that all agree on what counts."""
         who = f"{self._node}: {reason}"[:255]
         asked = UndoParameters(set=followed.set, revision=revision, id=self.next_id(), who=who)
@@ -210,7 +238,7 @@ class ParameterClient:
             time.sleep(SIGHT_S / 5)
             self._poll_tokens()
 
-    def _announce(self, followed: ParameterSubscription[Any]) -> None:
+    def _announce(self, followed: ParameterSet) -> None:
         announced = announcement(self._node, followed)
         while True:
             try:
@@ -254,7 +282,7 @@ class ParameterClient:
             if not self._quiet:
                 self._log.info(text)
 
-    def _ask(self, followed: ParameterSubscription[Any]) -> None:
+    def _ask(self, followed: ParameterSet) -> None:
         payload = encode(announcement(self._node, followed))
         self._asking[followed] = self._transport.query_async(_KEY, payload, ANSWER_S), 0.0
 
@@ -285,13 +313,13 @@ class ParameterClient:
             self._log.error(f"the parameters {name} are not what the parameter service says: {error}")
         return True
 
-    def _answered(self, followed: ParameterSubscription[Any], answer: ParameterValues) -> None:
+    def _answered(self, followed: ParameterSet, answer: ParameterValues) -> None:
         source = self._source()
         # In lockstep it counts from the tick at which it comes as an update, the same for everybody.
         if self.watermarks is None or source not in self.watermarks.members:
             followed.enqueue(answer, source)
 
-    def _fail(self, followed: ParameterSubscription[Any], error: CallFailed) -> None:
+    def _fail(self, followed: ParameterSet, error: CallFailed) -> None:
         followed.refused = not isinstance(error, NoAnswer)
         if followed.error != str(error):
             followed.error = str(error)
@@ -303,7 +331,7 @@ class ParameterClient:
         return member_id(AUTHORITY, next(iter(self._sessions))) if len(self._sessions) == 1 else b""
 
 
-def announcement(node: str, followed: ParameterSubscription[Any]) -> Announcement:
+def announcement(node: str, followed: ParameterSet) -> Announcement:
     """What a node says of a set that it follows."""
     return Announcement(
         set=followed.set,

@@ -13,11 +13,11 @@ from messages.requests import PARAMS_SET
 from messages.topics import UPDATES
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
+from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.client import AUTHORITY, ParameterClient, assignments
 from services.runtime.parameters.schema import changed_names, fields_of, flatten, nest
 from services.runtime.parameters.validation import build, describe_parameters
 from services.runtime.requests import call
-from services.runtime.service import Parameters
 from services.runtime.subscriber import Subscriber
 from services.runtime.transport.wire import MEMBER_BYTES
 
@@ -48,7 +48,6 @@ class ParameterSubscription(Generic[P]):
         command_line: Mapping[str, Any] | None = None,
         described: Sequence[ParameterDescription] = (),
         fits: Callable[[P], object] | None = None,
-        quiet: bool = False,
     ) -> None:
         self.set, self.params = name, params
         self.fleet, self.command_line = dict(fleet or {}), dict(command_line or {})
@@ -67,19 +66,17 @@ class ParameterSubscription(Generic[P]):
         self._queued: list[tuple[ParameterValues, bytes]] = []
         self._revision, self._source = -1, b""
         self._undo_requested = False
-        if node.parameter_client is None:
-            node.parameter_client = ParameterClient(node.transport, node.identity.node, node.log, quiet)
-        self._client = node.parameter_client
+        self.client = ParameterClient.of(node)
 
     def start(self, wait: bool = True) -> None:
         """Announce the set; with ``wait``, ``params`` is what the parameter service says when this returns."""
-        if wait and self._node.expects_params:
-            self._client.expect(lambda: self._node.stopping)
-        self._client.attach(self, wait)
+        if wait and self.client.expected:
+            self.client.expect(lambda: self._node.stopping)
+        self.client.attach(self, wait)
 
     def close(self) -> None:
         """Follow the set no more."""
-        self._client.detach(self)
+        self.client.detach(self)
         self._node.unregister(self._subscriber)
 
     @property
@@ -107,10 +104,10 @@ class ParameterSubscription(Generic[P]):
         """Follow what was admitted; the levels of the parameters that changed, 0 when none did."""
         if not self._subscriber.messages and not self._queued:
             return 0
-        self._client.spin_once()
+        self.client.spin_once()
         levels = 0
         for values, origin in self._subscriber.messages:
-            if origin is None or not self._client.trusts(origin.publisher, self._subscriber.key):
+            if origin is None or not self.client.trusts(origin.publisher, self._subscriber.key):
                 self._refuse(f"not from the node {AUTHORITY} that is there")
             else:
                 self._queued.append((values, origin.publisher[:MEMBER_BYTES]))
@@ -128,14 +125,14 @@ class ParameterSubscription(Generic[P]):
         if not values:
             return
         params = self._checked({**self._flat, **values})
-        if not self._client.available:
+        if not self.client.available:
             self._replace(params, {**self.origins, **dict.fromkeys(values, "run")})
             return
         asked = SetParameters(
             set=self.set,
             values=tuple(assignments(dict(values))),
             run=True,
-            id=self._client.next_id(),
+            id=self.client.next_id(),
             who=self._node.identity.node,
         )
         answer = call(self._node.transport, PARAMS_SET, key_of(PARAMS_SET.name), asked, CHANGE_S)
@@ -160,7 +157,7 @@ class ParameterSubscription(Generic[P]):
             else:
                 self._refuse(str(error))
                 if not self._undo_requested:
-                    self._client.request_undo(self, values.revision, str(error))
+                    self.client.request_undo(self, values.revision, str(error))
             self._undo_requested = True  # once, until something fits again
             return 0
         self._undo_requested = False

@@ -13,8 +13,11 @@ from msgspec import Meta
 
 from messages.parameters import ParameterDescription
 from services.runtime.errors import BadInput, unknown_name
+from services.runtime.parameters.base import Parameters
+from services.runtime.parameters.renamed_choices import renamed_choice
 from services.runtime.parameters.schema import (
     MAX_NUMBER,
+    Field,
     all_metas,
     constraints_of,
     fields_of,
@@ -23,7 +26,6 @@ from services.runtime.parameters.schema import (
     type_name,
     violations,
 )
-from services.runtime.service import Parameters
 
 P = TypeVar("P", bound=Parameters)
 
@@ -110,7 +112,8 @@ def build(record: type[P], values: Mapping[str, Any], where: str = "") -> P:
         name = text.partition("`$.")[2].partition("`")[0].partition("[")[0]
         value = _at(values, name.split("."))
         shown = "" if value is _NOTHING else f" {name} = {value!r}"
-        raise BadInput(f"{prefix}parameter{shown}: {text}") from None
+        leaf = next((each for each in fields_of(record) if each.name == name), None)
+        raise BadInput(f"{prefix}parameter{shown}: {_choice_error(leaf, value) or text}") from None
     if (related := constraints_of(record)) and (faults := list(violations(related, flatten(made)))):
         raise BadInput(f"{prefix}{'; '.join(faults)}")
     return made
@@ -132,7 +135,7 @@ def check_value(record: type[Parameters], name: str, value: Any, where: str = ""
     try:
         msgspec.convert(value, leaf.hint | None if leaf.optional else leaf.hint)
     except msgspec.ValidationError as error:
-        raise BadInput(f"{prefix}parameter {name} = {value!r}: {error}") from None
+        raise BadInput(f"{prefix}parameter {name} = {value!r}: {_choice_error(leaf, value) or error}") from None
 
 
 def stated(record: type[Parameters], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -158,6 +161,16 @@ def _bound(metas: Iterable[Meta], inclusive: str, exclusive: str) -> tuple[float
             if value is not None:
                 return (float(value), name == exclusive) if abs(value) < MAX_NUMBER else (None, False)
     return None, False
+
+
+def _choice_error(leaf: Field | None, value: Any) -> str:
+    """Return what is wrong with a value that is none of the parameter's choices; nothing for other parameters."""
+    choices = type_name(leaf)[1] if leaf is not None else ()
+    if not choices or not isinstance(value, str):
+        return ""
+    if new := renamed_choice(value, choices):
+        return f"it is called {new!r} now"
+    return f"expected one of {', '.join(choices)}"
 
 
 def _finite(value: Any) -> bool:

@@ -5,13 +5,12 @@ Names do not begin with a slash; one that does is taken without it, as in tf.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from typing import NamedTuple
 
 from messages.geometry import TransformStamped
-from messages.se3 import IDENTITY, SE3
-from services.runtime.errors import FrameLoop, NotConnected, UnknownFrame
+from messages.se3 import IDENTITY, Pose3
+from services.runtime.errors import FrameLoop, NotConnected, UnknownFrame, did_you_mean
 from services.runtime.tf.authority import FrameAuthorities
 from services.runtime.tf.time_cache import StampedTransform, TimeCache
 
@@ -30,7 +29,7 @@ class LookupResult(NamedTuple):
     """Where a frame lies in another, and at which time [ns]; None when it is the same at any time."""
 
     time: int | None
-    transform: SE3
+    transform: Pose3
 
 
 class TransformBuffer:
@@ -62,7 +61,7 @@ class TransformBuffer:
                     continue
                 history = self._moving[child] = TimeCache(child, self._cache_ns)
             stamp, parent = each.header.stamp.ns, each.header.frame_id.removeprefix("/")
-            verdict = history.add(stamp, StampedTransform(parent, SE3.from_msg(each.transform)))
+            verdict = history.add(stamp, StampedTransform(parent, Pose3.from_msg(each.transform)))
             if verdict == "old":
                 self.old += 1
                 continue
@@ -87,7 +86,7 @@ class TransformBuffer:
         for each in transforms:
             child = self._child(each)
             if child is not None and (child in told or len(told) < MAX_FRAMES):
-                told[child] = StampedTransform(each.header.frame_id.removeprefix("/"), SE3.from_msg(each.transform))
+                told[child] = StampedTransform(each.header.frame_id.removeprefix("/"), Pose3.from_msg(each.transform))
                 self._moving.pop(child, None)
         self._parents_seen.pop(publisher, None)  # at the end of the table: the last one told wins
         self._parents_seen[publisher] = told
@@ -205,9 +204,7 @@ class TransformBuffer:
             raise UnknownFrame(
                 f"frame {name!r} is unknown: no frame is, nothing has come on /tf or /tf_static; is anybody publishing?"
             )
-        near = difflib.get_close_matches(name, known, 3)
-        hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
-        raise UnknownFrame(f"frame {name!r} is unknown{hint} (known: {_listed(known)})")
+        raise UnknownFrame(f"frame {name!r} is unknown{did_you_mean(name, known, 3)} (known: {_listed(known)})")
 
     def _paths(self, target: str, source: str, time: int | None) -> tuple[list[str], list[str]]:
         """The frames from each up to, without, the one that is above both; raises NotConnected or FrameLoop."""
@@ -245,7 +242,7 @@ class TransformBuffer:
             seen.add(frame)
         return frame
 
-    def _up(self, path: list[str], time: int | None) -> SE3:
+    def _up(self, path: list[str], time: int | None) -> Pose3:
         """The first frame of a path, told in what is above its last one."""
         here = IDENTITY
         for frame in path:
@@ -255,7 +252,7 @@ class TransformBuffer:
             else:
                 assert time is not None
                 link = history.at(time)
-            here = link.transform.compose(here)
+            here = link.transform @ here
         return here
 
 

@@ -129,7 +129,9 @@ class TransformListener:
 
 def _message(target: str, source: str, found: LookupResult) -> TransformStamped:
     header = Header(stamp=Time.of(found.time or 0), frame_id=target.removeprefix("/"))
-    return TransformStamped(header=header, child_frame_id=source.removeprefix("/"), transform=found.transform.to_msg)
+    return TransformStamped(
+        header=header, child_frame_id=source.removeprefix("/"), transform=found.transform.to_transform()
+    )
 
 
 def add_moving(buffer: TransformBuffer, source: Subscriber[TFMessage]) -> None:

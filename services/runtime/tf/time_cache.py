@@ -5,7 +5,7 @@ from __future__ import annotations
 from bisect import bisect_left
 from typing import Literal, NamedTuple
 
-from messages.se3 import SE3
+from messages.se3 import Pose3
 from services.runtime.errors import Extrapolation
 
 MAX_SAMPLES = 16_384
@@ -18,7 +18,7 @@ class StampedTransform(NamedTuple):
     """A transform: the parent's frame, and where the child lies in it."""
 
     parent: str
-    transform: SE3
+    transform: Pose3
 
 
 class TimeCache:

@@ -78,8 +78,8 @@ def check_path(text: str) -> None:
     longest = max(len(os.fsencode(path)), len(os.fsencode(path.parent)) + _NODE)
     if longest > MAX_PATH_LENGTH:
         raise BadInput(
-            f"the path {text} is too long for Unix sockets: those beside it take {longest} bytes, "
-            f"and {MAX_PATH_LENGTH} is the limit: set XDG_RUNTIME_DIR (or TMPDIR) to a folder of yours with a shorter path"
+            f"the path {text} is too long for Unix sockets: those beside it take {longest} bytes, and "
+            f"{MAX_PATH_LENGTH} is the limit: set XDG_RUNTIME_DIR (or TMPDIR) to a folder of yours with a shorter path"
         )
 
 

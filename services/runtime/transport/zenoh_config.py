@@ -94,7 +94,7 @@ def check_listen(endpoints: Iterable[str], insecure: bool, allow: str = "--insec
     return checked
 
 
-OPEN_TO_ALL = "whoever reaches this address can read everything and drive the robots, without a password"
+OPEN_TO_ALL = "anyone who can reach this address can read everything and drive the robots, without a password"
 
 
 def configuration(

@@ -15,12 +15,11 @@ from models.model import RobotModel, WheelConfig, read_model
 from models.urdf import NoWheels, WheelPair, read_wheels
 from services.runtime.errors import BadInput
 from services.runtime.parameters.validation import build
-from services.sim import BaseParameters
 from services.sim.drive.driver import Drive
 from services.sim.drive.kinematics import WheelGeometry, describe_mismatch
 from services.sim.drive.limiter import NO_RAMP, UNLIMITED, AxisLimits, WheelRamp, braking_limits
 from services.sim.drive.pid import PidGains
-from services.sim.parameters import AxisParameters, PidParameters
+from services.sim.parameters import AxisParameters, BaseParameters, PidParameters
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ class LiveParameters:
 
 
 DEFAULT_WINDOW = 2
-"""Control ticks in the mean of odometry's speed: that of the seeds; ROS's default of 10 lags by 0.1 s."""
+"""Control ticks in the mean of odometry's speed: 2 as in the tutorials; ROS's default of 10 lags by 0.1 s."""
 
 
 @dataclass(frozen=True)
@@ -235,7 +234,7 @@ def _check_against_urdf(
         raise BadInput(f"left_wheel and right_wheel are both {left!r}: a base has one on each side")
     said = _check_sides(pair, left, right, parameters.allow_swapped_wheels)
     if pair.left_radius is None or pair.right_radius is None:
-        return [*said, f"{urdf}: no collision sphere or cylinder tells the wheels' radii: the figures are unchecked"]
+        return [*said, f"{urdf}: no collision sphere or cylinder gives the wheels' radii: the figures are unchecked"]
     wrong = describe_mismatch(used, WheelGeometry(pair.separation, pair.left_radius, pair.right_radius))
     return [*said, wrong] if wrong else said
 

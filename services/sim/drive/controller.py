@@ -10,7 +10,7 @@ from messages.elea import BaseStatus
 from messages.geometry import Twist, TwistStamped
 from messages.std import Header, Time
 from services.runtime.log import Log
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.runtime.transport.wire import MEMBER_BYTES, SampleInfo
 from services.sim.command_sources import FOREIGN_SOURCE, CommandSources
 from services.sim.drive.arbiter import BRAKE, Arbiter

@@ -7,21 +7,20 @@ from typing import NamedTuple
 
 from messages.base import Packed36, covariance
 from messages.geometry import (
-    Point,
     Pose,
     PoseWithCovariance,
-    Quaternion,
     Twist,
     TwistWithCovariance,
     Vector3,
 )
 from messages.nav import Odometry
+from messages.se2 import IDENTITY, Pose2
+from messages.se3 import Pose3, rotate_inverse
 from messages.std import Header
 from services.runtime.errors import BadInput
 from services.sim.drive.config import OdometryConfig
 from services.sim.drive.controller import STEP_S, DiffDriveController
 from services.sim.drive.kinematics import WheelGeometry
-from services.sim.physics.rotation import to_body_frame
 from services.sim.physics.world import BodyState, World
 
 MIN_INTERVAL_S = 1e-4
@@ -29,26 +28,6 @@ MIN_INTERVAL_S = 1e-4
 
 Velocity = tuple[float, float]
 """Speed [m/s] and turn rate [rad/s]."""
-
-
-class Pose2(NamedTuple):
-    """A pose on the ground: m, m, rad; the heading is not wrapped."""
-
-    x: float = 0.0
-    y: float = 0.0
-    heading: float = 0.0
-
-    def compose(self, other: Pose2) -> Pose2:
-        """The pose ``other`` of this pose's own frame."""
-        c, s = math.cos(self.heading), math.sin(self.heading)
-        return Pose2(
-            self.x + c * other.x - s * other.y, self.y + s * other.x + c * other.y, self.heading + other.heading
-        )
-
-    def inverse(self) -> Pose2:
-        """The pose of the origin, seen from this one."""
-        c, s = math.cos(self.heading), math.sin(self.heading)
-        return Pose2(-c * self.x - s * self.y, s * self.x - c * self.y, -self.heading)
 
 
 class OdometryState(NamedTuple):
@@ -126,14 +105,13 @@ PLANAR_COVARIANCE = covariance(1e-5, 1e-5, 1e12, 1e12, 1e12, 1e-3)
 
 def body_pose(state: BodyState) -> Pose:
     """The pose of a body in the world."""
-    (x, y, z), (i, j, k, w) = state.position, state.orientation
-    return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=i, y=j, z=k, w=w))
+    return Pose3(state.position, state.orientation).to_msg()
 
 
 def body_twist(state: BodyState) -> Twist:
     """The velocity of a body in its own axes."""
-    vx, vy, vz = to_body_frame(state.orientation, state.linear)
-    wx, wy, wz = to_body_frame(state.orientation, state.angular)
+    vx, vy, vz = rotate_inverse(state.orientation, state.linear)
+    wx, wy, wz = rotate_inverse(state.orientation, state.angular)
     return Twist(linear=Vector3(x=vx, y=vy, z=vz), angular=Vector3(x=wx, y=wy, z=wz))
 
 
@@ -199,7 +177,7 @@ class Odometer:
         """Count from here, with the wheels as they stand."""
         counts = self._controller is not None and self.config.source != "world"
         self.state: OdometryState | None = initial_odometry(*self._angles()) if counts else None
-        self.offset = Pose2()
+        self.offset = IDENTITY
         self._last_update = -1
         self.reset_phase()
 
@@ -248,7 +226,7 @@ class Odometer:
                 'set_state, or give it odometry = "encoder"'
             )
         pose = Pose2(x, y, heading)
-        self.offset = self.offset.compose(self.state.pose).compose(pose.inverse())
+        self.offset = self.offset @ self.state.pose @ pose.inverse()
         self.state = self.state._replace(x=x, y=y, heading=heading)
 
     def reconfigure(self, settings: OdometryConfig) -> None:

@@ -9,8 +9,8 @@ import msgspec
 
 from models.urdf import read_joint_limits
 from services.runtime.errors import BadInput, unknown_name
-from services.sim import JointParameters
 from services.sim.joints.effort_controller import EffortRule
+from services.sim.parameters import JointParameters
 from services.sim.physics.world import JointFriction
 
 

@@ -11,7 +11,7 @@ from messages.joints import JointEffort
 from models.urdf import JointLimits
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.log import Log
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.runtime.subscriber import Subscriber
 from services.runtime.transport.wire import MEMBER_BYTES
 from services.sim.joints.jobs import JobQueue, schedule_job

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from messages.se3 import Vector, rotate
 from services.runtime.errors import BadInput
 from services.runtime.log import Log
 from services.sim.entities import ScopedName, frame_state
 from services.sim.joints.jobs import Job, JobQueue
-from services.sim.physics.rotation import to_world_frame
-from services.sim.physics.world import Vector, World
+from services.sim.physics.world import World
 
 
 class LinkWrench(NamedTuple):
@@ -65,8 +65,6 @@ class LinkWrenches:
             self.clear(link)
             return
         pose = self._world.link_pose(*link)
-        x, y, z = to_world_frame(pose.orientation, wrench.point)
+        x, y, z = rotate(pose.orientation, wrench.point)
         a, b, c = pose.position
-        self._world.apply_wrench(
-            *link, to_world_frame(axes, wrench.force), to_world_frame(axes, wrench.torque), (a + x, b + y, c + z)
-        )
+        self._world.apply_wrench(*link, rotate(axes, wrench.force), rotate(axes, wrench.torque), (a + x, b + y, c + z))

@@ -11,13 +11,13 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from messages.se3 import Pose3, Vector, rotated_axes
 from models.world import WorldDescription
 from services.runtime.errors import BadInput, unknown_name
 from services.sim.physics._pybullet import pybullet
 from services.sim.physics.bullet_body import BulletBody, load_bullet_body
 from services.sim.physics.collision import CollisionChecker
 from services.sim.physics.engine import configure, connect, load_world
-from services.sim.physics.rotation import rotation_matrix
 from services.sim.physics.world import (
     Body,
     BodyState,
@@ -27,8 +27,6 @@ from services.sim.physics.world import (
     Inertia,
     JointFriction,
     JointReadings,
-    Pose3,
-    Vector,
 )
 
 SECOND = 1_000_000_000
@@ -226,7 +224,7 @@ class BulletWorld:
 
 def render_image(client: int, eye: Pose3, camera: CameraModel) -> bytes:
     """The picture seen from ``eye`` (z forward, x right, y down): rows from the top, three bytes RGB per pixel."""
-    axes = rotation_matrix(eye.orientation)
+    axes = np.array(rotated_axes(eye.orientation)).T
     position = np.array(eye.position)
     view = pybullet.computeViewMatrix(
         position.tolist(), (position + axes[:, 2]).tolist(), (-axes[:, 1]).tolist(), physicsClientId=client

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+from messages.se3 import Pose3, Rotation, Vector
 from services.runtime.errors import unknown_name
 from services.sim.physics._pybullet import pybullet
 from services.sim.physics.engine import load_urdf
-from services.sim.physics.world import Body, BodyState, Inertia, JointFriction, JointReadings, Pose3, Rotation, Vector
+from services.sim.physics.world import Body, BodyState, Inertia, JointFriction, JointReadings
 
 
 @dataclass(frozen=True)

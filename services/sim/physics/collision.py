@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from messages.se3 import Pose3
 from models.world import WorldDescription
 from services.runtime.errors import BadInput
 from services.sim.physics._pybullet import pybullet
 from services.sim.physics.bullet_body import BulletBody, load_bullet_body
 from services.sim.physics.engine import connect, is_roller, load_world
-from services.sim.physics.world import Body, Configuration, Pose3
+from services.sim.physics.world import Body, Configuration
 
 MAX_PENETRATION = 0.002
 """Bodies may reach this far, m, into each other or the ground: what resting on it takes, and rounding."""

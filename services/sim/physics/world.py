@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from messages.se3 import IDENTITY, Pose3, Rotation, Vector
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -15,20 +17,6 @@ GRAVITY = 9.81
 """m/s2, toward -z."""
 SOLVER_ITERATIONS = 50
 """Of the solver in a step; with 20 a robot drifts by 1.9 mm per metre driven, with 50 by 0.2."""
-
-Vector = tuple[float, float, float]
-Rotation = tuple[float, float, float, float]
-"""A unit quaternion (x, y, z, w)."""
-
-
-class Pose3(NamedTuple):
-    """Where something is in the world: position [m] and orientation."""
-
-    position: Vector = (0.0, 0.0, 0.0)
-    orientation: Rotation = (0.0, 0.0, 0.0, 1.0)
-
-
-ORIGIN = Pose3()
 
 
 class Configuration(NamedTuple):
@@ -98,7 +86,7 @@ class Body:
 
     name: str
     urdf: Path
-    pose: Pose3 = ORIGIN
+    pose: Pose3 = IDENTITY
     motors: tuple[Motor, ...] = ()
     fixed: bool = False
     initial_positions: tuple[tuple[str, float], ...] = ()

@@ -56,7 +56,7 @@ def test_down_after_a_stopped_process_a_hung_one_and_two_starts_at_once(tmp_path
         psutil.Process(desk.processes()["sim"]["pid"]).send_signal(signal.SIGSTOP)
         down = desk.start("down")
         out, err = down.communicate(timeout=90)
-        assert (down.returncode, out) == (0, f"one has ended; results in {desk.results}\n"), err
+        assert (down.returncode, out) == (0, f"one has stopped; results in {desk.results}\n"), err
         assert "killing its supervisor" not in err
         assert up.wait(10) in (0, 1)
         assert desk.report()["run"]["ended"] == "stopped"

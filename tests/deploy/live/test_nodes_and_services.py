@@ -14,9 +14,9 @@ import click
 import pytest
 
 from deploy.commands.completion import PARAMETER, SET
-from deploy.live.message_builder import read_yaml
+from deploy.yaml_reader import read_yaml
+from messages.requests import SIM_REQUESTS
 from services.runtime.process import ROOT
-from services.sim import SERVICE
 from tests.harness.background_fleet import BackgroundFleet, background_fleet, interrupt
 from tests.harness.waiting import wait_until
 
@@ -51,10 +51,10 @@ def test_a_node(running: BackgroundFleet) -> None:
 
 def test_services(running: BackgroundFleet) -> None:
     names = running.run("service", "list").out.splitlines()
-    assert set(names) >= {each.name for each in SERVICE.serves} | {"/supervisor/restart"}
+    assert set(names) >= {each.name for each in SIM_REQUESTS} | {"/supervisor/restart"}
     assert int(running.run("service", "list", "-c").out) == len(names)
     assert "/sim/spawn [elea_msgs/SpawnModel -> elea_msgs/ModelState]\n" in running.run("service", "list", "-t").out
-    assert "  /sim: put a model into the world\n" in running.run("service", "list", "-v").out
+    assert "  /sim: spawn a model\n" in running.run("service", "list", "-v").out
     servers = {each["name"]: each["nodes"] for each in running.run_json("service", "list")}
     assert (servers["/params/set"], servers["/sim/spawn"]) == (["/params"], ["/sim"])
     assert running.run("service", "type", "/sim/pause").out == "std_msgs/Empty -> elea_msgs/SimTime\n"
@@ -83,7 +83,11 @@ def test_calls(running: BackgroundFleet) -> None:
         (["/sim/step", "{count: 0}"], 2, "elea_msgs/Steps at count: Expected `int` >= 1"),
         (["/sim/step", "{cuont: 1}"], 2, "unknown field 'cuont'; did you mean 'count'"),
         (["/sim/spwan", "{}"], 2, "no service /sim/spwan is on the network; did you mean '/sim/spawn'"),
-        (["/sim/spawn", "std_msgs/String", "x"], 2, "/sim/spawn asks elea_msgs/SpawnModel, not std_msgs/String"),
+        (
+            ["/sim/spawn", "std_msgs/String", "x"],
+            2,
+            "/sim/spawn has the request type elea_msgs/SpawnModel, not std_msgs/String",
+        ),
         (["/sim/**", "{}"], 2, "wildcards are not allowed"),
         (["/sim/step", "{count: ["], 2, "is not YAML"),
     ],
@@ -101,7 +105,7 @@ def test_a_rate_survives_a_reset(running: BackgroundFleet) -> None:
         epoch = running.run_json("service", "call", "/sim/reset")["epoch"]
         running.run("topic", "hz", "/tb3_0/odom", "-n", "10")
         ended = interrupt(process)
-    assert f"simulation time began anew (epoch {epoch})" in ended.err
+    assert f"simulation time was reset (epoch {epoch})" in ended.err
     assert "average rate: 25.000 by simulation time" in ended.out.splitlines()[-5]
 
 
@@ -141,6 +145,9 @@ def completed(running: BackgroundFleet, *words: str, **environment: str) -> list
         (("restart", "gr"), ["grader"]),
         (("logs", "ro"), ["router"]),
         (("run", "way"), ["waypoint"]),
+        (("run", "my_"), ["file,my_"]),
+        (("up", "./my"), ["file,./my"]),
+        (("bag", "record", "/tb3_0/od"), ["/tb3_0/odom"]),
         (("topic", "echo", "--connect", "tcp/127.0.0.1:1", "/tb"), []),
         (("topic", "echo", "--onc"), ["--once"]),
     ],

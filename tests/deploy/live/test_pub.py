@@ -135,7 +135,7 @@ def test_a_new_topic_with_a_type(running: BackgroundFleet) -> None:
 
 def test_waiting_for_subscribers(running: BackgroundFleet) -> None:
     ended = running.run("topic", "pub", "-1", "tb3_0/cmd_vle", "geometry_msgs/Twist", "--timeout", "1.5", status=1)
-    assert "nobody subscribes to /tb3_0/cmd_vle; did you mean '/tb3_0/cmd_vel'?" in ended.err
+    assert "no subscribers to /tb3_0/cmd_vle; did you mean '/tb3_0/cmd_vel'?" in ended.err
     assert "waiting for 1 subscriber(s) of /tb3_0/cmd_vle, 0 there (-w 0 does not wait)" in ended.err
     assert "0 of 1 subscribers of /tb3_0/cmd_vle came within 1.5 s" in ended.err
     assert running.run("topic", "pub", "-1", "-w", "0", "/lab/none", "std_msgs/Empty").out == "publishing #1: {}\n"
@@ -155,7 +155,7 @@ def test_waiting_for_subscribers(running: BackgroundFleet) -> None:
         ),
         (["/tb3_0/cmd_vel", "geometry_msgs/Twits"], "did you mean 'geometry_msgs/Twist'"),
         (["/tb3_*/cmd_vel", "{}"], "wildcards are not allowed"),
-        (["/lab/nothing", "{}"], "nobody tells the type of /lab/nothing"),
+        (["/lab/nothing", "{}"], "the type of /lab/nothing is unknown"),
         (["/tb3_0/cmd_vel", "{}", "-r", "0"], "0.0 is not in the range 0<x<=1000"),
         (["/tb3_0/cmd_vel", "{}", "--onec"], "there is no option --onec"),
         (["/tb3_0/cmd_vel", "{}", "--once", "-t", "3"], "exclude each other"),

@@ -66,7 +66,7 @@ def test_waiting_for_a_topic(running: BackgroundFleet) -> None:
         with external_publisher(running.endpoint, "lab/later", {"a": 1}):
             out, err = waiting.communicate(timeout=30)
     assert json.loads(out) == {"a": 1}
-    assert "nobody publishes /lab/later yet: waiting" in err
+    assert "/lab/later is not published yet: waiting" in err
     silent = running.run("topic", "hz", "/tb3_0/cmd_vel", "--timeout", "1", status=1)
     assert "nothing came on /tb3_0/cmd_vel within 1 s" in silent.err
 
@@ -92,7 +92,7 @@ def test_waiting_for_a_topic(running: BackgroundFleet) -> None:
         (["echo", "/tb3_0/odom", "--timeout", "0"], "x>0"),
         (["find", "geometry_msgs/Twits"], "did you mean 'geometry_msgs/Twist'"),
         (["ecoh", "/tb3_0/odom"], "unknown verb 'ecoh'; did you mean 'echo'"),
-        (["list", "--port", "1"], "no fleet runs on port 1"),
+        (["list", "--port", "1"], "no fleet is running on port 1"),
         (["list", "--connect", "tcp/127.0.0.1:1"], "no router at tcp/127.0.0.1:1"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",

@@ -7,7 +7,7 @@ import io
 
 import pytest
 
-from deploy.live.message_builder import read_yaml
+from deploy.yaml_reader import read_yaml
 from tests.harness.background_fleet import WEATHER, BackgroundFleet, external_publisher
 
 
@@ -77,7 +77,7 @@ def test_echo_of_unknown_types_and_foreign_senders(running: BackgroundFleet) -> 
             "wind": [1, 2],
             "grid": [[0, 1], [2, 3]],
         }
-        assert "the type lab_msgs/Weather is not known here" in ended.err
+        assert "unknown type lab_msgs/Weather" in ended.err
         assert "a foreign sender" in ended.err
         assert (
             "unknown field 'hail'"

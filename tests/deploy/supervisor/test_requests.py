@@ -61,7 +61,7 @@ def test_two_orders_of_one_turn_leave_one_process_at_most(tmp_path: Path) -> Non
             await wait_until(lambda: len(answers) == 2 and not supervisor.is_busy("a") and settled())
             assert len(processes("/a")) == life.is_running, (runs, first, second, answers)
             if (first, second) == ("start", "start"):
-                assert [each.startswith("refused: a runs already") for each in answers] == [runs, True]
+                assert [each.startswith("refused: a is already running") for each in answers] == [runs, True]
             if "stop" in (first, second) and (first, second) != ("stop", "start"):
                 assert not runs or not life.is_running, "a process that was to be stopped runs"
 
@@ -140,7 +140,7 @@ def test_two_starts_over_the_network_answered_in_one_turn(tmp_path: Path) -> Non
     assert ended == "interrupted"
     assert processes("/a") == []
     assert sorted(type(each).__name__ for each in told) == ["CallFailed", "Done"]
-    assert any("a runs already (" in str(each) for each in told)
+    assert any("a is already running (" in str(each) for each in told)
 
 
 async def answer(pending: PendingReplies, transport: Transport) -> Done | CallFailed:

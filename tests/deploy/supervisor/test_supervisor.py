@@ -48,11 +48,11 @@ def test_orders(tmp_path: Path) -> None:
 
     outcome = stage.run(order, faulty_process("good", "/tb3_0/a"))
     assert answers == [
-        "refused: /tb3_0/a runs already (ready)",
+        "refused: /tb3_0/a is already running (ready)",
         "tb3_0/a restarts",
         "refused: unknown process 'tb3_0/aa'; did you mean 'tb3_0/a'? (known: tb3_0/a)",
         "tb3_0/a stops",
-        "refused: tb3_0/a does not run (stopped)",
+        "refused: tb3_0/a is not running (stopped)",
         "tb3_0/a starts",
     ]
     assert outcome.restarts == 0

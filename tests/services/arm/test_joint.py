@@ -58,5 +58,5 @@ def test_without_velocities_there_is_a_rate_all_the_same() -> None:
 def test_states_without_the_joint_or_without_angles_say_what_they_have() -> None:
     joint = JointReader("j")
     assert joint.read(state(100, 1.0, name="k"), LONGEST) is None
-    assert joint.error == "the joint states tell no angle of 'j' (they have: k)"
+    assert joint.error == "the joint states have no position of 'j' (only of: k)"
     assert joint.read(JointState(name=("j",)), LONGEST) is None

@@ -1,4 +1,4 @@
-"""The default law: filter, windup, and changes that are no bumps; and what the seed's does instead."""
+"""The default law: filter, windup, and changes that are no bumps; and what the tutorial's does instead."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def test_the_gains_are_those_of_the_controller_that_is_chosen() -> None:
 
 
 def test_a_jump_of_the_reference_is_no_kick() -> None:
-    """By the seed's law 3 degrees within 10 ms are 840 N m through kd alone, which fills the saturation."""
+    """By the tutorial's law 3 degrees within 10 ms are 840 N m through kd alone, which fills the saturation."""
     quiet = Pid()
     quiet.step(gains(kd=2.8), at(0.0), DT_CONTROL)
     assert quiet.step(gains(kd=2.8), at(3.0), DT_CONTROL) == pytest.approx(30.0)
@@ -85,7 +85,7 @@ def test_the_integral_is_summed_over_time_and_rests_without_it() -> None:
 
 
 def test_a_joint_that_is_held_winds_nothing_up_beyond_the_saturation() -> None:
-    """The integral of the seed's law, unguarded, would be 3000 N m after the minute."""
+    """The integral of the tutorial's law, unguarded, would be 3000 N m after the minute."""
     law, stuck = Pid(), gains(kp=1.0, ki=10.0, kd=0.1)
     for _ in range(6000):
         assert law.step(stuck, at(5.0), DT_CONTROL) <= 200.0
@@ -130,13 +130,13 @@ def test_no_change_is_a_bump_and_each_is_let_in(after: dict[str, object]) -> Non
 
 
 def test_the_law_itself_is_changed_without_a_bump_into_the_default() -> None:
-    seed, default = ArmParameters(law="seed"), ArmParameters(law="default", gravity=True)
+    tutorial, default = ArmParameters(law="tutorial"), ArmParameters(law="default", gravity=True)
     controller, sight = ArmController(), at(30.0, 29.0)
-    last = [controller.step(seed, sight, DT_CONTROL) for _ in range(5)][-1]
+    last = [controller.step(tutorial, sight, DT_CONTROL) for _ in range(5)][-1]
     assert controller.step(default, sight, DT_CONTROL) == pytest.approx(last, abs=1e-6)
 
 
-def test_the_seed_keeps_its_guard() -> None:
+def test_the_tutorial_keeps_its_guard() -> None:
     """It bounds the sum to 20 deg s: with 0.3 that is 6 N m, which cannot hold the arm."""
     law = TutorialPid()
     for _ in range(1000):

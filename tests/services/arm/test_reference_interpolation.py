@@ -53,7 +53,7 @@ def test_it_goes_on_for_an_interval_and_then_stands() -> None:
     assert target.age(now + 600 * MS) == pytest.approx(0.6)
 
 
-def test_the_law_of_the_seed_has_the_stairs() -> None:
+def test_the_tutorials_law_has_the_steps() -> None:
     target, now = taught([0.0, 1.0, 2.0])
     assert target.at(now + 10 * MS, smooth=False) == SetPoint(2.0)
 

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from messages.elea import BaseStatus
 from messages.geometry import Pose, PoseWithCovariance, Twist, TwistWithCovariance
 from messages.nav import Odometry
+from messages.se2 import Pose2
 from messages.std import Header, Time
-from services.driving.planar import Pose2
 from services.grader.measurement import GradedMessage, Measurement, MessageKind
 from services.waypoint import WaypointParameters
 from services.waypoint.controller import WaypointController

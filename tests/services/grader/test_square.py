@@ -14,9 +14,9 @@ from deploy.report.write import build_report
 from messages.elea import BaseStatus, GoalStatus
 from messages.geometry import Pose, PoseStamped
 from messages.nav import Path
+from messages.se2 import Pose2
 from messages.std import Header, Time
 from models.dynamics import predict_stop
-from services.driving.planar import Pose2
 from services.grader import BrakingSpec
 from services.grader.corners import is_closed
 from services.grader.measurement import Measurement, MessageKind

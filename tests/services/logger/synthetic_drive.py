@@ -1,4 +1,4 @@
-"""A synthetic drive for the logger's tests: four robots through seed 003's points, as the messages that a run sends."""
+"""A synthetic drive for the logger's tests: four robots through the tutorial's points, as messages."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class SyntheticRobot:
 
 
 def synthetic_fleet() -> dict[str, SyntheticRobot]:
-    """The four robots of seed 003 at their start."""
+    """The four robots of the tutorial at their start."""
     return {f"tb3_{k}": SyntheticRobot(y0=0.5 * k, drift=0.001 * (k + 1)) for k in range(4)}
 
 

@@ -23,12 +23,13 @@ from messages.geometry import (
     Vector3,
 )
 from messages.nav import Odometry, Path
+from messages.se2 import Pose2
 from messages.sensor import JointState
 from messages.std import Header, Time
 from services.logger.columns import RobotColumns, RowBuffer, Trail
 from services.logger.recording import FleetSeries
 from services.logger.reference_path import ReferencePath, distance_to_segments
-from services.logger.static_frames import Transform2
+from services.logger.static_frames import transform_points
 from services.runtime.tf.buffer import TransformBuffer
 
 COORDINATE = st.floats(-100, 100)
@@ -81,10 +82,10 @@ def test_a_course_forgets_only_what_is_past() -> None:
 def test_an_alignment_lays_odometry_over_truth(
     x: float, y: float, yaw: float, ox: float, oy: float, oyaw: float
 ) -> None:
-    found = Transform2.from_poses((x, y, yaw), (ox, oy, oyaw))
-    assert found.apply(np.array([(ox, oy)]))[0] == pytest.approx((x, y), abs=1e-9)
+    found = Pose2.aligning(Pose2(x, y, yaw), Pose2(ox, oy, oyaw))
+    assert transform_points(found, np.array([(ox, oy)]))[0] == pytest.approx((x, y), abs=1e-9)
     ahead = np.array([(ox + math.cos(oyaw), oy + math.sin(oyaw))])
-    assert found.apply(ahead)[0] == pytest.approx((x + math.cos(yaw), y + math.sin(yaw)), abs=1e-9)
+    assert transform_points(found, ahead)[0] == pytest.approx((x + math.cos(yaw), y + math.sin(yaw)), abs=1e-9)
 
 
 @given(st.lists(st.integers(1, 40), min_size=1, max_size=12))

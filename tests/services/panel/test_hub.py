@@ -106,7 +106,7 @@ def test_a_request_is_answered_while_the_loop_goes_on_or_refused_when_nobody_ser
     at.spin(0.1)
     reply = at.messages_to(page, "reply")[0]
     assert not reply["ok"]
-    assert "nobody serves /sim/pause" in reply["is"]
+    assert "no server for /sim/pause" in reply["is"]
     at.robot.node.serve(PAUSE, lambda _: SimTime(tick=5))
     at.send(page, Pause(id=2))
     at.spin()

@@ -97,7 +97,7 @@ def test_a_field_is_chosen_held_and_saved(fleet: PanelFleet, pages: PageOpener) 
 def test_who_dies_disappears_within_three_seconds(fleet: PanelFleet, pages: PageOpener, tmp_path: object) -> None:
     page = pages.open("graph")
     stray = Process(
-        ["-m", "services.waypoint", "--namespace", "/stray", "--connect", fleet.endpoint], fleet.folder / "stray.log"
+        ["-m", "services", "waypoint", "--namespace", "/stray", "--connect", fleet.endpoint], fleet.folder / "stray.log"
     )
     with stray:
         node = page.locator("g.node[data-node='/stray/waypoint']")

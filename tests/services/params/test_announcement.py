@@ -99,6 +99,33 @@ def test_saved_values_under_a_changed_schema_are_migrated_or_left_out_and_it_is_
         assert at.server.announce(arm_announcement(parameters=NEW)).note == ""
 
 
+def test_a_saved_choice_that_was_renamed_gets_its_new_name_and_so_does_what_an_undo_brings_back(tmp_path: Path) -> None:
+    old = (ParameterDescription(name="law", type="str", default="default", choices=("default", "seed")),)
+    new = (replace(old[0], choices=("default", "tutorial")),)
+    file = str(tmp_path / "params.db")
+    with server_harness(file) as at:
+        at.server.announce(arm_announcement(parameters=old))
+        at.set(law="seed")
+    with server_harness(file) as at:
+        answer = at.server.announce(arm_announcement(parameters=new))
+        assert value_dict(answer) == {"law": "tutorial"}
+        assert "saved law = 'seed' became 'tutorial': the choice was renamed" in answer.note
+        assert at.history()[0].kind == "migrated"
+        with pytest.raises(BadInput, match="law = 'seed': it is called 'tutorial' now"):
+            at.set(law="seed")
+        at.set(law="default")
+        at.undo()
+        assert at.get() == {"law": "tutorial"}
+    with server_harness(file) as at:
+        at.server.announce(arm_announcement(parameters=old))
+        at.set(law="seed")
+        at.reset()
+    with server_harness(file) as at:
+        at.server.announce(arm_announcement(parameters=new))
+        at.undo()
+        assert at.get() == {"law": "tutorial"}
+
+
 def test_an_undo_cannot_bring_back_what_fits_no_longer(tmp_path: Path) -> None:
     file = str(tmp_path / "params.db")
     with server_harness(file) as at:

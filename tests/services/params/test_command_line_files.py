@@ -94,5 +94,5 @@ def test_an_answer_that_does_not_come_is_told_as_it_is(line: RunCommand, bench: 
     said = line("set", SET, "ref_angle", "4")
     bench.start()
     assert said.status == 1
-    assert "nobody serves /params/list, nothing was asked" in said.err
+    assert "no server for /params/list, nothing was sent" in said.err
     assert value_dict(bench.client.get())["ref_angle"] == 3.0

@@ -8,8 +8,8 @@ from messages.topics import CLOCK
 from services.bag.reader import BagTime
 from services.player.clocks import SimClock
 from services.runtime.context import Context
+from services.runtime.parameters.base import Parameters
 from services.runtime.publisher import Publisher
-from services.runtime.service import Parameters
 from services.runtime.transport.memory import MemoryBus
 from tests.harness.memory_node import memory_node
 

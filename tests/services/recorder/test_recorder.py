@@ -210,16 +210,16 @@ def test_which_topics_are_recorded() -> None:
 
 def test_simulated_time_is_the_stamp_near_the_clock_and_else_the_clock() -> None:
     times, odom = PublishTimes(), ODOM.record
-    assert times.publish_time(Twist(), 77, timed=False) == 77, "without a clock, the wall's"
-    assert times.publish_time(Twist(), 77, timed=True) == 0, "before the first clock, the beginning"
-    assert times.publish_time(Clock(clock=Time.of(5 * 10**9)), 78, timed=True) == 5 * 10**9
-    assert times.publish_time(Twist(), 79, timed=True) == 5 * 10**9
-    assert times.publish_time(Clock(clock=Time(sec=-3)), 80, timed=True) == 0, (
+    assert times.publish_time(Twist(), 77, has_clock=False) == 77, "without a clock, the wall's"
+    assert times.publish_time(Twist(), 77, has_clock=True) == 0, "before the first clock, the beginning"
+    assert times.publish_time(Clock(clock=Time.of(5 * 10**9)), 78, has_clock=True) == 5 * 10**9
+    assert times.publish_time(Twist(), 79, has_clock=True) == 5 * 10**9
+    assert times.publish_time(Clock(clock=Time(sec=-3)), 80, has_clock=True) == 0, (
         "no bag holds a time before the beginning"
     )
-    times.publish_time(Clock(clock=Time.of(5 * 10**9)), 80, timed=True)
+    times.publish_time(Clock(clock=Time.of(5 * 10**9)), 80, has_clock=True)
     stamped = [odom(header=type(odom().header)(stamp=Time.of(at))) for at in (5 * 10**9 - 7, 10**9, 9 * 10**9)]
-    assert [times.publish_time(each, 80, timed=True) for each in stamped] == [5 * 10**9 - 7, 5 * 10**9, 5 * 10**9]
+    assert [times.publish_time(each, 80, has_clock=True) for each in stamped] == [5 * 10**9 - 7, 5 * 10**9, 5 * 10**9]
 
 
 @pytest.mark.parametrize(("source", "wanted"), [(None, 20), (15, 15), (5, 10), (25, 20)])

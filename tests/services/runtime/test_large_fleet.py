@@ -17,6 +17,7 @@ from messages.base import decoder, encode
 from messages.elea import FleetState, Health
 from messages.gazebo import LinkStates, ModelStates
 from messages.records import RECORDS
+from messages.se3 import Pose3
 from messages.std import Empty
 from messages.tf import TFMessage
 from messages.topics import (
@@ -42,12 +43,11 @@ from services.grader.measurement import MessageLosses
 from services.recorder import RecorderParameters
 from services.recorder.subscriptions import Subscriptions, TopicFilter
 from services.runtime.node import Node
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
-from services.sim import RobotEntry
+from services.sim.parameters import RobotEntry
 from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import Pose3
 from services.sim.services import SimulationServices
 from services.sim.simulation import TF_STEPS, Simulation
 from tests.harness.memory_node import memory_node
@@ -110,6 +110,7 @@ def whole(beats: list[Health], of: Node) -> None:
     assert (beats[-1].reads, beats[-1].writes) == (len(of.subscribers), len(of.publishers))
 
 
+@pytest.mark.slow
 def test_what_the_simulation_tells(network: Network, stage: tuple[Simulation, Node]) -> None:
     made, simulation = stage
     with memory_node(network.bus, "reader") as reader:
@@ -134,7 +135,7 @@ def test_what_the_simulation_tells(network: Network, stage: tuple[Simulation, No
         assert isinstance(links, LinkStates)
         assert models.name == tuple(NAMES)
         assert len(links.name) >= 7 * ROBOTS
-    listed = SimulationServices(made, None, simulation)._list(Empty())  # type: ignore[arg-type]
+    listed = SimulationServices(made, simulation)._list(Empty())
     assert len(listed.models) == ROBOTS
     assert len(encode(listed)) < LARGEST_MESSAGE // 8
 
@@ -173,6 +174,7 @@ def test_heartbeats_of_the_simulation_and_a_loss_in_the_last_robot(
         )
 
 
+@pytest.mark.slow
 def test_heartbeats_of_a_recorder_a_grader_a_panel_and_the_parameter_service(
     network: Network, stage: tuple[Simulation, Node]
 ) -> None:
@@ -209,6 +211,7 @@ def test_a_beat_that_cannot_be_told_tells_totals(network: Network) -> None:
         assert [each.received for each in beat.inputs] == [5]
 
 
+@pytest.mark.slow
 def test_the_state_of_the_fleet_and_its_command_lines() -> None:
     robots = "".join(
         f'[[robot]]\nname = "{name}"\nmodel = "burger"\npose = {{ x = {i}.5, y = 1.25 }}\n'

@@ -12,10 +12,10 @@ from messages.requests import PAUSE, RESUME, STEP, Refusal
 from messages.simulation import SimTime, Steps
 from messages.std import Empty
 from messages.topics import HEALTH
-from services.runtime.errors import CallFailed, SeveralServers, nearest, unknown_name
+from services.runtime.errors import BadInput, CallFailed, SeveralServers, nearest, unknown_name
 from services.runtime.node import Node
 from services.runtime.parameters.client import call_idempotent
-from services.runtime.requests import MAX_PER_TURN
+from services.runtime.requests import MAX_PER_TURN, DeferredReply
 from services.runtime.transport.api import PendingReplies
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.request_queue import MAX_WAITING
@@ -112,6 +112,37 @@ def test_a_handler_that_fails_is_told_logged_and_counted_and_ends_nothing(bus: M
         assert 'raise ZeroDivisionError("of ours")' in log_of(server)
 
 
+def test_a_deferred_reply_holds_its_query_alone_and_comes_once(bus: MemoryBus) -> None:
+    deferred: list[DeferredReply[SimTime]] = []
+
+    def defer(_: object) -> DeferredReply[SimTime]:
+        deferred.append(DeferredReply())
+        return deferred[-1]
+
+    def fail() -> SimTime:
+        raise BadInput("it cannot be done now")
+
+    with MemoryTransport(bus) as stranger:
+        with memory_node(bus, "sim") as server:
+            server.serve(STEP, defer)
+            server.serve(PAUSE, lambda _: SimTime(tick=5))
+            first, second, third, last = (stranger.query_async(STEP_KEY, encode(Steps()), 60.0) for _ in range(4))
+            pause = stranger.query_async(PAUSE_KEY, encode(Empty()), 60.0)
+            server.spin_once()
+            assert [each.poll() is None for each in (first, second, third, last, pause)] == [True] * 4 + [False]
+            later: DeferredReply[SimTime] = DeferredReply()
+            deferred[1].answer(lambda: SimTime(tick=2))
+            deferred[0].answer(fail)
+            deferred[2].answer(lambda: later)
+            assert third.poll() is None
+            later.answer(lambda: SimTime(tick=3))
+            deferred[1].answer(lambda: SimTime(tick=4))
+            assert reason_of(first) == "it cannot be done now"
+            ticks = [decoder(SimTime)(reply.payload).tick for each in (second, third) for reply in each.poll() or ()]
+            assert ticks == [2, 3]
+        assert reason_of(last) == "the process ended before this was done"
+
+
 def test_who_asks_two_servers_is_told_of_both_and_one_that_has_gone_is_none(
     bus: MemoryBus, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -145,8 +176,8 @@ def test_a_silent_second_server_costs_the_deadline_and_no_more(bus: MemoryBus) -
 
 def test_a_long_name_is_compared_with_none_and_long_lists_are_cut() -> None:
     known = [f"{'ab' * 49}{number:04}" for number in range(1000)]
-    assert nearest("x" * 8_000_000, known) == ""
-    assert nearest("tb3_9", ["tb3_0", "arm"]) == "tb3_0"
+    assert nearest("x" * 8_000_000, known) == []
+    assert nearest("tb3_9", ["tb3_0", "arm"]) == ["tb3_0"]
     error = str(unknown_name("model", "m" * 8_000_000, (f"m{number}" for number in range(1000))))
     assert len(error) < 2000
     assert error.endswith("and 900 more)")

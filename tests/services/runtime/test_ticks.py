@@ -17,7 +17,7 @@ from messages.std import Header, Time
 from messages.topics import CLOCK, CMD_VEL, HEALTH, ODOM, Quality
 from services.runtime.context import Context, Tick
 from services.runtime.errors import BadInput, Stopped
-from services.runtime.service import Parameters
+from services.runtime.parameters.base import Parameters
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.wire import encoding, pack_attachment
 from tests.harness.memory_node import ManualClock, memory_node
@@ -257,7 +257,7 @@ def test_a_second_clock_is_counted_and_not_followed_until_the_first_is_silent(
         assert [tick.reset for tick in ticks].count(True) <= 1
         (counts,) = [each for each in ctx.node.refusal_counters if each.refused]
         assert (counts.name, counts.refused) == ("pacing: /clock", 19)
-        assert counts.reason == "a publisher without a token tells another time than /player"
+        assert counts.reason == "a publisher without a token publishes another time than /player"
         with memory_node(bus, "sim") as sim:
             mine = sim.advertise(CLOCK)
             for number in range(20, 40):

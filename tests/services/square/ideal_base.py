@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from services.driving.planar import ZERO_TWIST, Pose2, Twist2
+from messages.se2 import ZERO_TWIST, Pose2, Twist2
 from services.square import SquareParameters
 from services.square.controller import SquareController
 from services.square.corners import StepResult

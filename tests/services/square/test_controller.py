@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from services.driving.planar import ZERO_TWIST, Pose2
+from messages.se2 import ZERO_TWIST, Pose2
 from services.square import SquareParameters
 from services.square.controller import SquareController
 from tests.services.square.ideal_base import CONTROL_S, IdealBase
@@ -14,7 +14,7 @@ from tests.services.square.ideal_base import CONTROL_S, IdealBase
 START = Pose2(0.7, -0.4, 2.9)
 
 
-@pytest.mark.parametrize("law", ["profile", "seed"])
+@pytest.mark.parametrize("law", ["profile", "tutorial"])
 def test_another_speed_on_the_way_is_kept_to_and_the_square_is_the_same(law: str) -> None:
     base, pilot, command = IdealBase(START), SquareController(SquareParameters(law=law)), ZERO_TWIST
     speeds: dict[float, list[float]] = {0.2: [], 0.4: []}
@@ -32,5 +32,4 @@ def test_another_speed_on_the_way_is_kept_to_and_the_square_is_the_same(law: str
     for wanted, seen in speeds.items():
         assert max(seen) == pytest.approx(wanted, rel=0.1)
     closure = math.hypot(base.pose.x - START.x, base.pose.y - START.y)
-    print(f"{law}: closed on {1000 * closure:.1f} mm")
     assert closure < (0.005 if law == "profile" else 0.35)

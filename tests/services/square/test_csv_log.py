@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from services.driving.planar import Pose2
+from messages.se2 import Pose2
 from services.runtime.errors import BadInput
 from services.square.csv_log import COLUMNS, TUTORIAL_COLUMNS, CsvLog
 

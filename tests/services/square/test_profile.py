@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from services.driving.planar import ZERO_TWIST, Pose2, wrap
+from messages.se2 import ZERO_TWIST, Pose2, wrap
 from services.square import SquareParameters
 from services.square.controller import SquareController
 from services.square.corners import Square
@@ -48,6 +48,7 @@ def test_it_ends_where_it_began_and_reports_each_corner() -> None:
     assert run[-1].time < 45
 
 
+@pytest.mark.slow
 @given(
     side=st.floats(0.2, 3.0),
     linear=st.floats(0.02, 1.5),

@@ -1,4 +1,4 @@
-"""The seed's law: the tutorial's loop, written down as it stands, does the same; and it misses by what is computed."""
+"""The tutorial's law does what the tutorial's own loop does, and misses by what is computed."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from services.driving.planar import ZERO_TWIST, Pose2, Twist2
+from messages.se2 import ZERO_TWIST, Pose2, Twist2
 from services.square import SquareParameters
 from services.square.corners import Square
 from services.square.tutorial import TutorialState, overrun, predict, step
@@ -49,7 +49,7 @@ def original(phase: float) -> tuple[list[float], Pose2]:
 @pytest.mark.parametrize("phase", [0.0, 0.02, 0.04, 0.06, 0.08])
 def test_it_does_what_the_original_does(phase: float) -> None:
     turned, end = original(phase)
-    run = list(drive(SquareParameters(law="seed", phase=phase), IdealBase()))
+    run = list(drive(SquareParameters(law="tutorial", phase=phase), IdealBase()))
     reached = [each for each in run if each.move.state == "reached"]
     assert [math.degrees(each.pose.yaw) for each in reached] == pytest.approx(turned, abs=1e-9)
     last = run[-1].pose
@@ -58,7 +58,7 @@ def test_it_does_what_the_original_does(phase: float) -> None:
 
 def test_it_misses_by_what_was_computed_for_it() -> None:
     """Semantics of the tutorial: 90.3, 184.8, 279.4, 373.9 degrees where each turn is declared done, ends 17 off."""
-    run = list(drive(SquareParameters(law="seed"), IdealBase()))
+    run = list(drive(SquareParameters(law="tutorial"), IdealBase()))
     turned = [math.degrees(each.pose.yaw) for each in run if each.move.state == "reached"]
     assert turned == pytest.approx([90.3, 184.8, 279.4, 373.9], abs=2.0)
     assert math.hypot(run[-1].pose.x, run[-1].pose.y) == pytest.approx(0.223, abs=0.002)
@@ -69,7 +69,8 @@ def test_it_misses_by_what_was_computed_for_it() -> None:
 
 def test_the_mean_over_all_phases_is_seventeen_degrees() -> None:
     ends = [
-        predict(SquareParameters(law="seed", phase=phase), IdealBase().ramp) for phase in (0, 0.02, 0.04, 0.06, 0.08)
+        predict(SquareParameters(law="tutorial", phase=phase), IdealBase().ramp)
+        for phase in (0, 0.02, 0.04, 0.06, 0.08)
     ]
     degrees = [math.degrees(each.excess_turn) for each in ends if each is not None]
     assert sorted(degrees)[0] == pytest.approx(6.7, abs=0.1)
@@ -78,8 +79,8 @@ def test_the_mean_over_all_phases_is_seventeen_degrees() -> None:
 
 
 def test_what_is_expected_is_what_is_driven() -> None:
-    run = list(drive(SquareParameters(law="seed", count=2, side=0.6), IdealBase()))
-    ends = predict(SquareParameters(law="seed", count=2, side=0.6), IdealBase().ramp)
+    run = list(drive(SquareParameters(law="tutorial", count=2, side=0.6), IdealBase()))
+    ends = predict(SquareParameters(law="tutorial", count=2, side=0.6), IdealBase().ramp)
     assert ends is not None
     assert ends.closure == pytest.approx(math.hypot(run[-1].pose.x, run[-1].pose.y), abs=1e-6)
     assert ends.excess_turn == pytest.approx(run[-1].pose.yaw - 2 * math.tau, abs=1e-6)
@@ -90,7 +91,7 @@ def test_a_base_turns_on_by_its_braking_angle() -> None:
 
 
 def test_between_its_periods_it_sends_nothing_and_looks_once() -> None:
-    p = SquareParameters(law="seed", phase=0.04)
+    p = SquareParameters(law="tutorial", phase=0.04)
     loop = TutorialState.at_start(Square(Pose2(0.0, 0.0), 1.0))
     commands = []
     for tick in range(50):

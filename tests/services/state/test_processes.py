@@ -11,7 +11,7 @@ import pytest
 from messages.base import encode
 from messages.geometry import Twist
 from messages.requests import RESET
-from messages.se3 import SE3
+from messages.se3 import Pose3
 from messages.sensor import JointState
 from messages.std import Empty, Header, String, Time
 from messages.tf import TFMessage
@@ -21,7 +21,7 @@ from services.runtime.transport.wire import encoding
 from tests.harness.message_recorder import MessageRecorder
 from tests.harness.processes import Network
 from tests.harness.waiting import wait_until
-from tests.services.runtime.tf.test_se3 import same
+from tests.messages.test_se3 import same
 from tests.services.state.conftest import TfHarness
 from tests.services.state.sample_urdfs import joint_urdf, robot_urdf
 
@@ -40,7 +40,7 @@ def test_wheels_turn_with_the_joint_states_and_bear_their_stamps(scene: TfHarnes
     states = MessageRecorder(scene.node.subscribe(JOINT_STATES, "/a/joint_states"))
     told = MessageRecorder(scene.node.subscribe(TF))
     angles: dict[int, float] = {}
-    seen: dict[int, SE3] = {}
+    seen: dict[int, Pose3] = {}
 
     def turned() -> bool:
         drive.publish(Twist.planar(0.15, 0.0))
@@ -49,7 +49,7 @@ def test_wheels_turn_with_the_joint_states_and_bear_their_stamps(scene: TfHarnes
         )
         for each in (transform for message in told.received() for transform in message.transforms):
             if each.child_frame_id == "a/wheel_left_link":
-                seen[each.header.stamp.ns] = SE3.from_msg(each.transform)
+                seen[each.header.stamp.ns] = Pose3.from_msg(each.transform)
         return max(angles.values(), default=0) > 2 and max(seen, default=0) >= max(angles)
 
     wait_until(turned, 30.0, "a wheel that has turned by two radians")
@@ -57,16 +57,16 @@ def test_wheels_turn_with_the_joint_states_and_bear_their_stamps(scene: TfHarnes
     common = sorted(angles.keys() & seen.keys())
     assert len(common) > 10
     for stamp in common:
-        assert same(seen[stamp], SE3(*wheel.transform(angles[stamp])), 1e-9)
+        assert same(seen[stamp], wheel.transform(angles[stamp]), 1e-9)
 
 
 def test_a_robot_from_elsewhere_stands_as_its_defaults_say(scene: TfHarness) -> None:
     frames = scene.poll()
-    assert frames.buffer.lookup("gripper/base", "gripper/arm").transform.translation == pytest.approx((0, 0, 0.6))
-    assert frames.buffer.lookup("gripper/hand", "gripper/right_finger").transform.translation == pytest.approx(
+    assert frames.buffer.lookup("gripper/base", "gripper/arm").transform.position == pytest.approx((0, 0, 0.6))
+    assert frames.buffer.lookup("gripper/hand", "gripper/right_finger").transform.position == pytest.approx(
         (0, 0.03, 0)
     )
-    assert frames.buffer.lookup("gripper/hand", "gripper/left_finger").transform.translation == pytest.approx(
+    assert frames.buffer.lookup("gripper/hand", "gripper/left_finger").transform.position == pytest.approx(
         (0, -0.029, 0)
     )
     assert "eye" in frames.frames(), "a leading slash keeps the prefix away"
@@ -128,8 +128,8 @@ def test_a_second_publisher_of_a_frame_is_told_by_both_sides(scene: TfHarness) -
         (("model=burgr",), "did you mean 'burger'"),
         (("model=burger", "urdf=x"), "both model"),
         (("model=burger", "publish_default_positions=true", 'zeros=["elbow=1"]'), "no joint 'elbow'"),
-        (("model=burger", 'source_list=["joint_states"]'), "what it merges them to"),
-        (('robots=["x", "/x"]',), "a name comes twice"),
+        (("model=burger", 'source_list=["joint_states"]'), "which is its own output"),
+        (('robots=["x", "/x"]',), "a name is given twice"),
         (('robots=["x y"]',), "is not a name"),
     ],
 )

@@ -56,10 +56,10 @@ def test_what_is_sent(sent: Velocity | None, text: str) -> None:
 @pytest.mark.parametrize(
     ("base", "text"),
     [
-        (None, "tells nothing: is the robot still in the simulation?"),
+        (None, "no status: is the robot still in the simulation?"),
         (BaseStatus(source=NODE, e_stopped=True), "EMERGENCY STOP, until false is sent on e_stop"),
         (BaseStatus(source="/p3dx/square"), "obeys /p3dx/square"),
-        (BaseStatus(), "nobody commands it"),
+        (BaseStatus(), "no commands"),
         (BaseStatus(source=NODE, colliding=True), "obeys these keys, touches something"),
     ],
 )

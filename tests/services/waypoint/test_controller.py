@@ -10,7 +10,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from services.driving.planar import ZERO_TWIST, Pose2, Segment, wrap
+from messages.se2 import ZERO_TWIST, Pose2, wrap
+from services.driving.guidance import Segment
 from services.waypoint import WaypointParameters
 from services.waypoint.controller import Goal, Plan, WaypointController
 from tests.services.waypoint.ideal_base import CONTROL_S, IdealBase, SimulatedStep, drive
@@ -21,7 +22,7 @@ START_YAW = 1.57
 
 def lap(shift: float = 0.0, law: str = "steady") -> list[SimulatedStep]:
     goals = tuple((float(x), y + shift) for x, y in TEN)
-    parameters = WaypointParameters(goals=goals, law="seed" if law == "seed" else "steady")
+    parameters = WaypointParameters(goals=goals, law="tutorial" if law == "tutorial" else "steady")
     return list(drive(WaypointController(parameters), Pose2(0, shift, START_YAW), 400))
 
 
@@ -34,6 +35,7 @@ def four() -> list[list[SimulatedStep]]:
     return [lap(0.5 * robot) for robot in range(4)]
 
 
+@pytest.mark.slow
 def test_a_lap_stops_on_every_point_within_a_millimetre_and_in_time(four: list[list[SimulatedStep]]) -> None:
     run = four[0]
     assert run[-1].progress.state == "finished"
@@ -66,9 +68,9 @@ def test_four_robots_half_a_metre_apart_keep_their_distance(four: list[list[Simu
     assert 0.49 < smallest < 0.51
 
 
-def test_the_seed_law_cuts_its_corners_and_takes_as_long_as_computed() -> None:
+def test_the_tutorial_law_cuts_its_corners_and_takes_as_long_as_computed() -> None:
     """Computed for the original without limits: 292 s; this base ramps its wheels at 1 m/s^2."""
-    run = lap(law="seed")
+    run = lap(law="tutorial")
     assert reached(run) == list(range(10))
     assert run[-1].time == pytest.approx(292, rel=0.03)
     assert all(0.29 < now.progress.distance < 0.3 for now in run if now.progress.state == "reached")

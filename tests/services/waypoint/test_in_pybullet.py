@@ -6,9 +6,10 @@ import math
 
 import pytest
 
+from messages.se2 import ZERO_TWIST, Pose2, Twist2
 from models.model import read_model
 from models.world import WorldDescription
-from services.driving.planar import ZERO_TWIST, Pose2, Segment, Twist2
+from services.driving.guidance import Segment
 from services.sim.drive.driver import Drive
 from services.sim.physics.bullet import BulletWorld
 from services.waypoint import WaypointParameters

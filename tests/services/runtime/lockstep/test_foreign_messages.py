@@ -19,7 +19,8 @@ from services.runtime.graph import Entity
 from services.runtime.lockstep import barrier
 from services.runtime.lockstep.member import LockstepMember
 from services.runtime.lockstep.protocol import SIMULATION, StepGrant, StepReport, grant_key, report_key
-from services.runtime.service import STEP_NS, Parameters
+from services.runtime.parameters.base import Parameters
+from services.runtime.step import STEP_NS
 from services.runtime.transport.api import Transport
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.wire import publisher_id
@@ -283,7 +284,7 @@ def test_who_comes_late_has_what_members_and_simulation_told_long_ago(connect: C
                     ctx.publish(LATCHED, Float64(data=5.0))
 
         def hear(ctx: Context[Parameters]) -> None:
-            plan, frames = ctx.latest(LATCHED), ctx.latest(LATCHED, "/frame")
+            plan, frames = ctx.latest(LATCHED), ctx.latest(LATCHED.named("/frame"))
             for _ in ctx.ticks():
                 if plan.value is not None and frames.value is not None:
                     seen.append(plan.value.data + frames.value.data)

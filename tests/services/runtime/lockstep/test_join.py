@@ -13,7 +13,7 @@ from services.runtime.lockstep.barrier import Barrier
 from services.runtime.lockstep.member import LockstepMember
 from services.runtime.lockstep.protocol import StepGrant
 from services.runtime.node import Node
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.runtime.transport.api import Transport
 from services.runtime.transport.memory import MemoryBus
 from services.runtime.transport.wire import publisher_id

@@ -19,7 +19,8 @@ from services.runtime.errors import BadInput, Stopped
 from services.runtime.lockstep.barrier import Barrier
 from services.runtime.lockstep.protocol import StepGrant
 from services.runtime.node import Node
-from services.runtime.service import STEP_NS, Parameters, period_of
+from services.runtime.parameters.base import Parameters
+from services.runtime.step import STEP_NS, period_of
 from services.runtime.transport.api import Transport
 from services.runtime.transport.memory import MemoryBus
 from services.runtime.transport.wire import member_id
@@ -214,5 +215,5 @@ def test_a_member_that_comes_back_is_waited_for_again(connect: Callable[[], Tran
 def test_a_rate_must_be_whole_steps() -> None:
     assert period_of(25, lockstep=True) == 40_000_000
     assert period_of(30, lockstep=False) == 33_333_333
-    with pytest.raises(BadInput, match="no whole number of physics steps"):
+    with pytest.raises(BadInput, match="not a whole number of physics steps"):
         period_of(30, lockstep=True)

@@ -11,8 +11,8 @@ from msgspec import Meta
 from messages.topics import UPDATES
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
+from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.subscription import ParameterSubscription
-from services.runtime.service import Parameters
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from tests.harness.memory_node import memory_node
 

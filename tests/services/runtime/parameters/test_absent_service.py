@@ -13,7 +13,7 @@ from messages.parameters import ParameterValues
 from messages.requests import PARAMS_ANNOUNCE
 from services.runtime.errors import BadInput, CallFailed
 from services.runtime.graph import Entity
-from services.runtime.parameters.client import START_S
+from services.runtime.parameters.client import START_S, ParameterClient
 from services.runtime.parameters.subscription import ParameterSubscription
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from tests.harness.fake_parameter_service import FakeParameterService, parameter_values
@@ -71,7 +71,7 @@ def test_a_service_that_is_expected_is_asked_until_its_link_carries_a_question(b
     """Its token may be seen, while links come up, before anything that is asked of it arrives."""
     with MemoryTransport(bus) as early, parameter_node(bus) as (made, followed), ExitStack() as late:
         early.declare_token(Entity(early.session, "srv", "/params", PARAMS_ANNOUNCE.name).key)
-        made.expects_params = True
+        ParameterClient.of(made).expected = True
         come = threading.Timer(
             0.2,
             lambda: late.enter_context(FakeParameterService(bus, lambda asked: parameter_values(asked.set, {"p": 2}))),

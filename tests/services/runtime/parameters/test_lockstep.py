@@ -18,8 +18,9 @@ from messages.topics import UPDATES
 from services.runtime.context import Context
 from services.runtime.errors import Stopped
 from services.runtime.node import Node
+from services.runtime.parameters.base import Parameters
+from services.runtime.parameters.client import ParameterClient
 from services.runtime.parameters.subscription import ParameterSubscription
-from services.runtime.service import Parameters
 from services.runtime.transport.api import Transport
 from services.runtime.transport.memory import MemoryBus
 from tests.harness.memory_node import memory_node
@@ -84,7 +85,8 @@ def _authority(dawdle: random.Random) -> Callable[[Node], None]:
 
 def _member(rate: float, dawdle: random.Random, seen: list[Any]) -> Callable[[Node], None]:
     def run(made: Node) -> None:
-        made.expects_params = True  # as every process of a fleet: its link to the service may not be up yet
+        # As every process of a fleet: its link to the service may not be up yet.
+        ParameterClient.of(made).expected = True
         followed = ParameterSubscription(made, made.identity.node, Gain())
         followed.start()
         ctx: Context[Gain] = Context(made, followed.params, rate, lockstep=True, followed=followed)
@@ -103,12 +105,11 @@ def _run(connected: Callable[[], Transport], seed: int, order: tuple[str, ...]) 
     own: list[tuple[int, float]] = []
     params = ControllerLoop(connected(), "params", _authority(dawdle))
     with connected() as transport, memory_node(MemoryBus(), "sim", transport=transport) as made:
-        made.expects_params = True
+        ParameterClient.of(made).expected = True
         followed = ParameterSubscription(made, "/sim", Gain())
         followed.start()
         simulation = Simulation(made, ("/params", *(f"/{name}" for name in RATES)))
-        assert made.parameter_client is not None
-        made.parameter_client.watermarks = simulation.barrier.watermarks
+        ParameterClient.of(made).watermarks = simulation.barrier.watermarks
         members = [ControllerLoop(connected(), name, _member(RATES[name], dawdle, seen[name])) for name in order]
         try:
             simulation.barrier.wait_for_members()

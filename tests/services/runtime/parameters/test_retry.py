@@ -102,6 +102,6 @@ def test_an_answer_that_cannot_be_read_is_no_success(bus: MemoryBus) -> None:
 
 def test_with_nobody_there_it_was_certainly_not_carried_out(bus: MemoryBus) -> None:
     with MemoryTransport(bus) as me:
-        with pytest.raises(CallFailed, match="nobody serves /sim/step, nothing was asked") as caught:
+        with pytest.raises(CallFailed, match="no server for /sim/step, nothing was sent") as caught:
             call_idempotent(me, STEP, Steps(), timeout=0.2)
         assert not isinstance(caught.value, OutcomeUnknown)

@@ -12,6 +12,7 @@ from msgspec import Meta
 from messages.base import decoder, encode
 from messages.parameters import ParameterDescription
 from services.runtime.errors import BadInput
+from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.schema import describe_length, describe_range, describe_relations, flatten, nest
 from services.runtime.parameters.validation import (
     build,
@@ -21,7 +22,6 @@ from services.runtime.parameters.validation import (
     read_value,
     stated,
 )
-from services.runtime.service import Parameters
 
 
 class Gains(Parameters, frozen=True, kw_only=True):

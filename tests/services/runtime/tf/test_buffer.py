@@ -8,25 +8,25 @@ import pytest
 from hypothesis import given
 
 from messages.geometry import Quaternion, Transform, TransformStamped, Vector3
-from messages.se3 import IDENTITY, SE3
+from messages.se3 import IDENTITY, Pose3
 from messages.std import Header, Time
 from services.runtime.errors import Extrapolation, FrameLoop, NotConnected, NoTransform, UnknownFrame
 from services.runtime.tf import buffer as frame_buffer
 from services.runtime.tf.authority import MAX_AUTHORITIES
 from services.runtime.tf.buffer import TransformBuffer
-from tests.services.runtime.tf.test_se3 import rigids, same
+from tests.messages.test_se3 import poses, same
 
 S = 1_000_000_000
 SIM, STATE = b"sim", b"state"
 
 
-def tf(parent: str, child: str, rigid: SE3 = IDENTITY, seconds: float = 0.0) -> TransformStamped:
+def tf(parent: str, child: str, rigid: Pose3 = IDENTITY, seconds: float = 0.0) -> TransformStamped:
     header = Header(stamp=Time.of(round(seconds * S)), frame_id=parent)
-    return TransformStamped(header=header, child_frame_id=child, transform=rigid.to_msg)
+    return TransformStamped(header=header, child_frame_id=child, transform=rigid.to_transform())
 
 
-def at(x: float, yaw: float = 0.0) -> SE3:
-    return SE3((x, 0.0, 0.0), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
+def at(x: float, yaw: float = 0.0) -> Pose3:
+    return Pose3((x, 0.0, 0.0), (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2)))
 
 
 @pytest.fixture
@@ -41,17 +41,17 @@ def robot() -> TransformBuffer:
 
 
 def test_any_frame_is_found_in_any_other(robot: TransformBuffer) -> None:
-    assert robot.lookup("world", "a/laser", S).transform.translation == pytest.approx((2.1, 0, 0))
-    assert robot.lookup("a/laser", "world", S).transform.translation == pytest.approx((-2.1, 0, 0))
-    assert robot.lookup("b/odom", "a/laser", S).transform.translation == pytest.approx((2.1, 0, 0))
+    assert robot.lookup("world", "a/laser", S).transform.position == pytest.approx((2.1, 0, 0))
+    assert robot.lookup("a/laser", "world", S).transform.position == pytest.approx((-2.1, 0, 0))
+    assert robot.lookup("b/odom", "a/laser", S).transform.position == pytest.approx((2.1, 0, 0))
     between = robot.lookup("a/laser", "b/base", S)
-    assert (between.time, between.transform.translation) == (S, pytest.approx((-3.1, 0, 0)))
+    assert (between.time, between.transform.position) == (S, pytest.approx((-3.1, 0, 0)))
     assert between.transform.rpy[2] == pytest.approx(1.0)
     assert robot.lookup("a/base", "a/base").transform == IDENTITY
 
 
-@given(rigids(), rigids(), rigids(), rigids())
-def test_a_chain_is_the_product_of_its_links(a: SE3, b: SE3, c: SE3, d: SE3) -> None:
+@given(poses(), poses(), poses(), poses())
+def test_a_chain_is_the_product_of_its_links(a: Pose3, b: Pose3, c: Pose3, d: Pose3) -> None:
     buffer = TransformBuffer()
     buffer.add_static([tf("root", "left", a), tf("left", "far left", b)], SIM)
     buffer.add([tf("root", "right", c, 1), tf("right", "far right", d, 1)], SIM)
@@ -63,7 +63,7 @@ def test_a_chain_is_the_product_of_its_links(a: SE3, b: SE3, c: SE3, d: SE3) -> 
 
 def test_between_two_samples_it_is_interpolated(robot: TransformBuffer) -> None:
     found = robot.lookup("world", "b/base", round(0.99 * S)).transform
-    assert found.translation == pytest.approx((-0.99, 0, 0))
+    assert found.position == pytest.approx((-0.99, 0, 0))
     assert found.rpy[2] == pytest.approx(0.99)
 
 
@@ -76,7 +76,7 @@ def test_without_a_time_it_is_the_latest_that_all_have(robot: TransformBuffer) -
 def test_fixed_frames_are_known_at_any_time(robot: TransformBuffer) -> None:
     for time in (None, 0, 10**15):
         found = robot.lookup("b/odom", "a/odom", time)
-        assert (found.time, found.transform.translation) == (time, (1.0, 0.0, 0.0))
+        assert (found.time, found.transform.position) == (time, (1.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize(("time", "told"), [(2.5, "future by 0.500 s"), (-1.0, "past by 1.000 s")])
@@ -120,7 +120,7 @@ def test_a_loop_is_told() -> None:
 def test_a_frame_with_two_parents_is_told(robot: TransformBuffer) -> None:
     assert robot.conflicts() == {}
     robot.add([tf("b/odom", "a/base", at(9.0), 2.0)], STATE)
-    assert robot.lookup("a/odom", "a/base").transform.translation[0] == 2.0, "who told it first for a stamp is believed"
+    assert robot.lookup("a/odom", "a/base").transform.position[0] == 2.0, "who told it first for a stamp is believed"
     assert robot.conflicts() == {"a/base": "frame 'a/base' has 2 parents, 'a/odom' and 'b/odom'"}
     robot.add_static([tf("world", "a/odom")], STATE)
     assert robot.conflicts()["a/odom"] == "frame 'a/odom' has 2 publishers"
@@ -133,9 +133,9 @@ def test_a_frame_may_change_its_parent_with_time() -> None:
     buffer = TransformBuffer()
     buffer.add_static([tf("world", "table", at(5.0)), tf("world", "hand", at(1.0))], SIM)
     buffer.add([tf("table", "cup", IDENTITY, 1), tf("hand", "cup", IDENTITY, 2)], SIM)
-    assert buffer.lookup("world", "cup", S).transform.translation[0] == 5.0
-    assert buffer.lookup("world", "cup", S + S // 2).transform.translation[0] == 5.0
-    assert buffer.lookup("world", "cup", 2 * S).transform.translation[0] == 1.0
+    assert buffer.lookup("world", "cup", S).transform.position[0] == 5.0
+    assert buffer.lookup("world", "cup", S + S // 2).transform.position[0] == 5.0
+    assert buffer.lookup("world", "cup", 2 * S).transform.position[0] == 1.0
     assert buffer.conflicts() == {}
 
 
@@ -146,7 +146,7 @@ def test_old_and_repeated_data_are_dropped(robot: TransformBuffer) -> None:
     robot.add([tf("a/odom", "a/base", at(99.0), 39.0)], SIM)
     assert (robot.repeated, robot.old) == (1, 1)
     robot.add([tf("a/odom", "a/base", at(45.0), 45.0)], SIM)
-    assert robot.lookup("a/odom", "a/base", round(47.5 * S)).transform.translation[0] == pytest.approx(47.5)
+    assert robot.lookup("a/odom", "a/base", round(47.5 * S)).transform.position[0] == pytest.approx(47.5)
 
 
 def test_the_past_is_kept_for_the_cache(robot: TransformBuffer) -> None:
@@ -169,11 +169,11 @@ def test_a_publisher_tells_all_its_fixed_frames_anew(robot: TransformBuffer) -> 
 
 def test_a_new_time_forgets_what_moves_and_keeps_what_is_fixed(robot: TransformBuffer) -> None:
     robot.clear()
-    assert robot.lookup("b/odom", "a/odom").transform.translation == (1.0, 0.0, 0.0)
+    assert robot.lookup("b/odom", "a/odom").transform.position == (1.0, 0.0, 0.0)
     with pytest.raises(NoTransform):
         robot.lookup("world", "b/base")
     robot.add([tf("a/odom", "a/base", at(0.5), 0.0)], SIM)
-    assert robot.lookup("world", "a/laser").transform.translation == pytest.approx((1.6, 0, 0))
+    assert robot.lookup("world", "a/laser").transform.position == pytest.approx((1.6, 0, 0))
 
 
 @pytest.mark.parametrize(
@@ -202,7 +202,7 @@ def test_nonsense_is_refused_and_counted(transform: TransformStamped, reason: st
 
 def test_a_leading_slash_is_no_part_of_a_name(robot: TransformBuffer) -> None:
     robot.add([tf("/a/base", "/a/hand", at(0.2), 2.0)], SIM)
-    assert robot.lookup("/world", "/a/hand").transform.translation == pytest.approx((3.2, 0, 0))
+    assert robot.lookup("/world", "/a/hand").transform.position == pytest.approx((3.2, 0, 0))
 
 
 def test_a_frame_is_what_it_was_told_as_last() -> None:
@@ -232,9 +232,9 @@ def test_a_frame_lies_in_itself_at_the_time_that_is_asked_for(robot: TransformBu
 def test_a_frame_of_the_past_is_found_through_one_that_stands_still(robot: TransformBuffer) -> None:
     """a/base has x = t in a/odom: one second ago it lay 1 m behind, and 1.5 m behind b's frame of another time."""
     assert robot.lookup_full("a/base", 2 * S, "a/base", S, "a/odom") == (2 * S, at(-1.0))
-    assert robot.lookup_full("a/base", None, "a/laser", S, "world").transform.translation == pytest.approx((-0.9, 0, 0))
+    assert robot.lookup_full("a/base", None, "a/laser", S, "world").transform.position == pytest.approx((-0.9, 0, 0))
     moved = robot.lookup_full("b/base", S, "a/base", 0, "world")
-    assert moved.transform.translation[:2] == pytest.approx((2 * math.cos(1.0), -2 * math.sin(1.0)))
+    assert moved.transform.position[:2] == pytest.approx((2 * math.cos(1.0), -2 * math.sin(1.0)))
     with pytest.raises(Extrapolation, match="future"):
         robot.lookup_full("a/base", 3 * S, "a/base", S, "a/odom")
     with pytest.raises(UnknownFrame, match="'a/odon' is unknown; did you mean 'a/odom'"):

@@ -9,14 +9,14 @@ from contextlib import contextmanager
 import pytest
 
 from messages.geometry import TransformStamped
-from messages.se3 import SE3
+from messages.se3 import Pose3
 from messages.std import Header, Time
 from messages.tf import TFMessage
 from messages.topics import TF, TF_STATIC
 from services.runtime.context import Context, Tick
 from services.runtime.errors import NoTransform, UnknownFrame
 from services.runtime.node import Node
-from services.runtime.service import Parameters
+from services.runtime.parameters.base import Parameters
 from services.runtime.transport.memory import MemoryBus
 from tests.harness.memory_node import ManualClock, memory_node
 
@@ -25,7 +25,7 @@ MS = 1_000_000
 
 def told(parent: str, child: str, x: float, ns: int = 0) -> TFMessage:
     header = Header(stamp=Time.of(ns), frame_id=parent)
-    transform = SE3((x, 0.0, 0.0)).to_msg
+    transform = Pose3((x, 0.0, 0.0)).to_transform()
     return TFMessage(transforms=(TransformStamped(header=header, child_frame_id=child, transform=transform),))
 
 

@@ -1,4 +1,4 @@
-"""The simulation's stage in one process: real PyBullet, the network in memory, time that only the test moves."""
+"""The simulation in one process: real PyBullet, the transport in memory, time that only the test advances."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from messages.elea import BaseStatus
 from messages.geometry import Twist
 from messages.nav import Odometry
 from messages.requests import Request
+from messages.se3 import Pose3
 from messages.topics import BASE_STATUS, CMD_VEL, GROUND_TRUTH, ODOM, Topic
 from models.world import WorldDescription
 from services.runtime.identity import Identity
@@ -21,14 +22,15 @@ from services.runtime.node import Node
 from services.runtime.parameters.validation import build
 from services.runtime.publisher import Publisher
 from services.runtime.requests import call
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.runtime.subscriber import Subscriber
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.wire import encoding
-from services.sim import BaseParameters, RobotEntry
+from services.sim.actuation import WheelActuation
 from services.sim.drive.controller import DiffDriveController
+from services.sim.loop import SimulationLoop
+from services.sim.parameters import BaseParameters, RobotEntry
 from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import Pose3
 from services.sim.robot import Robot
 from services.sim.services import SimulationServices
 from services.sim.simulation import CONTROL_STEPS, Simulation
@@ -41,10 +43,11 @@ CONTROL_S = CONTROL_STEPS * STEP_NS / 1e9
 
 
 class SimulationHarness:
-    """A stage with one robot, commands to it, and what it tells."""
+    """A simulation with one robot, commands to it, and what it publishes."""
 
-    def __init__(self, stage: Simulation, bus: MemoryBus, node: Node, log: io.StringIO) -> None:
-        self.simulation, self.bus, self.node, self._log = stage, bus, node, log
+    def __init__(self, loop: SimulationLoop, bus: MemoryBus, node: Node, log: io.StringIO) -> None:
+        self.simulation, self.bus, self.node, self._loop, self._log = loop.simulation, bus, node, loop, log
+        self._published = -1, -1
         self._transport = MemoryTransport(bus)
         self._outputs: dict[tuple[str, str], Publisher[Any]] = {}
         self._inputs: dict[str, tuple[Subscriber[Any], list[Any]]] = {}
@@ -91,11 +94,18 @@ class SimulationHarness:
     def run(self, seconds: float) -> None:
         """Let simulation time go on."""
         for _ in range(round(seconds * 1e9 / STEP_NS)):
-            self.simulation.publish()
+            self.publish_state()
             if self.simulation.tick % CONTROL_STEPS == 0:
                 # Factor 0: how long the test's own process dawdles makes no command older.
                 self.simulation.read_inputs(None, 0.0)
             self.simulation.step()
+
+    def publish_state(self) -> None:
+        """Publish what is due at this tick, once."""
+        at = self.simulation.epoch, self.simulation.tick
+        if self._published != at:
+            self._published = at
+            self.simulation.publish()
 
     def drive(self, v: float, w: float, seconds: float, period: float = 0.04) -> None:
         """Command at 25 Hz for a time, a whole number of control ticks."""
@@ -112,6 +122,7 @@ class SimulationHarness:
             asked = pool.submit(call, MemoryTransport(self.bus), request, key, message, 20.0)
             while not asked.done():
                 self.node.spin_once()
+                self._loop.apply_requests()
             return asked.result()
 
     def publish_raw(self, topic: Topic[Any], payload: bytes) -> None:
@@ -121,8 +132,8 @@ class SimulationHarness:
 
     @property
     def base(self) -> DiffDriveController:
-        assert self.robot.drive_controller is not None
-        return self.robot.drive_controller
+        assert isinstance(self.robot.actuation, WheelActuation)
+        return self.robot.actuation.controller
 
     def status(self) -> BaseStatus:
         """What the base says of itself."""
@@ -131,7 +142,7 @@ class SimulationHarness:
 
     def truth(self) -> Odometry:
         """Where the robot is now."""
-        self.simulation.publish()
+        self.publish_state()
         return self.latest(GROUND_TRUTH)
 
 
@@ -144,9 +155,9 @@ def run_simulation(model: str = "p3dx", at: Pose3 | None = None, **parameters: o
         Node(MemoryTransport(bus), identity, "sim", Log(identity.node, out=log)) as node,
     ):
         stage = Simulation(node, world, 0)
-        SimulationServices(stage, RealTime(stage, node, 1000), node)
+        SimulationServices(stage, node)
         stage.spawn(RobotEntry(name=NAME, model=model, parameters=base_parameters(**parameters)), at or Pose3())
-        yield SimulationHarness(stage, bus, node, log)
+        yield SimulationHarness(SimulationLoop(stage, RealTime(stage, node, 1000), node), bus, node, log)
 
 
 def base_parameters(**parameters: object) -> BaseParameters:

@@ -7,7 +7,7 @@ import pytest
 from messages.geometry import Twist, TwistStamped
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, CMD_VEL_OUT
-from services.sim.robot import CMD_VEL_STAMPED
+from services.sim.actuation import CMD_VEL_STAMPED
 from tests.services.sim.drive.simulation_harness import SimulationHarness, run_simulation
 
 

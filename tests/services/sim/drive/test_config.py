@@ -113,11 +113,11 @@ def test_what_is_out_of_bounds_is_refused(parameters: dict[str, Any]) -> None:
         base_parameters(**parameters)
 
 
-def test_the_seed_s_figures_warn_and_do_what_is_said() -> None:
+def test_the_tutorials_figures_warn_and_do_what_is_said() -> None:
     """On the real robot's geometry: 0.65 of the speed, 0.77 of the turn; odometry believes the command."""
     with run_simulation(wheel_radius=0.15, wheel_separation=0.39) as world:
         assert "drives x0.65 the commanded speed and turns x0.77 the commanded rate" in world.log
-        assert "tells x1.54 the way and x1.30 the turn" in world.log
+        assert "reports x1.54 the way and x1.30 the turn" in world.log
         world.drive(0.4, 0.0, 3.0)
         assert world.truth().twist.twist.linear.x == pytest.approx(0.4 * 0.65, rel=5e-3)
         world.drive(0.0, 0.8, 4.0)

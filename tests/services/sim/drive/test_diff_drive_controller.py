@@ -12,9 +12,9 @@ import pytest
 from messages.base import encode
 from messages.geometry import Twist
 from messages.nav import Odometry
+from messages.se3 import Pose3
 from messages.topics import CMD_VEL, CMD_VEL_OUT, GROUND_TRUTH, ODOM
 from services.runtime.errors import BadInput
-from services.sim.physics.world import Pose3
 from tests.services.sim.drive.simulation_harness import run_simulation
 
 FREE = {"linear": {"max_velocity": 10, "max_acceleration": 1e5}, "angular": {"max_acceleration": 1e5}, "clamp": False}

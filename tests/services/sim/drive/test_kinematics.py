@@ -14,8 +14,8 @@ from models.model import read_model
 from models.urdf import NoWheels, read_wheels
 from services.sim.drive.kinematics import WheelGeometry, body_velocity, describe_mismatch, rim_speeds
 
-SEED = WheelGeometry(0.39, 0.15, 0.15)
-"""What seed 001 configures for a Pioneer: a diameter for a radius, a width for a track."""
+TUTORIAL = WheelGeometry(0.39, 0.15, 0.15)
+"""What a tutorial configures for a Pioneer: a diameter for a radius, a width for a track."""
 
 
 @given(st.floats(-5, 5), st.floats(-5, 5))
@@ -43,12 +43,12 @@ def test_every_model_is_what_its_urdf_says(name: str) -> None:
         (WheelGeometry(0.33, 0.0975, 0.0975), ("x0.65", "x0.77", "x1.54", "x1.30")),
     ],
 )
-def test_the_seed_s_figures_are_told_with_their_effects(built: WheelGeometry, effects: tuple[str, ...]) -> None:
+def test_the_tutorials_figures_are_told_with_their_effects(built: WheelGeometry, effects: tuple[str, ...]) -> None:
     """On the URDF that it drives, and on the real robot's."""
-    text = describe_mismatch(SEED, built)
+    text = describe_mismatch(TUTORIAL, built)
     drives, turns, way, turn = effects
     assert f"drives {drives} the commanded speed and turns {turns} the commanded rate" in text
-    assert f"tells {way} the way and {turn} the turn" in text
+    assert f"reports {way} the way and {turn} the turn" in text
     assert "diameter taken for a radius" in text
     assert "bends" not in text
 

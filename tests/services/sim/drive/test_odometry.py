@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from services.sim.drive.kinematics import WheelGeometry
-from services.sim.drive.odometry import Pose2, initial_odometry, integrate_commands, integrate_encoders
+from services.sim.drive.odometry import initial_odometry, integrate_commands, integrate_encoders
 
 SEPARATION, RADIUS = 0.16, 0.033
 GEOMETRY = WheelGeometry(SEPARATION, RADIUS, RADIUS)
@@ -83,10 +83,3 @@ def test_an_instant_tells_a_way_but_no_speed() -> None:
     later = integrate_encoders(track, 2.0, 2.0, 1e-6, GEOMETRY)
     assert later.x == pytest.approx(2 * RADIUS)
     assert later.v == track.v
-
-
-@given(*[st.floats(-5, 5)] * 6)
-def test_poses_compose_and_undo(x: float, y: float, h: float, a: float, b: float, g: float) -> None:
-    one, other = Pose2(x, y, h), Pose2(a, b, g)
-    assert one.compose(other).compose(other.inverse()) == pytest.approx(one, abs=1e-9)
-    assert one.compose(one.inverse()) == pytest.approx(Pose2(), abs=1e-9)

@@ -12,6 +12,7 @@ from messages.base import Message
 from messages.gazebo import ApplyEffort, JointName
 from messages.joints import JointEffort, JointProperties
 from messages.requests import JOINT_PROPERTIES, Request
+from messages.se3 import Pose3
 from messages.std import Time
 from messages.topics import JOINT_EFFORT, Topic
 from models.world import Box, WorldDescription
@@ -21,12 +22,12 @@ from services.runtime.node import Node
 from services.runtime.parameters.validation import build
 from services.runtime.publisher import Publisher
 from services.runtime.requests import call
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from services.runtime.subscriber import Subscriber
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.sim import SimParameters
+from services.sim.loop import SimulationLoop
 from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import Pose3
 from services.sim.services import JointServices, PropertyServices, SimulationServices
 from services.sim.simulation import Simulation
 from services.sim.time_modes import RealTime
@@ -37,10 +38,11 @@ SCENE = WorldDescription(boxes=(Box(name="crate", size=(0.4, 0.4, 0.4), position
 
 
 class JointSimulation:
-    """A stage, what is sent to it and asked of it."""
+    """A simulation, what is sent to it and asked of it."""
 
-    def __init__(self, stage: Simulation, bus: MemoryBus, node: Node, log: io.StringIO) -> None:
-        self.simulation, self.bus, self.node, self._log = stage, bus, node, log
+    def __init__(self, loop: SimulationLoop, bus: MemoryBus, node: Node, log: io.StringIO) -> None:
+        self.simulation, self.bus, self.node, self._loop, self._log = loop.simulation, bus, node, loop, log
+        self._published = -1, -1
         self._transport = MemoryTransport(bus)
         self._outputs: dict[tuple[str, str], Publisher[Any]] = {}
 
@@ -65,10 +67,17 @@ class JointSimulation:
     def run(self, seconds: float, factor: float = 0.0) -> None:
         """Let time go on. With the factor 0, the time that the test takes makes no command older."""
         for _ in range(round(seconds * 1e9 / STEP_NS)):
-            self.simulation.publish()
+            self.publish_state()
             if self.simulation.tick % self.simulation.input_steps == 0:
                 self.simulation.read_inputs(None, factor)
             self.simulation.step()
+
+    def publish_state(self) -> None:
+        """Publish what is due at this tick, once."""
+        at = self.simulation.epoch, self.simulation.tick
+        if self._published != at:
+            self._published = at
+            self.simulation.publish()
 
     def call(self, request: Request[Any, R], message: Message) -> R:
         """Ask the simulation as another process would; raises CallFailed."""
@@ -76,6 +85,7 @@ class JointSimulation:
             asked = pool.submit(call, MemoryTransport(self.bus), request, request.name.lstrip("/"), message, 20.0)
             while not asked.done():
                 self.node.spin_once()
+                self._loop.apply_requests()
             return asked.result()
 
     def joint_properties(self, model: str = "arm") -> JointProperties:
@@ -102,12 +112,12 @@ def run_joint_simulation(*robots: dict[str, Any]) -> Iterator[JointSimulation]:
     ):
         stage = Simulation(node, world, 0)
         timing = RealTime(stage, node, 1000)
-        SimulationServices(stage, timing, node)
+        SimulationServices(stage, node)
         JointServices(stage, node)
         PropertyServices(stage, timing, node, params, SCENE)
         for entry in params.robots:
             stage.spawn(entry, Pose3((entry.x, entry.y, 0.0)))
-        yield JointSimulation(stage, bus, node, log)
+        yield JointSimulation(SimulationLoop(stage, timing, node), bus, node, log)
 
 
 def robot_entry(name: str, model: str = "arm", **more: Any) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A controller of the test: the seed's PD on the arm, toward 30 degrees; no two of its jobs have the same effort."""
+"""A test controller: the tutorial's PD on the arm, toward 30 degrees; no two of its jobs have the same effort."""
 
 from __future__ import annotations
 
@@ -42,10 +42,8 @@ if __name__ == "__main__":
     main(
         Service(
             name="pd",
-            about="The seed's PD.",
+            about="The tutorial's PD.",
             run=run,
-            reads=(JOINT_STATES,),
-            writes=(JOINT_EFFORT,),
             rate=100.0,
             parameters=PdParameters,
         )

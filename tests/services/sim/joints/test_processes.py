@@ -13,7 +13,7 @@ import pytest
 
 from messages.sensor import JointState
 from messages.topics import JOINT_STATES
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 from tests.harness.message_recorder import WITHIN_S, MessageRecorder
 from tests.harness.processes import Network, Process
 from tests.harness.waiting import wait_until

@@ -25,6 +25,7 @@ from messages.requests import (
 from messages.simulation import GetModelState, SetModelState, SpawnModel
 from messages.std import Empty
 from messages.topics import LINK_STATES, MODEL_STATES
+from services.sim.actuation import JointActuation, WheelActuation
 from tests.services.sim.joints.joint_simulation import robot_entry, run_joint_simulation
 
 
@@ -96,9 +97,9 @@ def test_a_model_is_spawned_in_a_frame_with_joints_and_parameters() -> None:
         assert on.call(SPAWN, asked).pose.position.x == pytest.approx(3.0)
         found = on.joint_properties("new")
         assert (found.position, found.damping) == (0.3, 3.0)
-        actuators = on.simulation.find("new").effort_controller
-        assert actuators is not None
-        assert actuators.effort_rule.mode == "sum"
+        arm = on.simulation.find("new").actuation
+        assert isinstance(arm, JointActuation)
+        assert arm.controller.effort_rule.mode == "sum"
         wheeled = SpawnModel(
             name="b",
             model="burger",
@@ -106,9 +107,9 @@ def test_a_model_is_spawned_in_a_frame_with_joints_and_parameters() -> None:
             pose=Pose.planar(-2.0, 0.0),
         )
         on.call(SPAWN, wheeled)
-        base = on.simulation.find("b").drive_controller
-        assert base is not None
-        assert base.config.timeout == 1.5
+        base = on.simulation.find("b").actuation
+        assert isinstance(base, WheelActuation)
+        assert base.controller.config.timeout == 1.5
 
 
 def test_the_states_of_all_are_told_in_gazebo_s_words_while_somebody_listens() -> None:
@@ -131,7 +132,7 @@ def test_the_states_of_all_are_told_in_gazebo_s_words_while_somebody_listens() -
         assert first.name == ("arm", "tb3")
         assert first.pose[1].position.y == pytest.approx(1.0, abs=0.02)
         assert first.twist[1].linear.y == pytest.approx(0.2, abs=0.02), "in the world's axes"
-        on.simulation.publish()
+        on.publish_state()
         links.update()
         ((told, _),) = links.messages
         assert told.name[:3] == ("arm::root", "arm::bear_link", "arm::end_link")

@@ -147,7 +147,7 @@ def test_a_sender_that_goes_takes_what_has_no_end_with_it() -> None:
         on.publish_effort(50.0, -1.0, sender="/dies")
         on.run(0.05)
         source = next(iter(on._outputs.values())).publisher
-        on.simulation.find("arm").publisher_lost(source, on.simulation.now)
+        on.simulation.find("arm").actuation.publisher_lost(source, on.simulation.now)
         on.run(0.05)
         assert (on.joint_properties().applied_effort, on.joint_properties().jobs) == (0.0, 0)
 

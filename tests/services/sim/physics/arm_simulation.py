@@ -1,4 +1,4 @@
-"""The arm alone in an empty world, and the seed's laws on it, without a network."""
+"""The arm alone in an empty world, and the tutorial's laws on it, without a network."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from tests.services.sim.physics.driven_robot import STEP_NS
 
 JOINT = "bear_link"
 JOB_S = 0.1
-"""What the seed asks for, again and again."""
+"""What the tutorial asks for, again and again."""
 SATURATION = 200.0
-"""N m, the seed's."""
+"""N m, the tutorial's."""
 
 
 @dataclass
 class TutorialPid:
-    """The seed's law: errors in degrees, gains per degree, the derivative of the error, everything clipped."""
+    """The tutorial's law: errors in degrees, gains per degree, the derivative of the error, everything clipped."""
 
     kp: float
     ki: float
@@ -47,12 +47,12 @@ class TutorialPid:
 
 
 def set_point_pid() -> TutorialPid:
-    """The seed's PD for set-points."""
+    """The tutorial's PD for set-points."""
     return TutorialPid(37.5, 0.0, 2.8)
 
 
 def tracking_pid() -> TutorialPid:
-    """The seed's PID for tracking."""
+    """The tutorial's PID for tracking."""
     return TutorialPid(38.5, 0.3, 1.3)
 
 

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import pytest
 
+from messages.se3 import Pose3
 from models.model import read_model
 from models.world import WorldDescription
 from services.sim.drive.driver import Drive
 from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import Pose3
 from tests.services.sim.physics.driven_robot import STEP_NS, DrivenRobot, Spawner, placement_at, robot_body, wheels_of
 
 

@@ -6,11 +6,12 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from messages.se3 import Pose3
 from models import urdf_path
 from models.model import RobotModel, WheelConfig, read_model
 from services.sim.drive.driver import AT_REST, Drive, DriveState, step_drive, wheel_speeds
 from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import Body, BodyState, Motor, Pose3
+from services.sim.physics.world import Body, BodyState, Motor
 
 STEP_NS = 5_000_000
 DT = STEP_NS / 1e9

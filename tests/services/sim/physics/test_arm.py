@@ -41,7 +41,7 @@ def acceleration(on: ArmSimulation, degrees: float, effort: float) -> float:
     return on.rate / DT
 
 
-def test_the_figures_of_the_seed_follow_from_its_urdf() -> None:
+def test_the_figures_of_the_tutorial_follow_from_its_urdf() -> None:
     theory = Theory("arm")
     assert theory.amplitude == pytest.approx(27.148, abs=0.01)
     assert math.degrees(theory.offset) == pytest.approx(1.4635, abs=0.001)

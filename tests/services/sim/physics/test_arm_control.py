@@ -1,4 +1,4 @@
-"""The seed's laws on the arm: one job at a time, and jobs that add up, as Gazebo promises and as Gazebo does."""
+"""The tutorial's laws on the arm: one job at a time, and jobs that add up, as Gazebo promises and as Gazebo does."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ def test_a_command_beyond_the_hardware_is_clamped(spawn: Spawner) -> None:
     assert drive_robots([robot], 5.0, 0.0, 2.0)[-1].linear[0] == pytest.approx(0.22, rel=0.003)
 
 
-def test_without_the_clamp_the_seed_speed_is_driven(spawn: Spawner) -> None:
+def test_without_the_clamp_the_tutorial_speed_is_driven(spawn: Spawner) -> None:
     robot = spawn(clamp=False)
     assert drive_robots([robot], 0.707, 0.0, 2.0)[-1].linear[0] == pytest.approx(0.707, rel=0.003)
 

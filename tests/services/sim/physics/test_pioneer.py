@@ -8,12 +8,13 @@ from itertools import pairwise
 
 import pytest
 
+from messages.se3 import Pose3
 from models.model import read_model
 from models.world import Box, WorldDescription
 from services.sim.drive.driver import Drive
 from services.sim.drive.limiter import WheelRamp
 from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import BodyState, Pose3
+from services.sim.physics.world import BodyState
 from tests.services.sim.physics.driven_robot import (
     DT,
     STEP_NS,
@@ -25,6 +26,8 @@ from tests.services.sim.physics.driven_robot import (
     wheels_of,
     yaw_of,
 )
+
+pytestmark = pytest.mark.slow
 
 WHEELS = wheels_of(read_model("p3dx"))
 FRONT, SIDE = 0.175, 0.19

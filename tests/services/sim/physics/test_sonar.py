@@ -14,7 +14,7 @@ from messages.topics import RANGE, SCAN, SONAR, TF_STATIC
 from models.model import read_model
 from models.world import Box, WorldDescription, read_world
 from services.runtime.transport.memory import MemoryBus
-from services.sim import BaseParameters, RobotEntry
+from services.sim.parameters import BaseParameters, RobotEntry
 from services.sim.physics.bullet import BulletWorld
 from services.sim.sensors import (
     Floats,

@@ -7,12 +7,12 @@ import math
 import pytest
 
 from messages.requests import RESET_WORLD, SET_DRIVE, SET_ODOMETRY
+from messages.se3 import Pose3
 from messages.simulation import DriveSettings, SetOdometry
 from messages.std import Empty
 from messages.topics import GROUND_TRUTH, ODOM, TF, TF_STATIC
 from services.runtime.errors import CallFailed
 from services.runtime.subscriber import Subscriber
-from services.sim.physics.world import Pose3
 from tests.services.sim.drive.simulation_harness import NAME, SimulationHarness, run_simulation
 
 HALF = math.pi / 8
@@ -57,7 +57,7 @@ def test_odometry_is_put_and_the_frames_still_chain() -> None:
     with run_simulation(at=ELSEWHERE) as world:
         world.drive(0.3, 0.4, 3.0)
         assert "(1 m, 2 m, -0.5 rad)" in world.call(SET_ODOMETRY, SetOdometry(name=NAME, x=1.0, y=2.0, yaw=-0.5)).text
-        world.simulation.publish()
+        world.publish_state()
         world.drive(0.3, -0.4, 3.0)
         assert same(chained(world), true(world))
         world.call(SET_ODOMETRY, SetOdometry(name=NAME))

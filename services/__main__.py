@@ -1,0 +1,33 @@
+"""Run one service: ``python -m services NAME [OPTIONS]``."""
+
+from __future__ import annotations
+
+import sys
+
+from services.catalog import load_named_service, service_kinds
+from services.runtime.errors import BadInput
+from services.runtime.main import run_command_line
+
+USAGE = f"""Usage: python -m services NAME [OPTIONS]
+
+  Run one service; python -m services NAME --help shows its options.
+
+Services: {", ".join(service_kinds())}
+"""
+
+
+def run(arguments: list[str]) -> None:
+    """Run the service that the first argument names with the others; ends the process."""
+    if not arguments or arguments[0] in ("-h", "--help"):
+        (sys.stdout if arguments else sys.stderr).write(USAGE)
+        sys.exit(0 if arguments else 2)
+    name, *options = arguments
+    try:
+        service = load_named_service(name)
+    except BadInput as error:
+        sys.stderr.write(f"services: {error}\n")
+        sys.exit(2)
+    run_command_line(service, options, f"python -m services {name}")
+
+
+run(sys.argv[1:])

@@ -1,6 +1,0 @@
-"""`python -m services.reference`."""
-
-from services.reference import SERVICE
-from services.runtime.main import main
-
-main(SERVICE)

@@ -1,0 +1,358 @@
+"""What moves a robot: the driver of two wheels, or the efforts on its joints, behind one Protocol."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+from messages.elea import BaseStatus
+from messages.geometry import TwistStamped
+from messages.se3 import Pose3
+from messages.simulation import DriveSettings
+from messages.topics import BASE_STATUS, CMD_VEL, CMD_VEL_OUT, JOINT_EFFORT, Topic
+from models import urdf_path
+from models.model import RobotModel
+from models.urdf import read_joint_limits
+from services.runtime.errors import BadInput
+from services.runtime.node import Node
+from services.runtime.subscriber import Subscriber
+from services.sim.command_sources import CommandSources
+from services.sim.drive.config import effective_parameters, odometry_config
+from services.sim.drive.controller import DiffDriveController
+from services.sim.drive.odometry import Odometer
+from services.sim.joints.config import check_positions
+from services.sim.joints.effort_controller import JointEffortController
+from services.sim.parameters import RobotEntry
+from services.sim.physics.world import Body, JointFriction, JointReadings, Motor, World
+from services.sim.robot_parameters import BaseParameterSet, JointParameterSet
+from services.sim.transit_delay import TransitDelayEstimator
+
+CMD_VEL_STAMPED = Topic(CMD_VEL.name, TwistStamped, CMD_VEL.rate, CMD_VEL.quality, "velocity command with its time")
+"""What a base reads instead of ``CMD_VEL`` when ``use_stamped_vel`` is set."""
+
+
+class Actuation(Protocol):
+    """Moves one robot as commands, parameters and emergency stops say. All times are simulation time, ns."""
+
+    odometer: Odometer
+    noise: bool
+    """Whether the robot's sensors have noise."""
+    command_topic: Topic[Any]
+    """What it is commanded by."""
+    extra_topics: tuple[Topic[Any], ...]
+    """What it publishes beside what every robot does."""
+
+    @property
+    def odometry_rate(self) -> float:
+        """Rate of odometry, Hz."""
+        ...
+
+    @property
+    def publishes_odom_tf(self) -> bool:
+        """Whether odometry is a transform on ``/tf``, too."""
+        ...
+
+    @property
+    def publishes_link_tf(self) -> bool:
+        """Whether the links are transforms on ``/tf``; else they are left to the service ``state``."""
+        ...
+
+    @property
+    def commanded_velocity(self) -> tuple[float, float]:
+        """The limited command of the base: speed [m/s] and turn rate [rad/s]."""
+        ...
+
+    @property
+    def joint_friction(self) -> Mapping[str, JointFriction]:
+        """The friction that was set on joints; the URDF holds for all others."""
+        ...
+
+    @property
+    def joint_readings(self) -> JointReadings:
+        """The joints as they are, with the efforts that act on them."""
+        ...
+
+    def effort_controller(self, joint: str) -> JointEffortController:
+        """What puts efforts on ``joint``; raises BadInput for a wheel."""
+        ...
+
+    def job_count(self, joint: str) -> int:
+        """How many jobs wait or act on a joint."""
+        ...
+
+    def set_joints(self, positions: Mapping[str, float]) -> None:
+        """Put joints at positions [rad or m]; raises BadInput for wheels, an overlap, or beyond a limit."""
+        ...
+
+    def set_drive(self, request: DriveSettings, now: int) -> DriveSettings:
+        """Replace a base's live parameters; returns all of them. Raises BadInput for a robot without a base."""
+        ...
+
+    def apply_commands(self, commands: Subscriber[Any], now: int, lockstep_members: set[bytes], factor: float) -> None:
+        """Take the commands that were admitted at this tick."""
+        ...
+
+    def publisher_lost(self, source: bytes, now: int) -> None:
+        """The publisher ``source`` is gone."""
+        ...
+
+    def stop(self, on: bool) -> None:
+        """Begin or end an emergency stop."""
+        ...
+
+    def step(self, now: int) -> None:
+        """Set the motors for the physics step that begins at ``now``."""
+        ...
+
+    def reset(self) -> None:
+        """Forget all commands, where the world was reset."""
+        ...
+
+    def reconfigure(self, now: int) -> None:
+        """Take the changes of parameters that were admitted at this tick, all of one or none."""
+        ...
+
+    def status(
+        self, now: int, refused: int, colliding: bool, collisions: int, stopped_by: tuple[str, ...]
+    ) -> BaseStatus | None:
+        """What a base obeys and refuses; None without a base."""
+        ...
+
+    def close(self) -> None:
+        """Follow the parameters no more."""
+        ...
+
+
+def spawn_actuation(
+    node: Node,
+    world: World,
+    entry: RobotEntry,
+    model: RobotModel,
+    namespace: str,
+    pose: Pose3,
+    command_sources: CommandSources,
+    delays: TransitDelayEstimator,
+    wait: bool,
+) -> Actuation:
+    """Put the body of a robot into the world, with what moves it; raises BadInput with nothing left behind."""
+    if model.wheels is not None:
+        base = BaseParameterSet(node, namespace, entry, wait)
+        torque = base.config.torque
+        motors = Motor(base.config.left_joint, torque), Motor(base.config.right_joint, torque)
+        _spawn_body(world, entry, model, pose, base, motors=motors)
+        return WheelActuation(node, world, entry, model, base, command_sources, delays)
+    joints = JointParameterSet(node, namespace, entry, wait)
+    _spawn_body(world, entry, model, pose, joints, joint_friction=tuple(joints.config.joint_friction.items()))
+    return JointActuation(node, world, entry, model, joints, delays)
+
+
+def _spawn_body(
+    world: World,
+    entry: RobotEntry,
+    model: RobotModel,
+    pose: Pose3,
+    parameters: BaseParameterSet | JointParameterSet,
+    motors: tuple[Motor, ...] = (),
+    joint_friction: tuple[tuple[str, JointFriction], ...] = (),
+) -> None:
+    try:
+        check_positions(entry.model, entry.joints)
+        start = tuple(entry.joints.items())
+        urdf = urdf_path(entry.model)
+        world.spawn(Body(entry.name, urdf, pose, motors, model.fixed_base, start, joint_friction))
+    except BadInput:
+        parameters.close()
+        raise
+
+
+class WheelActuation:
+    """Two driven wheels that obey velocity commands."""
+
+    def __init__(
+        self,
+        node: Node,
+        world: World,
+        entry: RobotEntry,
+        model: RobotModel,
+        parameters: BaseParameterSet,
+        command_sources: CommandSources,
+        delays: TransitDelayEstimator,
+    ) -> None:
+        self._world, self._entry, self._model, self._parameters = world, entry, model, parameters
+        self.controller = DiffDriveController(parameters.config, command_sources, delays, node.log)
+        self.noise = parameters.parameters.noise
+        config = odometry_config(model, parameters.parameters)
+        self.odometer = Odometer(config, world, entry.name, self.controller)
+        self._open_loop = config.source == "open loop"
+        self.command_topic: Topic[Any] = CMD_VEL_STAMPED if parameters.config.stamped else CMD_VEL
+        self.extra_topics: tuple[Topic[Any], ...] = (
+            (BASE_STATUS, CMD_VEL_OUT) if parameters.config.publish_cmd else (BASE_STATUS,)
+        )
+
+    @property
+    def odometry_rate(self) -> float:
+        return self.controller.live.publish_rate
+
+    @property
+    def publishes_odom_tf(self) -> bool:
+        return self.controller.live.enable_odom_tf
+
+    @property
+    def publishes_link_tf(self) -> bool:
+        return self._entry.parameters.enable_link_tf is not False
+
+    @property
+    def commanded_velocity(self) -> tuple[float, float]:
+        return self.controller.commanded_velocity
+
+    @property
+    def joint_friction(self) -> Mapping[str, JointFriction]:
+        return {}
+
+    @property
+    def joint_readings(self) -> JointReadings:
+        return self._world.joint_readings(self._entry.name)
+
+    def effort_controller(self, joint: str) -> JointEffortController:
+        name = self._entry.name
+        namespace = (self._entry.namespace or name).strip("/")
+        raise BadInput(f"{name}::{joint} is a wheel, which its base drives: command /{namespace}/cmd_vel instead")
+
+    def job_count(self, joint: str) -> int:
+        return 0
+
+    def set_joints(self, positions: Mapping[str, float]) -> None:
+        raise BadInput(f"the joints of {self._entry.name} are its wheels, which odometry counts: use set_state")
+
+    def set_drive(self, request: DriveSettings, now: int) -> DriveSettings:
+        self._parameters.set_drive(request)
+        self.reconfigure(now)
+        return self._parameters.drive_settings()
+
+    def apply_commands(self, commands: Subscriber[Any], now: int, lockstep_members: set[bytes], factor: float) -> None:
+        if commands.messages:
+            self.controller.apply_commands(commands.messages, now, lockstep_members, factor)
+
+    def publisher_lost(self, source: bytes, now: int) -> None:
+        self.controller.arbiter.publisher_lost(source, now)
+
+    def stop(self, on: bool) -> None:
+        self.controller.stop(on)
+
+    def step(self, now: int) -> None:
+        speeds = self.controller.step(now)
+        if self.controller.config.gains is not None:
+            self._world.set_torques(self._entry.name, self.controller.torques(self._wheel_speeds()))
+        elif speeds is not None:
+            self._world.set_speeds(self._entry.name, speeds)
+        if self._open_loop:
+            self.odometer.update_from_commands()
+
+    def reset(self) -> None:
+        self.controller.reset()
+        self._world.set_speeds(self._entry.name, (0.0, 0.0))
+
+    def reconfigure(self, now: int) -> None:
+        if not self._parameters.update():
+            return
+        rate = self.odometry_rate
+        self.controller.reconfigure(self._parameters.config, now)
+        parameters = self._parameters.parameters
+        self.noise = parameters.noise
+        self.odometer.reconfigure(odometry_config(self._model, parameters))
+        if self.odometry_rate != rate:
+            self.odometer.reset_phase()
+
+    def status(
+        self, now: int, refused: int, colliding: bool, collisions: int, stopped_by: tuple[str, ...]
+    ) -> BaseStatus | None:
+        return self.controller.status(now, self._entry.model, refused, colliding, collisions, stopped_by)
+
+    def close(self) -> None:
+        self._parameters.close()
+
+    def _wheel_speeds(self) -> tuple[float, float]:
+        """How fast the wheels turn, rad/s."""
+        name, config = self._entry.name, self.controller.config
+        speeds = dict(zip(self._world.joints(name), self._world.joint_readings(name).velocity, strict=True))
+        return speeds[config.left_joint], speeds[config.right_joint]
+
+
+class JointActuation:
+    """Joints that take efforts, from a topic and by request; odometry, if any, is the true pose in the world."""
+
+    command_topic: Topic[Any] = JOINT_EFFORT
+    extra_topics: tuple[Topic[Any], ...] = ()
+    commanded_velocity = 0.0, 0.0
+    publishes_odom_tf = True
+
+    def __init__(
+        self,
+        node: Node,
+        world: World,
+        entry: RobotEntry,
+        model: RobotModel,
+        parameters: JointParameterSet,
+        delays: TransitDelayEstimator,
+    ) -> None:
+        self._world, self._entry, self._parameters = world, entry, parameters
+        limits, rule = read_joint_limits(entry.model), parameters.config.effort_rule
+        self.controller = JointEffortController(world, entry.name, limits, rule, delays, node.log)
+        config = odometry_config(model, effective_parameters(entry.model, model, entry.parameters))
+        self.odometer = Odometer(config, world, entry.name, None)
+        self.odometry_rate = model.odometry_rate
+        self.noise = parameters.noise
+
+    @property
+    def publishes_link_tf(self) -> bool:
+        return self._entry.joint_parameters.enable_link_tf
+
+    @property
+    def joint_friction(self) -> Mapping[str, JointFriction]:
+        return self._parameters.config.joint_friction
+
+    @property
+    def joint_readings(self) -> JointReadings:
+        efforts = tuple(self.controller.applied_efforts.values())
+        return self._world.joint_readings(self._entry.name)._replace(effort=efforts)
+
+    def effort_controller(self, joint: str) -> JointEffortController:
+        return self.controller
+
+    def job_count(self, joint: str) -> int:
+        return len(self.controller.jobs(joint))
+
+    def set_joints(self, positions: Mapping[str, float]) -> None:
+        check_positions(self._entry.model, positions)
+        self._world.set_joints(self._entry.name, positions)
+
+    def set_drive(self, request: DriveSettings, now: int) -> DriveSettings:
+        raise BadInput(f"{self._entry.name} is a {self._entry.model}, which has no driven wheels")
+
+    def apply_commands(self, commands: Subscriber[Any], now: int, lockstep_members: set[bytes], factor: float) -> None:
+        self.controller.apply_commands(commands, now, lockstep_members, factor)
+
+    def publisher_lost(self, source: bytes, now: int) -> None:
+        self.controller.publisher_lost(source)
+
+    def stop(self, on: bool) -> None:
+        self.controller.stop(on)
+
+    def step(self, now: int) -> None:
+        self.controller.step(now)
+
+    def reset(self) -> None:
+        self.controller.reset()
+
+    def reconfigure(self, now: int) -> None:
+        if self._parameters.update():
+            self.controller.effort_rule, self.noise = self._parameters.config.effort_rule, self._parameters.noise
+            self._world.set_joint_friction(self._entry.name, self._parameters.config.joint_friction)
+
+    def status(
+        self, now: int, refused: int, colliding: bool, collisions: int, stopped_by: tuple[str, ...]
+    ) -> BaseStatus | None:
+        return None
+
+    def close(self) -> None:
+        self._parameters.close()

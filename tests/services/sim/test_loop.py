@@ -1,0 +1,185 @@
+"""Requests that move time: between two ticks alone, and answered at once also while members are waited for."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+import pytest
+
+from messages.base import Message, decoder, encode
+from messages.requests import LIST, PAUSE, RESET, RESUME, STEP, Refusal, Request
+from messages.simulation import SimTime, Steps
+from messages.std import Empty
+from models.world import WorldDescription
+from services.runtime.errors import Stopped
+from services.runtime.lockstep.member import LockstepMember
+from services.runtime.lockstep.protocol import StepGrant
+from services.runtime.node import Node
+from services.runtime.step import STEP_NS
+from services.runtime.transport.api import PendingReplies, idle_subscriber
+from services.runtime.transport.memory import MemoryBus, MemoryTransport
+from services.sim.loop import SimulationLoop
+from services.sim.physics.bullet import BulletWorld
+from services.sim.services import SimulationServices
+from services.sim.simulation import CONTROL_STEPS, Simulation
+from services.sim.time_modes import Lockstep
+from tests.harness.memory_node import memory_node
+from tests.harness.waiting import wait_until
+
+
+class LockstepHarness:
+    """A simulation's loop in a thread, in lockstep with one member that the test plays, due at each control tick."""
+
+    def __init__(self, bus: MemoryBus, node: Node, member: LockstepMember, world: BulletWorld, latency: int) -> None:
+        self.node, self.member = node, member
+        self.simulation = Simulation(node, world, 0, real_time=False)
+        self.grants: list[tuple[int, int]] = []
+        self._lockstep = Lockstep(self.simulation, node, ("/m",), latency)
+        self._loop = SimulationLoop(self.simulation, self._lockstep, node)
+        SimulationServices(self.simulation, node)
+        self._stranger = MemoryTransport(bus)
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self) -> None:
+        rest = idle_subscriber(self.node.transport)
+        with suppress(Stopped):
+            self._lockstep.begin((), self._loop.apply_requests)
+            self._loop.begin()
+            while True:
+                self._loop.process_requests()
+                if self._loop.standing:
+                    self._loop.stand()
+                    self.node.wait(rest)
+                else:
+                    self._loop.tick()
+
+    def join(self) -> None:
+        self.member.join()
+        greeting = wait_until(self.member.poll, what="a greeting")
+        assert greeting is not None
+        self.member.send_join(greeting, {}, {})
+
+    def next_grant(self) -> tuple[int, int]:
+        """Epoch and tick of the next step that the member is let take."""
+
+        def polled() -> StepGrant | None:
+            grant = self.member.poll()
+            return None if grant is None or grant.paused or grant.roster else grant
+
+        grant = wait_until(polled, what="a grant")
+        assert grant is not None
+        self.grants.append((grant.epoch, grant.tick))
+        return self.grants[-1]
+
+    def finish(self) -> None:
+        """The member has taken its last step."""
+        self.member.finish(self.grants[-1][1], {}, {})
+
+    def ask(self, request: Request[Message, Message], message: Message | None = None) -> PendingReplies:
+        return self._stranger.query_async(request.name[1:], encode(message or Empty()), 60.0)
+
+    def begin_steps(self, count: int) -> PendingReplies:
+        """Ask for steps that wait for the member; another request for steps is refused meanwhile."""
+        stepped = self.ask(STEP, Steps(count=count))
+        assert refusal(self.ask(STEP, Steps(count=1))) == "a step is under way already"
+        assert stepped.poll() is None
+        return stepped
+
+    def end(self) -> None:
+        self.node.stopping = True
+        self.node.transport.wake()
+        self._thread.join(10)
+        assert not self._thread.is_alive()
+
+
+def reply(pending: PendingReplies) -> SimTime:
+    """The answer, once it is there."""
+    (found,) = wait_until(pending.poll, what="an answer") or ()
+    assert found.ok, found.payload
+    return decoder(SimTime)(found.payload)
+
+
+def refusal(pending: PendingReplies) -> str:
+    (found,) = wait_until(pending.poll, what="a refusal") or ()
+    assert not found.ok
+    return decoder(Refusal)(found.payload).reason
+
+
+@contextmanager
+def lockstep(latency: int = 0) -> Iterator[LockstepHarness]:
+    bus = MemoryBus()
+    with (
+        BulletWorld(WorldDescription(), STEP_NS) as world,
+        memory_node(bus, "sim") as node,
+        memory_node(bus, "m") as other,
+    ):
+        member = LockstepMember(other.transport, "/m", CONTROL_STEPS * STEP_NS)
+        made = LockstepHarness(bus, node, member, world, latency)
+        try:
+            made.join()
+            yield made
+        finally:
+            made.end()
+
+
+@pytest.mark.parametrize("latency", [0, 1])
+def test_a_pause_interrupts_the_wait_for_a_member_that_hangs(latency: int) -> None:
+    with lockstep(latency) as at:
+        for tick in (0, CONTROL_STEPS, 2 * CONTROL_STEPS):
+            assert at.next_grant() == (0, tick)
+            if tick < 2 * CONTROL_STEPS:
+                at.finish()
+        stands = (2 + latency) * CONTROL_STEPS
+        wait_until(lambda: at.simulation.tick == stands, what="the tick that waits for the member")
+        assert wait_until(at.ask(LIST).poll, what="an answer")[0].ok
+        assert not at.simulation.paused
+        assert reply(at.ask(PAUSE)) == SimTime(tick=stands, time=stands * STEP_NS)
+        assert reply(at.ask(PAUSE)).tick == stands
+        stepped = at.begin_steps(3)
+        at.finish()
+        if latency:
+            assert at.next_grant() == (0, stands)
+            at.finish()
+        assert reply(stepped).tick == stands + 3
+        assert reply(at.ask(RESUME)).tick == stands + 3
+        assert at.next_grant() == (0, stands + CONTROL_STEPS), "no tick is granted twice"
+
+
+def test_a_reset_ends_the_steps_and_begins_once_the_member_has_finished() -> None:
+    with lockstep() as at:
+        assert at.next_grant() == (0, 0)
+        assert reply(at.ask(PAUSE)).tick == 0
+        stepped = at.begin_steps(1000)
+        at.finish()
+        assert at.next_grant() == (0, CONTROL_STEPS)
+        assert reply(at.ask(RESET)) == reply(stepped) == SimTime(epoch=1)
+        reply(at.ask(RESUME))
+        assert all(each.paused for each in iter(at.member.poll, None)), "it waits for the step of the time before"
+        at.finish()
+        assert at.next_grant() == (1, 0)
+
+
+def test_steps_are_answered_at_their_tick_though_time_goes_on() -> None:
+    with lockstep() as at:
+        assert at.next_grant() == (0, 0)
+        reply(at.ask(PAUSE))
+        stepped = at.begin_steps(2 * CONTROL_STEPS)
+        assert reply(at.ask(RESUME)).tick == 0
+        assert refusal(at.ask(STEP, Steps(count=1))) == "time is running: pause it before stepping"
+        at.finish()
+        assert at.next_grant() == (0, CONTROL_STEPS)
+        assert stepped.poll() is None
+        at.finish()
+        assert reply(stepped).tick == 2 * CONTROL_STEPS
+        assert at.next_grant() == (0, 2 * CONTROL_STEPS)
+
+
+def test_steps_that_are_under_way_at_the_end_are_refused() -> None:
+    with lockstep() as at:
+        at.next_grant()
+        reply(at.ask(PAUSE))
+        stepped = at.begin_steps(1000)
+    assert refusal(stepped) == "the process ended before this was done"
