@@ -1,4 +1,4 @@
-"""The parameter service: the one authority on every service's parameters, typed, bounded, kept and published."""
+"""The parameter service: checks, applies, saves and publishes the parameters of all services."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from messages.requests import PARAMS_REQUESTS
 from messages.topics import DESCRIPTIONS, SCHEDULE, UPDATES
 from services.runtime.service import Parameters, Service
 
+FILE_TEXT = "SQLite file of the saved values; empty or :memory: keeps them for this run only."
+
 
 class Scheduled(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A change at a time of the run, for this run alone."""
+    """A change of a set at a simulation time, for this run only."""
 
     at: Annotated[float, Meta(ge=0, le=1e7, extra={"unit": "s"})]
     set: str
@@ -22,14 +24,21 @@ class Scheduled(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 
 class ParamsParameters(Parameters, frozen=True, kw_only=True):
-    """Where values are kept, and what changes by itself on the way."""
+    """Where values are saved, and which changes are made at given times."""
 
-    file: Annotated[
-        str, Meta(max_length=4096, description="SQLite file of what was set; empty or :memory: keeps it for this run")
-    ] = ""
+    file: Annotated[str, Meta(max_length=4096, description=FILE_TEXT)] = ""
     schedule: Annotated[
-        tuple[Scheduled, ...], Meta(description="changes {at, set, values} at times of the simulation, not saved")
+        tuple[Scheduled, ...],
+        Meta(description="Changes {at, set, values} to make at simulation times, for this run only."),
     ] = ()
+    schedule_file: Annotated[
+        str,
+        Meta(
+            max_length=4096,
+            description="JSON file that records which scheduled changes were made, so that a restart does not repeat "
+            "them; empty for none.",
+        ),
+    ] = ""
 
 
 SERVICE = Service(
