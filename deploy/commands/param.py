@@ -1,4 +1,4 @@
-"""``elea param``: the parameters of running services, as rosparam, ros2 param and dynparam together."""
+"""``elea param``: reads and changes the parameters of running services, as rosparam, ros2 param and dynparam do."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 COMMANDS = {
     "list": LazyCommand("param:list_command", "List the sets of parameters, or the parameters of one."),
     "get": LazyCommand("param:get_command", "Show values and where they come from."),
-    "describe": LazyCommand("param:describe_command", "Show types, bounds, defaults, units and texts."),
+    "describe": LazyCommand("param:describe_command", "Show types, bounds, defaults, units and descriptions."),
     "set": LazyCommand("param:set_command", "Change parameters, all or none."),
     "reset": LazyCommand("param:reset_command", "Forget what was set: fleet file and defaults count again."),
-    "undo": LazyCommand("param:undo_command", "Take the newest change of a set back."),
+    "undo": LazyCommand("param:undo_command", "Undo the newest change of a set."),
     "dump": LazyCommand("param:dump_command", "Write values as YAML or TOML."),
     "load": LazyCommand("param:load_command", "Set the values of a YAML or TOML file."),
     "history": LazyCommand("param:history_command", "Show who changed what, and when."),
@@ -35,11 +35,11 @@ COMMANDS = {
 
 @click.command(cls=LazyGroup, name="param", table=COMMANDS)
 def command() -> None:
-    """Read and change the parameters of running services, checked and kept by the parameter service.
+    """Read and change the parameters of running services, which the parameter service checks and saves.
 
-    SET is the name of a set as `list` shows it, with or without the leading slash, or of a node that follows it.
+    SET is the name of a set as `list` shows it, with or without the leading slash, or of a node that uses it.
 
-    Exit status: 0 done, 1 refused, failed, or the answer was lost and the outcome unknown, 2 bad input.
+    Exit status: 0 done; 1 refused, failed, or the outcome is unknown because the answer was lost; 2 bad input.
     """
 
 
@@ -51,11 +51,16 @@ def client_options(function: F) -> F:
     for option in (
         json_option,
         click.option(
-            "-t", "--timeout", type=click.FloatRange(0.1, 600), default=5.0, show_default=True, help="Wait so long, s."
+            "-t",
+            "--timeout",
+            type=click.FloatRange(0.1, 600),
+            default=5.0,
+            show_default=True,
+            help="Time to wait for an answer, s.",
         ),
         port_option,
         click.option("--domain", default="", help="Domain of the fleet."),
-        click.option("--connect", metavar="ENDPOINT", default="", help="Router to ask; by default the fleet's."),
+        click.option("--connect", metavar="ENDPOINT", default="", help="Router to connect to; by default the fleet's."),
     ):
         function = option(function)
     return function
@@ -63,7 +68,7 @@ def client_options(function: F) -> F:
 
 @contextmanager
 def connect_client(options: dict[str, Any]) -> Iterator[ParameterServiceClient]:
-    """The client at the place that the options say; what is left in ``options`` are the verb's own."""
+    """A client connected as the options say; those that remain in ``options`` are the verb's own."""
     from deploy.commands.param_client import ParameterServiceClient
     from deploy.live.connect import connect
 
@@ -75,10 +80,10 @@ def connect_client(options: dict[str, Any]) -> Iterator[ParameterServiceClient]:
 
 @click.command("list")
 @click.argument("set_name", metavar="[SET]", default="", type=SET)
-@click.option("-v", "--values", is_flag=True, help="A line `/SET/NAME VALUE` for each parameter, as grep wants it.")
+@click.option("-v", "--values", is_flag=True, help="Print a line `/SET/NAME VALUE` for each parameter, for grep.")
 @client_options
 def list_command(set_name: str, values: bool, as_json: bool, **options: Any) -> None:
-    """List the sets with the names of their parameters, or those of SET."""
+    """List all sets with the names of their parameters, or only SET."""
     from deploy.commands.param_values import print_json
 
     with connect_client(options) as client:
@@ -122,9 +127,9 @@ def _print_values(told: dict[str, ParameterValues], as_json: bool) -> None:
 @click.argument("names", metavar="[NAME]...", nargs=-1, type=PARAMETER)
 @client_options
 def get_command(set_name: str, names: tuple[str, ...], as_json: bool, **options: Any) -> None:
-    """Show the values of SET that count and where they come from; of one NAME, the bare value.
+    """Show the current values of SET and where they come from; for a single NAME, the bare value.
 
-    A single parameter may be named in one path, as `/tb3_0/waypoint/max_linear`.
+    A single parameter can also be given as a path, such as `/tb3_0/waypoint/max_linear`.
     """
     import msgspec
 
@@ -157,9 +162,9 @@ def get_command(set_name: str, names: tuple[str, ...], as_json: bool, **options:
 @click.argument("names", metavar="[NAME]...", nargs=-1, type=PARAMETER)
 @client_options
 def describe_command(set_name: str, names: tuple[str, ...], as_json: bool, **options: Any) -> None:
-    """Show type, bounds, default, unit and text of the parameters of SET, or of some.
+    """Show type, bounds, default, unit and description of the parameters of SET, or of some.
 
-    Bounds, lengths, choices, and what must hold between two parameters (`at most OTHER`, `not with OTHER`) are checked
+    Bounds, lengths, choices, and constraints between two parameters (`at most OTHER`, `not with OTHER`) are checked
     before a change counts.
     """
     import msgspec
@@ -185,12 +190,14 @@ def describe_command(set_name: str, names: tuple[str, ...], as_json: bool, **opt
 
 @click.command("history")
 @click.argument("set_name", metavar="[SET]", default="", type=SET)
-@click.option("-n", "--limit", type=click.IntRange(1, 10_000), default=20, show_default=True, help="So many at most.")
+@click.option(
+    "-n", "--limit", type=click.IntRange(1, 10_000), default=20, show_default=True, help="Show at most this many."
+)
 @client_options
 def history_command(set_name: str, limit: int, as_json: bool, **options: Any) -> None:
-    """Show the changes of SET, or of all, newest first: who, when, from what to what.
+    """Show the changes of SET, or of all sets, newest first: who made them, when, and the values before and after.
 
-    The newest 50 000 changes, and 32 MiB, of all sets together are kept.
+    The newest 50,000 changes of all sets together are kept, and at most 32 MiB.
     """
     import msgspec
 
@@ -203,25 +210,25 @@ def history_command(set_name: str, limit: int, as_json: bool, **options: Any) ->
     elif changes:
         sys.stdout.write(format_columns(map(change_as_row, changes)))
     else:
-        sys.stdout.write("nothing was changed yet\n")
+        sys.stdout.write("there are no changes yet\n")
 
 
 @click.command("set", context_settings={"ignore_unknown_options": True})
 @click.argument("set_name", metavar="SET", type=SET)
 @click.argument("words", metavar="NAME VALUE | NAME=VALUE... | {NAME: VALUE, ...}", nargs=-1, type=PARAMETER)
-@click.option("--clamp", is_flag=True, help="Take a number that is out of bounds at the bound.")
-@click.option("--run", is_flag=True, help="For this run alone: not saved.")
+@click.option("--clamp", is_flag=True, help="Replace a number that is out of bounds by the bound.")
+@click.option("--run", is_flag=True, help="For this run only; do not save.")
 @client_options
 def set_command(set_name: str, words: tuple[str, ...], clamp: bool, run: bool, as_json: bool, **options: Any) -> None:
     """Change parameters of SET, all or none.
 
-    Names of choices are taken in any case; a bool is yes, true, t, y, on or 1, and no, false, f, n, off or 0.
+    Choices may be written in upper or lower case; a bool is yes, true, t, y, on or 1, or no, false, f, n, off or 0.
 
-    An answer that is lost is asked for again under the same id, so that nothing is applied twice. What `describe` tells
-    is checked before a change counts. A service may find fault with more, such as a deceleration of 0: then it takes
-    the change back a moment later, and `history` has its reason.
+    A request whose answer is lost is sent again under the same id, so that nothing is applied twice. The parameter
+    service checks what `describe` shows before a change counts. The service that uses the parameters may refuse more,
+    such as a deceleration of 0: then the change is undone a moment later, and `history` shows the reason.
     """
-    from deploy.commands.param_values import parse_assignments, to_assignments, validate_change
+    from deploy.commands.param_values import parse_assignments, to_assignments
 
     for word in words:
         if word.startswith("--") and word[2:3].isalpha():
@@ -232,7 +239,6 @@ def set_command(set_name: str, words: tuple[str, ...], clamp: bool, run: bool, a
         one = client.find_set(set_name)
         before = client.values(one.set)
         values = parse_assignments(words, one) if one.nodes else {}
-        validate_change(one, before, values, clamp)
         after = client.set(one.set, to_assignments(values), clamp, run)
     _print_change(before, after, tuple(values), as_json)
 
@@ -242,7 +248,7 @@ def set_command(set_name: str, words: tuple[str, ...], clamp: bool, run: bool, a
 @click.argument("names", metavar="[NAME]...", nargs=-1, type=PARAMETER)
 @client_options
 def reset_command(set_name: str, names: tuple[str, ...], as_json: bool, **options: Any) -> None:
-    """Forget what was set of SET, or of some NAMEs: command line, fleet file and defaults count again."""
+    """Forget what was set in SET, or only for the NAMEs: command line, fleet file and defaults count again."""
     with connect_client(options) as client:
         one = client.find_set(set_name)
         before = client.values(one.set)
@@ -258,7 +264,7 @@ def reset_command(set_name: str, names: tuple[str, ...], as_json: bool, **option
 @click.argument("set_name", metavar="SET", type=SET)
 @client_options
 def undo_command(set_name: str, as_json: bool, **options: Any) -> None:
-    """Take the newest change of SET back; once more takes the one before back. An undo itself is not taken back."""
+    """Undo the newest change of SET; called again, undo the one before it. An undo itself cannot be undone."""
     with connect_client(options) as client:
         one = client.find_set(set_name)
         before = client.values(one.set)
@@ -285,24 +291,27 @@ def _print_change(before: ParameterValues, after: ParameterValues, names: tuple[
 
 
 class PlannedLoad(NamedTuple):
-    """The values of a set that count, and those that a file has for it."""
+    """The current values of a set, and those that a file gives it."""
 
     before: ParameterValues
     values: dict[str, Value]
 
 
 format_option = click.option(
-    "--format", "form", type=click.Choice(["yaml", "toml"]), help="By the ending of the file, else YAML."
+    "--format",
+    "form",
+    type=click.Choice(["yaml", "toml"]),
+    help="By default by the file's extension, else YAML.",
 )
 
 
 @click.command("dump")
 @click.argument("names", metavar="[SET]...", nargs=-1, type=SET)
-@click.option("-o", "--output", metavar="FILE", default="", help="Write here; standard output by default.")
+@click.option("-o", "--output", metavar="FILE", default="", help="File to write; by default standard output.")
 @format_option
 @client_options
 def dump_command(names: tuple[str, ...], output: str, form: str | None, as_json: bool, **options: Any) -> None:
-    """Write the values of the SETs, or of all, for `load`: those that may be set while services run."""
+    """Write the values of the SETs, or of all, as a file for `load`: those that can be set while services run."""
     from deploy.commands.param_client import find_set
     from deploy.commands.param_values import file_format, format_tables, print_json
 
@@ -328,13 +337,13 @@ def dump_command(names: tuple[str, ...], output: str, form: str | None, as_json:
 
 @click.command("load")
 @click.argument("file", type=click.Path())
-@click.option("--set", "only", metavar="SET", default="", help="FILE has the values of this set, without its name.")
-@click.option("--clamp", is_flag=True, help="Take a number that is out of bounds at the bound.")
-@click.option("--run", is_flag=True, help="For this run alone: not saved.")
+@click.option("--set", "only", metavar="SET", default="", help="FILE holds the values of this set, without its name.")
+@click.option("--clamp", is_flag=True, help="Replace a number that is out of bounds by the bound.")
+@click.option("--run", is_flag=True, help="For this run only; do not save.")
 @format_option
 @client_options
 def load_command(file: str, only: str, clamp: bool, run: bool, form: str | None, as_json: bool, **options: Any) -> None:
-    """Set what in FILE differs from the values that count; all of FILE is checked first, each set is all or none."""
+    """Set the values in FILE that differ from the current ones. All of FILE is checked before anything is changed."""
     from deploy.commands.param_values import file_format, read_parameter_file
 
     tables = read_parameter_file(Path(file), file_format(file, form))
@@ -342,7 +351,9 @@ def load_command(file: str, only: str, clamp: bool, run: bool, form: str | None,
         tables = {only: tables}
     for name, table in tables.items():
         if not isinstance(table, dict):
-            raise BadInput(f"{file}: {name} is no table of a set; if the file has the values of one set, say --set SET")
+            raise BadInput(
+                f"{file}: {name} is not a table of values; if the file holds the values of one set, give --set SET"
+            )
     with connect_client(options) as client:
         planned, faults = _plan_loads(client, tables, clamp)
         if faults:
@@ -353,7 +364,7 @@ def load_command(file: str, only: str, clamp: bool, run: bool, form: str | None,
 def _plan_loads(
     client: ParameterServiceClient, tables: dict[str, Any], clamp: bool
 ) -> tuple[list[PlannedLoad], list[str]]:
-    """What to set, and what is wrong with it."""
+    """What to set, and what is wrong with it: nothing is changed unless all sets of a file can be."""
     from deploy.commands.param_client import find_set
     from deploy.commands.param_values import convert_values, validate_change
 
@@ -376,7 +387,7 @@ def _plan_loads(
 def _apply_loads(
     client: ParameterServiceClient, planned: list[PlannedLoad], clamp: bool, run: bool, as_json: bool
 ) -> None:
-    """Set by set, saying what was changed; raises CallFailed, after saying it, when one is refused."""
+    """Load set by set and print what changed; raises CallFailed when one is refused."""
     from deploy.commands.param_values import format_difference, print_json, to_assignments, values_as_json
 
     done: list[ParameterValues] = []
@@ -401,7 +412,7 @@ def _apply_loads(
 
 
 def _loadable_values(client: ParameterServiceClient, one: ParameterSchema) -> dict[str, Value]:
-    """The values of a set that `load` may set again."""
+    """The values of a set that `load` can set again."""
     live = {each.name for each in one.parameters if each.live}
     return {each.name: each.value for each in client.values(one.set).values if each.name in live or not one.nodes}
 
@@ -409,7 +420,7 @@ def _loadable_values(client: ParameterServiceClient, one: ParameterSchema) -> di
 def _without_null(name: str, table: dict[str, Value]) -> dict[str, Value]:
     nulls = [each for each, value in table.items() if value is None]
     if nulls:
-        sys.stderr.write(f"{name}: TOML has no null, left out: {', '.join(nulls)} (YAML has)\n")
+        sys.stderr.write(f"{name}: TOML has no null, these are left out: {', '.join(nulls)} (YAML can hold them)\n")
     return {each: value for each, value in table.items() if value is not None}
 
 

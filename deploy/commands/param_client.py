@@ -1,4 +1,4 @@
-"""What the verbs ask of the parameter service."""
+"""The command line's client of the parameter service."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from services.runtime.transport.api import Transport
 
 
 class ParameterServiceClient:
-    """A person at the command line. What changes something has an id of its own, and is asked until it is answered."""
+    """Sends requests on behalf of a person. A change has an id of its own, and is sent until it is answered."""
 
     def __init__(self, transport: Transport, timeout: float) -> None:
         self._transport, self._timeout = transport, timeout
@@ -38,7 +38,7 @@ class ParameterServiceClient:
         return {each.set: each for each in listed}
 
     def find_set(self, name: str) -> ParameterSchema:
-        """The set that is called so, or whose node is; raises BadInput with the nearest name."""
+        """The set with this name, or of the node with this name; raises BadInput with the nearest name."""
         return find_set(name, self.sets())
 
     def find_parameter(self, path: str) -> tuple[ParameterSchema, str]:
@@ -55,7 +55,7 @@ class ParameterServiceClient:
             raise
 
     def values(self, name: str) -> ParameterValues:
-        """The values of a set that count."""
+        """The current values of a set."""
         return call_idempotent(self._transport, PARAMS_GET, ParameterSet(set=name), self._timeout)
 
     def set(
@@ -71,7 +71,7 @@ class ParameterServiceClient:
         return call_idempotent(self._transport, PARAMS_RESET, asked, self._timeout)
 
     def undo(self, name: str) -> ParameterValues:
-        """Take the newest change back."""
+        """Undo the newest change."""
         asked = UndoParameters(set=name, id=_new_id(), who=self._who)
         return call_idempotent(self._transport, PARAMS_UNDO, asked, self._timeout)
 
@@ -81,7 +81,7 @@ class ParameterServiceClient:
 
 
 def find_set(name: str, sets: dict[str, ParameterSchema]) -> ParameterSchema:
-    """The set of this name, with or without its slash, or the one that a node of this name follows."""
+    """The set of this name, with or without its slash, or the one that a node of this name uses."""
     absolute = f"/{name.strip('/')}"
     if absolute in sets:
         return sets[absolute]
@@ -89,7 +89,7 @@ def find_set(name: str, sets: dict[str, ParameterSchema]) -> ParameterSchema:
     if len(followed) == 1:
         return followed[0]
     if followed:
-        raise BadInput(f"{absolute} follows several sets: say which, {', '.join(each.set for each in followed)}")
+        raise BadInput(f"{absolute} uses several sets: which one? {', '.join(each.set for each in followed)}")
     below = [each for each in sets if each.endswith(absolute)]
     if len(below) == 1:
         return sets[below[0]]

@@ -1,8 +1,9 @@
-"""Parameter values as a person writes and reads them: words, YAML and TOML files, tables, JSON."""
+"""Reads and formats parameter values for people: command-line words, YAML and TOML files, tables, JSON."""
 
 from __future__ import annotations
 
 import json
+import math
 import re
 import sys
 import tomllib
@@ -12,6 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from deploy.live.output import printable
+from messages.base import LARGEST
 from messages.parameters import (
     Announcement,
     Assignment,
@@ -26,11 +28,11 @@ from services.runtime.errors import BadInput, unknown_name
 
 Format = Literal["yaml", "toml"]
 MAX_FILE_BYTES = 8 << 20
-"""Bytes of a file that is read."""
+"""Largest file that is read."""
 
 
 def file_format(file: str, stated: str | None) -> Format:
-    """The stated format, else by the file's ending, else YAML; raises BadInput for another ending."""
+    """The stated format, else that of the file's extension, else YAML; raises BadInput for another extension."""
     if stated is not None:
         return "toml" if stated == "toml" else "yaml"
     ending = Path(file).suffix.lower()
@@ -38,14 +40,14 @@ def file_format(file: str, stated: str | None) -> Format:
         return "yaml"
     if ending == ".toml":
         return "toml"
-    raise BadInput(f"{file}: is it YAML or TOML? Say --format yaml or --format toml")
+    raise BadInput(f"{file}: is it YAML or TOML? Give --format yaml or --format toml")
 
 
 def read_parameter_file(path: Path, form: Format) -> dict[str, Any]:
-    """The tables of a file; raises BadInput with the place of what is wrong."""
+    """The tables of a file; raises BadInput with the line of an error."""
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
-            raise BadInput(f"{path}: larger than {MAX_FILE_BYTES >> 20} MiB, which no file of parameters is")
+            raise BadInput(f"{path}: larger than {MAX_FILE_BYTES >> 20} MiB, too large for a parameter file")
         text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise BadInput(f"cannot read {path}: {error.strerror}") from None
@@ -60,11 +62,11 @@ def read_parameter_file(path: Path, form: Format) -> dict[str, Any]:
 
 
 def read_yaml(text: str, where: str) -> dict[str, Any]:
-    """A YAML map; a key that is given twice is an error. Raises BadInput with line and column."""
+    """A YAML map without duplicate keys; raises BadInput with line and column."""
     import yaml
 
     class Loader(yaml.SafeLoader):
-        """Refuses a key that is given twice."""
+        """Refuses duplicate keys."""
 
         def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
             keys = [self.construct_object(key, deep=True) for key, _ in node.value]
@@ -88,7 +90,7 @@ def read_yaml(text: str, where: str) -> dict[str, Any]:
 
 
 def read_yaml_value(text: str) -> Any:
-    """Any YAML value; a text that is none stays a text."""
+    """Any YAML value; a text that is not YAML stays a text."""
     import yaml
 
     try:
@@ -98,7 +100,7 @@ def read_yaml_value(text: str) -> Any:
 
 
 def format_tables(tables: Mapping[str, Mapping[str, Value]], form: Format) -> str:
-    """The tables as text. TOML has no null: leave such values out before."""
+    """The tables as text. TOML has no null: remove such values first."""
     plain = {name: {key: _plain(value) for key, value in table.items()} for name, table in tables.items()}
     if form == "toml":
         import tomli_w
@@ -115,7 +117,7 @@ def _plain(value: Value) -> Any:
 
 YES = ("yes", "true", "t", "y", "on", "1")
 NO = ("no", "false", "f", "n", "off", "0")
-"""What is taken for a bool, in any case; dynamic_reconfigure took ``yes``, ``true``, ``t`` and ``1`` for true."""
+"""Words for a bool, in any case; dynamic_reconfigure read ``yes``, ``true``, ``t`` and ``1`` as true."""
 
 _PAIR = re.compile(r"([A-Za-z_][A-Za-z0-9_.]*)=(.*)", re.DOTALL)
 
@@ -142,18 +144,45 @@ def parse_assignments(words: Sequence[str], schema: ParameterSchema) -> dict[str
 
 
 def convert_values(table: Mapping[str, Any], schema: ParameterSchema) -> dict[str, Value]:
-    """Values in their parameters' types as far as they can be read so; raises BadInput for an unknown name."""
+    """Convert values to their parameters' types where possible.
+
+    Raises BadInput for an unknown name, and for what no message can hold. All else is left to the parameter service.
+    """
     described = {each.name: each for each in schema.parameters}
     for name in table:
         if name not in described:
             raise unknown_name("parameter", str(name), described, schema.set)
-    return {name: _convert_value(value, described[name]) for name, value in table.items()}
+    values = {name: _convert_value(value, described[name]) for name, value in table.items()}
+    for name, value in values.items():
+        _check_representable(described[name], value)
+    return values
+
+
+def _check_representable(described: ParameterDescription, value: Value) -> None:
+    """Raise BadInput for a number that no message can hold."""
+    if isinstance(value, tuple):
+        for each in value:
+            _check_representable(described, each)
+        return
+    if not isinstance(value, int | float):
+        return
+    shown = f"{described.name} = {str(value)[:80]}"
+    if isinstance(value, int) and described.type.startswith("int"):
+        if not -(2**63) <= value < 2**63:
+            raise BadInput(f"{shown}: an int has 64 bits")
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise BadInput(f"{shown}: it is not finite")
+    elif abs(value) > LARGEST:
+        raise BadInput(f"{shown}: no number may exceed {LARGEST:g}")
 
 
 def validate_change(
     schema: ParameterSchema, before: ParameterValues, values: Mapping[str, Value], clamp: bool = False
 ) -> None:
-    """Refuse here, with every violation, what the service would refuse for ``before`` it; raises BadInput."""
+    """Raise BadInput, with every violation, for a change that the parameter service would refuse.
+
+    A file with several sets is checked so before the first of them is changed; the parameter service knows one only.
+    """
     from services.params.changes import plan_set
     from services.params.schema import Schema, SetState
 
@@ -169,12 +198,12 @@ def validate_change(
 
 
 def to_assignments(values: Mapping[str, Value]) -> tuple[Assignment, ...]:
-    """As a request has them."""
+    """The values as a request holds them."""
     return tuple(Assignment(name=name, value=value) for name, value in values.items())
 
 
 def _convert_value(value: Any, described: ParameterDescription) -> Value:
-    """A text is read by the parameter's type; what cannot be read so stays as it is, and is refused by name later."""
+    """Read a text by the parameter's type; what cannot be read stays a text, which the parameter service refuses."""
     if isinstance(value, str):
         return _convert_text(value, described)
     if isinstance(value, list | tuple):
@@ -231,12 +260,12 @@ def _convert_list(values: Sequence[Any], described: ParameterDescription) -> Val
 
 
 def format_value(value: Value) -> str:
-    """A value as one would write it."""
+    """A value as it would be written on the command line."""
     return printable(value) if isinstance(value, str) else json.dumps(value)
 
 
 def format_columns(rows: Iterable[Sequence[str]]) -> str:
-    """Rows with each column as wide as its widest cell."""
+    """Rows in aligned columns."""
     table = [tuple(row) for row in rows]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in table)
@@ -244,18 +273,18 @@ def format_columns(rows: Iterable[Sequence[str]]) -> str:
 
 
 def print_json(value: Any) -> None:
-    """Indented, on standard output."""
+    """Print a value as indented JSON on standard output."""
     sys.stdout.write(json.dumps(value, indent=2) + "\n")
 
 
 def values_as_json(record: ParameterValues) -> dict[str, Any]:
-    """A set's values."""
+    """A set's values for JSON output."""
     values = {each.name: {"value": each.value, "origin": each.origin} for each in record.values}
     return {"set": record.set, "revision": record.revision, "values": values, "note": record.note}
 
 
 def description_as_row(each: ParameterDescription) -> tuple[str, ...]:
-    """Name, type, bounds or choices, default, whether it is live, text."""
+    """Name, type, bounds or choices, default, whether it is live, description."""
     from services.runtime.parameters.schema import describe_length, describe_range, describe_relations
 
     bounds = (
@@ -269,7 +298,7 @@ def description_as_row(each: ParameterDescription) -> tuple[str, ...]:
 
 
 def change_as_row(each: ParameterChange) -> tuple[str, ...]:
-    """Revision, set, kind, values, who, when."""
+    """Revision, set, kind, values, author, wall time, simulation time."""
     wall = datetime.fromtimestamp(each.wall_time / 1e9).strftime("%Y-%m-%d %H:%M:%S")
     marks = ", ".join(mark for mark, set_ in (("run only", each.run), ("undone", each.undone)) if set_)
     kind = f"{each.kind} ({marks})" if marks else each.kind
@@ -284,7 +313,7 @@ def format_changes(before: Iterable[Assignment], after: Iterable[Assignment]) ->
 
 
 def format_difference(before: ParameterValues, after: ParameterValues, names: Iterable[str]) -> str:
-    """A line for each name: its value, what it was, and where it comes from."""
+    """A line for each name: its old and new value, and where that comes from."""
     old = {each.name: each for each in before.values}
     new = {each.name: each for each in after.values}
     lines = []
