@@ -28,6 +28,8 @@ METADATA_FILE = "metadata.yaml"
 STATE_FILE = "processes.json"
 STOPS_FILE = "stops.json"
 """Where a run's simulation keeps the emergency stops, which outlive it. A new run begins without any."""
+SCHEDULE_FILE = "schedule.json"
+"""Which scheduled parameter changes of the run were made, for a restart of its parameter service."""
 SUPERVISOR_LOG = "supervisor.log"
 """What a supervisor in the background writes, in the folder of the run."""
 
@@ -41,6 +43,7 @@ _FILES = (
     PICTURE_FILE,
     STATE_FILE,
     STOPS_FILE,
+    SCHEDULE_FILE,
     LOG_FILE,
     PANEL_FILE,
 )

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from deploy.fleet import Fleet, RobotConfig, ServiceConfig
-from deploy.run_folder import BAG_FOLDER, RECORDING_FILE, STOPS_FILE
+from deploy.run_folder import BAG_FOLDER, RECORDING_FILE, SCHEDULE_FILE, STOPS_FILE
 from messages.topics import CONTROL_STATE
 from models.dynamics import read_pendulum
 from models.model import read_model
@@ -159,6 +159,7 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
             return {
                 "file": str(options.saved) if options.saved is not None else "",
                 "schedule": [msgspec.to_builtins(each) for each in fleet.change],
+                "schedule_file": str(options.folder / SCHEDULE_FILE) if fleet.change else "",
             }
         case "sim":
             return {

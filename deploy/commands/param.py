@@ -212,7 +212,7 @@ def history_command(set_name: str, limit: int, as_json: bool, **options: Any) ->
     elif changes:
         sys.stdout.write(format_columns(map(change_as_row, changes)))
     else:
-        sys.stdout.write("nothing was changed yet\n")
+        sys.stdout.write("there are no changes yet\n")
 
 
 @click.command("set", context_settings={"ignore_unknown_options": True})
@@ -230,7 +230,7 @@ def set_command(set_name: str, words: tuple[str, ...], clamp: bool, run: bool, a
     checked as shown by `describe`. A service may reject a value for other reasons, such as a deceleration of 0: it then
     undoes the change a moment later, and `history` shows why.
     """
-    from deploy.commands.param_values import parse_assignments, to_assignments, validate_change
+    from deploy.commands.param_values import parse_assignments, to_assignments
 
     for word in words:
         if word.startswith("--") and word[2:3].isalpha():
@@ -241,7 +241,6 @@ def set_command(set_name: str, words: tuple[str, ...], clamp: bool, run: bool, a
         one = client.find_set(set_name)
         before = client.values(one.set)
         values = parse_assignments(words, one) if one.nodes else {}
-        validate_change(one, before, values, clamp)
         after = client.set(one.set, to_assignments(values), clamp, run)
     _print_change(before, after, tuple(values), as_json)
 
@@ -356,7 +355,9 @@ def load_command(file: str, only: str, clamp: bool, run: bool, form: str | None,
         tables = {only: tables}
     for name, table in tables.items():
         if not isinstance(table, dict):
-            raise BadInput(f"{file}: {name} is no table of a set; if the file has the values of one set, say --set SET")
+            raise BadInput(
+                f"{file}: {name} is not a table of values; if the file holds the values of one set, give --set SET"
+            )
     with connect_client(options) as client:
         planned, faults = _plan_loads(client, tables, clamp)
         if faults:
@@ -423,7 +424,7 @@ def _loadable_values(client: ParameterServiceClient, one: ParameterSchema) -> di
 def _without_null(name: str, table: dict[str, Value]) -> dict[str, Value]:
     nulls = [each for each, value in table.items() if value is None]
     if nulls:
-        sys.stderr.write(f"{name}: TOML has no null, left out: {', '.join(nulls)} (YAML has)\n")
+        sys.stderr.write(f"{name}: TOML has no null, these are left out: {', '.join(nulls)} (YAML can hold them)\n")
     return {each: value for each, value in table.items() if value is not None}
 
 

@@ -89,7 +89,7 @@ def find_set(name: str, sets: dict[str, ParameterSchema]) -> ParameterSchema:
     if len(followed) == 1:
         return followed[0]
     if followed:
-        raise BadInput(f"{absolute} follows several sets: say which, {', '.join(each.set for each in followed)}")
+        raise BadInput(f"{absolute} uses several sets: which one? {', '.join(each.set for each in followed)}")
     below = [each for each in sets if each.endswith(absolute)]
     if len(below) == 1:
         return sets[below[0]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import sys
 import tomllib
@@ -13,6 +14,7 @@ from typing import Any, Literal
 
 from deploy.live.output import printable
 from deploy.yaml_reader import read_yaml
+from messages.base import LARGEST
 from messages.parameters import (
     Announcement,
     Assignment,
@@ -39,14 +41,14 @@ def file_format(file: str, stated: str | None) -> Format:
         return "yaml"
     if ending == ".toml":
         return "toml"
-    raise BadInput(f"{file}: is it YAML or TOML? Say --format yaml or --format toml")
+    raise BadInput(f"{file}: is it YAML or TOML? Give --format yaml or --format toml")
 
 
 def read_parameter_file(path: Path, form: Format) -> dict[str, Any]:
     """Read the tables of a file; raises BadInput with the location of an error."""
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
-            raise BadInput(f"{path}: larger than {MAX_FILE_BYTES >> 20} MiB, which no file of parameters is")
+            raise BadInput(f"{path}: larger than {MAX_FILE_BYTES >> 20} MiB, too large for a parameter file")
         text = path.read_text(encoding="utf-8")
     except OSError as error:
         raise BadInput(f"cannot read {path}: {error.strerror}") from None
@@ -128,7 +130,28 @@ def convert_values(table: Mapping[str, Any], schema: ParameterSchema) -> dict[st
     for name in table:
         if name not in described:
             raise unknown_name("parameter", str(name), described, schema.set)
-    return {name: _convert_value(value, described[name]) for name, value in table.items()}
+    values = {name: _convert_value(value, described[name]) for name, value in table.items()}
+    for name, value in values.items():
+        _check_representable(described[name], value)
+    return values
+
+
+def _check_representable(described: ParameterDescription, value: Value) -> None:
+    """Raise BadInput for a number that no message can hold."""
+    if isinstance(value, tuple):
+        for each in value:
+            _check_representable(described, each)
+        return
+    if not isinstance(value, int | float):
+        return
+    shown = f"{described.name} = {str(value)[:80]}"
+    if isinstance(value, int) and described.type.startswith("int"):
+        if not -(2**63) <= value < 2**63:
+            raise BadInput(f"{shown}: an int has 64 bits")
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise BadInput(f"{shown}: it is not finite")
+    elif abs(value) > LARGEST:
+        raise BadInput(f"{shown}: no number may exceed {LARGEST:g}")
 
 
 def validate_change(

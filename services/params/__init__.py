@@ -1,4 +1,4 @@
-"""The parameter service: the one authority on every service's parameters, typed, bounded, kept and published."""
+"""The parameter service: checks, applies, saves and publishes the parameters of all services."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ from msgspec import Meta
 from messages.parameters import Value
 from services.runtime import Parameters, Service, param
 
+FILE_TEXT = "SQLite file of the saved values; empty or :memory: keeps them for this run only."
+
 
 class Scheduled(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A change at a time of the run, for this run alone."""
+    """A change of a set at a simulation time, for this run only."""
 
     at: Annotated[float, Meta(ge=0, le=1e7, extra={"unit": "s"})]
     set: str
@@ -20,13 +22,19 @@ class Scheduled(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 
 class ParamsParameters(Parameters, frozen=True, kw_only=True):
-    """Where values are kept, and what changes by itself on the way."""
+    """Where values are saved, and which changes are made at given times."""
 
     file: str = param(
         "", text="SQLite file for saved values; empty or :memory: keeps them for this run only.", max_length=4096
     )
     schedule: tuple[Scheduled, ...] = param(
         (), text="Changes {at, set, values} to make at given simulation times; not saved."
+    )
+    schedule_file: str = param(
+        "",
+        text="JSON file that records which scheduled changes were made, so that a restart does not repeat them; empty "
+        "for none.",
+        max_length=4096,
     )
 
 

@@ -1,8 +1,8 @@
-"""Changes of a parameter set, planned before they are applied: announce, migrate, set, reset, undo."""
+"""Plans changes of a parameter set before they are applied: announcements, migration, set, reset, undo."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -13,26 +13,30 @@ from services.runtime.errors import BadInput, nearest, unknown_name
 from services.runtime.parameters.renamed_choices import renamed_choice
 from services.runtime.parameters.schema import violations
 
-_MOST_HINTS = 10
-"""Values that are left out with a guess at their new name: each is compared with all names."""
+_MAX_HINTS = 10
+"""Unknown saved values for which a similar name is looked up: each is compared with all names."""
 
 
 @dataclass(frozen=True)
 class Migration:
-    """What saved values became: ``saved`` as they count now, the ``names`` of those that changed, and why."""
+    """Saved values fitted to a schema.
+
+    ``saved`` are the values that count now, ``names`` those that changed, with a text for each; ``waiting`` has a text
+    for each value of a parameter that no running node has.
+    """
 
     saved: Mapping[str, Value]
     names: tuple[str, ...]
     texts: tuple[str, ...]
-    waiting: tuple[str, ...] = ()
+    waiting: tuple[str, ...]
 
 
-def migrate(saved: Mapping[str, Value], schema: Schema, owners: Mapping[str, Collection[str]]) -> Migration:
-    """Fit saved values to the schema. ``owners`` are the nodes that had each parameter when it was last announced.
+def migrate(saved: Mapping[str, Value], schema: Schema) -> Migration:
+    """Fit saved values to the schema.
 
-    An int becomes a float and a whole float an int; a renamed choice gets its new name. What is out of the new bounds
-    is left out, not clamped: a bound is a value that nobody chose. A name that all its owners no longer announce is
-    left out, and a new name for it is not guessed; one that waits for an owner to announce is kept as it is.
+    An int becomes a float, and a whole float an int; a renamed choice gets its new name. A value outside new bounds is
+    dropped, not clamped: nobody chose the bound. A value whose parameter no running node has is kept: its node may
+    start later, and a parameter that was renamed loses nothing.
     """
     kept: dict[str, Value] = {}
     names: list[str] = []
@@ -40,89 +44,80 @@ def migrate(saved: Mapping[str, Value], schema: Schema, owners: Mapping[str, Col
     waiting: list[str] = []
     for name, value in saved.items():
         described = schema.parameters.get(name)
-        if described is None and not set(owners.get(name, ())) <= set(schema.announced):
+        if described is None:
             kept[name] = value
-            waiting.append(f"{name} = {format_value(value)} is kept for {', '.join(sorted(owners[name])[:10])}")
+            near = nearest(name, schema.parameters) if len(waiting) < _MAX_HINTS else []
+            hint = f" (if it is called {near[0]} now, set that)" if near else ""
+            waiting.append(
+                f"{name} = {format_value(value)} is saved, but no running node has such a parameter{hint}: it is kept"
+            )
             continue
         try:
-            new = _fitted(described, name, value, schema, len(texts) < _MOST_HINTS)
+            new = _fitted(described, value)
         except BadInput as error:
             names.append(name)
-            texts.append(f"saved {name} = {format_value(value)} was left out: {error}")
+            texts.append(f"saved {name} = {format_value(value)} was dropped: {error}")
             continue
         kept[name] = new
-        if repr(new) != repr(value):
-            assert described is not None
+        if not same_value(new, value):
             why = "the choice was renamed" if described.choices else f"its type is {described.type} now"
             names.append(name)
             texts.append(f"saved {name} = {format_value(value)} became {format_value(new)}: {why}")
     return Migration(kept, tuple(names), tuple(texts), tuple(waiting))
 
 
-def _fitted(described: ParameterDescription | None, name: str, value: Value, schema: Schema, hints: bool) -> Value:
-    if described is None:
-        near = nearest(name, schema.parameters) if hints else []
-        hint = f" (if it is called {near[0]} now, set that)" if near else ""
-        raise BadInput(f"no parameter has this name any more{hint}")
+def _fitted(described: ParameterDescription, value: Value) -> Value:
     if not described.live:
-        raise BadInput("it is for the fleet file or the command line to say now")
-    whole = _whole(value) if parse_type(described.type) == ("int", 0) else value
-    return fit(described, renamed_choice(whole, described.choices) or whole).value
-
-
-def _whole(value: Value) -> Value:
-    return int(value) if isinstance(value, float) and value.is_integer() else value
-
-
-Owners = Mapping[str, frozenset[str]]
+        raise BadInput("only the fleet file or the command line may give it now")
+    if parse_type(described.type) == ("int", 0) and isinstance(value, float) and value.is_integer():
+        value = int(value)
+    return fit(described, renamed_choice(value, described.choices) or value).value
 
 
 @dataclass(frozen=True)
 class AnnounceResult:
-    """The set after an announcement; ``described`` and ``news`` tell whether schema and values are to be published.
+    """The set after an announcement.
 
-    ``changed`` names the saved values that were ``migrated``, with a text for each; ``notes`` are for who listens.
+    ``migrated`` names the saved values that changed; ``warnings`` say what became of values that do not fit, and
+    ``waiting`` which saved values no running node has. ``schema_changed`` and ``values_changed`` tell what is to be
+    published.
     """
 
     state: SetState
-    owners: Owners
-    node: str
-    owned: tuple[str, ...]
     schema_changed: bool
     values_changed: bool
-    migrated_names: tuple[str, ...]
-    migration_notes: tuple[str, ...]
-    notes: tuple[str, ...]
+    migrated: tuple[str, ...]
+    warnings: tuple[str, ...]
+    waiting: tuple[str, ...]
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What subscribers should know."""
+        return (*self.warnings, *self.waiting)
 
 
-def apply_announcement(before: SetState, joined: SetState, asked: Announcement, owners: Owners) -> AnnounceResult:
-    """What becomes of the set ``before`` when a node has announced, which gave the schema of ``joined``."""
+def apply_announcement(before: SetState, joined: SetState, asked: Announcement) -> AnnounceResult:
+    """Apply an announcement to the set ``before``; ``joined`` is the same with the schema that it gave."""
     joined = replace(joined, run={**_remembered_run_values(before, asked), **joined.run})
-    migration = migrate(joined.saved, joined.schema, owners)
+    migration = migrate(joined.saved, joined.schema)
     run, dropped = _fitting_run_values(joined)
     state = replace(joined, saved=migration.saved, run=run)
     new = asked.node not in before.schema.announced
-    described = new or before.schema.to_message(before.name) != state.schema.to_message(state.name)
-    news = new or bool(migration.names) or _differs(before, state)
-    if news:
+    values_changed = new or bool(migration.names) or _differs(before, state)
+    if values_changed:
         state = replace(state, revision=before.revision + 1)
-    live = tuple(each.name for each in asked.parameters if each.live)
-    migrated = (*migration.texts, *dropped)
     return AnnounceResult(
         state=state,
-        owners=_updated_owners(owners, asked.node, live, migration.saved),
-        node=asked.node,
-        owned=live,
-        schema_changed=described,
-        values_changed=news,
-        migrated_names=migration.names,
-        migration_notes=migrated,
-        notes=(*migrated, *migration.waiting),
+        schema_changed=new or before.schema.to_message(before.name) != state.schema.to_message(state.name),
+        values_changed=values_changed,
+        migrated=migration.names,
+        warnings=(*migration.texts, *dropped),
+        waiting=migration.waiting,
     )
 
 
 def _remembered_run_values(before: SetState, asked: Announcement) -> dict[str, Value]:
-    """Values of this run that a node still has from before this service was started anew."""
+    """The run's values that a node still has from before this service was restarted."""
     if asked.node in before.schema.announced:
         return {}
     live = {each.name for each in asked.parameters if each.live}
@@ -130,7 +125,7 @@ def _remembered_run_values(before: SetState, asked: Announcement) -> dict[str, V
 
 
 def _fitting_run_values(state: SetState) -> tuple[dict[str, Value], list[str]]:
-    """The values of this run that fit the schema, and a text for each that does not."""
+    """The run's values that fit the schema, and a text for each that does not."""
     kept: dict[str, Value] = {}
     dropped = []
     for name, value in state.run.items():
@@ -138,7 +133,7 @@ def _fitting_run_values(state: SetState) -> tuple[dict[str, Value], list[str]]:
         try:
             kept[name] = value if described is None else fit(described, value).value
         except BadInput as error:
-            dropped.append(f"the value of this run was left out: {error}")
+            dropped.append(f"a value of this run was dropped: {error}")
     return kept, dropped
 
 
@@ -149,15 +144,6 @@ def _differs(before: SetState, after: SetState) -> bool:
     )
 
 
-def _updated_owners(
-    owners: Owners, node: str, names: tuple[str, ...], saved: Mapping[str, Value]
-) -> dict[str, frozenset[str]]:
-    """Who has which parameter now, as far as it is known."""
-    others = {name: nodes - {node} for name, nodes in owners.items()}
-    mine = {name: others.get(name, frozenset()) | {node} for name in names}
-    return {name: nodes for name, nodes in {**others, **mine}.items() if nodes or name in saved}
-
-
 Layer = dict[str, Value]
 
 MAX_VIOLATIONS = 10
@@ -166,7 +152,7 @@ MAX_VIOLATIONS = 10
 
 @dataclass(frozen=True)
 class UndoPatch:
-    """What an undo restores: the layers of the parameters ``names`` before the change; a name missing was not set."""
+    """What an undo restores: the layers of the parameters ``names`` before the change. A name missing was not set."""
 
     names: tuple[str, ...]
     saved: Mapping[str, Value]
@@ -175,7 +161,7 @@ class UndoPatch:
 
 @dataclass(frozen=True)
 class Change:
-    """A set before and after, and what to say of it. ``run`` tells that nothing of it is saved."""
+    """A set before and after a change of the parameters ``names``. ``run`` means that nothing of it is saved."""
 
     before: SetState
     after: SetState
@@ -185,15 +171,15 @@ class Change:
 
     @property
     def undo_patch(self) -> UndoPatch:
-        """What undoes it."""
+        """What an undo of it restores."""
         return UndoPatch(self.names, _select(self.before.saved, self.names), _select(self.before.run, self.names))
 
 
 def plan_set(state: SetState, asked: SetParameters) -> Change:
-    """All values of a request or none: raises BadInput that names every violation, MOST_FAULTS of them at most.
+    """Set all values of a request or none; raises BadInput that names the violations, up to MAX_VIOLATIONS.
 
-    A value that is set takes effect at once. Where the command line has one, which would win, it also counts for
-    this run, and the note says so.
+    A value takes effect at once. Where the command line gives another, which would win, the value also counts for this
+    run, and a note says so.
     """
     if not state.schema.parameters:
         raise BadInput(not_announced_text(state))
@@ -203,7 +189,7 @@ def plan_set(state: SetState, asked: SetParameters) -> Change:
     fitted: Layer = {}
     for place, each in enumerate(asked.values):
         if len(faults) == MAX_VIOLATIONS:
-            faults.append(f"{len(asked.values) - place} more values were not looked at")
+            faults.append(f"{len(asked.values) - place} more values were not checked")
             break
         try:
             described = state.schema.description(each.name, where)
@@ -211,7 +197,7 @@ def plan_set(state: SetState, asked: SetParameters) -> Change:
                 raise BadInput(f"{each.name} is given twice")
             if not described.live:
                 raise BadInput(
-                    f"{each.name} cannot change while {_node_names(state)} runs: "
+                    f"{each.name} cannot change while {', '.join(state.schema.announced)} runs: "
                     "set it in the fleet file or on the command line, and restart"
                 )
             fitted[each.name], said = fit(described, each.value, asked.clamp)
@@ -233,13 +219,17 @@ def plan_set(state: SetState, asked: SetParameters) -> Change:
         if name in state.schema.command_line:
             run[name] = value
             given = format_value(state.schema.command_line[name])
-            notes.append(f"{name}: the command line says {given}; this value counts for this run, and later without it")
+            notes.append(
+                f"{name}: the command line says {given}; this value counts for this run, and in later runs without it"
+            )
     return _check_constraints(_make_change(state, saved, run, tuple(fitted), asked.run, notes))
 
 
 def plan_reset(state: SetState, asked: ResetParameters) -> Change:
-    """Forget what was set of some names, of all when none is given; raises BadInput for an unknown one, and where what
-    counts then would contradict what stays set."""
+    """Forget what was set of the given names, or of all.
+
+    Raises BadInput for an unknown name, and when the values that then count would violate a constraint.
+    """
     known = {*state.schema.parameters, *state.saved, *state.run}
     for name in asked.names:
         if name not in known:
@@ -253,7 +243,7 @@ def plan_reset(state: SetState, asked: ResetParameters) -> Change:
 
 
 def plan_undo(state: SetState, back: UndoPatch, for_run: bool) -> Change:
-    """Put the layers back as they were; raises BadInput when a value fits no longer, or not with the others."""
+    """Restore the layers of an earlier state; raises BadInput when a value no longer fits, alone or with others."""
     saved, run = dict(state.saved), dict(state.run)
     for name in back.names:
         for layer, old in ((saved, back.saved), (run, back.run)):
@@ -266,12 +256,12 @@ def plan_undo(state: SetState, back: UndoPatch, for_run: bool) -> Change:
                 try:
                     layer[name] = fit(described, renamed_choice(old[name], described.choices) or old[name]).value
                 except BadInput as error:
-                    raise BadInput(f"the last change cannot be taken back, its schema has changed: {error}") from None
+                    raise BadInput(f"the last change cannot be undone, its schema has changed: {error}") from None
     return _check_constraints(_make_change(state, saved, run, back.names, for_run, []))
 
 
 def plan_new_run(state: SetState) -> Change | None:
-    """Forget what was for one run, at the start of the next; None when there is nothing."""
+    """Forget the values of one run at the start of the next; None when there are none."""
     if not state.run:
         return None
     names = tuple(state.run)
@@ -281,13 +271,13 @@ def plan_new_run(state: SetState) -> Change | None:
 
 
 def not_announced_text(state: SetState) -> str:
-    """Why nothing can be set."""
+    """Why nothing can be set in a set that no node has announced."""
     kept = f" (saved values are kept for it: {', '.join(state.saved)})" if state.saved else ""
     return f"no running service has announced {state.name}{kept}: start it first"
 
 
 def _check_constraints(change: Change) -> Change:
-    """The change, unless what it touches contradicts something afterwards: raises BadInput."""
+    """The change; raises BadInput if a parameter that it touches then violates a constraint."""
     after = change.after
     values = {name: each.value for name, each in after.effective_values().items()}
     found = violations(after.schema.parameters.values(), values, frozenset(change.names))
@@ -305,7 +295,3 @@ def _make_change(
 
 def _select(layer: Mapping[str, Value], names: tuple[str, ...]) -> Layer:
     return {name: layer[name] for name in names if name in layer}
-
-
-def _node_names(state: SetState) -> str:
-    return ", ".join(state.schema.announced)

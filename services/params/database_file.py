@@ -1,130 +1,85 @@
-"""The SQLite file of the parameter service: tables and checksums, locking, creation, and the check for damage."""
+"""The SQLite file of the parameter service: its tables, its lock, the check for damage, and files of format 1."""
 
 from __future__ import annotations
 
 import fcntl
 import hashlib
-import json
 import os
-import shutil
 import sqlite3
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
-from messages.parameters import Value
 from services.runtime.atomic_file import fsync_path
 from services.runtime.errors import BadInput
 
 APPLICATION_ID = 0x456C6561
-"""SQLite's application id of our files: ``Elea``."""
-FORMAT_VERSION = 1
-"""The version of these tables."""
+"""SQLite's application id of these files: ``Elea``."""
+FORMAT_VERSION = 2
+"""The version of the tables. Files of format 1 are converted when they are opened."""
 
 SCHEMA = f"""
-CREATE TABLE sets (name TEXT PRIMARY KEY, revision INTEGER NOT NULL, seal TEXT NOT NULL);
-CREATE TABLE saved (
-    "set" TEXT NOT NULL, name TEXT NOT NULL, value TEXT NOT NULL, seal TEXT NOT NULL, PRIMARY KEY ("set", name)
-);
-CREATE TABLE owners (
-    "set" TEXT NOT NULL, name TEXT NOT NULL, node TEXT NOT NULL, seal TEXT NOT NULL, PRIMARY KEY ("set", name, node)
-);
+CREATE TABLE saved ("set" TEXT NOT NULL, name TEXT NOT NULL, value TEXT NOT NULL, PRIMARY KEY ("set", name));
 CREATE TABLE history (
-    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    id INTEGER PRIMARY KEY,
     "set" TEXT NOT NULL,
     change TEXT NOT NULL,
     back TEXT NOT NULL,
     run INTEGER NOT NULL CHECK (run IN (0, 1)),
     undone INTEGER NOT NULL DEFAULT 0 CHECK (undone IN (0, 1)),
-    lasting INTEGER NOT NULL CHECK (lasting IN (0, 1)),
-    seal TEXT NOT NULL
+    lasting INTEGER NOT NULL CHECK (lasting IN (0, 1))
 );
-CREATE INDEX history_of_set ON history ("set", id);
 CREATE TABLE requests (
-    id TEXT PRIMARY KEY, digest TEXT NOT NULL, reply BLOB NOT NULL,
-    run INTEGER NOT NULL CHECK (run IN (0, 1)), seal TEXT NOT NULL
+    id TEXT NOT NULL PRIMARY KEY, digest TEXT NOT NULL, reply BLOB NOT NULL,
+    run INTEGER NOT NULL CHECK (run IN (0, 1))
 );
-CREATE TABLE progress (run TEXT PRIMARY KEY, epoch INTEGER NOT NULL, done TEXT NOT NULL, seal TEXT NOT NULL);
+CREATE INDEX saved_copy ON saved ("set", name, value);
+CREATE INDEX history_copy ON history ("set", id, change, back, run, undone, lasting);
+CREATE INDEX requests_copy ON requests (id, digest, reply, run);
 PRAGMA application_id = {APPLICATION_ID};
 PRAGMA user_version = {FORMAT_VERSION};
 """
-"""``lasting`` marks what an undo may take back; ``change``, ``back`` and ``done`` are JSON."""
+"""``lasting`` marks the changes that an undo may revert; ``value``, ``change`` and ``back`` are JSON.
 
-_CHECKSUMMED = {
-    "sets": ("name", "revision"),
-    "saved": ('"set"', "name", "value"),
-    "owners": ('"set"', "name", "node"),
-    "history": ('"set"', "change", "back"),
-    "requests": ("id", "digest", "reply", "run"),
-    "progress": ("run", "epoch", "done"),
-}
+The ``_copy`` indexes hold every row a second time. SQLite's integrity check compares both, and so finds a damaged
+value as well as a damaged page.
+"""
 
-_read_value = msgspec.json.Decoder(Value).decode
-
-
-def checksum(*parts: Any) -> str:
-    """Eight bytes that tell whether a row is what was written."""
-    return hashlib.blake2b(repr(parts).encode(), digest_size=8).hexdigest()
-
-
-def write_value(value: Value) -> str:
-    """A value as JSON, in which 1, 1.0 and true are three."""
-    return json.dumps(value, allow_nan=False)
-
-
-def read_value(text: str) -> Value:
-    """The other way round."""
-    value: Value = _read_value(text)
-    return value
-
-
-def find_damage(connection: sqlite3.Connection) -> str:
-    """What SQLite or a seal finds wrong, or nothing; raises sqlite3.Error when it cannot even be read."""
-    for (text,) in connection.execute("PRAGMA integrity_check(1)"):
-        if text != "ok":
-            return str(text)
-    for table, columns in _CHECKSUMMED.items():
-        for *values, stored in connection.execute(f"SELECT {', '.join(columns)}, seal FROM {table}"):
-            if checksum(*values) != stored:
-                return f"a row of {table} is not what was written: {str(values[:2])[:120]}"
-    return ""
-
-
-_HEADER = 100
+_HEADER_BYTES = 100
 _MAGIC = b"SQLite format 3\0"
 
 
 @contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Hold the file, made first if there is none, while no other service does; raises BadInput.
+    """Hold the file while no other parameter service does; create it first if there is none.
 
-    It is looked at in a copy, so that what is refused stays as it was, its write-ahead log included.
+    Raises:
+        BadInput: It cannot be written, is in use, is damaged, or is not such a file. It stays as it was.
     """
     try:
         if not path.exists():
-            _make(path)
+            _create(path)
         handle = os.open(path, os.O_RDWR | os.O_CLOEXEC)
     except OSError as error:
         raise BadInput(
-            f"cannot write the file of parameters {path} ({error.strerror}): "
-            "give another with --param file=PATH, or none"
+            f"cannot write the parameter file {path} ({error.strerror}): "
+            "name another with --param file=PATH, or none to keep values for this run only"
         ) from None
     except sqlite3.Error as error:
-        raise BadInput(f"cannot make the file of parameters {path} ({error}): is the disk full?") from None
+        raise BadInput(f"cannot create the parameter file {path} ({error}): is the disk full?") from None
     try:
         _lock(handle, path)
         _check_header(handle, path)
+        _check_content(path)
         yield
     finally:
         os.close(handle)
 
 
 def connect(path: Path) -> sqlite3.Connection:
-    """A connection to a claimed file, durable at every commit; raises sqlite3.Error."""
+    """Open a locked file, durable at every commit, and convert it if it has format 1; raises sqlite3.Error."""
     connection = sqlite3.connect(f"{path.absolute().as_uri()}?mode=rw", uri=True, isolation_level=None, timeout=2.0)
     try:
         connection.execute("PRAGMA locking_mode = EXCLUSIVE")
@@ -132,6 +87,8 @@ def connect(path: Path) -> sqlite3.Connection:
         if mode != "wal":
             raise sqlite3.OperationalError(f"its journal is {mode}, not a write-ahead log")
         connection.execute("PRAGMA synchronous = FULL")
+        if _format_of(connection) == 1:
+            _convert_format_1(connection)
         connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
     except sqlite3.Error:
         connection.close()
@@ -139,19 +96,16 @@ def connect(path: Path) -> sqlite3.Connection:
     return connection
 
 
-def _make(path: Path) -> None:
-    """A whole empty file appears at once, or none."""
+def _create(path: Path) -> None:
+    """Make an empty file, whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    log = path.with_name(f"{path.name}-wal")
+    log = _log_of(path)
     if log.exists() and log.stat().st_size:
         raise BadInput(f"{path} is gone, but its log {log} is there: put the file back, or move the log away as well")
     with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
         made = Path(folder) / "new"
-        connection = sqlite3.connect(made, isolation_level=None)
-        try:
+        with closing(sqlite3.connect(made, isolation_level=None)) as connection:
             connection.executescript(f"PRAGMA journal_mode = WAL; BEGIN; {SCHEMA} COMMIT;")
-        finally:
-            connection.close()
         fsync_path(made)
         try:
             os.link(made, path)
@@ -170,52 +124,104 @@ def _lock(handle: int, path: Path) -> None:
 
 
 def _check_header(handle: int, path: Path) -> None:
-    header = os.pread(handle, _HEADER, 0)
+    header = os.pread(handle, _HEADER_BYTES, 0)
     if not header:
         raise BadInput(_recovery_advice(path, "is empty: it was truncated"))
     if not header.startswith(_MAGIC[: len(header)]):
         raise BadInput(_recovery_advice(path, "is not a database of parameters, or its beginning was destroyed"))
-    if len(header) < _HEADER:
+    if len(header) < _HEADER_BYTES:
         raise BadInput(_recovery_advice(path, f"was truncated to {len(header)} bytes"))
-    version, application = int.from_bytes(header[60:64], "big"), int.from_bytes(header[68:72], "big")
-    if application != APPLICATION_ID:
+    if (application := int.from_bytes(header[68:72], "big")) != APPLICATION_ID:
         raise BadInput(
             f"{path} is a database of another program (application id {application:#x}): it was left as it is. "
-            "Give a file of its own with --param file=PATH"
+            "Name a file of its own with --param file=PATH"
         )
-    if version != FORMAT_VERSION:
+
+
+def _check_content(path: Path) -> None:
+    """Raise BadInput for a format that is not known, and for damage.
+
+    The file is opened for reading only, and so is its write-ahead log, which a killed service may have left.
+    """
+    log = _log_of(path)
+    view = "mode=ro" if log.exists() and log.stat().st_size else "mode=ro&immutable=1"
+    try:
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?{view}", uri=True)) as connection:
+            version = _format_of(connection)
+            damage = _find_damage(connection, version) if version in (1, FORMAT_VERSION) else ""
+    except (sqlite3.Error, UnicodeDecodeError) as error:
+        version, damage = FORMAT_VERSION, str(error)
+    finally:
+        path.with_name(f"{path.name}-shm").unlink(missing_ok=True)
+    if version not in (1, FORMAT_VERSION):
         raise BadInput(
-            f"{path} has format {version}, this Elea knows {FORMAT_VERSION}: it was left as it is. "
-            "Use the version that wrote it (elea param dump), or give another file"
+            f"{path} has format {version}, this Elea knows formats up to {FORMAT_VERSION}: it was left as it is. "
+            "Use the version that wrote it (elea param dump), or name another file"
         )
-    if damage := _find_damage(handle, path):
+    if damage:
         raise BadInput(_recovery_advice(path, f"is damaged ({damage})"))
 
 
-def _find_damage(handle: int, path: Path) -> str:
-    """What is wrong with a copy of the file and its log, as far as SQLite can recover it."""
-    log = path.with_name(f"{path.name}-wal")
-    try:
-        with tempfile.TemporaryDirectory(prefix="elea-params-") as folder:
-            copy = Path(folder) / "copy"
-            with open(handle, "rb", closefd=False) as source, copy.open("wb") as out:
-                source.seek(0)
-                shutil.copyfileobj(source, out)
-            if log.exists():
-                shutil.copyfile(log, copy.with_name("copy-wal"))
-            connection = sqlite3.connect(copy, isolation_level=None)
-            try:
-                return find_damage(connection)
-            except (sqlite3.Error, UnicodeDecodeError) as error:
-                return str(error)
-            finally:
-                connection.close()
-    except OSError as error:
-        raise BadInput(f"cannot look at a copy of {path}: {error}") from None
+def _find_damage(connection: sqlite3.Connection, version: int) -> str:
+    """What is wrong with a file, or nothing; raises sqlite3.Error when it cannot even be read."""
+    for (text,) in connection.execute("PRAGMA integrity_check(1)"):
+        if text != "ok":
+            return str(text)
+    if version == 1:
+        return _find_damage_1(connection)
+    with closing(sqlite3.connect(":memory:")) as model:
+        model.executescript(SCHEMA)
+        return "" if _tables(connection) == _tables(model) else "its tables are not those of its format"
+
+
+def _tables(connection: sqlite3.Connection) -> set[tuple[str, str]]:
+    """Tables and indexes with their definitions."""
+    return set(connection.execute("SELECT name, sql FROM sqlite_schema WHERE name NOT LIKE 'sqlite\\_%' ESCAPE '\\'"))
+
+
+def _format_of(connection: sqlite3.Connection) -> int:
+    (version,) = connection.execute("PRAGMA user_version").fetchone()
+    return int(version)
+
+
+def _log_of(path: Path) -> Path:
+    return path.with_name(f"{path.name}-wal")
 
 
 def _recovery_advice(path: Path, what: str) -> str:
     return (
-        f"{path} {what}: it was left as it is, nothing was reset. Put a copy of it back, or start without it: "
-        f"move {path} and what begins like it away, then ./elea param load FILE if there is a dump"
+        f"{path} {what}: it was left as it is, nothing was reset. Restore it from a copy, or start without it: "
+        f"move {path} and the files whose names begin with it away, then ./elea param load FILE if there is a dump"
     )
+
+
+_TABLES_1 = {
+    "saved": ('"set", name, value', ""),
+    "history": ('"set", change, back', ", id, run, undone, lasting"),
+    "requests": ("id, digest, reply, run", ""),
+}
+"""The tables of format 1 that are kept: the columns that a row's checksum ``seal`` covers, and the others."""
+
+
+def _find_damage_1(connection: sqlite3.Connection) -> str:
+    connection.create_function("checksum", -1, _checksum_1, deterministic=True)
+    for table, (columns, _) in _TABLES_1.items():
+        if connection.execute(f"SELECT 1 FROM {table} WHERE seal != checksum({columns}) LIMIT 1").fetchone():
+            return f"a row of {table} is not what was written"
+    return ""
+
+
+def _checksum_1(*parts: Any) -> str:
+    return hashlib.blake2b(repr(parts).encode(), digest_size=8).hexdigest()
+
+
+def _convert_format_1(connection: sqlite3.Connection) -> None:
+    """Convert a file of format 1 in one transaction: its values, history and replies stay."""
+    renamed = "".join(f"ALTER TABLE {table} RENAME TO {table}_1;" for table in _TABLES_1)
+    copied = "".join(
+        f"INSERT INTO {table} ({sealed}{more}) SELECT {sealed}{more} FROM {table}_1 ORDER BY rowid;"
+        f"DROP TABLE {table}_1;"
+        for table, (sealed, more) in _TABLES_1.items()
+    )
+    dropped = "".join(f"DROP TABLE IF EXISTS {table};" for table in ("sets", "owners", "progress"))
+    connection.executescript(f"BEGIN IMMEDIATE; {renamed} {SCHEMA} {copied} {dropped} COMMIT;")

@@ -1,6 +1,10 @@
-"""The loop of the parameter service: topics of each set, requests, and scheduled changes."""
+"""The loop of the parameter service: the topics of each set, requests, and scheduled changes."""
 
 from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
 
 from messages.names import BadName
 from messages.names import key as checked_key
@@ -25,10 +29,10 @@ from messages.requests import (
 )
 from messages.std import Time
 from messages.topics import DESCRIPTIONS, SCHEDULE, UPDATES
-from services.params import ParamsParameters, Scheduled
-from services.params.schedule import Schedule, run_id
+from services.params import FILE_TEXT, ParamsParameters, Scheduled
+from services.params.schedule import Schedule, read_progress, write_progress
 from services.params.server import ParameterServer
-from services.params.store import MEMORY, SaveError, Store, open_store
+from services.params.store import MEMORY, open_store
 from services.runtime.context import Context
 from services.runtime.errors import BadInput, EleaError
 from services.runtime.graph import Entity, token_pattern
@@ -36,15 +40,15 @@ from services.runtime.node import Node
 from services.runtime.publisher import Publisher
 
 MAX_CLOSING = 100
-"""Sets whose publications wait for their end; beyond, the first of them end at once."""
+"""Sets whose publishers wait to be closed; beyond that number, the first is closed at once."""
 _TICKS = 2
 
 
 class SetPublishers:
     """Two latched topics for each set.
 
-    In lockstep, the numbers of the last messages are told at the end of the tick in which they were sent, and count
-    from the next one on: a publication that ended before would never be heard to its end. Without lockstep it ends
+    In lockstep, members learn the numbers of the last messages at the end of the tick in which they were sent, and wait
+    for them from the next tick on: a publisher that closed before would leave them waiting. Otherwise it closes
     ``at_once``.
     """
 
@@ -54,7 +58,7 @@ class SetPublishers:
         self._closing: dict[str, int] = {}
 
     def publish(self, news: ParameterSchema | ParameterValues) -> None:
-        """Publish what has changed of a set."""
+        """Publish a set's new schema or values."""
         self._closing.pop(news.set, None)
         if news.set not in self._publishers:
             self._publishers[news.set] = (
@@ -68,7 +72,7 @@ class SetPublishers:
             updates.publish(news)
 
     def close(self, name: str) -> None:
-        """Publish nothing of a set any more."""
+        """Close the publishers of a set."""
         if name not in self._publishers:
             return
         self._closing[name] = _TICKS
@@ -78,7 +82,7 @@ class SetPublishers:
             self._close(next(iter(self._closing)))
 
     def tick(self) -> None:
-        """A tick has begun: what was sent before the last one has been heard."""
+        """Close what was due: messages sent before the last tick have arrived."""
         for name, left in list(self._closing.items()):
             self._closing[name] = left - 1
             if left == 0:
@@ -92,7 +96,7 @@ class SetPublishers:
 CLOCK_PATIENCE_S = 20.0
 """Wall time without a first clock before the log says so: this service starts before the simulation."""
 SET_TIMEOUT_NS = 10_000_000_000
-"""Simulation time that a scheduled change waits for its set before the log says so."""
+"""Simulation time after which the log warns of a scheduled change whose set is still missing."""
 
 
 def run(ctx: Context[ParamsParameters]) -> None:
@@ -102,14 +106,14 @@ def run(ctx: Context[ParamsParameters]) -> None:
     ctx.node.clock_patience_s = CLOCK_PATIENCE_S
     with open_store(ctx.params.file) as store:
 
-        def living() -> set[str]:
+        def live_nodes() -> set[str]:
             entities = map(Entity.parse, ctx.node.transport.tokens(token_pattern("node")))
             return {each.node for each in entities if each is not None}
 
-        publications = SetPublishers(ctx.node, at_once=not ctx.lockstep)
-        server = ParameterServer(store, publications.publish, ctx.log, lambda: ctx.now, living, publications.close)
+        publishers = SetPublishers(ctx.node, at_once=not ctx.lockstep)
+        server = ParameterServer(store, publishers.publish, ctx.log, lambda: ctx.now, live_nodes, publishers.close)
         if ctx.params.file in ("", MEMORY):
-            ctx.log.info("what is set is kept for this run only: no file was given")
+            ctx.log.info("no file was given: what is set is kept for this run only")
         server.announce(_own_announcement(ctx))
         ctx.serve(PARAMS_ANNOUNCE, server.announce)
         ctx.serve(PARAMS_LIST, server.list)
@@ -118,31 +122,32 @@ def run(ctx: Context[ParamsParameters]) -> None:
         ctx.serve(PARAMS_RESET, server.reset)
         ctx.serve(PARAMS_UNDO, server.undo)
         ctx.serve(PARAMS_HISTORY, server.history)
-        _run_schedule(ctx, server, store, publications)
+        _run_schedule(ctx, server, publishers)
 
 
-def _run_schedule(
-    ctx: Context[ParamsParameters], server: ParameterServer, store: Store, publications: SetPublishers
-) -> None:
-    schedule, run, warned, first = Schedule(ctx.params.schedule), run_id(), False, True
-    made: list[ScheduledChange] = []
+def _run_schedule(ctx: Context[ParamsParameters], server: ParameterServer, publishers: SetPublishers) -> None:
+    schedule, warned = Schedule(ctx.params.schedule), False
+    file = Path(ctx.params.schedule_file) if ctx.params.schedule_file else None
+    progress: ScheduledChanges | None = None
     for tick in ctx.ticks():
-        publications.tick()
-        if first and run:
-            schedule.start(store.load_schedule_position(run, tick.epoch))
+        publishers.tick()
+        if progress is None:
+            before = _read_progress(ctx, file) if file else ScheduledChanges()
+            progress = before if before.epoch == tick.epoch else ScheduledChanges(epoch=tick.epoch)
+            schedule.start(tuple(each.number for each in progress.changes))
         if tick.reset:
             server.new_run()
             schedule.start()
-            warned, made = False, []
-        first = False
+            warned, progress = False, ScheduledChanges(epoch=tick.epoch)
         due = schedule.pop_due(tick.time, server.announced_sets)
         for number, each in due.items():
             reason = _apply(ctx, server, each)
-            made.append(ScheduledChange(number=number, made=not reason, time=Time.of(tick.time), reason=reason))
+            made = ScheduledChange(number=number, made=not reason, time=Time.of(tick.time), reason=reason)
+            progress = msgspec.structs.replace(progress, changes=(*progress.changes, made))
         if due:
-            ctx.publish(SCHEDULE, ScheduledChanges(epoch=tick.epoch, changes=tuple(made)))
-        if run and (due or tick.reset):
-            _save_schedule_position(ctx, store, run, tick.epoch, schedule.done)
+            ctx.publish(SCHEDULE, progress)
+            if file:
+                _write_progress(ctx, file, progress)
         if not warned and (late := schedule.overdue(tick.time, SET_TIMEOUT_NS)):
             warned = True
             sets = ", ".join(sorted({each.set for each in late}))
@@ -150,25 +155,31 @@ def _run_schedule(
 
 
 def _apply(ctx: Context[ParamsParameters], server: ParameterServer, due: Scheduled) -> str:
-    """Make a change; why it was not made, empty when it was."""
+    """Make a change; returns why it was not made, empty when it was."""
     values = tuple(Assignment(name=name, value=value) for name, value in due.values.items())
     try:
         server.set(SetParameters(set=due.set, values=values, run=True, who=f"schedule at {due.at:g} s"))
     except EleaError as error:
         ctx.log.error(f"the change of {due.set} scheduled at {due.at:g} s was not made: {error}")
         return str(error)
-    said = ", ".join(f"{name} = {value!r}" for name, value in due.values.items())
-    ctx.log.info(f"{due.set}: {said}, as scheduled")
+    shown = ", ".join(f"{name} = {value!r}" for name, value in due.values.items())
+    ctx.log.info(f"{due.set}: {shown}, as scheduled")
     return ""
 
 
-def _save_schedule_position(
-    ctx: Context[ParamsParameters], store: Store, run: str, epoch: int, done: frozenset[int]
-) -> None:
+def _read_progress(ctx: Context[ParamsParameters], file: Path) -> ScheduledChanges:
     try:
-        store.save_schedule_position(run, epoch, done)
-    except SaveError as error:
-        ctx.log.warn(f"after a restart of this service, its scheduled changes would come again: {error}")
+        return read_progress(file)
+    except (OSError, msgspec.MsgspecError) as error:
+        ctx.log.warn(f"{file} cannot be read, scheduled changes that are due are made again: {error}")
+        return ScheduledChanges()
+
+
+def _write_progress(ctx: Context[ParamsParameters], file: Path, progress: ScheduledChanges) -> None:
+    try:
+        write_progress(file, progress)
+    except OSError as error:
+        ctx.log.warn(f"a restart of this service would repeat its scheduled changes: {error}")
 
 
 def _check_schedule(schedule: tuple[Scheduled, ...]) -> None:
@@ -182,8 +193,7 @@ def _check_schedule(schedule: tuple[Scheduled, ...]) -> None:
 
 
 def _own_announcement(ctx: Context[ParamsParameters]) -> Announcement:
-    """This service's own set: it shows where values are kept."""
-    text = "SQLite file of what was set; empty or :memory: keeps it for this run"
-    file = ParameterDescription(name="file", type="str", default="", live=False, text=text)
+    """This service's own set, which shows where values are saved."""
+    file = ParameterDescription(name="file", type="str", default="", live=False, text=FILE_TEXT)
     given = (Assignment(name="file", value=ctx.params.file),) if ctx.params.file else ()
     return Announcement(set=ctx.node_name, node=ctx.node_name, parameters=(file,), command_line=given)

@@ -87,14 +87,17 @@ def test_saved_values_under_a_changed_schema_are_migrated_or_left_out_and_it_is_
         assert repr(value_dict(answer)) == repr(expected)
         for text in (answer.note, at.published[-1].note, at.log.getvalue()):
             assert "saved gain = 7 became 7.0: its type is float now" in text
-            assert "saved speed = 4.0 was left out: speed = 4.0 is out of bounds: 0 to 2" in text
-            assert "saved kind = 'b' was left out: kind = 'b': expected one of a, c" in text
-            assert "saved old_name = 3.0 was left out: no parameter has this name any more" in text
+            assert "saved speed = 4.0 was dropped: speed = 4.0 is out of bounds: 0 to 2" in text
+            assert "saved kind = 'b' was dropped: kind = 'b': expected one of a, c" in text
+            assert "old_name = 3.0 is saved, but no running node has such a parameter" in text
             assert "if it is called new_name now, set that" in text
             assert "saved count = 2.0 became 2: its type is int now" in text
         newest = at.history()[0]
         assert newest.kind == "migrated"
-        assert {each.name for each in newest.before} == {"gain", "speed", "kind", "old_name", "count"}
+        assert {each.name for each in newest.before} == {"gain", "speed", "kind", "count"}
+    with server_harness(file) as at:
+        assert "old_name" in at.server.announce(arm_announcement(parameters=NEW)).note
+        at.reset("old_name")
     with server_harness(file) as at:
         assert at.server.announce(arm_announcement(parameters=NEW)).note == ""
 
@@ -126,6 +129,17 @@ def test_a_saved_choice_that_was_renamed_gets_its_new_name_and_so_does_what_an_u
         assert at.get() == {"law": "tutorial"}
 
 
+def test_a_parameter_that_gets_its_old_name_back_has_its_saved_value(tmp_path: Path) -> None:
+    file = str(tmp_path / "params.db")
+    for parameters in (OLD, NEW, OLD):
+        with server_harness(file) as at:
+            at.server.announce(arm_announcement(parameters=parameters))
+            if parameters is OLD and not at.history():
+                at.set(old_name=3)
+    with server_harness(file) as at:
+        assert value_dict(at.server.announce(arm_announcement(parameters=OLD)))["old_name"] == 3.0
+
+
 def test_an_undo_cannot_bring_back_what_fits_no_longer(tmp_path: Path) -> None:
     file = str(tmp_path / "params.db")
     with server_harness(file) as at:
@@ -134,7 +148,7 @@ def test_an_undo_cannot_bring_back_what_fits_no_longer(tmp_path: Path) -> None:
         at.reset()
     with server_harness(file) as at:
         at.server.announce(arm_announcement(parameters=NEW))
-        with pytest.raises(BadInput, match=r"cannot be taken back, its schema has changed: speed = 4\.0"):
+        with pytest.raises(BadInput, match=r"cannot be undone, its schema has changed: speed = 4\.0"):
             at.undo()
         assert at.get()["speed"] == 1.0
 
@@ -147,7 +161,7 @@ def test_values_wait_for_a_node_that_is_late(tmp_path: Path) -> None:
         at.set(ref_angle=10, ss_Kp=2)
     with server_harness(file) as at:
         answer = at.server.announce(arm_announcement(node="/arm", parameters=ARM_PARAMETERS[2:]))
-        assert "ref_angle = 10.0 is kept for /reference" in answer.note
+        assert "ref_angle = 10.0 is saved, but no running node has such a parameter: it is kept" in answer.note
         assert at.history()[0].kind != "migrated"
         assert "WARN" not in at.log.getvalue()
         assert (

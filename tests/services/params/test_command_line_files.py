@@ -50,7 +50,7 @@ def test_what_is_dumped_can_be_loaded(
         ("a.yaml", "/robot_control: {ref_angle: 1}\n/arn: {x: 1}", "unknown set of parameters '/arn'"),
         ("a.yaml", "/robot_control: {ref_angle: 1\n", "line 2"),
         ("a.yaml", "a: 1\na: 2\n", "line 2: a is given twice"),
-        ("a.yaml", "ref_angle: 1", "if the file has the values of one set, say --set SET"),
+        ("a.yaml", "ref_angle: 1", "if the file holds the values of one set, give --set SET"),
         ("a.yaml", "/robot_control: {ref_angle: .nan}", "ref_angle = nan: it is not finite"),
         ("a.yaml", "/robot_control: {ref_angle: {x: 1}}", "a parameter is a bool, number, text or list"),
         ("a.yaml", "/robot_control: {ref_angle: 1, ref_angel: 2}", "unknown parameter 'ref_angel'; did you mean"),

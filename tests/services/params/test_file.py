@@ -8,18 +8,19 @@ import shutil
 import sqlite3
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from messages.parameters import (
-    ParameterChange,
-)
+from messages.parameters import ParameterChange
+from services.params.database_file import SCHEMA
 from services.params.store import open_store
 from services.runtime.errors import BadInput
-from tests.services.params.server_on_file import read_values, server_on_file, set_values
+from tests.services.params.parameter_client import arm_announcement, value_dict
+from tests.services.params.server_harness import server_harness
+from tests.services.params.server_on_file import read_values, server_on_file, server_on_store, set_values
 
 
 @pytest.fixture(scope="module")
@@ -89,11 +90,86 @@ def test_corrupted_bytes_are_refused_or_harmless(sound: Any, tmp_path: Path) -> 
     assert outcomes.count("refused") > 40
 
 
+@pytest.mark.slow
 def test_a_changed_value_is_found_though_the_database_is_in_order(sound: Any, tmp_path: Path) -> None:
     file, *_ = sound
-    damaged = file.read_bytes().replace(b"p7", b"p8", 1)
-    with pytest.raises(BadInput, match="damaged"), open_store(str(spoilt(file, tmp_path / "a", damaged))):
+    data, outcomes = file.read_bytes(), []
+    for index in range(data.count(b"p7")):
+        parts = data.split(b"p7")
+        damaged = b"p7".join(parts[: index + 1]) + b"p8" + b"p7".join(parts[index + 1 :])
+        with pytest.raises(BadInput, match="damaged"), open_store(str(spoilt(file, tmp_path / str(index), damaged))):
+            pass
+        outcomes.append(index)
+    assert len(outcomes) > 10
+
+
+def test_damage_beside_a_log_that_a_kill_left_is_refused_with_both_untouched(tmp_path: Path) -> None:
+    live, copy = tmp_path / "live", tmp_path / "copy"
+    live.mkdir()
+    copy.mkdir()
+    with open_store(str(live / "params.db")) as store:
+        at = server_on_store(store)
+        set_values(at, p1=1.0)
+        store._checkpoint = lambda: None  # type: ignore[method-assign]
+        set_values(at, p2=2.0)
+        for each in live.iterdir():
+            shutil.copy(each, copy)
+    file = copy / "params.db"
+    assert (copy / "params.db-wal").stat().st_size > 4096
+    file.write_bytes(file.read_bytes()[:-4096])
+    assert outcome(file, None) == "refused"
+
+
+def format_1(file: Path) -> Path:
+    """A file as Elea wrote it before format 2."""
+    with closing(sqlite3.connect(file)) as connection:
+        connection.executescript((Path(__file__).parent / "data" / "format_1.sql").read_text())
+    return file
+
+
+def test_a_file_of_format_1_keeps_its_values_its_history_and_its_replies(tmp_path: Path) -> None:
+    file = format_1(tmp_path / "params.db")
+    for _ in range(2):
+        with server_harness(str(file)) as at:
+            at.server.announce(arm_announcement())
+            assert at.get()["ref_angle"] == 10.0
+            assert (at.get()["limits"], at.get()["ss_Kp"], at.get()["window"]) == ((1.0, 2.5), 2.0, 2)
+            assert [(each.revision, each.kind, each.undone) for each in at.history()] == [
+                (7, "set", False),
+                (6, "undo", False),
+                (5, "set", True),
+                (4, "set", False),
+                (3, "set", False),
+            ]
+            first = at.set(request="a", ref_angle=10, limits=(1, 2.5), offset=None)
+            assert (first.revision, value_dict(first)["ss_Kp"]) == (3, 37.5), "the answer of then"
+    with server_harness(str(file)) as at:
+        at.server.announce(arm_announcement())
+        assert at.undo().revision > 7
+        assert at.get()["ss_Kp"] == 37.5
+    with closing(sqlite3.connect(file)) as connection:
+        assert connection.execute("PRAGMA user_version").fetchone() == (2,)
+        names = connection.execute("SELECT name FROM sqlite_schema WHERE type = 'table' AND name NOT LIKE 'sqlite%'")
+        assert {name for (name,) in names} == {"saved", "history", "requests"}
+
+
+def test_a_damaged_file_of_format_1_is_refused_untouched(tmp_path: Path) -> None:
+    data = format_1(tmp_path / "params.db").read_bytes()
+    for index, (good, bad) in enumerate(((b"[1.0, 2.5]", b"[1.0, 2.4]"), (b"ref_angle", b"ref_angel"))):
+        file = spoilt(Path("params.db"), tmp_path / str(index), data.replace(good, bad))
+        assert outcome(file, None) == "refused"
+    assert outcome(spoilt(Path("params.db"), tmp_path / "cut", data[:-4096]), None) == "refused"
+
+
+def test_a_conversion_that_fails_leaves_a_file_of_format_1(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = format_1(tmp_path / "params.db")
+    monkeypatch.setattr("services.params.database_file.SCHEMA", f"{SCHEMA} no statement;")
+    with pytest.raises(BadInput, match="cannot use the parameter file"), open_store(str(file)):
         pass
+    monkeypatch.undo()
+    with server_harness(str(file)) as at:
+        at.server.announce(arm_announcement())
+        assert at.get()["ref_angle"] == 10.0
 
 
 @pytest.mark.parametrize(
@@ -154,7 +230,7 @@ def test_a_folder_that_cannot_be_written_is_named() -> None:
                 open_store(str(file)),
             ):
                 pass
-            refused = pytest.raises(BadInput, match=r"cannot write .*other\.db \(Permission denied\): give another")
+            refused = pytest.raises(BadInput, match=r"cannot write .*other\.db \(Permission denied\): name another")
             with refused, open_store(f"{folder}/other.db"):
                 pass
         Path(folder).chmod(0o755)

@@ -16,6 +16,7 @@ from messages.parameters import (
     ParameterValues,
     SetParameters,
 )
+from messages.std import Empty
 from messages.topics import HEALTH
 from services.params.loop import MAX_CLOSING, SetPublishers
 from services.params.server import MAX_NODES
@@ -26,7 +27,6 @@ from tests.harness.message_recorder import MessageRecorder
 from tests.harness.processes import Network
 from tests.harness.waiting import wait_until
 from tests.services.params.parameter_client import (
-    ARM_PARAMETERS,
     arm_announcement,
     assignments,
     connected_client,
@@ -64,10 +64,7 @@ def test_robots_that_come_and_go_leave_nothing_in_the_service_nor_in_its_file(tm
         client.announce(arm_announcement("/last/base", "/sim"))
         wait_until(lambda: "/last/base/parameter_updates" in topics(), 10.0, "the last set in the heartbeat")
         assert topics() == own | {"/last/base/parameter_updates", "/last/base/parameter_descriptions"}
-    with closing(sqlite3.connect(file)) as connection:
-        assert {name for (name,) in connection.execute("SELECT name FROM sets")} <= {"/params", "/router", "/last/base"}
-        owned = connection.execute("SELECT count(*) FROM owners WHERE node = '/sim'").fetchone()[0]
-    assert owned == sum(each.live for each in ARM_PARAMETERS)
+    assert [rows(file, table) for table in ("saved", "history", "requests")] == [0, 0, 0]
 
 
 def test_what_is_saved_is_kept_until_it_is_reset_and_revisions_go_on() -> None:
@@ -103,7 +100,7 @@ def test_there_is_room_for_so_many_and_the_dead_give_way(monkeypatch: pytest.Mon
         for number in range(4):
             at.server.announce(arm_announcement(f"/s{number}/base", "/sim"))
         at.alive.add("/sim")
-        with pytest.raises(BadInput, match=r"/t/base: there are 5 sets .*; 1 of them hold only what is saved"):
+        with pytest.raises(BadInput, match=r"/t/base: there are 5 sets .*; 1 of them hold only saved values"):
             at.server.announce(arm_announcement("/t/base", "/sim"))
         at.reset()
         at.server.announce(arm_announcement("/t/base", "/sim"))
@@ -127,24 +124,34 @@ def test_a_set_is_shared_by_so_many_and_remembers_as_many_that_have_gone(tmp_pat
             at.server.announce(arm_announcement(node=f"/m{number}"))
         with pytest.raises(BadInput, match=f"{MAX_NODES} nodes share it"):
             at.server.announce(arm_announcement(node="/m99"))
-    assert rows(file, "owners") <= (2 * MAX_NODES + 1) * len(ARM_PARAMETERS)
+    assert rows(file, "saved") == 1
 
 
-@pytest.mark.slow
-def test_what_earlier_runs_ended_with_is_not_kept_for_ever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("services.params.store.KEPT_SETS", 10)
+def test_of_sets_that_were_only_announced_nothing_is_in_the_file(tmp_path: Path) -> None:
     file = tmp_path / "params.db"
-    for life in range(6):
+    for life in range(3):
         with server_harness(str(file)) as at:
             if not life:
                 at.server.announce(arm_announcement())
                 at.set(ss_Kp=2)
             for number in range(10):
                 assert at.server.announce(arm_announcement(f"/life{life}/r{number}", "/sim")).revision == 1
-        assert rows(file, "sets") <= 1 + 10 + 10, "those of this life, and of the last"
+        assert [rows(file, table) for table in ("saved", "history")] == [1, 1]
     with server_harness(str(file)) as at:
         assert value_dict(at.record())["ss_Kp"] == 2.0
-        assert at.server.announce(arm_announcement("/life5/r9", "/sim")).revision == 2, "a set of the last run goes on"
+        assert [each.set for each in at.server.list(Empty()).sets] == [SET]
+
+
+def test_values_saved_under_ever_new_names_find_an_end(at: ServerHarness) -> None:
+    def save(number: int) -> None:
+        text = ParameterDescription(name=f"t{number}", type="str", default="")
+        at.server.announce(arm_announcement("/texts", "/arm", parameters=(text,)))
+        at.server.set(SetParameters(set="/texts", values=assignments(**{text.name: "x" * 60_000})))
+
+    for number in range(17):
+        save(number)
+    with pytest.raises(BadInput, match=r"/texts would have 10\d{5} bytes in a message, 1048576 is the most"):
+        save(17)
 
 
 def test_what_its_readers_would_refuse_is_not_set(at: ServerHarness) -> None:
@@ -156,7 +163,7 @@ def test_what_its_readers_would_refuse_is_not_set(at: ServerHarness) -> None:
             parameters=tuple(ParameterDescription(name=each, type="str", default="") for each in texts),
         )
     )
-    with pytest.raises(BadInput, match=r"/texts would be told in 12\d{5} bytes, 1048576 is the most"):
+    with pytest.raises(BadInput, match=r"/texts would have 12\d{5} bytes in a message, 1048576 is the most"):
         at.server.set(SetParameters(set="/texts", values=assignments(**texts)))
     assert len(at.published) == 4
 
@@ -175,7 +182,7 @@ def test_the_most_work_that_announcements_and_changes_can_make_is_bounded(at: Se
     migrated = at.server.announce(
         arm_announcement("/wide", "/arm", parameters=tuple(ParameterDescription(name=each) for each in others))
     )
-    assert migrated.note.count("was left out") == 20
+    assert migrated.note.count("it is kept") == 20
     assert migrated.note.endswith("980 more notes")
     assert migrated.note.count("if it is called") <= 10
 

@@ -26,7 +26,7 @@ def test_undo_goes_back_change_by_change(at: ServerHarness) -> None:
     assert at.origins()["ss_Kp"] == "default"
     at.undo()
     assert at.origins()["ref_angle"] == "fleet"
-    with pytest.raises(BadInput, match="there is no change to take back"):
+    with pytest.raises(BadInput, match="there is no change to undo"):
         at.undo()
     kinds = [(each.kind, each.undone) for each in reversed(at.history())]
     assert kinds == [("set", True), ("set", True), ("reset", True), ("undo", False), ("undo", False), ("undo", False)]
@@ -111,12 +111,12 @@ def test_a_change_is_taken_back_by_its_revision_without_what_came_after(at: Serv
     )
     again = at.undo_revision(first.revision)
     assert again.values == undone.values
-    assert "is taken back already" in again.note
-    with pytest.raises(BadInput, match="no change that made revision 99 to take back"):
+    assert "is undone already" in again.note
+    with pytest.raises(BadInput, match="no change that made revision 99 to undo"):
         at.undo_revision(99)
     assert value_dict(at.undo())["ss_Kp"] == 2.0
     assert at.get()["ref_angle"] == 20.0
-    with pytest.raises(BadInput, match="there is no change to take back"):
+    with pytest.raises(BadInput, match="there is no change to undo"):
         at.undo()
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -21,7 +20,6 @@ from services.params.schedule import Schedule
 from services.runtime.context import Context
 from services.runtime.errors import BadInput, Stopped
 from services.runtime.node import Node
-from services.runtime.process import PARENT
 from services.runtime.transport.memory import MemoryBus
 from tests.harness.memory_node import ManualClock, memory_node
 from tests.harness.waiting import wait_until
@@ -59,12 +57,12 @@ class LoopHarness:
 
 @contextmanager
 def bench(
-    bus: MemoryBus, clock: ManualClock, schedule: tuple[Scheduled, ...] = SCHEDULE, file: str = ""
+    bus: MemoryBus, clock: ManualClock, schedule: tuple[Scheduled, ...] = SCHEDULE, progress: str = ""
 ) -> Iterator[LoopHarness]:
     service, out = memory_node(bus, "params"), io.StringIO()
     service.log._out = out
     with service, memory_node(bus, "tester") as beside:
-        context = Context(service, ParamsParameters(schedule=schedule, file=file), 10.0)
+        context = Context(service, ParamsParameters(schedule=schedule, schedule_file=progress), 10.0)
 
         def work() -> None:
             with suppress(Stopped):
@@ -108,11 +106,10 @@ def test_changes_come_at_their_time_and_again_after_a_reset(bus: MemoryBus, cloc
 
 
 def test_a_service_that_is_restarted_in_a_run_goes_on_with_the_schedule(
-    bus: MemoryBus, clock: ManualClock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    bus: MemoryBus, clock: ManualClock, tmp_path: Path
 ) -> None:
-    monkeypatch.setenv(PARENT, str(os.getpid()))
     schedule = (*SCHEDULE[:2], Scheduled(at=4.0, set=SET, values={"window": 4}))
-    file = str(tmp_path / "params.db")
+    file = str(tmp_path / "schedule.json")
     with bench(bus, clock, schedule, file) as at:
         at.announce()
         at.tell(2.0)
@@ -127,11 +124,15 @@ def test_a_service_that_is_restarted_in_a_run_goes_on_with_the_schedule(
         at.announce()
         at.tell(2.5, epoch=1)
         at.until(ref_angle=12.0, ss_Kp=5.0, window=2)
-    monkeypatch.setenv(PARENT, "")
-    with bench(bus, clock, schedule, file) as at:
-        at.announce()
-        at.tell(2.5, epoch=1)
-        at.until(ref_angle=12.0, ss_Kp=5.0, window=2)
+    for content in (None, b"{", b"[1]"):
+        Path(file).unlink()
+        if content:
+            Path(file).write_bytes(content)
+        with bench(bus, clock, schedule, file) as at:
+            at.announce()
+            at.tell(2.5, epoch=1)
+            at.until(ref_angle=12.0, ss_Kp=5.0, window=2)
+        assert ("cannot be read" in at.out.getvalue()) == (content is not None)
 
 
 def test_a_set_that_never_comes_is_said(bus: MemoryBus, clock: ManualClock) -> None:

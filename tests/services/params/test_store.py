@@ -56,7 +56,7 @@ def test_two_services_cannot_use_one_file(tmp_path: Path) -> None:
             with pytest.raises(BadInput, match="another parameter service uses"), open_store(str(name)):
                 pass
         with pytest.raises(sqlite3.OperationalError, match="locked"):
-            sqlite3.connect(file, timeout=0.0).execute("SELECT * FROM sets")
+            sqlite3.connect(file, timeout=0.0).execute("SELECT * FROM saved")
     with open_store(str(file)):
         pass
 
