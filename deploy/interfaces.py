@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
 from typing import Any, ClassVar, NamedTuple, get_origin, get_type_hints
 
@@ -12,7 +11,7 @@ from messages.base import LARGEST, Array, Message
 from messages.records import RECORDS
 from messages.requests import REQUESTS, Request
 from messages.topics import TOPICS
-from services.runtime.errors import BadInput
+from services.runtime.errors import BadInput, nearest
 
 
 class FieldType(NamedTuple):
@@ -37,8 +36,8 @@ def find_interface(name: str) -> type[Message] | Request[Any, Any]:
     short: dict[str, list[str]] = {}
     for each in RECORDS:
         short.setdefault(each.rpartition("/")[2], []).append(each)
-    near = short.get(name) or difflib.get_close_matches(wanted, [*RECORDS, *own], 3, cutoff=0.5)
-    near = near or [whole for each in difflib.get_close_matches(name, short, 2) for whole in short[each]]
+    near = short.get(name) or nearest(wanted, [*RECORDS, *own], 3, cutoff=0.5)
+    near = near or [whole for each in nearest(name, short, 2) for whole in short[each]]
     hint = f"did you mean {' or '.join(map(repr, near))}?" if near else "./elea interface list shows all"
     raise BadInput(f"unknown type {name[:80]!r}; {hint}")
 

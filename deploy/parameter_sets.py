@@ -14,7 +14,6 @@ from deploy.service_parameters import BUILTIN_SERVICES
 from deploy.toml_source import TomlSource
 from messages.names import resolve
 from messages.parameters import Parameter, ParameterValues
-from messages.requests import PARAMS_ANNOUNCE
 from models.model import read_model
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.parameters.base import Parameters
@@ -87,7 +86,7 @@ def _robot_set(robot: RobotConfig, wheeled: bool) -> str:
 
 def _service_set(service: Service, node: str) -> str | None:
     """The set that a service follows as ``node``; None without parameters, and for the parameter service."""
-    if service.parameters is Parameters or PARAMS_ANNOUNCE in service.serves:
+    if service.parameters is Parameters or service.parameter_set is None:
         return None
     return resolve(service.parameter_set or node, node.rpartition("/")[0] or "/", node)
 

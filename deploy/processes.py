@@ -93,8 +93,7 @@ def _place_services(fleet: Fleet) -> list[_PlacedService]:
 
 def _is_lockstep_member(kind: str) -> bool:
     """Whether lockstep waits for services of this kind at each tick."""
-    service = load_service(kind)
-    return service.holds_lockstep and service.rate is not None
+    return load_service(kind).steps
 
 
 def _process_spec(stated: _PlacedService, fleet: Fleet, options: RunOptions, nodes: NodeGroups) -> ProcessSpec:

@@ -1,7 +1,5 @@
 """The table of all records by the name of their ROS type."""
 
-import difflib
-
 from messages import (
     control,
     diagnostic,
@@ -19,7 +17,7 @@ from messages import (
     tf,
 )
 from messages.base import Message
-from messages.errors import BadInput
+from messages.errors import BadInput, nearest
 
 _MODULES = (
     std,
@@ -58,7 +56,7 @@ def record(type_name: str) -> type[Message]:
     """
     found = RECORDS.get(type_name.replace("/msg/", "/", 1))
     if found is None:
-        near = difflib.get_close_matches(type_name, RECORDS, 1, cutoff=0.5)
+        near = nearest(type_name, RECORDS, cutoff=0.5)
         hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(sorted(RECORDS))}"
         raise UnknownRecord(f"unknown record {type_name[:80]!r}; {hint}")
     return found

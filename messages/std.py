@@ -36,6 +36,19 @@ class Header(Message, frozen=True, kw_only=True):
     frame_id: str = ""
 
 
+def stamp_of(message: object) -> int | None:
+    """The simulation time [ns] that a message states: in its header, that of its first transform, or as a clock.
+
+    A header that was given no stamp states 0. None for a message without any of these.
+    """
+    transforms = getattr(message, "transforms", ())
+    header = getattr(transforms[0] if transforms else message, "header", None)
+    if isinstance(header, Header):
+        return header.stamp.ns
+    clock = getattr(message, "clock", None)
+    return clock.ns if isinstance(clock, Time) else None
+
+
 class String(Message, frozen=True, kw_only=True):
     """One text."""
 

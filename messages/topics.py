@@ -1,8 +1,8 @@
 """The topics: name, record, promised rate and quality of service, and the table of all of them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
-from typing import Generic, TypeVar
+from typing import Generic, Self, TypeVar
 
 from messages.base import Message
 from messages.control import JointControllerState
@@ -10,6 +10,7 @@ from messages.elea import BaseStatus, Checks, EmergencyStops, FleetState, GoalSt
 from messages.gazebo import LinkStates, ModelStates
 from messages.geometry import PoseStamped, Twist, TwistStamped
 from messages.joints import JointEffort
+from messages.names import BadName
 from messages.nav import Odometry, Path
 from messages.parameters import ParameterSchema, ParameterValues, ScheduledChanges
 from messages.rosgraph import Clock, Log
@@ -53,6 +54,17 @@ class Topic(Generic[M_co]):
     """The node that alone may publish it, where there is one: samples of others are refused."""
     unit: str = ""
     """The unit of a topic that carries one bare number."""
+
+    def of(self, namespace: str) -> Self:
+        """The same topic in another namespace: ``ODOM.of("tb3_0")`` is ``/tb3_0/odom``, and that of a node's ``~name``
+        is ``/node/name``; raises BadName for a topic whose name is absolute."""
+        if self.name.startswith("/"):
+            raise BadName(f"{self.name} is the same topic in every namespace")
+        return self.named(f"/{namespace.strip('/')}/{self.name.removeprefix('~')}".replace("//", "/"))
+
+    def named(self, name: str) -> Self:
+        """The same topic under another name."""
+        return replace(self, name=name)
 
 
 CLOCK = Topic("/clock", Clock, 50, Quality.SENSOR, "simulation time, step, epoch, pause")

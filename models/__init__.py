@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 from pathlib import Path
 
-from messages.errors import BadInput
+from messages.errors import BadInput, did_you_mean
 
 WHEELED = ("burger", "waffle", "waffle_pi", "p3dx")
 """The robots that drive on two wheels."""
@@ -44,6 +43,4 @@ def world_path(name: str) -> Path:
 def _checked_name(kind: str, name: str, names: tuple[str, ...]) -> str:
     if name in names:
         return name
-    near = difflib.get_close_matches(name, names, 1) if len(name) < 100 else []  # it takes the product of the lengths
-    hint = f"; did you mean {near[0]!r}?" if near else ""
-    raise UnknownModel(f"unknown {kind} {name[:255]!r}{hint} (known: {', '.join(names)})")
+    raise UnknownModel(f"unknown {kind} {name[:255]!r}{did_you_mean(name, names)} (known: {', '.join(names)})")

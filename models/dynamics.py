@@ -4,28 +4,12 @@ from __future__ import annotations
 
 import math
 from typing import NamedTuple
-from xml.etree import ElementTree
 
 from messages.se3 import Vector, rotate, rotate_inverse
-from models import urdf_path
-from models.urdf import Joint, parse_joints
+from models.urdf import Inertia, Joint, read_robot
 
 GRAVITY = 9.81
 """m/s2, downward, as in the simulation."""
-
-
-class LinkInertia(NamedTuple):
-    """A link: kg, the frame of its inertia in its own, and xx, yy, zz, xy, xz, yz of its tensor there, kg m2."""
-
-    mass: float
-    frame: Joint
-    tensor: tuple[float, ...]
-
-    def moment_about(self, axis: Vector) -> float:
-        """Its own inertia [kg m2] about an axis through its centre, of length 1, in the link's frame."""
-        x, y, z = rotate_inverse(self.frame.rotation(), axis)
-        xx, yy, zz, xy, xz, yz = self.tensor
-        return xx * x * x + yy * y * y + zz * z * z + 2 * (xy * x * y + xz * x * z + yz * y * z)
 
 
 class Pendulum(NamedTuple):
@@ -44,10 +28,10 @@ def read_pendulum(name: str, joint: str) -> Pendulum:
 
     Raises ``models.UnknownModel``, and KeyError when the robot has no such joint.
     """
-    urdf = urdf_path(name)
-    joints = parse_joints(urdf)
+    robot = read_robot(name)
+    joints = robot.joints
     at = {each.name: each for each in joints}[joint]
-    masses = {link.attrib["name"]: _link_inertia(link) for link in ElementTree.parse(urdf).getroot().findall("link")}
+    masses = {link.name: link.inertia for link in robot.links}
     down = _to_joint_frame(at, joints, (0.0, 0.0, -GRAVITY))
     level = upright = inertia = 0.0
     for mass, place, own in _subtree_masses(at.child, joints, masses, at.axis):
@@ -58,31 +42,20 @@ def read_pendulum(name: str, joint: str) -> Pendulum:
     return Pendulum(math.hypot(level, upright), math.atan2(level, -upright), inertia)
 
 
-def _link_inertia(link: ElementTree.Element) -> LinkInertia:
-    inertial = link.find("inertial")
-    mass = None if inertial is None else inertial.find("mass")
-    if inertial is None or mass is None:
-        return LinkInertia(0.0, _frame(None), (0.0,) * 6)
-    tensor = inertial.find("inertia")
-    given = {} if tensor is None else tensor.attrib
-    moments = tuple(float(given.get(name, 0.0)) for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
-    return LinkInertia(float(mass.attrib["value"]), _frame(inertial.find("origin")), moments)
-
-
-def _frame(origin: ElementTree.Element | None) -> Joint:
-    """Where an inertia lies, as a fixed joint would place it."""
-    given = {} if origin is None else origin.attrib
-    (x, y, z), (roll, pitch, yaw) = (map(float, given.get(name, "0 0 0").split()) for name in ("xyz", "rpy"))
-    return Joint("", "fixed", "", "", (x, y, z), (roll, pitch, yaw), (0.0, 0.0, 1.0))
+def _moment_about(inertia: Inertia, axis: Vector) -> float:
+    """A link's own inertia [kg m2] about an axis of length 1 through its centre, in the link's frame."""
+    x, y, z = rotate_inverse(inertia.centre.orientation, axis)
+    xx, yy, zz, xy, xz, yz = inertia.tensor
+    return xx * x * x + yy * y * y + zz * z * z + 2 * (xy * x * y + xz * x * z + yz * y * z)
 
 
 def _subtree_masses(
-    link: str, joints: tuple[Joint, ...], masses: dict[str, LinkInertia], axis: Vector
+    link: str, joints: tuple[Joint, ...], masses: dict[str, Inertia], axis: Vector
 ) -> list[tuple[float, Vector, float]]:
     """Of ``link`` and all that hang on it: masses [kg], their places [m] in its frame, and their own inertia [kg m2]
     about ``axis``, a direction in its frame."""
     own = masses[link]
-    found = [(own.mass, own.frame.xyz, own.moment_about(axis))]
+    found = [(own.mass, own.centre.position, _moment_about(own, axis))]
     for joint in joints:
         if joint.parent == link:
             turn = joint.rotation()

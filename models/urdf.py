@@ -1,21 +1,71 @@
-"""The URDF of a robot of this folder: its joints and their frames, their limits, and the wheels of its base."""
+"""Reads a robot's URDF, from this folder or from anywhere: its links and inertias, its joints and their limits."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import NoReturn
 from xml.etree import ElementTree
+from xml.parsers import expat
 
 from messages.errors import BadInput
-from messages.se3 import Pose3, Rotation, Vector, quaternion_from_rpy, quaternion_multiply, rotate
+from messages.se3 import IDENTITY, Pose3, Rotation, Vector, quaternion_from_rpy, quaternion_multiply, rotate
 from models import urdf_path
+
+MAX_CHARACTERS = 1 << 20
+"""Characters of a URDF; a longer one is refused unread."""
+MAX_LINKS = 2000
+"""Links of a robot."""
+MAX_DEPTH = 100
+"""Elements within elements, as TinyXML has them at most, by which ROS reads a URDF; seven are usual."""
+
+MAX_VALUE = 1e6
+"""Bound of every length, angle and limit in a URDF; a joint's limit that lies beyond it is taken as this one."""
+
+JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+SINGLE_DOF = ("revolute", "continuous", "prismatic")
+"""The types of joints whose position is one number, as a JointState has it."""
+
+
+class BadUrdf(BadInput):
+    """A URDF is not one, or describes no tree; the text says what and where."""
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """A joint that follows another: position = ``factor`` * the other's + ``offset``."""
+
+    joint: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class JointLimits:
+    """The limits of a joint. rad or m, N m or N, rad/s or m/s; None where the URDF states no limit.
+
+    ``velocity`` may be 0, which Gazebo takes for a limit and most URDFs mean as "unknown". The ``soft`` ones are those
+    of the joint's safety controller.
+    """
+
+    kind: str
+    lower: float | None = None
+    upper: float | None = None
+    effort: float | None = None
+    velocity: float | None = None
+    damping: float = 0.0
+    friction: float = 0.0
+    soft_lower: float | None = None
+    soft_upper: float | None = None
 
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint of a URDF: ``xyz`` [m] and ``rpy`` [rad] place the child in the parent at angle zero."""
+    """A joint: ``xyz`` [m] and ``rpy`` [rad] place the child in the parent at position zero; ``axis`` has length 1."""
 
     name: str
     kind: str
@@ -24,6 +74,13 @@ class Joint:
     xyz: Vector
     rpy: Vector
     axis: Vector
+    limits: JointLimits
+    mimic: Mimic | None = None
+
+    @property
+    def single_dof(self) -> bool:
+        """Whether one number is its position, as in a JointState."""
+        return self.kind in SINGLE_DOF
 
     def rotation(self, angle: float = 0.0) -> Rotation:
         """Quaternion (x, y, z, w) from the parent to the child with the joint turned by ``angle`` [rad].
@@ -46,96 +103,329 @@ class Joint:
         return Pose3((self.xyz[0] + position * x, self.xyz[1] + position * y, self.xyz[2] + position * z), mount)
 
 
-@cache
-def read_joints(name: str) -> tuple[Joint, ...]:
-    """All joints of the robot ``name`` in the URDF's order; raises ``models.UnknownModel``."""
-    return parse_joints(urdf_path(name))
+@dataclass(frozen=True)
+class Inertia:
+    """The inertia of a link: its mass [kg], the pose of its centre of mass in the link, and xx, yy, zz, xy, xz, yz of
+    its tensor [kg m2] in the axes of that pose."""
 
-
-def parse_joints(urdf: Path) -> tuple[Joint, ...]:
-    """All joints of a URDF, in its order."""
-    return tuple(_joint(each) for each in ElementTree.parse(urdf).getroot().findall("joint"))
-
-
-def link_offset(name: str, link: str) -> Vector:
-    """Where the origin of ``link`` lies in the root frame of the robot ``name`` with all joints at zero, m."""
-    return link_offset_in(read_joints(name), link)
-
-
-def link_offset_in(joints: tuple[Joint, ...], link: str) -> Vector:
-    """Where the origin of ``link`` lies in the root frame of the joints' tree with all of them at zero, m."""
-    above = {joint.child: joint for joint in joints}
-    offset = (0.0, 0.0, 0.0)
-    while (joint := above.get(link)) is not None:
-        x, y, z = rotate(joint.rotation(), offset)
-        offset = (x + joint.xyz[0], y + joint.xyz[1], z + joint.xyz[2])
-        link = joint.parent
-    return offset
-
-
-def _joint(element: ElementTree.Element) -> Joint:
-    return Joint(
-        name=element.attrib["name"],
-        kind=element.attrib["type"],
-        parent=_attribute(element, "parent", "link", ""),
-        child=_attribute(element, "child", "link", ""),
-        xyz=_vector(_attribute(element, "origin", "xyz", "0 0 0")),
-        rpy=_vector(_attribute(element, "origin", "rpy", "0 0 0")),
-        axis=_vector(_attribute(element, "axis", "xyz", "1 0 0")),
-    )
-
-
-def _attribute(element: ElementTree.Element, child: str, name: str, default: str) -> str:
-    found = element.find(child)
-    return default if found is None else found.attrib.get(name, default)
-
-
-def _vector(text: str) -> Vector:
-    x, y, z = (float(part) for part in text.split())
-    return x, y, z
+    mass: float = 0.0
+    centre: Pose3 = IDENTITY
+    tensor: tuple[float, ...] = (0.0,) * 6
 
 
 @dataclass(frozen=True)
-class JointLimits:
-    """A movable joint. rad or m, N m or N, rad/s or m/s; None where the URDF states no limit.
+class Link:
+    """A link; ``radius`` [m] is that of its first collision sphere, else of its first cylinder, None without."""
 
-    ``velocity`` may be 0, which Gazebo takes for a limit and most URDFs mean as "unknown".
+    name: str
+    inertia: Inertia
+    radius: float | None
+
+
+@dataclass(frozen=True)
+class RobotDescription:
+    """A robot: its name, the link that has no parent, all links, and all joints in the order of the URDF.
+
+    ``warnings`` name what ROS accepts as well, and does nothing with.
     """
 
-    kind: str
-    lower: float | None = None
-    upper: float | None = None
-    effort: float | None = None
-    velocity: float | None = None
-    damping: float = 0.0
-    friction: float = 0.0
+    name: str
+    root: str
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    warnings: tuple[str, ...] = ()
+
+    def link_offset(self, link: str) -> Vector:
+        """The origin of ``link`` in the root's frame with all joints at zero, m."""
+        above = {joint.child: joint for joint in self.joints}
+        offset = (0.0, 0.0, 0.0)
+        while (joint := above.get(link)) is not None:
+            x, y, z = rotate(joint.rotation(), offset)
+            offset = (x + joint.xyz[0], y + joint.xyz[1], z + joint.xyz[2])
+            link = joint.parent
+        return offset
 
 
 @cache
+def read_robot(name: str) -> RobotDescription:
+    """The robot ``name`` of this folder; raises ``models.UnknownModel``."""
+    return parse_urdf(urdf_path(name).read_text(encoding="utf-8"))
+
+
+def read_joints(name: str) -> tuple[Joint, ...]:
+    """All joints of the robot ``name`` in the URDF's order; raises ``models.UnknownModel``."""
+    return read_robot(name).joints
+
+
 def read_joint_limits(name: str) -> dict[str, JointLimits]:
-    """The movable joints of the robot ``name`` by their names, in the URDF's order; raises ``models.UnknownModel``."""
-    joints = ElementTree.parse(urdf_path(name)).getroot().findall("joint")
-    return {each.attrib["name"]: _limits(each) for each in joints if each.attrib["type"] != "fixed"}
+    """The limits of the movable joints of the robot ``name``, in the URDF's order; raises ``models.UnknownModel``."""
+    return {each.name: each.limits for each in read_joints(name) if each.kind != "fixed"}
 
 
-def _limits(joint: ElementTree.Element) -> JointLimits:
-    kind, limit, dynamics = joint.attrib["type"], joint.find("limit"), joint.find("dynamics")
-    given = {} if limit is None else limit.attrib
-    dynamics_attributes = {} if dynamics is None else dynamics.attrib
-    ends = kind in ("revolute", "prismatic")
-    return JointLimits(
+def link_offset(name: str, link: str) -> Vector:
+    """The origin of ``link`` in the root frame of the robot ``name`` with all joints at zero, m."""
+    return read_robot(name).link_offset(link)
+
+
+def parse_urdf(urdf: str) -> RobotDescription:
+    """The robot that a URDF describes; raises BadUrdf."""
+    robot = parse_xml(urdf)
+    links = tuple(_link(each) for each in robot.findall("link"))
+    joints, warnings = _resolve_mimics(tuple(_joint(each) for each in robot.findall("joint")))
+    root = _root([each.name for each in links], joints)
+    return RobotDescription(robot.get("name", ""), root, links, joints, warnings)
+
+
+def parse_xml(urdf: str) -> ElementTree.Element:
+    """The elements of a URDF, at most MAX_DEPTH deep, so that a walk through them may recurse; raises BadUrdf.
+
+    Prefixes of names (``xacro:property``) are part of them, declared or not, as TinyXML has it.
+    """
+    if len(urdf) > MAX_CHARACTERS:
+        raise BadUrdf(f"the URDF has {len(urdf)} characters, the limit is {MAX_CHARACTERS}")
+    builder, depth = ElementTree.TreeBuilder(), 0
+    parser = expat.ParserCreate("utf-8")
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > MAX_DEPTH:
+            raise BadUrdf(f"the URDF has elements more than {MAX_DEPTH} deep, at line {parser.CurrentLineNumber}")
+        builder.start(tag, attributes)
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag)
+
+    def refuse(*_: object) -> NoReturn:
+        raise BadUrdf("the URDF declares a document type or entities: a URDF needs none")
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = builder.data
+    parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = refuse
+    try:
+        parser.Parse(urdf.strip().encode(), True)
+    except (expat.ExpatError, UnicodeEncodeError) as error:
+        hint = ": is it a xacro or a path? Convert a xacro with the command xacro" if "<robot" not in urdf else ""
+        raise BadUrdf(f"the URDF is not XML: {error}{hint}") from None
+    robot = builder.close()
+    if robot.tag != "robot":
+        raise BadUrdf(f"the URDF's root is <{robot.tag[:40]}>, not <robot>")
+    return robot
+
+
+def _link(element: ElementTree.Element) -> Link:
+    name = element.get("name", "")
+    radius = None
+    for kind in ("sphere", "cylinder"):
+        shape = element.find(f"collision/geometry/{kind}")
+        if shape is not None and "radius" in shape.attrib and radius is None:
+            radius = _plain_number(shape, "radius", f"link {name!r}")
+    return Link(name, _inertia(element.find("inertial"), f"link {name!r}"), radius)
+
+
+def _inertia(element: ElementTree.Element | None, where: str) -> Inertia:
+    mass = None if element is None else element.find("mass")
+    if element is None or mass is None:
+        return Inertia()
+    xyz = _vector(element, "origin", "xyz", (0.0, 0.0, 0.0), where)
+    rpy = _vector(element, "origin", "rpy", (0.0, 0.0, 0.0), where)
+    tensor = element.find("inertia")
+    names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+    moments = (0.0,) * 6 if tensor is None else tuple(_plain_number(tensor, each, where) for each in names)
+    return Inertia(_plain_number(mass, "value", where), Pose3(xyz, quaternion_from_rpy(*rpy)), moments)
+
+
+def _plain_number(element: ElementTree.Element, attribute: str, where: str) -> float:
+    """A number of any size, 0 where it is not stated."""
+    text = element.get(attribute, "0")
+    try:
+        return float(text)
+    except ValueError:
+        raise BadUrdf(f"{where}: {attribute}={text[:60]!r} is not a number") from None
+
+
+def _joint(element: ElementTree.Element) -> Joint:
+    name, kind = element.get("name", ""), element.get("type", "")
+    if not name:
+        raise BadUrdf("a joint has no name")
+    if kind not in JOINT_TYPES:
+        raise BadUrdf(f"joint {name!r} is of the type {kind!r}; there are {', '.join(JOINT_TYPES)}")
+    where, follows = f"joint {name!r}", element.find("mimic")
+    return Joint(
+        name=name,
         kind=kind,
-        lower=float(given.get("lower", 0.0)) if ends else None,
-        upper=float(given.get("upper", 0.0)) if ends else None,
-        effort=_number(given, "effort"),
-        velocity=_number(given, "velocity"),
-        damping=float(dynamics_attributes.get("damping", 0.0)),
-        friction=float(dynamics_attributes.get("friction", 0.0)),
+        parent=_link_of(element, "parent", name),
+        child=_link_of(element, "child", name),
+        xyz=_vector(element, "origin", "xyz", (0.0, 0.0, 0.0), where),
+        rpy=_vector(element, "origin", "rpy", (0.0, 0.0, 0.0), where),
+        axis=_axis(element, name, kind),
+        limits=_limits(element, name, kind),
+        mimic=_mimic(follows, name) if follows is not None else None,
     )
 
 
-def _number(table: dict[str, str], name: str) -> float | None:
-    return float(table[name]) if name in table else None
+def _limits(element: ElementTree.Element, name: str, kind: str) -> JointLimits:
+    limited, limit = kind in ("revolute", "prismatic"), element.find("limit")
+    if limited and limit is None:
+        raise BadUrdf(f"joint {name!r} is {kind} and has no <limit>; a joint that turns for ever is continuous")
+    lower = _limit(limit, "lower", name) if limited else None
+    upper = _limit(limit, "upper", name) if limited else None
+    if lower is not None and upper is not None and lower > upper:
+        raise BadUrdf(f"joint {name!r}: its lower limit {lower:g} lies above the upper one {upper:g}")
+    safety, dynamics = element.find("safety_controller"), element.find("dynamics")
+    return JointLimits(
+        kind=kind,
+        lower=lower,
+        upper=upper,
+        effort=_limit(limit, "effort", name, None),
+        velocity=_limit(limit, "velocity", name, None),
+        damping=_limit(dynamics, "damping", name) or 0.0,
+        friction=_limit(dynamics, "friction", name) or 0.0,
+        soft_lower=_limit(safety, "soft_lower_limit", name, None),
+        soft_upper=_limit(safety, "soft_upper_limit", name, None),
+    )
+
+
+def _mimic(element: ElementTree.Element, name: str) -> Mimic:
+    followed = element.get("joint", "")
+    if not followed:
+        raise BadUrdf(f"joint {name!r}: its <mimic> names no joint")
+    factor, offset = _number(element, "multiplier", name, 1.0), _number(element, "offset", name, 0.0)
+    assert factor is not None
+    assert offset is not None
+    return Mimic(followed, factor, offset)
+
+
+def _axis(element: ElementTree.Element, name: str, kind: str) -> Vector:
+    """The unit vector of the axis; x when none is given, or none is meant."""
+    if kind in ("fixed", "floating"):
+        return 1.0, 0.0, 0.0
+    axis = _vector(element, "axis", "xyz", (1.0, 0.0, 0.0), f"joint {name!r}")
+    length = math.hypot(*axis)
+    if length < 1e-9:
+        if kind in ("revolute", "continuous", "prismatic"):
+            raise BadUrdf(f"joint {name!r}: its axis is 0 0 0")
+        return 1.0, 0.0, 0.0
+    if abs(length - 1) < 1e-12:
+        return axis
+    return axis[0] / length, axis[1] / length, axis[2] / length
+
+
+def _link_of(element: ElementTree.Element, tag: str, name: str) -> str:
+    found = element.find(tag)
+    link = found.get("link", "") if found is not None else ""
+    if not link:
+        raise BadUrdf(f"joint {name!r} has no <{tag} link=...>")
+    return link
+
+
+def _vector(element: ElementTree.Element, tag: str, attribute: str, default: Vector, where: str) -> Vector:
+    found = element.find(tag)
+    text = found.get(attribute) if found is not None else None
+    if text is None:
+        return default
+    try:
+        x, y, z = (float(part) for part in text.split())
+    except ValueError:
+        raise BadUrdf(f"{where}: {tag} {attribute}={text[:60]!r} is not three numbers") from None
+    if not all(abs(each) <= MAX_VALUE for each in (x, y, z)):
+        raise BadUrdf(f"{where}: {tag} {attribute}={text[:60]!r} exceeds {MAX_VALUE:g}")
+    return x, y, z
+
+
+def _number(
+    element: ElementTree.Element | None, attribute: str, name: str, default: float | None = 0.0
+) -> float | None:
+    text = element.get(attribute) if element is not None else None
+    if text is None:
+        return default
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not abs(value) <= MAX_VALUE:
+        raise BadUrdf(f"joint {name!r}: {attribute}={text[:60]!r} is not a number up to {MAX_VALUE:g}")
+    return value
+
+
+def _limit(element: ElementTree.Element | None, attribute: str, name: str, default: float | None = 0.0) -> float | None:
+    """A limit within MAX_VALUE: converters write 1e16 or inf for none."""
+    text = element.get(attribute) if element is not None else None
+    try:
+        value = float(text) if text is not None else 0.0
+    except ValueError:
+        value = 0.0
+    if abs(value) > MAX_VALUE:
+        return math.copysign(MAX_VALUE, value)
+    return _number(element, attribute, name, default)
+
+
+def _root(links: list[str], joints: tuple[Joint, ...]) -> str:
+    """The one link that no joint moves; raises BadUrdf when the links are no tree."""
+    if not links:
+        raise BadUrdf("the URDF has no link")
+    if len(links) > MAX_LINKS:
+        raise BadUrdf(f"the URDF has {len(links)} links, the limit is {MAX_LINKS}")
+    for kind, names in (("link", links), ("joint", [each.name for each in joints])):
+        if twice := sorted(name for name, count in Counter(names).items() if count > 1):
+            raise BadUrdf(f"the {kind} {twice[0]!r} is there twice")
+    above: dict[str, str] = {}
+    for each in joints:
+        for link in (each.parent, each.child):
+            if link not in links:
+                raise BadUrdf(f"joint {each.name!r}: there is no link {link!r} (known: {', '.join(links)})")
+        if each.child in above:
+            raise BadUrdf(f"link {each.child!r} has two parents, {above[each.child]!r} and {each.parent!r}")
+        above[each.child] = each.parent
+    roots = [each for each in links if each not in above]
+    if len(roots) > 1:
+        raise BadUrdf(f"the links are no tree: {', '.join(map(repr, roots))} hang on nothing")
+    for link in links:
+        seen = {link}
+        while (parent := above.get(link)) is not None:
+            if parent in seen:
+                raise BadUrdf(f"the links are in a loop through {parent!r}")
+            seen.add(parent)
+            link = parent
+    return roots[0]
+
+
+def _resolve_mimics(joints: tuple[Joint, ...]) -> tuple[tuple[Joint, ...], tuple[str, ...]]:
+    """The joints, without mimicry that ROS takes and that moves nothing, and what that was; raises BadUrdf.
+
+    A joint that does not move follows nobody, and one that follows what does not move, or is not there, is told by
+    joint states alone, as by robot_state_publisher.
+    """
+    own = {each.name: each for each in joints}
+    remarks: list[str] = []
+    kept = []
+    for each in joints:
+        if each.mimic is not None and each.single_dof:
+            followed = own.get(each.mimic.joint)
+            if followed is None or not followed.single_dof:
+                what = "does not exist" if followed is None else f"is {followed.kind}"
+                remarks.append(f"joint {each.name!r} mimics {each.mimic.joint!r}, which {what}: it follows nothing")
+                each = replace(each, mimic=None)
+        elif each.mimic is not None:
+            remarks.append(f"joint {each.name!r} is {each.kind} and mimics {each.mimic.joint!r}: it stays as it is")
+            each = replace(each, mimic=None)
+        kept.append(each)
+    _check_mimics(kept)
+    return tuple(kept), tuple(remarks)
+
+
+def _check_mimics(joints: Sequence[Joint]) -> None:
+    """Nobody follows himself, not even through others."""
+    own = {each.name: each for each in joints}
+    for each in joints:
+        seen, follower = {each.name}, each
+        while follower.mimic is not None:
+            follower = own[follower.mimic.joint]
+            if follower.name in seen:
+                raise BadUrdf(f"joints mimic each other in a circle, {follower.name!r} for one")
+            seen.add(follower.name)
 
 
 class NoWheels(BadInput):
@@ -160,14 +450,14 @@ def read_wheels(urdf: Path, left: str, right: str) -> WheelPair:
     As ROS's ``diff_drive_controller`` reads them: the separation is the Euclidean distance between the joints' origins,
     the radius that of the wheel link's collision sphere or cylinder.
     """
-    root = ElementTree.parse(urdf).getroot()
-    joints = parse_joints(urdf)
-    one, other = _find(joints, left), _find(joints, right)
-    at_left, at_right = link_offset_in(joints, one.child), link_offset_in(joints, other.child)
+    robot = parse_urdf(urdf.read_text(encoding="utf-8"))
+    one, other = _find(robot.joints, left), _find(robot.joints, right)
+    at_left, at_right = robot.link_offset(one.child), robot.link_offset(other.child)
+    radii = {each.name: each.radius for each in robot.links}
     return WheelPair(
         separation=math.dist(at_left, at_right),
-        left_radius=_radius(root, one.child),
-        right_radius=_radius(root, other.child),
+        left_radius=radii[one.child],
+        right_radius=radii[other.child],
         left_offset=at_left[1],
         right_offset=at_right[1],
     )
@@ -179,11 +469,3 @@ def _find(joints: tuple[Joint, ...], name: str) -> Joint:
             return joint
     movable = ", ".join(joint.name for joint in joints if joint.kind != "fixed")
     raise NoWheels(f"there is no wheel joint {name!r} (movable: {movable or 'none'})")
-
-
-def _radius(root: ElementTree.Element, link: str) -> float | None:
-    for kind in ("sphere", "cylinder"):
-        shape = root.find(f"link[@name='{link}']/collision/geometry/{kind}")
-        if shape is not None:
-            return float(shape.attrib["radius"])
-    return None

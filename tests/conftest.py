@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
 
 import pytest
+
+from deploy.bench.figures import Figure
+from deploy.bench.suite import FIGURE_PROPERTY
+from tests.tiers import pytest_collection_modifyitems as pytest_collection_modifyitems
+from tests.tiers import pytest_configure as pytest_configure
+from tests.tiers import pytest_runtest_call as pytest_runtest_call
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -17,6 +25,17 @@ def own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
         patch.setenv("XDG_RUNTIME_DIR", runtime)
         yield
+
+
+@pytest.fixture
+def keeps_bound(record_property: Callable[[str, object], None]) -> Callable[[Figure], None]:
+    """Hands a measured figure to ``./elea bench``, and fails the test when it misses its bound."""
+
+    def check(figure: Figure) -> None:
+        record_property(FIGURE_PROPERTY, json.dumps(asdict(figure)))
+        assert figure.ok, f"{figure.name}: {figure.median:.4g} {figure.unit}, the bound is {figure.bound}"
+
+    return check
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:

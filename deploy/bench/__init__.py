@@ -11,23 +11,39 @@ from deploy.bench.figures import Figure
 
 
 def bench(rounds: int, as_json: bool) -> int:
-    """Measure everything and show it; status 1 when a bound is missed."""
-    from deploy.bench import fleet, lockstep, wire
-    from deploy.bench.fleet import free_port
+    """Measure everything and show it; status 1 when a bound is missed or a test that measures fails."""
+    from deploy.bench.suite import run_bench_tests
 
-    def say(text: str) -> None:
-        sys.stderr.write(f"bench: {text}\n")
+    figures = measure(rounds)
+    with tempfile.TemporaryDirectory() as folder:
+        more, passed = run_bench_tests(Path(folder), _say)
+    return max(report(figures + more, as_json), 0 if passed else 1)
+
+
+def measure(rounds: int) -> list[Figure]:
+    """Every figure that sets the middleware against a raw floor, and the cost of an idle fleet."""
+    from deploy.bench import fleet, lockstep, wire
+    from services.runtime.ports import free_port
 
     with tempfile.TemporaryDirectory() as folder:
-        figures = wire.run_wire(rounds, Path(folder), say)
+        figures = wire.run_wire(rounds, Path(folder), _say)
     figures += wire.measure_codec(rounds)
-    figures += lockstep.measure_lockstep(rounds, free_port(), say)
-    figures += fleet.measure_idle(1, free_port(), say)
+    figures += lockstep.measure_lockstep(rounds, free_port(), _say)
+    figures += fleet.measure_idle(1, free_port(), _say)
+    return figures
+
+
+def report(figures: list[Figure], as_json: bool) -> int:
+    """Print the figures; status 1 when one misses its bound."""
     if as_json:
         sys.stdout.write(json.dumps({each.name: _row(each) for each in figures}, indent=2) + "\n")
     else:
         _show(figures)
     return 0 if all(each.ok for each in figures) else 1
+
+
+def _say(text: str) -> None:
+    sys.stderr.write(f"bench: {text}\n")
 
 
 def _row(figure: Figure) -> float:

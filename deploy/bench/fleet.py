@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import socket
 import subprocess
 import sys
 import tempfile
@@ -22,14 +21,6 @@ from messages.base import Message
 from messages.topics import BASE_STATUS, GROUND_TRUTH, Topic
 from services.runtime.node import Node
 from services.runtime.transport.unix_sockets import router_endpoint
-
-
-def free_port() -> int:
-    """A TCP port that was free a moment ago."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
 
 WATCHED_ROBOT = "tb3_0"
 """The robot by which the bench follows a run."""

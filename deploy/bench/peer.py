@@ -144,7 +144,5 @@ if __name__ == "__main__":
                 name="bench_partner",
                 about="Answers the bench.",
                 run=typed_peer,
-                reads=(PING,),
-                writes=(PONG, FLOOD, SCANS),
             )
         )

@@ -1,4 +1,4 @@
-"""``elea bag``: record what travels on the bus, play it back, inspect it, export it."""
+"""``elea bag``: record, play, inspect and export bags."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _UNITS = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9, "Ki": 2**10, "Mi": 2**20, "
 
 
 class IncompleteBag(EleaError):
-    """A bag is torn or damaged, or not all of it could be used."""
+    """A bag is incomplete or damaged, or not all of it could be used."""
 
 
 COMMANDS = {
@@ -189,7 +189,7 @@ def _parse_size(text: str) -> int:
 
 
 def _exec_service(service: str, parameters: dict[str, Any], arguments: list[str]) -> None:
-    """Go on as a service, in this terminal; its parameters are checked first."""
+    """Replace this process by a service, after checking its parameters."""
     from deploy.service_catalog import load_service
     from services.runtime.parameters.validation import build
 
@@ -207,7 +207,7 @@ def _plain(value: Any) -> Any:
 
 
 def print_info(info: BagInfo) -> None:
-    """Print it."""
+    """Print the contents of a bag."""
     begun = datetime.fromtimestamp(info.start).astimezone().isoformat(sep=" ", timespec="seconds")
     files = f"{len(info.files)} {'file' if len(info.files) == 1 else 'files'}"
     lines = [
@@ -232,7 +232,7 @@ def _topic_row(topic: TopicInfo) -> tuple[str, ...]:
 
 
 def _format_columns(rows: list[tuple[str, ...]]) -> list[str]:
-    """Names to the left, numbers to the right, notes as they are."""
+    """Format columns: names left-aligned, numbers right-aligned, notes unchanged."""
     topic, kind, messages, rate, _ = (max(map(len, column)) for column in zip(*rows, strict=True))
     return [
         f"{each[0]:{topic}}  {each[1]:{kind}}  {each[2]:>{messages}}  {each[3]:>{rate}}  {each[4]}".rstrip()

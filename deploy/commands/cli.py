@@ -1,4 +1,4 @@
-"""The table of verbs, and the command that dispatches to them."""
+"""The command line ``elea``: the table of verbs and their dispatch."""
 
 from __future__ import annotations
 
@@ -34,6 +34,7 @@ COMMANDS = {
     "bag": LazyCommand("bag", "Record, play, inspect and export bags."),
     "view": LazyCommand("view", "Open a run, a recording or a bag in the viewer, or render it to pictures."),
     "diff": LazyCommand("diff", "Show where two runs differ."),
+    "check": LazyCommand("check", "Check the code and run the quick tests, as before a commit."),
     "test": LazyCommand("diagnostics:test_command", "Run the tests."),
     "bench": LazyCommand("diagnostics:bench_command", "Measure the middleware against raw Zenoh and raw PyBullet."),
 }
@@ -52,7 +53,7 @@ def elea() -> None:
 def main() -> None:
     """Run the command line; raises SystemExit with its status.
 
-    A reader that closes standard output ends it quietly, one that closes standard error does not.
+    A closed standard output ends it quietly; a closed standard error does not.
     """
     if "_ELEA_COMPLETE" in os.environ:
         from deploy.commands.completion import register_shells
@@ -79,7 +80,7 @@ def _run() -> int:
     try:
         elea.main(prog_name="elea")
     except SystemExit as ended:
-        # Of a closed pipe click makes a status of 1, and puts something that bears it in the place of the output.
+        # On a closed pipe, click exits with status 1 and replaces the output stream.
         return _exit_status(ended) if sys.stdout is out else 0
     except BadInput as error:
         sys.stderr.write(printable(f"elea: {error}\n"))
@@ -91,7 +92,7 @@ def _run() -> int:
 
 
 def _exit_status(ended: SystemExit) -> int:
-    """The exit status; a text in its place is an error that is told."""
+    """Return the exit status; a text in its place is printed as an error."""
     if ended.code is None or isinstance(ended.code, int):
         return ended.code or 0
     sys.stderr.write(f"{ended.code}\n")

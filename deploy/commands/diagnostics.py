@@ -30,8 +30,8 @@ def doctor_command(connect: str, domain: str, port: int | None, as_json: bool) -
     raise SystemExit(1 if any(each.state == "fail" for each in findings) else 0)
 
 
-_PER_PROCESSOR, _MOST = 2, 8
-"""Tests at a time: they wait for processes and deadlines for three quarters of their time."""
+_MOST = 8
+"""Tests at a time; there is one for each processor, since many of them run a fleet of a dozen processes."""
 
 _SERIAL_OPTIONS = ("-n", "--numprocesses", "--dist", "--pdb", "--trace", "-s", "--capture", "--co", "--collect-only")
 """Options of pytest that choose how many there are at a time, or that show what only one process can show."""
@@ -40,13 +40,15 @@ _SERIAL_OPTIONS = ("-n", "--numprocesses", "--dist", "--pdb", "--trace", "-s", "
 @click.command("test", context_settings={"ignore_unknown_options": True, "help_option_names": []})
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 def test_command(arguments: tuple[str, ...]) -> None:
-    """Run the tests; arguments are passed to pytest, with paths relative to the project.
+    """Run all tests but the measurements; arguments are passed to pytest, with paths relative to the project.
 
     Test files run in parallel unless single files are named; -n sets the number of processes, -n 0 runs in this one.
+    -m selects by markers: quick, slow, process, fleet, browser, bench.
     """
     os.chdir(ROOT)
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     beside = parallel_arguments(arguments, len(os.sched_getaffinity(0)))
+    beside += [] if any(each.startswith("-m") for each in arguments) else ["-m", "not bench"]
     os.execve(sys.executable, [sys.executable, "-P", "-m", "pytest", *beside, *arguments], environment)
 
 
@@ -60,7 +62,7 @@ def parallel_arguments(arguments: Sequence[str], processors: int) -> list[str]:
     files = [each for each in named if each.suffix == ".py"]
     if chosen or "no:xdist" in " ".join(arguments) or (files and not any(each.is_dir() for each in named)):
         return []
-    return ["-n", str(min(_MOST, _PER_PROCESSOR * processors)), "--dist", "loadfile", "--no-loadscope-reorder"]
+    return ["-n", str(min(_MOST, processors)), "--dist", "loadfile", "--no-loadscope-reorder"]
 
 
 @click.command("bench")
@@ -69,7 +71,10 @@ def parallel_arguments(arguments: Sequence[str], processors: int) -> list[str]:
 )
 @json_option
 def bench_command(rounds: int, as_json: bool) -> None:
-    """Measure round trip, throughput, lockstep and start-up against raw Zenoh and raw PyBullet, interleaved."""
+    """Measure round trip, throughput, lockstep and start-up against raw Zenoh and raw PyBullet, interleaved.
+
+    Then run the tests that measure: processor time of help, panel and supervisor, and how often the page is drawn.
+    """
     from deploy.bench import bench
 
     raise SystemExit(bench(rounds, as_json))

@@ -24,8 +24,8 @@ from deploy.supervisor.log_file import log_name
 from services.runtime.errors import BadInput, unknown_name
 
 STOP_TIMEOUT_S = 60.0
-"""Wall time that a fleet has to stop by SIGINT, with its report, before its supervisor is killed. The supervisor needs
-40 s at most, however its processes behave: four stages (controllers, simulation, parameters, router), each with 5 s
+"""Wall time for a fleet to stop on SIGINT and write its report, before its supervisor is killed. The supervisor needs
+at most 40 s, however its processes behave: four stages (controllers, simulation, parameters, router), each with 5 s
 after SIGINT, 3 s after SIGTERM and 2 s after SIGKILL."""
 
 
@@ -59,8 +59,8 @@ def down_command(port: int | None, every: bool) -> None:
 
 
 def _open_pidfd(fleet: FleetInstance) -> int | None:
-    """A descriptor of the supervisor; None when it has ended meanwhile. It stays this process's, whoever gets the
-    number later, since the fleet still runs after it was opened.
+    """Return a pidfd of the supervisor; None if it has exited. It cannot refer to a later process with the same id,
+    since the fleet is still running after it was opened.
     """
     try:
         handle = os.pidfd_open(fleet.pid)
@@ -70,7 +70,7 @@ def _open_pidfd(fleet: FleetInstance) -> int | None:
 
 
 def _wait_for_exit(handle: int, seconds: float) -> bool:
-    """Wait for the end of a process."""
+    """Wait for a process to exit; return whether it has."""
     return bool(select.select([handle], [], [], seconds)[0])
 
 
@@ -100,7 +100,7 @@ def _describe_fleet(entry: FleetInstance) -> dict[str, Any]:
 
 
 def _usage(pid: int) -> dict[str, float | None]:
-    """Memory [MiB] and share of a core [%] of a process."""
+    """Return memory [MiB] and processor load [%] of a process."""
     import time
 
     import psutil
@@ -173,14 +173,14 @@ def logs_command(name: str, follow: bool, port: int | None, as_json: bool) -> No
 
 
 class LogTail:
-    """A log that is read to its end again and again, also when it is begun anew."""
+    """Follows a log file, also when it is truncated."""
 
     def __init__(self, name: str, path: Path) -> None:
         self.name = name
         self._path, self._offset, self._rest = path, 0, b""
 
     def lines(self) -> Iterator[str]:
-        """What has been added, whole lines only."""
+        """Return the complete lines added since the last call."""
         try:
             with self._path.open("rb") as file:
                 if file.seek(0, 2) < self._offset:

@@ -77,7 +77,7 @@ def show_command(name: str, as_json: bool) -> None:
 
 
 def format_type(record: dict[str, Any]) -> str:
-    """A record as text: what it is, where it is used, its constants, its fields."""
+    """Format a record: description, uses, constants and fields."""
     lines = [record["type"], *(f"# {line}".rstrip() for line in record["about"].splitlines())]
     for title, names in (("topics", record["topics"]), ("requests", record["requests"])):
         if names:
@@ -91,7 +91,7 @@ def format_type(record: dict[str, Any]) -> str:
 
 
 def _field_rows(fields: list[dict[str, Any]], depth: int) -> list[tuple[str, str, str]]:
-    """Name, type, and what else there is to say of each field."""
+    """Return name, type and remarks of each field."""
     rows = []
     for each in fields:
         facts = [each["unit"], each["bounds"], " or ".join(map(repr, each["choices"]))]

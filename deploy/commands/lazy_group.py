@@ -1,8 +1,7 @@
-"""A group of commands that are imported when they are called."""
+"""A click group whose commands are imported when called."""
 
 from __future__ import annotations
 
-import difflib
 import importlib
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -12,9 +11,9 @@ from click.shell_completion import CompletionItem
 
 
 class LazyCommand(NamedTuple):
-    """Where a verb's command lies, and what it does in one line.
+    """The location of a verb's command, and its one-line help.
 
-    ``module`` lies in ``deploy.commands``; its ``command`` is meant unless another is named behind a colon.
+    ``module`` is in ``deploy.commands``; its attribute is ``command`` unless given after a colon.
     """
 
     module: str
@@ -22,7 +21,7 @@ class LazyCommand(NamedTuple):
 
 
 class LazyGroup(click.Group):
-    """Loads a verb when it is asked for; a wrong name is answered with the nearest right one."""
+    """Imports a verb when it is called; suggests the nearest name for a wrong one."""
 
     def __init__(self, *arguments: Any, table: Mapping[str, LazyCommand], **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -44,9 +43,9 @@ class LazyGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         if args and args[0] not in self.table and not args[0].startswith("-"):
-            near = difflib.get_close_matches(args[0], self.table, 1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            ctx.fail(f"unknown verb {args[0]!r}{hint} (known: {', '.join(self.table)})")
+            from messages.errors import did_you_mean
+
+            ctx.fail(f"unknown verb {args[0]!r}{did_you_mean(args[0], self.table)} (known: {', '.join(self.table)})")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

@@ -198,7 +198,7 @@ def ping_command(node: str, count: int, interval: float, timeout: float, place: 
 
 
 def _sleep(live: Any, seconds: float) -> None:
-    """Wait for the next ping, or until the verb is stopped."""
+    """Wait for the next ping, or until stopped."""
     end = time.monotonic() + seconds
     while not live.stopping and (left := end - time.monotonic()) > 0:
         time.sleep(min(left, 0.1))
@@ -235,7 +235,7 @@ def graph_command(place: NetworkAddress, as_json: bool) -> None:
 
 
 def _format_graph(entities: list[Entity]) -> str:
-    """Each node with its ends below it, each topic with its type and quality."""
+    """Format each node with its endpoints, each topic with type and quality."""
     arrows = {"pub": "->", "sub": "<-", "srv": "serves"}
     lines = []
     for node in sorted({each.node for each in entities}):

@@ -20,7 +20,7 @@ port_option: Callable[[F], F] = click.option(
 
 
 def network_options(verb: Callable[..., Any]) -> Callable[..., Any]:
-    """The options that say which network is meant; the verb gets a ``place``, of the running fleet by default."""
+    """Add options for the network; the verb gets a ``place``, by default that of the running fleet."""
 
     @click.option("--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default.")
     @click.option("--domain", default="", help="Domain of the fleet.")

@@ -1,11 +1,10 @@
-"""``elea panel``: the web page of a running fleet; one is started for a fleet that has none."""
+"""``elea panel``: open the web page of a running fleet, serving one if it has none."""
 
 from __future__ import annotations
 
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     from services.panel.address import Address
 
 _START_TIMEOUT_S = 15.0
-"""Wall time that a panel has to open its page."""
+"""Wall time for a panel to open its page."""
 
 _POLL_PERIOD_S = 0.5
 
@@ -54,21 +53,20 @@ def command(page_port: int | None, no_open: bool, connect: str, domain: str, por
 
 
 def _page_of_fleet(fleet: FleetInstance) -> Address | None:
-    """The page of a fleet whose panel lives."""
+    """Return the page of a fleet with a running panel."""
     from services.panel.address import ADDRESS_FILE, read_address
+    from services.runtime.ports import port_in_use
 
     address = read_address(Path(fleet.folder) / ADDRESS_FILE)
     if address is None or not Path(f"/proc/{address.pid}").exists():
         return None
-    with socket.socket() as probe:
-        probe.settimeout(2.0)
-        return address if probe.connect_ex(("127.0.0.1", address.port)) == 0 else None
+    return address if port_in_use(address.port, 2.0) else None
 
 
 def _serve_page(
     place: NetworkAddress, page_port: int | None, as_json: bool, no_open: bool, fleet: FleetInstance | None
 ) -> int:
-    """Run a panel until it ends, or its fleet does; its exit status."""
+    """Run a panel until it or its fleet stops; return its exit status."""
     from deploy.live.connect import connect
     from services.panel.address import read_address
 

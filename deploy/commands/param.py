@@ -1,4 +1,4 @@
-"""``elea param``: the parameters of running services, as rosparam, ros2 param and dynparam together."""
+"""``elea param``: the parameters of running services, like rosparam, ros2 param and dynparam."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def client_options(function: F) -> F:
 
 @contextmanager
 def connect_client(options: dict[str, Any]) -> Iterator[ParameterServiceClient]:
-    """The client at the place that the options say; what is left in ``options`` are the verb's own."""
+    """Connect a client as the options say, and remove these from ``options``."""
     from deploy.commands.param_client import ParameterServiceClient
     from deploy.live.connect import connect
 
@@ -276,7 +276,7 @@ def undo_command(set_name: str, as_json: bool, **options: Any) -> None:
 
 
 def _changed_names(before: ParameterValues, after: ParameterValues) -> tuple[str, ...]:
-    """Names whose value or origin has changed."""
+    """Return the names whose value or origin has changed."""
     old = {each.name: each for each in before.values}
     new = {each.name: each for each in after.values}
     return tuple(name for name in dict.fromkeys((*old, *new)) if old.get(name) != new.get(name))
@@ -294,7 +294,7 @@ def _print_change(before: ParameterValues, after: ParameterValues, names: tuple[
 
 
 class PlannedLoad(NamedTuple):
-    """The values of a set that count, and those that a file has for it."""
+    """The effective values of a set, and the values to load."""
 
     before: ParameterValues
     values: dict[str, Value]
@@ -367,7 +367,7 @@ def load_command(file: str, only: str, clamp: bool, run: bool, form: str | None,
 def _plan_loads(
     client: ParameterServiceClient, tables: dict[str, Any], clamp: bool
 ) -> tuple[list[PlannedLoad], list[str]]:
-    """What to set, and what is wrong with it."""
+    """Return the sets to change, and all errors."""
     from deploy.commands.param_client import find_set
     from deploy.commands.param_values import convert_values, validate_change
 
@@ -390,7 +390,7 @@ def _plan_loads(
 def _apply_loads(
     client: ParameterServiceClient, planned: list[PlannedLoad], clamp: bool, run: bool, as_json: bool
 ) -> None:
-    """Set by set, saying what was changed; raises CallFailed, after saying it, when one is refused."""
+    """Set the values set by set, printing the changes; raises CallFailed if one is refused."""
     from deploy.commands.param_values import format_difference, print_json, to_assignments, values_as_json
 
     done: list[ParameterValues] = []
@@ -415,7 +415,7 @@ def _apply_loads(
 
 
 def _loadable_values(client: ParameterServiceClient, one: ParameterSchema) -> dict[str, Value]:
-    """The values of a set that `load` may set again."""
+    """Return the values of a set that `load` can set."""
     live = {each.name for each in one.parameters if each.live}
     return {each.name: each.value for each in client.values(one.set).values if each.name in live or not one.nodes}
 

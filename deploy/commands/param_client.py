@@ -1,4 +1,4 @@
-"""What the verbs ask of the parameter service."""
+"""Client of the parameter service for the command line."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from services.runtime.transport.api import Transport
 
 
 class ParameterServiceClient:
-    """A person at the command line. What changes something has an id of its own, and is asked until it is answered."""
+    """Calls the parameter service. Changes are repeated with the same id until they are answered."""
 
     def __init__(self, transport: Transport, timeout: float) -> None:
         self._transport, self._timeout = transport, timeout
@@ -38,11 +38,11 @@ class ParameterServiceClient:
         return {each.set: each for each in listed}
 
     def find_set(self, name: str) -> ParameterSchema:
-        """The set that is called so, or whose node is; raises BadInput with the nearest name."""
+        """Return the set with this name or node; raises BadInput with the nearest name."""
         return find_set(name, self.sets())
 
     def find_parameter(self, path: str) -> tuple[ParameterSchema, str]:
-        """The set that ``path`` names, and the parameter behind it where it names one: ``/SET/NAME``, else empty."""
+        """Return the set in ``path``, and the parameter if it is ``/SET/NAME``, else an empty text."""
         sets = self.sets()
         try:
             return find_set(path, sets), ""
@@ -55,7 +55,7 @@ class ParameterServiceClient:
             raise
 
     def values(self, name: str) -> ParameterValues:
-        """The values of a set that count."""
+        """Return the effective values of a set."""
         return call_idempotent(self._transport, PARAMS_GET, ParameterSet(set=name), self._timeout)
 
     def set(
@@ -66,22 +66,22 @@ class ParameterServiceClient:
         return call_idempotent(self._transport, PARAMS_SET, asked, self._timeout)
 
     def reset(self, name: str, names: tuple[str, ...]) -> ParameterValues:
-        """Forget what was set."""
+        """Reset parameters."""
         asked = ResetParameters(set=name, names=names, id=_new_id(), who=self._who)
         return call_idempotent(self._transport, PARAMS_RESET, asked, self._timeout)
 
     def undo(self, name: str) -> ParameterValues:
-        """Take the newest change back."""
+        """Undo the last change."""
         asked = UndoParameters(set=name, id=_new_id(), who=self._who)
         return call_idempotent(self._transport, PARAMS_UNDO, asked, self._timeout)
 
     def history(self, name: str, limit: int) -> tuple[ParameterChange, ...]:
-        """The newest changes."""
+        """Return the newest changes."""
         return call_idempotent(self._transport, PARAMS_HISTORY, HistoryOf(set=name, limit=limit), self._timeout).changes
 
 
 def find_set(name: str, sets: dict[str, ParameterSchema]) -> ParameterSchema:
-    """The set of this name, with or without its slash, or the one that a node of this name follows."""
+    """Return the set with this name, with or without its slash, or the set of a node with this name."""
     absolute = f"/{name.strip('/')}"
     if absolute in sets:
         return sets[absolute]

@@ -1,4 +1,4 @@
-"""Parameter values as a person writes and reads them: words, YAML and TOML files, tables, JSON."""
+"""Parameter values as text: command-line words, YAML and TOML files, tables, JSON."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from deploy.live.output import printable
+from deploy.yaml_reader import read_yaml
 from messages.parameters import (
     Announcement,
     Assignment,
@@ -26,11 +27,11 @@ from services.runtime.errors import BadInput, unknown_name
 
 Format = Literal["yaml", "toml"]
 MAX_FILE_BYTES = 8 << 20
-"""Bytes of a file that is read."""
+"""Largest file in bytes."""
 
 
 def file_format(file: str, stated: str | None) -> Format:
-    """The stated format, else by the file's ending, else YAML; raises BadInput for another ending."""
+    """Return the given format, else by the file's extension, else YAML; raises BadInput for another extension."""
     if stated is not None:
         return "toml" if stated == "toml" else "yaml"
     ending = Path(file).suffix.lower()
@@ -42,7 +43,7 @@ def file_format(file: str, stated: str | None) -> Format:
 
 
 def read_parameter_file(path: Path, form: Format) -> dict[str, Any]:
-    """The tables of a file; raises BadInput with the place of what is wrong."""
+    """Read the tables of a file; raises BadInput with the location of an error."""
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
             raise BadInput(f"{path}: larger than {MAX_FILE_BYTES >> 20} MiB, which no file of parameters is")
@@ -52,34 +53,16 @@ def read_parameter_file(path: Path, form: Format) -> dict[str, Any]:
     except UnicodeDecodeError as error:
         raise BadInput(f"{path} is not UTF-8 text: {error}") from None
     if form == "yaml":
-        return read_yaml(text, str(path))
+        return read_table(text, str(path))
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise BadInput(f"{path}: {error}") from None
 
 
-def read_yaml(text: str, where: str) -> dict[str, Any]:
-    """A YAML map; a key that is given twice is an error. Raises BadInput with line and column."""
-    import yaml
-
-    class Loader(yaml.SafeLoader):
-        """Refuses a key that is given twice."""
-
-        def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-            keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-            for index, key in enumerate(keys):
-                if key in keys[:index]:
-                    mark = node.value[index][0].start_mark
-                    raise BadInput(f"{where}: line {mark.line + 1}: {key} is given twice")
-            return super().construct_mapping(node, deep)
-
-    try:
-        table = yaml.load(text, Loader)
-    except yaml.YAMLError as error:
-        raise BadInput(f"{where}: {error}") from None
-    except (RecursionError, TypeError, ValueError) as error:
-        raise BadInput(f"{where}: it cannot be read as YAML: {error}") from None
+def read_table(text: str, where: str) -> dict[str, Any]:
+    """A YAML map of names, empty for an empty text; raises BadInput."""
+    table = read_yaml(text, where)
     if table is None:
         return {}
     if not isinstance(table, dict) or not all(isinstance(key, str) for key in table):
@@ -88,17 +71,15 @@ def read_yaml(text: str, where: str) -> dict[str, Any]:
 
 
 def read_yaml_value(text: str) -> Any:
-    """Any YAML value; a text that is none stays a text."""
-    import yaml
-
+    """Read any YAML value; other text stays text."""
     try:
-        return yaml.safe_load(text)
-    except (yaml.YAMLError, RecursionError, ValueError):
+        return read_yaml(text)
+    except BadInput:
         return text
 
 
 def format_tables(tables: Mapping[str, Mapping[str, Value]], form: Format) -> str:
-    """The tables as text. TOML has no null: leave such values out before."""
+    """Format tables. TOML has no null: omit such values."""
     plain = {name: {key: _plain(value) for key, value in table.items()} for name, table in tables.items()}
     if form == "toml":
         import tomli_w
@@ -115,17 +96,17 @@ def _plain(value: Value) -> Any:
 
 YES = ("yes", "true", "t", "y", "on", "1")
 NO = ("no", "false", "f", "n", "off", "0")
-"""What is taken for a bool, in any case; dynamic_reconfigure took ``yes``, ``true``, ``t`` and ``1`` for true."""
+"""Words for booleans, in any case; a superset of dynamic_reconfigure's."""
 
 _PAIR = re.compile(r"([A-Za-z_][A-Za-z0-9_.]*)=(.*)", re.DOTALL)
 
 
 def parse_assignments(words: Sequence[str], schema: ParameterSchema) -> dict[str, Value]:
-    """The values in ``NAME VALUE``, ``NAME=VALUE ...`` or a YAML map; raises BadInput."""
+    """Parse ``NAME VALUE``, ``NAME=VALUE ...`` or a YAML map; raises BadInput."""
     if not words:
         raise BadInput("nothing to set: write NAME VALUE, NAME=VALUE ..., or a YAML map '{NAME: VALUE}'")
     if len(words) == 1 and words[0].lstrip().startswith("{"):
-        table = read_yaml(words[0], "command line")
+        table = read_table(words[0], "command line")
     elif pairs := [_PAIR.fullmatch(each) for each in words]:
         matched = [each for each in pairs if each is not None]
         if len(matched) == len(words):
@@ -142,7 +123,7 @@ def parse_assignments(words: Sequence[str], schema: ParameterSchema) -> dict[str
 
 
 def convert_values(table: Mapping[str, Any], schema: ParameterSchema) -> dict[str, Value]:
-    """Values in their parameters' types as far as they can be read so; raises BadInput for an unknown name."""
+    """Convert values to their parameters' types where possible; raises BadInput for an unknown name."""
     described = {each.name: each for each in schema.parameters}
     for name in table:
         if name not in described:
@@ -153,7 +134,7 @@ def convert_values(table: Mapping[str, Any], schema: ParameterSchema) -> dict[st
 def validate_change(
     schema: ParameterSchema, before: ParameterValues, values: Mapping[str, Value], clamp: bool = False
 ) -> None:
-    """Refuse here, with every violation, what the service would refuse for ``before`` it; raises BadInput."""
+    """Raise BadInput with all violations for what the service would refuse."""
     from services.params.changes import plan_set
     from services.params.schema import Schema, SetState
 
@@ -169,12 +150,12 @@ def validate_change(
 
 
 def to_assignments(values: Mapping[str, Value]) -> tuple[Assignment, ...]:
-    """As a request has them."""
+    """Return values as assignments of a request."""
     return tuple(Assignment(name=name, value=value) for name, value in values.items())
 
 
 def _convert_value(value: Any, described: ParameterDescription) -> Value:
-    """A text is read by the parameter's type; what cannot be read so stays as it is, and is refused by name later."""
+    """Convert text to the parameter's type; other text stays, and is refused later by name."""
     if isinstance(value, str):
         return _convert_text(value, described)
     if isinstance(value, list | tuple):
@@ -231,12 +212,12 @@ def _convert_list(values: Sequence[Any], described: ParameterDescription) -> Val
 
 
 def format_value(value: Value) -> str:
-    """A value as one would write it."""
+    """Format a value as it would be typed."""
     return printable(value) if isinstance(value, str) else json.dumps(value)
 
 
 def format_columns(rows: Iterable[Sequence[str]]) -> str:
-    """Rows with each column as wide as its widest cell."""
+    """Format rows with aligned columns."""
     table = [tuple(row) for row in rows]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     lines = ("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in table)
@@ -244,18 +225,18 @@ def format_columns(rows: Iterable[Sequence[str]]) -> str:
 
 
 def print_json(value: Any) -> None:
-    """Indented, on standard output."""
+    """Print indented JSON on standard output."""
     sys.stdout.write(json.dumps(value, indent=2) + "\n")
 
 
 def values_as_json(record: ParameterValues) -> dict[str, Any]:
-    """A set's values."""
+    """Return the values of a set as JSON."""
     values = {each.name: {"value": each.value, "origin": each.origin} for each in record.values}
     return {"set": record.set, "revision": record.revision, "values": values, "note": record.note}
 
 
 def description_as_row(each: ParameterDescription) -> tuple[str, ...]:
-    """Name, type, bounds or choices, default, whether it is live, text."""
+    """Return name, type, bounds or choices, default, liveness and description."""
     from services.runtime.parameters.schema import describe_length, describe_range, describe_relations
 
     bounds = (
@@ -269,7 +250,7 @@ def description_as_row(each: ParameterDescription) -> tuple[str, ...]:
 
 
 def change_as_row(each: ParameterChange) -> tuple[str, ...]:
-    """Revision, set, kind, values, who, when."""
+    """Return revision, set, kind, values, author and time."""
     wall = datetime.fromtimestamp(each.wall_time / 1e9).strftime("%Y-%m-%d %H:%M:%S")
     marks = ", ".join(mark for mark, set_ in (("run only", each.run), ("undone", each.undone)) if set_)
     kind = f"{each.kind} ({marks})" if marks else each.kind
@@ -278,13 +259,13 @@ def change_as_row(each: ParameterChange) -> tuple[str, ...]:
 
 
 def format_changes(before: Iterable[Assignment], after: Iterable[Assignment]) -> str:
-    """``kp 1.0 -> 2.0, kd 3.0 -> 4.0``."""
+    """Format changes, e.g. ``kp 1.0 -> 2.0, kd 3.0 -> 4.0``."""
     old = {each.name: each.value for each in before}
     return ", ".join(f"{each.name} {format_value(old.get(each.name))} -> {format_value(each.value)}" for each in after)
 
 
 def format_difference(before: ParameterValues, after: ParameterValues, names: Iterable[str]) -> str:
-    """A line for each name: its value, what it was, and where it comes from."""
+    """Format a line per name: its value, the previous one, and its origin."""
     old = {each.name: each for each in before.values}
     new = {each.name: each for each in after.values}
     lines = []

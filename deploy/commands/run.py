@@ -1,4 +1,4 @@
-"""``elea run``: one service, or a Python file of the user's own, in this terminal."""
+"""``elea run``: run a service, or a Python file of the user's own, in this terminal."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def command(target: str, arguments: tuple[str, ...], port: int | None) -> None:
 
 
 def _extract_port(port: int | None, arguments: tuple[str, ...]) -> tuple[int | None, tuple[str, ...]]:
-    """The port, where it stands behind TARGET, and the other arguments; raises BadInput."""
+    """Return the port, if given after TARGET, and the other arguments; raises BadInput."""
     left = list(arguments)
     for index, word in enumerate(arguments):
         name, equals, value = word.partition("=")
@@ -64,12 +64,12 @@ def _extract_port(port: int | None, arguments: tuple[str, ...]) -> tuple[int | N
 
 
 def _states_network(arguments: tuple[str, ...]) -> bool:
-    """Whether the arguments say where to join, or want no network."""
+    """Whether the arguments select a network, or need none."""
     return any(each.partition("=")[0] in ("--connect", "--help", "--print-config") for each in arguments)
 
 
 def _network_arguments(port: int | None, arguments: tuple[str, ...]) -> list[str]:
-    """The words that lead to the fleet that is meant; a domain that is given stays."""
+    """Return the arguments for joining the selected fleet; keep a given domain."""
     place = resolve_address(port=port)
     if any(each.partition("=")[0] == "--domain" for each in arguments):
         place = place._replace(domain="")

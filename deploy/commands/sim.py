@@ -1,4 +1,4 @@
-"""``elea sim``: the running simulation: time and emergency stops; models and joints are beside this file."""
+"""``elea sim``: time and emergency stops of the running simulation; see also sim_models."""
 
 from __future__ import annotations
 
@@ -54,11 +54,11 @@ def command() -> None:
 R = TypeVar("R", bound="Message")
 
 TIMEOUT_S = 5.0
-"""Wall time that a request may take unless told otherwise."""
+"""Default wall time for a request [s]."""
 
 
 class SimulationClient:
-    """Asks the services of one fleet, which it joins at the first question, and prints what they say."""
+    """Calls the services of a fleet, which it joins at the first call, and prints the responses."""
 
     def __init__(self, place: NetworkAddress, timeout: float, as_json: bool) -> None:
         self._place, self._timeout, self._as_json = place, timeout, as_json
@@ -72,7 +72,7 @@ class SimulationClient:
         self._visit.close()
 
     def call(self, request: Request[Any, R], message: Message) -> R:
-        """The reply to one request; raises CallFailed with the reason, BadInput when no router is there."""
+        """Return the response to a request; raises CallFailed with the reason, BadInput without a router."""
         from deploy.live.connect import connect
         from messages.names import key
         from services.runtime.requests import call
@@ -82,7 +82,7 @@ class SimulationClient:
         return call(self._transport, request, key(request.name), message, self._timeout)
 
     def print_reply(self, reply: Message | Iterable[Message], text: str) -> None:
-        """Print the reply as JSON, or the text that says it."""
+        """Print the response as JSON, or the given text."""
         if not self._as_json:
             write_text(f"{text}\n" if text else "")
             return
@@ -93,7 +93,7 @@ class SimulationClient:
 
 
 def simulation_command(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Add ``--connect``, ``--domain``, ``--port``, ``--timeout`` and ``--json``; it gets a SimulationClient."""
+    """Add ``--connect``, ``--domain``, ``--port``, ``--timeout`` and ``--json``; the verb gets a SimulationClient."""
 
     @click.option(
         "--timeout",
@@ -112,7 +112,7 @@ def simulation_command(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def format_table(rows: Iterable[Iterable[str]]) -> str:
-    """Rows of words in columns that are as wide as they need to be."""
+    """Format rows in aligned columns."""
     lines = [list(row) for row in rows]
     widths = [max(len(row[column]) for row in lines) for column in range(len(lines[0]))] if lines else []
     return "\n".join(
@@ -121,7 +121,7 @@ def format_table(rows: Iterable[Iterable[str]]) -> str:
 
 
 def parse_joint_positions(pairs: Iterable[str]) -> dict[str, float]:
-    """``name=number`` words as a table; raises click's own error for another form."""
+    """Parse ``name=number`` words; raises click's error for another form."""
     found: dict[str, float] = {}
     for pair in pairs:
         name, equals, value = pair.rpartition("=")

@@ -1,4 +1,4 @@
-"""``elea sim spawn`` and its like: models, joints, efforts and wrenches."""
+"""``elea sim``: models, joints, efforts and wrenches of the running simulation."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ POSE_OPTIONS = (
     ("-P", "pitch", "rad"),
     ("-Y", "yaw", "rad"),
 )
-"""As ROS's ``spawn_model`` has them."""
+"""The names of ROS's ``spawn_model``."""
 
 
 def pose_options(command: F) -> F:
-    """Gives a command the six numbers of a pose, None where one is not stated."""
+    """Add options for the six numbers of a pose; None if not given."""
     for short, name, unit in reversed(POSE_OPTIONS):
         names = [short, name] if len(name) == 1 else [short, f"--{name}", name]
         command = click.option(*names, type=float, help=f"{name.capitalize()}, {unit}.")(command)
@@ -178,7 +178,7 @@ def properties(asker: SimulationClient, name: str) -> None:
 
 
 def _pose(place: dict[str, float]) -> Pose:
-    """A pose of x, y, z [m] and roll, pitch, yaw [rad] about fixed axes."""
+    """Return a pose from x, y, z [m] and roll, pitch, yaw [rad] about fixed axes."""
     from messages.se3 import Pose3, quaternion_from_rpy
 
     rotation = quaternion_from_rpy(place["roll"], place["pitch"], place["yaw"])
@@ -224,7 +224,7 @@ def _format_property(value: object) -> str:
 Vector = tuple[float, float, float]
 ZERO = (0.0, 0.0, 0.0)
 ALLOW_NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
-"""So that a negative number is no option."""
+"""Lets negative numbers be arguments instead of options."""
 
 start_option = click.option(
     "--start",
@@ -358,7 +358,7 @@ def configure(asker: SimulationClient, model: str, positions: tuple[str, ...]) -
 
 
 def _clamp_duration(duration: float) -> float:
-    """Any negative duration is "until cleared", which travels as -1."""
+    """Map any negative duration, which means until cleared, to -1."""
     return duration if duration >= 0 else -1.0
 
 

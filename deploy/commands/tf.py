@@ -1,4 +1,4 @@
-"""``elea tf``: the tree of frames, and the transform between two."""
+"""``elea tf``: show the frame tree, or the transform between two frames."""
 
 from __future__ import annotations
 

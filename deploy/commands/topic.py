@@ -46,7 +46,7 @@ timeout_option: Callable[[Any], Any] = click.option(
 
 
 def measure_options(window: int) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """The options of a verb that measures; it gets ``place``, ``window`` and ``terms``."""
+    """Add the options of a measuring verb, which gets ``place``, ``window`` and ``terms``."""
 
     def decorate(verb: Callable[..., Any]) -> Callable[..., Any]:
         @click.option(
@@ -114,7 +114,7 @@ def list_command(
 
 
 def _foreign_topics(live: CliNode, seconds: float) -> dict[str, list[str]]:
-    """Topics with samples on them that nobody of this project sent, and the types that these tell."""
+    """Return topics on which external programs publish, with the types they declare."""
     from messages.names import BadName, name_of
     from services.runtime.transport.wire import FORMAT, unpack_attachment
 
@@ -175,7 +175,7 @@ def _format_row(row: dict[str, Any], types: bool, verbose: bool) -> str:
 
 
 _LISTEN_S = 1.2
-"""Wall time that a rate is measured, and heartbeats are awaited, which come once a second."""
+"""Wall time [s] to measure rates and to wait for heartbeats, which are published once per second."""
 
 _COUNTS = ("received", "lost", "refused", "repeated", "resynced", "foreign")
 
@@ -228,12 +228,13 @@ def _describe_topic(ends: TopicEndpoints, live: CliNode, verbose: bool) -> dict[
 
 
 def _add_measurements(told: dict[str, Any], ends: TopicEndpoints, live: CliNode) -> None:
-    """Add what a second of listening shows: each publisher's rate, and what the ends say in their heartbeats."""
-    from deploy.live.subscribers import ClockSubscriber, HeartbeatSubscriber, UntypedSubscriber
+    """Add the rates of publishers and the counts in heartbeats, measured for a second."""
+    from deploy.live.subscribers import ClockSubscriber, HeartbeatSubscriber
     from deploy.live.topic_statistics import RateSample, SampleWindow
     from deploy.live.topics import is_latched
     from messages.names import key as key_of
     from services.runtime.transport.wire import MEMBER_BYTES, member_id, publisher_id
+    from services.runtime.untyped_subscriber import UntypedSubscriber
 
     beats, clock = HeartbeatSubscriber(live), ClockSubscriber(live.transport)
     listener, foreign = UntypedSubscriber(live.transport, ends.name, is_latched(ends)), list[str]()

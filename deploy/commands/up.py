@@ -1,4 +1,4 @@
-"""``elea up``: run a fleet to its report."""
+"""``elea up``: run a fleet and report on it."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def command(fleet: str, detach: bool, report: str, as_json: bool, **options: Any
 
 
 def override_run(fleet: Fleet, options: dict[str, Any]) -> Fleet:
-    """The fleet with what the command line says about its run; raises BadInput."""
+    """Apply the command line's options to the fleet's run; raises BadInput."""
     stated = {
         name: options[name] for name in ("mode", "factor", "duration", "seed", "port") if options[name] is not None
     }

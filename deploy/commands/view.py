@@ -1,4 +1,4 @@
-"""``elea view``: a run in the viewer, or, where there is no display, as pictures."""
+"""``elea view``: open a run in the viewer, or render it to pictures without a display."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from services.runtime.errors import BadInput
 
 MAX_TIME_S = 1e9
 MIN_PIXELS, MAX_PIXELS = 320, 4096
-"""Pixels of a picture's width and height."""
+"""Limits of a picture's width and height in pixels."""
 
 
 @click.command("view")
@@ -65,7 +65,7 @@ def command(
 
 
 def _recording(run: Path) -> Path:
-    """The recording to show; one of a bag is made beside it, anew when the bag is newer."""
+    """Return the recording to show; that of a bag is created next to it, again if the bag is newer."""
     from deploy.run_folder import BAG_FOLDER, RECORDING_FILE
     from services.logger.file_rotation import rotated
 

@@ -186,12 +186,12 @@ def observe_fleet(link: Transport, entities: Sequence[Entity], seconds: float = 
 
     ``seconds`` are enough for each node to beat, and for a busy one as well.
     """
-    from deploy.live.subscribers import UntypedSubscriber
     from messages.base import WrongPayload, decoder
     from messages.names import key as key_of
     from messages.topics import BASE_STATUS, CLOCK, FLEET_STATE, HEALTH
     from services.runtime.subscriber import Subscriber
     from services.runtime.transport.wire import publisher_id
+    from services.runtime.untyped_subscriber import UntypedSubscriber
 
     nodes = {
         publisher_id(each.node, each.session, key_of(each.name)): each.node for each in entities if each.kind == "pub"

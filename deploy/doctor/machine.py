@@ -174,7 +174,7 @@ LOW_DISK_MIB, MIN_DISK_MIB = 2048, 64
 def run_folder_writable(runs: Path = RUNS) -> Iterator[Finding]:
     """The folder of the runs can be written, and there is room."""
     yield from _check_writable(
-        "run folder", runs, "choose another with ./elea up --report DIR, or mend its rights: chown"
+        "run folder", runs, "choose another with ./elea up --report DIR, or fix its ownership: chown"
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import time
 from collections.abc import Callable, Iterator, Sequence
 
@@ -13,6 +12,7 @@ from deploy.network_address import NetworkAddress, fleet_router
 from messages.elea import Health
 from services.runtime.errors import BadInput
 from services.runtime.graph import Entity
+from services.runtime.ports import port_in_use
 from services.runtime.transport.unix_sockets import is_listening, is_unix, make_private, path_of, remove_stale
 from services.runtime.transport.zenoh_config import is_local
 
@@ -29,7 +29,7 @@ def ports(place: NetworkAddress) -> Iterator[Finding]:
         yield ok("port", f"{place.router} is held by the fleet {held.fleet} (supervisor {held.pid})")
     elif is_unix(place.router):
         yield from _sockets(place.router)
-    elif _port_in_use(port := int(place.router.rpartition(":")[2])):
+    elif port_in_use(port := int(place.router.rpartition(":")[2])):
         yield warn(
             "port",
             f"{port} is used by a program that is not one of your fleets",
@@ -37,7 +37,7 @@ def ports(place: NetworkAddress) -> Iterator[Finding]:
         )
     else:
         yield ok("port", f"{port} is free for a router")
-    if _port_in_use(VIEWER_PORT) and not fleets:
+    if port_in_use(VIEWER_PORT) and not fleets:
         yield warn(
             "live view", f"{VIEWER_PORT} is held by another program", f"find it: ss -ltnp sport = :{VIEWER_PORT}"
         )
@@ -196,9 +196,3 @@ def _advice(router: str, fleets: Sequence[FleetInstance]) -> str:
 def _fleet_at(router: str, fleets: Sequence[FleetInstance]) -> FleetInstance | None:
     """The fleet whose router listens at an endpoint."""
     return next((each for each in fleets if router in (fleet_router(each), *each.listen)), None)
-
-
-def _port_in_use(port: int) -> bool:
-    with socket.socket() as probe:
-        probe.settimeout(0.5)
-        return probe.connect_ex(("127.0.0.1", port)) == 0

@@ -20,13 +20,13 @@ from deploy.live.message_types import (
     record_by_type,
 )
 from deploy.live.output import write_json, write_note, write_text
-from deploy.live.subscribers import ReceivedSample, UntypedSubscriber
 from deploy.live.topics import absolute_name, group_by_topic, is_latched, topic_type, wait_for_topic
 from deploy.network_address import NetworkAddress
 from messages.base import Message, WrongPayload, decoder
 from messages.plain import plain, plain_record
 from services.runtime.errors import EleaError
 from services.runtime.graph import snapshot
+from services.runtime.untyped_subscriber import ReceivedSample, UntypedSubscriber
 
 
 class MessageReader:

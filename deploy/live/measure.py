@@ -10,11 +10,12 @@ from typing import Any, Protocol
 
 from deploy.live.connect import CliNode, cli_node
 from deploy.live.output import write_json, write_note, write_text
-from deploy.live.subscribers import ClockSubscriber, ReceivedSample, UntypedSubscriber
+from deploy.live.subscribers import ClockSubscriber
 from deploy.live.topics import TopicEndpoints, absolute_name, group_by_topic, is_latched, topic_type, wait_for_topic
 from deploy.network_address import NetworkAddress
 from services.runtime.errors import EleaError
 from services.runtime.graph import snapshot
+from services.runtime.untyped_subscriber import ReceivedSample, UntypedSubscriber
 
 REPORT_PERIOD_S = 1.0
 """Wall time between two reports."""

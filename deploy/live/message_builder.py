@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from deploy.live.message_types import element_type, field_types, nested_record
+from deploy.yaml_reader import read_yaml
 from messages.base import Message, WrongPayload, decoder, encode
 from messages.std import Header, Time
 from services.runtime.errors import BadInput, unknown_name
@@ -63,23 +64,6 @@ def split_type(words: Sequence[str]) -> tuple[str, list[str]]:
     if words and _TYPE.fullmatch(words[0]):
         return words[0], list(words[1:])
     return "", list(words)
-
-
-def read_yaml(text: str) -> Any:
-    """One YAML or JSON value; raises BadInput. ``1e-3`` is a number, as everywhere but in YAML 1.1."""
-    import yaml
-
-    class Loader(yaml.SafeLoader):
-        """As ``yaml.safe_load``, with the numbers of JSON."""
-
-    Loader.add_implicit_resolver(
-        "tag:yaml.org,2002:float", re.compile(r"[-+]?\d+(?:\.\d*)?[eE][-+]?\d+$"), list("-+0123456789")
-    )
-    try:
-        return yaml.load(text, Loader)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        said = " ".join(str(error).split())
-        raise BadInput(f"{text[:80]!r} is not YAML: {said[:300]}") from None
 
 
 def _arrange_record(record: type[Message], value: Any, path: str, stamped: bool) -> Any:

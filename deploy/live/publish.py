@@ -14,13 +14,13 @@ from deploy.live.message_format import to_flow_yaml, truncate
 from deploy.live.message_types import known_topic, record_by_type
 from deploy.live.output import write_json, write_note, write_text
 from deploy.live.subscribers import ClockSubscriber
-from deploy.live.topics import TopicEndpoints, absolute_name, group_by_topic, is_hidden, suggest_nearest
+from deploy.live.topics import TopicEndpoints, absolute_name, group_by_topic, is_hidden
 from deploy.network_address import NetworkAddress
 from messages.base import Message
 from messages.names import key as key_of
 from messages.plain import plain_record
 from messages.topics import CLOCK, E_STOP, Quality, Topic
-from services.runtime.errors import BadInput, EleaError
+from services.runtime.errors import BadInput, EleaError, did_you_mean
 from services.runtime.graph import snapshot
 from services.runtime.publisher import Publisher
 from services.runtime.transport.api import TICKER_S, idle_subscriber
@@ -62,7 +62,7 @@ def publish(place: NetworkAddress, asked: PublishRequest, show: str = "text") ->
         output = Publisher(topic, name, key_of(name), live.node, live.transport)
         clock = ClockSubscriber(live.transport)
         fitting = [each.name for each in known.values() if each.subscribers and record.ROS_TYPE in each.types]
-        if not ends.subscribers and (hint := suggest_nearest(name, fitting)):
+        if not ends.subscribers and (hint := did_you_mean(name, fitting)):
             write_note(f"no subscribers to {name}{hint}")
         if not _wait_for_subscribers(live, output, name, asked):
             return INTERRUPTED
@@ -90,7 +90,7 @@ def _resolve_type(
             )
         return record, words
     if not declared:
-        near = suggest_nearest(name, known)
+        near = did_you_mean(name, known)
         raise BadInput(f"the type of {name} is unknown{near}: give it before the values, e.g. geometry_msgs/Twist")
     return record_by_type(declared), words
 

@@ -133,7 +133,7 @@ def format_tree(rows: dict[str, dict[str, Any]]) -> Iterator[str]:
             stack += [(each, inner, each == below[name][-1]) for each in reversed(below.get(name, []))]
     for name in rows:
         if name not in shown:
-            yield f"{name} in {rows[name]['parent']}  {_format_frame(rows[name])}, in a circle"
+            yield f"{name} in {rows[name]['parent']}  {_format_frame(rows[name])}, in a loop"
 
 
 def _frame_row(watch: TfMonitor, frame: str, names: dict[bytes, str]) -> dict[str, Any]:
@@ -170,7 +170,7 @@ def _find_cycles(rows: dict[str, dict[str, Any]]) -> list[str]:
         while (parent := rows[here]["parent"]) is not None and parent not in done:
             if parent in line:
                 circle = line[line.index(parent) :]
-                told.append(f"frames in a circle: {' in '.join([*circle, parent])}")
+                told.append(f"frames in a loop: {' in '.join([*circle, parent])}")
                 break
             line.append(parent)
             here = parent

@@ -10,7 +10,8 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from deploy.live.message_types import known_topic
-from deploy.live.subscribers import ClockSubscriber, ReceivedSample, header_stamp
+from deploy.live.subscribers import ClockSubscriber, header_stamp
+from services.runtime.untyped_subscriber import ReceivedSample
 
 NS_PER_S = 1e9
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from deploy.live.connect import CliNode
 from deploy.live.message_types import known_topic
 from deploy.live.output import write_note
-from deploy.live.subscribers import UntypedSubscriber
 from messages.names import BadName, resolve
 from messages.topics import Quality
-from services.runtime.errors import BadInput
+from services.runtime.errors import BadInput, did_you_mean
 from services.runtime.graph import Entity, snapshot
+from services.runtime.untyped_subscriber import UntypedSubscriber
 
 
 class TopicEndpoints(NamedTuple):
@@ -56,16 +55,10 @@ def group_by_topic(graph: Iterable[Entity]) -> dict[str, TopicEndpoints]:
     return dict(sorted(found.items()))
 
 
-def suggest_nearest(name: str, known: Iterable[str]) -> str:
-    """``; did you mean '/tb3_0/odom'?`` or nothing, to end a message about a name that nobody has."""
-    near = difflib.get_close_matches(name, known, 1)
-    return f"; did you mean {near[0]!r}?" if near else ""
-
-
 def not_found(kind: str, name: str, known: Iterable[str], advice: str) -> BadInput:
     """The error for a topic, node or request that is not on the network, with what to do about it."""
     names = sorted(known)
-    hint = suggest_nearest(name, names) or ("." if names else ": there are none at all; is a fleet up?")
+    hint = did_you_mean(name, names) or ("." if names else ": there are none at all; is a fleet up?")
     return BadInput(f"no {kind} {name} is on the network{hint} ({advice})")
 
 
@@ -90,8 +83,8 @@ def wait_for_topic(
         ends = find_topic(live, name, known)
     else:
         ends = known.get(name, TopicEndpoints(name))
-        if name not in known and (hint := suggest_nearest(name, known)):
-            write_note(f"there is no topic {name} on the network{hint}")
+        if name not in known and (hint := did_you_mean(name, known)):
+            write_note(f"no topic {name} is on the network{hint}")
     if not ends.publishers and (wait or ends.subscribers):
         write_note(f"{name} is not published yet: waiting, Ctrl-C to stop")
     return ends

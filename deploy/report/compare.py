@@ -21,7 +21,7 @@ from services.grader.records import (
     Measurements,
 )
 from services.runtime.errors import BadInput
-from services.runtime.service import STEP_NS
+from services.runtime.step import STEP_NS
 
 
 class TrajectoryDifference(msgspec.Struct, frozen=True, kw_only=True):
@@ -191,10 +191,9 @@ def _read_trails(folder: Path) -> dict[str, np.ndarray]:
 
 def _report_notes(left: Path, right: Path) -> list[str]:
     """What differs by the reports before anything has moved: fleet, mode, seed, version, and parameters."""
-    reports = [_read_report(each) for each in (left, right)]
-    if reports[0] is None or reports[1] is None:
+    one, other = _read_report(left), _read_report(right)
+    if one is None or other is None:
         return []
-    one, other = reports
     notes = [
         f"{key}: {getattr(one.run, key)} in {left}, {getattr(other.run, key)} in {right}"
         for key in ("fleet", "mode", "seed", "version")

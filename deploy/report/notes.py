@@ -90,6 +90,6 @@ def real_time_notes(run: RunFigures, ok: bool) -> tuple[str, ...]:
         rest = len(worst) - MAX_NAMED_NODES
         parts.append(f"ticks were missed by {named}{f' and {rest} more' if rest > 0 else ''}")
     return (
-        f"This machine did not keep up with real time at factor {run.factor:g}: {'; '.join(parts)}. What is missed may "
-        "be the machine's fault: let less run beside, take a lower --factor, or --mode lockstep, which waits.",
+        f"This machine did not keep up with real time at factor {run.factor:g}: {'; '.join(parts)}. Missed bounds may "
+        "be due to that: stop other programs, use a lower --factor, or --mode lockstep, which waits.",
     )

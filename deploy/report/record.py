@@ -70,7 +70,7 @@ class RunFigures(msgspec.Struct, frozen=True, kw_only=True):
     sim_seconds: Annotated[float, _positive("simulation time measured", "s")]
     wall_seconds: Annotated[float, _positive("wall time that it took", "s")]
     real_time_factor: Annotated[float, _positive("sim_seconds / wall_seconds")]
-    seed: Annotated[int, _text("seed of all random numbers of the run")]
+    seed: Annotated[int, _text("random seed of the run")]
     version: Annotated[str, _text("version of Elea")]
     trajectory_hash: Annotated[str, _text("SHA-256 over all ground-truth samples of all robots, hexadecimal")]
     messages_lost: Annotated[int, _positive("messages that the fleet's processes missed, by the gaps in their numbers")]
@@ -88,7 +88,7 @@ class RunFigures(msgspec.Struct, frozen=True, kw_only=True):
         ]
         | None
     ) = None
-    members_left: Annotated[int, _positive("nodes that took leave of lockstep before the end")] = 0
+    members_left: Annotated[int, _positive("nodes that left lockstep before the end")] = 0
     changes_missed: Annotated[int, _positive("scheduled changes whose time came and that were not made")] = 0
     nodes_absent: Annotated[int, _positive("nodes of the fleet that were not ready when time began")] = 0
     absent: Annotated[tuple[str, ...], _text("these nodes")] = ()
@@ -168,5 +168,5 @@ def member_notes(measured: Measurements) -> tuple[str, ...]:
     if measured.members_lost:
         found.append(f"lockstep went on without {', '.join(measured.members_lost)}: the run does not repeat")
     if measured.members_left:
-        found.append(f"before the end {', '.join(measured.members_left)} took leave of lockstep")
+        found.append(f"{', '.join(measured.members_left)} left lockstep before the end")
     return tuple(found)

@@ -1,4 +1,4 @@
-"""The joint as its states tell it."""
+"""Angle and rate of one joint, from joint states."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from services.runtime.step import STEP_NS
 
 
 class JointReading(NamedTuple):
-    """Angle [deg], and rate [deg/s]: the mean over ``span`` [ns] until the angle was taken."""
+    """Angle [deg], and rate [deg/s] averaged over the ``span`` [ns] before the angle was measured."""
 
     angle: float
     rate: float
@@ -18,12 +18,12 @@ class JointReading(NamedTuple):
 
 
 class JointReader:
-    """Takes the angle and the rate of one joint out of joint states.
+    """Extracts the angle and rate of one joint from joint states.
 
-    The rate is the change of the angle since the states that were read before: a mean over a control period, in which
-    nothing is left out, and so the first stage of the law's filter. It lies between the velocities that are told at
-    both ends, so an arm that is put elsewhere has not moved fast. After a gap it is the velocity that is told, which is
-    the mean over the engine's last step.
+    The rate is the change of the angle since the states read before: the mean over a control period, which serves as
+    the first stage of the control law's filter. It is limited to the range of the velocities reported at both ends, so
+    that an arm that is repositioned does not appear to move fast. After a gap, it is the reported velocity, the mean
+    over the engine's last step.
     """
 
     def __init__(self, name: str) -> None:
@@ -33,9 +33,11 @@ class JointReader:
         self._reported_rate = 0.0
 
     def read(self, state: JointState, longest: int) -> JointReading | None:
-        """The joint; None, with ``trouble``, when the states do not tell its angle.
+        """Return the joint's reading; None, with the reason in ``error``, if the states do not contain its angle.
 
-        States that are read more than ``longest`` [ns] after those before make a gap.
+        Args:
+            state: The latest joint states.
+            longest: Time between two states [ns] beyond which there was a gap.
         """
         if self.name not in state.name or not state.position:
             names = ", ".join(state.name) or "none"

@@ -1,4 +1,4 @@
-"""The loop of the arm service: joint states and the reference in; effort, and what it tells of itself, out."""
+"""The loop of the arm service: reads joint states and the reference, publishes effort and controller state."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ from services.runtime.context import Context, Tick
 from services.runtime.errors import BadInput
 
 MAX_PERIODS = 5
-"""More than so many periods after the last tick, time has jumped: nothing is summed up or derived over it."""
+"""Periods since the last tick beyond which time has jumped: nothing is integrated or differentiated over the gap."""
 MIN_PERIODS = 2
-"""An effort acts for at least so many periods, so that one late tick does not let the arm go."""
+"""Minimum duration of an effort in periods, so that a late tick does not release the arm."""
 RANGE_TOLERANCE = 0.5
-"""deg by which a reference may lie beyond the joint's range."""
+"""Angle [deg] by which a reference may exceed the joint's range."""
 WARN_PERIOD_S = 5.0
-"""Wall time between two lines about one and the same trouble."""
+"""Minimum wall time between repeated log lines."""
 
 
 def run(ctx: Context[ArmParameters]) -> None:
-    """Control until told to stop, then let the arm go."""
+    """Control the arm until asked to stop, then release it."""
     if not ctx.params.lower < ctx.params.upper:
         raise BadInput(f"lower = {ctx.params.lower:g} deg is not below upper = {ctx.params.upper:g} deg")
     loop = _ArmLoop(ctx)
@@ -44,10 +44,10 @@ def run(ctx: Context[ArmParameters]) -> None:
 
 
 class _ArmLoop:
-    """Reads, decides and tells, once a tick.
+    """Reads inputs, computes the effort and publishes it, once per tick.
 
-    Before the first reference the arm is held where it was found; when references no longer come, at the last one.
-    Without joint states it is let go, and its controller begins anew when they are back.
+    Before the first reference, the arm is held where it was found; when references stop arriving, at the last one.
+    Without joint states it is released, and its controller restarts when they return.
     """
 
     def __init__(self, ctx: Context[ArmParameters]) -> None:
@@ -66,7 +66,7 @@ class _ArmLoop:
         )
 
     def step(self, tick: Tick) -> None:
-        """One tick."""
+        """Run one control tick."""
         p = self._ctx.params
         if self._started_at is None or tick.reset:
             self._start(tick.time)
@@ -84,7 +84,7 @@ class _ArmLoop:
         self._publish(p, tick, now, self._controller.step(p, now, dt))
 
     def release(self, now: int) -> None:
-        """Let the arm go at once, if it is held."""
+        """Release the arm at once, if it is held."""
         if self._holding:
             self._efforts.publish(JointEffort(joint_name=self._joint.name, start_time=Time.of(now)))
 
@@ -95,7 +95,7 @@ class _ArmLoop:
         self._holding = self._reference_lost = False
 
     def _has_waited(self, now: int, seconds: float) -> bool:
-        """Whether the beginning is so long ago that what has not come since is missing."""
+        """Whether ``seconds`` have passed since the start, so that inputs not received by now count as missing."""
         return self._started_at is not None and now - self._started_at > seconds * 1e9
 
     def _read_references(self, p: ArmParameters, now: int) -> None:

@@ -1,8 +1,8 @@
-"""The controller of the arm: gains, the default and the tutorial's PID, bumpless change between them.
+"""The arm controller: gains, the default PID, the tutorial's PID, and bumpless transfer between them.
 
-The derivative is that of the error, so a step of the reference is a kick that only the saturation bounds. The guard
-bounds the summed error, not its share of the effort: 20 deg s times 0.3 are 6 N m, less than the arm's weight. Changing
-the controller changes the gains under the sums as they stand, which is a bump.
+In the tutorial's law, the derivative is that of the error, so that a step in the reference causes a torque spike that
+only the saturation bounds. The windup guard bounds the summed error, not the integral term: 20 deg s times 0.3 are
+6 N m, less than the arm's weight. Switching the controller changes the gains while the sums stay, which causes a bump.
 """
 
 from __future__ import annotations
@@ -14,11 +14,19 @@ from services.arm import ArmParameters
 
 
 class Gains(NamedTuple):
-    """N m per degree, degree second, and degree per second; ``weight`` is the reference's share in the derivative.
+    """Gains and limits of the PID controller.
 
-    The set-point controller acts on the rate of the arm alone: a jump of the reference is no kick. The tracking one
-    acts on the rate of the error: it would lag by kd / kp seconds without. ``torque`` [N m] is 0 where the weight of
-    the arm is not fed forward, ``rest`` [deg] where it hangs; ``inertia`` [kg m2] is 0 where its motion is not.
+    Attributes:
+        kp: Proportional gain [N m/deg].
+        ki: Integral gain [N m/(deg s)].
+        kd: Derivative gain [N m s/deg].
+        set_point_weight: Weight of the reference in the derivative. The set-point controller has 0, so that a step in
+            the reference causes no torque spike; the tracking controller has 1, as it would lag by kd / kp otherwise.
+        saturation: Largest effort [N m].
+        derivative_filter: Time constant of the rate filter [s].
+        gravity_torque: Weight of the arm times its lever [N m]; 0 disables the gravity feed-forward.
+        gravity_rest: Angle at which the arm hangs [deg].
+        inertia: Moment of inertia about the joint [kg m2]; 0 disables the inertia feed-forward.
     """
 
     kp: float
@@ -32,16 +40,16 @@ class Gains(NamedTuple):
     inertia: float
 
     def gravity_compensation(self, angle: float) -> float:
-        """The effort [N m] that holds the arm at ``angle`` [deg] against its weight, as far as that is fed forward."""
+        """Effort [N m] that holds the arm at ``angle`` [deg] against gravity; 0 if that is not fed forward."""
         return self.gravity_torque * math.sin(math.radians(angle - self.gravity_rest))
 
     def inertia_feedforward(self, acceleration: float) -> float:
-        """The effort [N m] that an ``acceleration`` [deg/s2] takes, as far as that is fed forward."""
+        """Effort [N m] for an ``acceleration`` [deg/s2]; 0 if that is not fed forward."""
         return self.inertia * math.radians(acceleration)
 
 
 def select_gains(p: ArmParameters) -> Gains:
-    """The gains of the controller that ``p`` chooses."""
+    """Return the gains of the selected controller."""
     tracking = p.controller_type == "tr"
     kp, ki, kd = (p.tr_Kp, p.tr_Ki, p.tr_Kd) if tracking else (p.ss_Kp, p.ss_Ki, p.ss_Kd)
     torque, inertia = (p.gravity_torque, p.inertia * tracking) if p.gravity else (0.0, 0.0)
@@ -49,13 +57,13 @@ def select_gains(p: ArmParameters) -> Gains:
 
 
 BLEND_S = 0.2
-"""Time constant with which the difference that a change of gains makes is let in."""
+"""Time constant [s] with which the bump compensation after a change of gains decays."""
 
 
 class ControlInput(NamedTuple):
-    """One instant: what is wanted, deg and deg/s, and what is, deg and deg/s; and the wanted acceleration, deg/s2.
+    """Set-point and measurement at one instant: angles [deg], rates [deg/s], set-point acceleration [deg/s2].
 
-    Both rates are means over the same time until now.
+    Both rates are averaged over the same time span before the instant.
     """
 
     set_point: float
@@ -66,19 +74,18 @@ class ControlInput(NamedTuple):
 
     @property
     def error(self) -> float:
-        """deg."""
+        """Set-point minus angle [deg]."""
         return self.set_point - self.angle
 
 
 class Pid:
-    """u = kp e + i + kd (w r' - q') + g(q) + m(r'') + b, within the saturation.
+    """The default PID: u = kp e + i + kd (w r' - q') + g(q) + m(r'') + b, within the saturation.
 
-    e is the error, i the integral of ki e, r' and q' the rates of reference and arm through a first-order filter, w the
-    reference's share, g the effort that holds the weight, m the one that moves it as the reference does, both where
-    they are fed forward. b is the bump that a change of gains would make, taken out
-    at once and let in with BLEND_S. The integral is an effort, so a new ki does not rescale it; without ki it goes
-    into b. In saturation it is drawn back by what is cut off, with the time constant sqrt(Ti Td), to 0 at most:
-    saturation that proportional and derivative bring about alone winds nothing up, in neither sense.
+    e is the error, i the integral of ki e, r' and q' the rates of reference and arm after a first-order filter, w the
+    set-point weight, g the gravity and m the inertia feed-forward. b compensates the bump that a change of gains would
+    cause, and decays with BLEND_S. The integral is an effort, so that a new ki does not rescale it; if ki becomes 0, it
+    moves into b. In saturation, back-calculation with the time constant sqrt(Ti Td) reduces the integral, at most to 0:
+    saturation caused by the proportional and derivative terms alone winds nothing up, in either direction.
     """
 
     def __init__(self) -> None:
@@ -88,9 +95,13 @@ class Pid:
         self._gains: Gains | None = None
 
     def step(self, gains: Gains, now: ControlInput, dt: float, last: float | None = None) -> float:
-        """The effort [N m] at an instant, ``dt`` [s] after the one before; 0 when that is not known.
+        """Return the effort [N m].
 
-        ``last`` is the effort of another law at the instant before, to be taken over without a bump.
+        Args:
+            gains: The gains, which may change at every step.
+            now: Set-point and measurement.
+            dt: Time since the step before [s]; 0 if unknown.
+            last: Effort of another control law at the step before [N m], for bumpless transfer.
         """
         self._filter(gains.derivative_filter, now, dt)
         self.bump *= math.exp(-dt / BLEND_S)
@@ -117,7 +128,7 @@ class Pid:
             self._filtered_rate, self._filtered_set_point_rate = (
                 now.rate,
                 now.set_point_rate,
-            )  # what was before is of another time
+            )  # the filtered rates are from before a gap
         share = 1.0 - math.exp(-dt / constant) if constant > 0 else 1.0
         self._filtered_rate += share * (now.rate - self._filtered_rate)
         self._filtered_set_point_rate += share * (now.set_point_rate - self._filtered_set_point_rate)
@@ -134,16 +145,21 @@ class Pid:
 
 
 class TutorialPid:
-    """u = kp e + ki s + kd de/dt, within the saturation; s sums up e dt within the guard."""
+    """The tutorial's PID: u = kp e + ki s + kd de/dt, within the saturation; s sums e dt within the windup guard."""
 
     def __init__(self) -> None:
         self.error_sum = 0.0
         self._error: float | None = None
 
     def step(self, gains: Gains, guard: float, error: float, angle: float, dt: float) -> float:
-        """The effort [N m] at an ``error`` [deg], ``dt`` [s] after the last; 0 when that is not known.
+        """Return the effort [N m].
 
-        ``guard`` [deg s]; ``angle`` [deg] is for the weight, which the tutorial does not feed forward.
+        Args:
+            gains: The gains.
+            guard: Bound of the summed error [deg s].
+            error: Set-point minus angle [deg].
+            angle: Angle [deg], for the gravity feed-forward, which the tutorial does not have.
+            dt: Time since the step before [s]; 0 if unknown.
         """
         slope = (error - self._error) / dt if self._error is not None and dt > 0 else 0.0
         self._error = error
@@ -153,7 +169,7 @@ class TutorialPid:
 
 
 class ArmController:
-    """What is wanted and what is go in, the effort comes out. One that is new has no past."""
+    """Computes the effort by the selected control law, with bumpless transfer between the laws."""
 
     def __init__(self) -> None:
         self._law = ""
@@ -162,11 +178,11 @@ class ArmController:
 
     @property
     def integral(self) -> float:
-        """What the summed error stands at: N m in the default law, deg s in the tutorial's."""
+        """The integral of the error: N m in the default law, deg s in the tutorial's."""
         return self._tutorial_pid.error_sum if self._law == "tutorial" else self._pid.integral
 
     def step(self, p: ArmParameters, now: ControlInput, dt: float) -> float:
-        """The effort [N m], ``dt`` [s] after the step before; 0 when that is not known."""
+        """Return the effort [N m]; ``dt`` is the time since the step before [s], 0 if unknown."""
         gains = select_gains(p)
         changed = p.law != self._law
         self._law = p.law

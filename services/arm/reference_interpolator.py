@@ -1,4 +1,4 @@
-"""The set-point of the arm between reference samples that arrive less often than the controller runs."""
+"""Interpolates the arm's set-point between reference samples, which arrive less often than the controller runs."""
 
 from __future__ import annotations
 
@@ -8,22 +8,26 @@ from itertools import islice
 from typing import NamedTuple
 
 WINDOW = 16
-"""Intervals over whose mean the period is known: one tick more or less is a sixteenth of one."""
+"""Intervals over which the period is averaged: a jitter of one tick changes it by a sixteenth of a tick."""
 MIN_SAMPLES = 8
-"""Samples of a series after which one may be found missing; until then each is the next."""
+"""Samples after which missing ones are detected; until then, each is taken as the next."""
 NEXT_SAMPLE_PERIODS = 0.2, 1.8
-"""Periods after the one before between which a sample is the next one, if early or late."""
+"""Range of periods since the last sample in which a sample counts as the next, early or late."""
 DELAY_GAIN = 0.25
-"""Share of a sample's lateness that counts as the sender's."""
+"""Share of a sample's delay that is attributed to the publisher's clock."""
 MAX_GAP_PERIODS = 5
-"""More than so many periods without a sample are a gap: what comes then is another series."""
+"""Periods without a sample beyond which there is a gap and a new series starts."""
 
 
 class PeriodEstimator:
-    """The ``period`` [ns] of samples, 0 while it is not known, and ``at`` [ns], when the last of them was meant.
+    """Estimates the publisher's period and phase from jittered arrivals.
 
-    In lockstep each comes when it is meant. In real time one may come a tick or two late, and would look as if the
-    reference stood still and then leapt.
+    In lockstep, samples arrive on time. In real time, one may arrive a tick or two late, which would look as if the
+    reference stood still and then jumped.
+
+    Attributes:
+        period: Period of the samples [ns]; 0 while unknown.
+        nominal_time: Time at which the last sample was due [ns].
     """
 
     def __init__(self) -> None:
@@ -31,9 +35,9 @@ class PeriodEstimator:
         self._arrivals: deque[tuple[int, int]] = deque(maxlen=WINDOW + 1)
 
     def add_sample(self, now: int) -> int | None:
-        """A sample came at ``now`` [ns]; returns how many periods after the one before it was meant.
+        """Add a sample that arrived at ``now`` [ns]; return the number of periods between it and the one before.
 
-        None for the first of a series; 0 for one that takes the place of the one before, which was late.
+        None for the first of a series; 0 for one that replaces the one before, which was late.
         """
         arrivals = self._arrivals
         if arrivals and self.period and now - arrivals[-1][0] > MAX_GAP_PERIODS * self.period:
@@ -59,15 +63,15 @@ class PeriodEstimator:
 
 NS = 1e-9
 SAME_MOTION_SHARE, SAME_MOTION_RATE = 0.2, 2.0
-"""Share, or deg/s, by which two rates may differ that belong to one motion: a sine of 30 deg and 0.2 Hz has up to 1."""
+"""Relative and absolute [deg/s] difference of two rates of one motion: a sine of 30 deg, 0.2 Hz has up to 1 deg/s."""
 MAX_MOTION_PERIOD_S = 0.1
-"""References that come more seldom than this are no motion: each is a step, and nothing goes on between them."""
+"""Longest period [s] of references that form a motion; less frequent ones are steps."""
 MAX_EXTRAPOLATION_PERIODS, STANDSTILL_PERIODS = 1.5, 2.0
-"""Periods after the last sample up to which a motion goes on, and from which on it is taken to stand still."""
+"""Periods since the last sample up to which a motion is extrapolated, and beyond which it counts as stopped."""
 
 
 class SetPoint(NamedTuple):
-    """What is wanted at an instant: deg, deg/s, deg/s2."""
+    """Set-point at one instant: angle [deg], rate [deg/s], acceleration [deg/s2]."""
 
     angle: float
     rate: float = 0.0
@@ -75,18 +79,18 @@ class SetPoint(NamedTuple):
 
 
 class Slope(NamedTuple):
-    """The mean rate [deg/s] between two samples, and the time between them [s]."""
+    """Mean rate [deg/s] between two samples, and the time between them [s]."""
 
     rate: float = 0.0
     span: float = 0.0
 
 
 class ReferenceInterpolator:
-    """The reference between its samples. All times are simulation time, ns.
+    """Extrapolates the reference between its samples. All times are simulation time [ns].
 
-    Where its last two rates are alike it goes on as they tell, as a parabola: a sine of 50 Hz becomes smooth. Where
-    they are not it waits for the next sample: a step stays a step, and so do references that come seldom. With
-    ``smooth`` off it always waits, as in the tutorial.
+    If the last two rates are similar, the reference continues as a parabola: a sine sampled at 50 Hz becomes smooth.
+    Otherwise it stays until the next sample: a step remains a step, and so do infrequent references. Without
+    ``smooth``, it always stays, as in the tutorial.
     """
 
     def __init__(self) -> None:
@@ -98,7 +102,7 @@ class ReferenceInterpolator:
         self._slope = self._previous_slope = Slope()
 
     def add_sample(self, sample: float, now: int) -> None:
-        """A new reference [deg] that came at ``now``."""
+        """Add a reference [deg] that arrived at ``now``."""
         count = self._period_estimator.add_sample(now)
         if count is None:
             self.hold()
@@ -112,13 +116,16 @@ class ReferenceInterpolator:
             self._extrapolate(self._slope, self._previous_slope)
 
     def age(self, now: int) -> float:
-        """Seconds since the last sample; inf before the first."""
+        """Time since the last sample [s]; inf before the first."""
         return math.inf if self.sample is None else (now - self._arrival) * NS
 
     def at(self, now: int, smooth: bool, span: int = 0) -> SetPoint:
-        """What is wanted at ``now``; there must be a sample. It goes on for LATE periods at most.
+        """Return the set-point at ``now``, extrapolated for at most MAX_EXTRAPOLATION_PERIODS; needs a sample.
 
-        The rate is the mean over ``span`` until now, as the measured one is that it is compared with.
+        Args:
+            now: Simulation time [ns].
+            smooth: Extrapolate; otherwise, return the last sample.
+            span: Time span before ``now`` over which the rate is averaged [ns], as for the measured rate.
         """
         assert self.sample is not None
         if not smooth:
@@ -131,7 +138,7 @@ class ReferenceInterpolator:
         return SetPoint(angle, self._rate + self._acceleration * (since - span * NS / 2), self._acceleration)
 
     def hold(self) -> None:
-        """No more samples are expected: stay at the last."""
+        """Stay at the last sample, as no more are expected."""
         self._previous_sample = None
         self._rate = self._acceleration = 0.0
         self._slope = self._previous_slope = Slope()

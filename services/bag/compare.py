@@ -148,23 +148,27 @@ def _difference(topic: str, number: int, first: _Located, second: _Located) -> _
     """What differs between two messages of a topic with the same number."""
     if first.position != second.position:
         return _lone(topic, number, min(first, second, key=lambda each: each.position))
-    if first.entry.channel.type == second.entry.channel.type and first.entry.data == second.entry.data:
-        return None
-    left, right = (first, second) if first.side == 0 else (second, first)
-    values = _first_field(left.entry, right.entry)
-    return None if values is None else _Pair(first.position, topic, number, (left.entry, right.entry), values)
+    left, right = (first.entry, second.entry) if first.side == 0 else (second.entry, first.entry)
+    values = _first_field(left, right)
+    return None if values is None else _Pair(first.position, topic, number, (left, right), values)
 
 
 def _lone(topic: str, number: int, only: _Located) -> _Pair:
     """A message that the other bag lacks."""
-    entries = (only.entry, None) if only.side == 0 else (None, only.entry)
-    return _Pair(only.position, topic, number, entries, ("", *(_values(each) if each else None for each in entries)))
+    values = _values(only.entry)
+    if only.side == 0:
+        return _Pair(only.position, topic, number, (only.entry, None), ("", values, None))
+    return _Pair(only.position, topic, number, (None, only.entry), ("", None, values))
 
 
 def _first_field(left: Entry, right: Entry) -> tuple[str, Any, Any] | None:
     """The first field that differs, and its values; None when they differ in what the wall clock decides alone."""
+    if left.publish_time != right.publish_time:
+        return "publish_time", left.publish_time / 1e9, right.publish_time / 1e9
     if left.channel.type != right.channel.type:
         return "type", left.channel.type, right.channel.type
+    if left.data == right.data:
+        return None
     one, other = dict(flatten(_values(left))), dict(flatten(_values(right)))
     for field in (*one, *(each for each in other if each not in one)):
         if field.rpartition(".")[2] not in WALL_CLOCK_FIELDS and not _same(one.get(field), other.get(field)):

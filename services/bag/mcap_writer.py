@@ -57,6 +57,7 @@ DISK_RESERVE = 64 << 20
 """Bytes to leave free on the disk for logs, parameters and the file's own summary; a fiftieth of a small disk."""
 
 _MESSAGE = struct.Struct("<BQHIQQ")
+_OPCODE = int(Opcode.MESSAGE)
 _end = methodcaller("end")  # the library leaves it without a type
 
 
@@ -161,9 +162,7 @@ class McapWriter:
             chunk.first = chunk.last = log_time
             chunk.since = time.monotonic()
         chunk.index.setdefault(number, []).append((log_time, len(chunk.data)))
-        chunk.data += _MESSAGE.pack(
-            Opcode.MESSAGE, 22 + len(data), number, sequence & 0xFFFFFFFF, log_time, publish_time
-        )
+        chunk.data += _MESSAGE.pack(_OPCODE, 22 + len(data), number, sequence & 0xFFFFFFFF, log_time, publish_time)
         chunk.data += data
         chunk.count += 1
         chunk.first, chunk.last = min(chunk.first, log_time), max(chunk.last, log_time)

@@ -12,6 +12,7 @@ from services.bag.channel import Channel
 from services.bag.mcap_reader import read_stats
 from services.bag.mcap_writer import CHUNK_SIZE, McapWriter
 from services.bag.metadata import METADATA_FILE, FileStats, metadata_text
+from services.runtime.atomic_file import write_atomic
 from services.runtime.errors import BadInput
 
 MIN_FILE_SIZE = 1 << 16
@@ -162,13 +163,7 @@ class BagWriter:
     def _write_metadata(self) -> None:
         """Write metadata.yaml, whole or not at all; raises OSError."""
         text = metadata_text([*self._resumed_files, *self._closed_files])
-        temporary = self.folder / f".{METADATA_FILE}"
-        try:
-            temporary.write_text(text)
-            temporary.replace(self.folder / METADATA_FILE)
-        except OSError:
-            temporary.unlink(missing_ok=True)
-            raise
+        write_atomic(self.folder / METADATA_FILE, text.encode())
 
 
 def file_number(file: Path) -> int:

@@ -1,1 +1,1 @@
-"""Mathematics of driving on the ground that several services use: poses, legs, profiles. It touches no bus."""
+"""Mathematics of driving on the ground, shared by several services and independent of the bus."""

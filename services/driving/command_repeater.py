@@ -1,4 +1,4 @@
-"""When a command goes out: at once when it changes, again and again while a key is held, and at last no more."""
+"""Decides when to publish a manual command: on change, repeatedly while held, zero for a while, then nothing."""
 
 from __future__ import annotations
 
@@ -8,16 +8,18 @@ from typing import Generic, Literal, TypeVar
 Command = TypeVar("Command")
 
 MAX_SIM_PERIOD_S = 0.1
-"""Simulation time after which a command is repeated, however little wall time that is; bases time out after 0.25 s."""
+"""Simulation time [s] after which a command is repeated, however little wall time that is; bases time out at 0.25 s."""
 
 
 class CommandRepeater(Generic[Command]):
-    """Says what to send of what a person wants, where ``still`` is the motion of a robot that stands.
+    """Repeats manual commands, so that a base does not time out while a key is held.
 
-    It holds ``still`` for ``release_after`` [s of simulation time] after a motion, then it is silent.
-    Repeats come ``rate`` times a second of wall time, and no more seldom than every KEEP_UP_S of simulation time, so
-    that a simulation that is faster than the wall clock does not time out between two. With rate 0 nothing is repeated:
-    a command goes out with each key event, one zero at the end.
+    Args:
+        rate: Repeats per second of wall time [Hz], but at least one per MAX_SIM_PERIOD_S of simulation time, so that a
+            base does not time out in a simulation faster than the wall clock. 0 repeats nothing: a command is sent with
+            each key event, and one zero at the end.
+        release_after: Simulation time [s] for which ``still`` is sent after a motion, before others may drive.
+        still: The command for standing still.
     """
 
     def __init__(self, rate: float, release_after: float, still: Command) -> None:
@@ -30,10 +32,14 @@ class CommandRepeater(Generic[Command]):
     def update(
         self, motion: Command | None, wall: float, sim: float, key_event: bool = False, stop: bool = False
     ) -> Command | None:
-        """What to send now, None for nothing.
+        """Return the command to send now; None for nothing.
 
-        ``motion`` is the command that the keys ask for; ``key_event``: a key event came; ``stop``: a key asked
-        to stop, which holds the robot even when others drive it. ``wall`` and ``sim`` are the two times, s.
+        Args:
+            motion: The command of the held keys; None if none is held.
+            wall: Wall time [s].
+            sim: Simulation time [s].
+            key_event: There was a key event.
+            stop: A key asked to stop, which holds the robot even while others drive it.
         """
         if motion is not None:
             again = key_event if self._period == inf else self._is_due(wall, sim)
@@ -51,12 +57,12 @@ class CommandRepeater(Generic[Command]):
         return self._send(self._zero, wall, sim) if self._is_due(wall, sim) else None
 
     def reconfigure(self, rate: float, release_after: float) -> None:
-        """Repeat at another rate [Hz], and hold zero for another time [s]."""
+        """Change the repeat rate [Hz] and the time [s] for which zero is sent."""
         self._period = 1 / rate if rate else inf
         self._release_after = release_after
 
     def reset(self) -> None:
-        """Simulation time began anew, and the base has forgotten all commands."""
+        """Handle a reset of simulation time, after which the base has no commands."""
         self.state = "silent"
 
     def _is_due(self, wall: float, sim: float) -> bool:

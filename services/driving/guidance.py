@@ -1,4 +1,4 @@
-"""Guidance of a ground robot: legs, the heading back onto one, speeds that stop in time, and slew limits."""
+"""Guidance laws: stopping speed, turn rate, line-of-sight heading and slew-rate limits."""
 
 from __future__ import annotations
 
@@ -38,11 +38,16 @@ class Segment(NamedTuple):
 
 
 def stopping_speed(left: float, top: float, deceleration: float, lag: float) -> float:
-    """The highest speed from which ``left`` can still be braked, at most ``top``.
+    """Return the highest speed that still stops within ``left``, at most ``top``.
 
-    It solves left = v^2 / (2 deceleration) + v lag for v: the parabola of constant deceleration far out, an exponential
-    approach of time constant ``lag`` [s] at the end, so that the loop's delay causes no overshoot. Serves metres and
-    radians alike.
+    It solves left = v^2 / (2 deceleration) + v lag for v: constant deceleration far away, and an exponential approach
+    with the time constant ``lag`` at the end, so that the loop's delay causes no overshoot.
+
+    Args:
+        left: Remaining distance [m or rad].
+        top: Maximum speed [m/s or rad/s].
+        deceleration: Deceleration [m/s^2 or rad/s^2].
+        lag: Time constant of the final approach [s].
     """
     if left <= 0:
         return 0.0
@@ -51,21 +56,21 @@ def stopping_speed(left: float, top: float, deceleration: float, lag: float) -> 
 
 
 def turn_rate(error: float, top: float, acceleration: float, lag: float) -> float:
-    """Turn rate [rad/s] that takes out a heading ``error`` [rad] and comes to rest there."""
+    """Return the turn rate [rad/s] that corrects a heading ``error`` [rad] and comes to rest there."""
     return math.copysign(stopping_speed(abs(error), top, acceleration, lag), error)
 
 
 def line_of_sight_heading(leg: Segment, here: Pose2, lookahead: float) -> float:
-    """Heading [rad] that leads back onto the leg within about ``lookahead`` [m]: heading - atan(offset / lookahead).
+    """Return the heading [rad] back onto the segment within a ``lookahead`` [m]: heading - atan(offset / lookahead).
 
-    It never points away from the end of the leg: both the distance left and the offset shrink along it.
+    It never points away from the segment's end: both the remaining distance and the offset decrease along it.
     """
     _, offset = leg.remaining_and_offset(here)
     return leg.heading - math.atan(offset / lookahead)
 
 
 def limit_slew(last: Twist2, wanted: Twist2, rise: float, fall: float, spin: float) -> Twist2:
-    """``wanted``, at most ``rise`` [m/s] above, ``fall`` [m/s] below and ``spin`` [rad/s] off the ``last`` command."""
+    """Return ``wanted``, at most ``rise`` [m/s] above, ``fall`` [m/s] below and ``spin`` [rad/s] off ``last``."""
     return Twist2(
         max(last.v - fall, min(last.v + rise, wanted.v)),
         max(last.w - spin, min(last.w + spin, wanted.w)),

@@ -1,4 +1,4 @@
-"""The grader service: it watches a run, measures every robot against ground truth, and ends the run."""
+"""The grader service: measures all robots of a run against ground truth, and ends the run."""
 
 from __future__ import annotations
 
@@ -7,23 +7,12 @@ from typing import Annotated, Literal
 import msgspec
 from msgspec import Meta
 
-from messages.topics import (
-    BASE_STATUS,
-    CONTROL_STATE,
-    GROUND_TRUTH,
-    HEALTH,
-    JOINT_STATES,
-    LOCKSTEP,
-    ODOM,
-    PLAN,
-    STATUS,
-)
-from services.runtime.parameters.base import Parameters
-from services.runtime.service import Service
+from messages.topics import CONTROL_STATE
+from services.runtime import Parameters, Service, param
 
 
 class BrakingSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How the base of robot ``name`` stops: ``timeout`` [s] after the last command it brakes, at ``brake`` [m/s2]."""
+    """How the base of robot ``name`` brakes: ``timeout`` [s] after the last command, at ``brake`` [m/s2]."""
 
     name: str
     timeout: Annotated[float, Meta(ge=0, extra={"unit": "s"})]
@@ -31,9 +20,9 @@ class BrakingSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 class ArmSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """An arm among the robots: ``name``, the joint that is controlled, and the largest effort [N m] of its controller.
+    """An arm: its ``name``, the controlled ``joint``, and the largest effort [N m] of its controller.
 
-    ``state`` is the topic on which the controller tells of each tick.
+    ``state`` is the topic on which the controller publishes its state at each tick.
     """
 
     name: str
@@ -42,42 +31,25 @@ class ArmSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     state: str = CONTROL_STATE.name
 
 
-_FIXED = {"live": False}
-"""What has been measured so far would mean something else."""
-
-
 class GraderParameters(Parameters, frozen=True, kw_only=True):
-    """Whom to watch, until when, and where the measurements go. When the run ends is live."""
+    """Robots to measure, end of the run, and output folder. The end of the run is live."""
 
-    robots: Annotated[tuple[str, ...], Meta(description="Namespaces of the robots to measure.", extra=_FIXED)] = ()
-    halting: Annotated[
-        tuple[BrakingSpec, ...], Meta(description="How each base brakes, to compute the expected stopping distance.")
-    ] = ()
-    arms: Annotated[tuple[ArmSpec, ...], Meta(description="The robots that are arms.", extra=_FIXED)] = ()
-    ends: Annotated[
-        Literal["goals", "duration", "never"],
-        Meta(description="End the run when all robots have finished, after the duration, or only when stopped."),
-    ] = "goals"
-    duration: Annotated[
-        float, Meta(ge=0, le=1e7, description="Longest simulation time; 0 for no limit.", extra={"unit": "s"})
-    ] = 0.0
-    not_before: Annotated[
-        float,
-        Meta(
-            ge=0,
-            le=1e7,
-            description="Earliest time at which finished goals end the run: after the last scheduled change.",
-            extra={"unit": "s"},
-        ),
-    ] = 0.0
-    readers: Annotated[
-        tuple[str, ...],
-        Meta(
-            description="The fleet's own nodes, whose lost messages count; those of others are listed separately.",
-            extra=_FIXED,
-        ),
-    ] = ()
-    output: Annotated[str, Meta(description="Folder for measurements.json and trajectories.npz.", extra=_FIXED)] = "."
+    robots: tuple[str, ...] = param((), text="Namespaces of the robots to measure.", live=False)
+    halting: tuple[BrakingSpec, ...] = param(
+        (), text="How each base brakes, to compute the expected stopping distance."
+    )
+    arms: tuple[ArmSpec, ...] = param((), text="The robots that are arms.", live=False)
+    ends: Literal["goals", "duration", "never"] = param(
+        "goals", text="End the run when all robots have finished, after the duration, or only when stopped."
+    )
+    duration: float = param(0.0, 0, 1e7, "s", "Longest simulation time; 0 for no limit.")
+    not_before: float = param(
+        0.0, 0, 1e7, "s", "Earliest time at which finished goals end the run: after the last scheduled change."
+    )
+    readers: tuple[str, ...] = param(
+        (), text="The fleet's own nodes, whose lost messages count; those of others are listed separately.", live=False
+    )
+    output: str = param(".", text="Folder for measurements.json and trajectories.npz.", live=False)
     reach_tolerance: Annotated[
         float,
         Meta(
@@ -93,8 +65,7 @@ SERVICE = Service(
     name="grader",
     about="Measures a run against ground truth, ends it and writes the results.",
     run="services.grader.loop:run",
-    reads=(GROUND_TRUTH, ODOM, PLAN, STATUS, BASE_STATUS, JOINT_STATES, CONTROL_STATE, HEALTH, LOCKSTEP),
     rate=5,
-    observer=True,
     parameters=GraderParameters,
+    role="observer",
 )

@@ -1,4 +1,4 @@
-"""The meter of one arm: step responses, tracking error, and all its metrics."""
+"""Metrics of one arm: step responses, tracking error and effort."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from services.grader.records import ArmFigures, StepFigures
 from services.grader.trajectory import Fingerprint, Trail
 
 MAX_DURATION_S = 20.0
-"""Of a step, so much is measured at most."""
+"""Longest time [s] of a step response that is measured."""
 MIN_DURATION_S = 1.0
-"""A set-point that is left before is no step that could be measured."""
+"""Shortest time [s] of a constant set-point that counts as a step."""
 FINAL_WINDOW_S = 0.5
-"""The final angle is the mean over so much of the end."""
+"""Time [s] at the end over which the final angle is averaged."""
 SETTLING_BAND = 0.02
-"""Share of the step that counts as settled."""
+"""Settling band relative to the step."""
 
 Sample = tuple[float, float]
 
 
 class StepResponse:
-    """A set-point that went from ``before`` to ``after`` [deg] at ``begin`` [s] and stays."""
+    """Measures the response to a step of the set-point from ``before`` to ``after`` [deg] at ``begin`` [s]."""
 
     def __init__(self, begin: float, before: float, after: float) -> None:
         self.start_time, self.before, self.after = begin, before, after
@@ -33,16 +33,16 @@ class StepResponse:
 
     @property
     def size(self) -> float:
-        """deg, without sign."""
+        """Size of the step [deg], without sign."""
         return abs(self.after - self.before)
 
     def add_sample(self, time: float, angle: float) -> None:
-        """The arm is truly at ``angle`` [deg] at ``time`` [s]."""
+        """Add the true ``angle`` [deg] at ``time`` [s]."""
         if time - self.start_time <= MAX_DURATION_S:
             self._samples.append((time, angle))
 
     def result(self) -> StepFigures | None:
-        """The figures; None while it is too short, or when the arm stayed where it was."""
+        """Return the figures; None if the step is too short, or if the arm did not move."""
         samples = self._samples
         if not samples or samples[-1][0] - self.start_time < MIN_DURATION_S:
             return None
@@ -65,7 +65,7 @@ class StepResponse:
 
 
 def _settling_time(shares: Sequence[Sample]) -> float:
-    """When it came into the band for good, on the straight line from its last sample outside to the next one."""
+    """Time at which the angle entered the band for good, interpolated linearly."""
     last = max(number for number, (_, share) in enumerate(shares) if abs(share - 1.0) > SETTLING_BAND)
     (t0, a), (t1, b) = shares[last], shares[min(last + 1, len(shares) - 1)]
     edge = 1.0 + math.copysign(SETTLING_BAND, a - 1.0)
@@ -73,7 +73,7 @@ def _settling_time(shares: Sequence[Sample]) -> float:
 
 
 def _crossing_time(shares: Sequence[Sample], level: float) -> float:
-    """When the level is first met, on the straight line between two samples."""
+    """Time of the first crossing of a level, interpolated linearly."""
     for (t0, a), (t1, b) in pairwise(shares):
         if a < level <= b:
             return t0 + (t1 - t0) * (level - a) / (b - a)
@@ -81,18 +81,18 @@ def _crossing_time(shares: Sequence[Sample], level: float) -> float:
 
 
 SET_POINT_REST_S = 0.5
-"""A set-point that keeps its value for so long rests; one that changes sooner is in motion."""
+"""Time [s] without a change after which a set-point counts as resting."""
 TRANSIENT_S = 1.0
-"""Of each motion, so much of the beginning is left out."""
+"""Time [s] at the start of each motion that is left out."""
 MIN_STEP_DEG = 1.0
-"""deg; a smaller change of a resting set-point is no step to measure."""
+"""Smallest change [deg] of a resting set-point that counts as a step."""
 
 
 class TrackingError:
-    """Root mean square and maximum of the error in motion.
+    """Root mean square and maximum of the tracking error in motion.
 
-    A set-point that comes less often than the controller acts is a staircase, and within a stair nothing can follow it:
-    the error is the mean over the ticks that share one set-point.
+    A set-point that arrives less often than the controller runs is a staircase, which nothing can follow exactly: the
+    error is averaged over the ticks with the same set-point.
     """
 
     def __init__(self) -> None:
@@ -103,23 +103,23 @@ class TrackingError:
 
     @property
     def rms(self) -> float | None:
-        """deg; None when nothing moved."""
+        """Root mean square error [deg]; None if there was no motion."""
         return math.sqrt(self._squares / self._count) if self._count else None
 
     def start(self, time: float) -> None:
-        """A motion begins at ``time`` [s]."""
+        """Start a motion at ``time`` [s]."""
         self._since, self._stair = time, []
 
     def end(self) -> None:
-        """The set-point rests; what came since its last change counts no more."""
+        """End the motion; errors since the last change of the set-point do not count."""
         self._since, self._stair = math.inf, []
 
     def add_error(self, error: float) -> None:
-        """The error [deg] at one tick of the present set-point."""
+        """Add the error [deg] at one tick of the current set-point."""
         self._stair.append(error)
 
     def end_stair(self, time: float) -> None:
-        """The next set-point comes at ``time`` [s]."""
+        """End the current set-point at ``time`` [s]."""
         if self._stair and time - self._since > TRANSIENT_S:
             error = sum(self._stair) / len(self._stair)
             self._squares, self._count = self._squares + error * error, self._count + 1
@@ -128,7 +128,7 @@ class TrackingError:
 
 
 class SetPointMetrics:
-    """Takes set-point and true angle, tick by tick."""
+    """Splits the run into steps and motions of the set-point, and measures them tick by tick."""
 
     def __init__(self) -> None:
         self.tracking = TrackingError()
@@ -140,20 +140,20 @@ class SetPointMetrics:
 
     @property
     def steps(self) -> tuple[StepFigures, ...]:
-        """The steps that could be measured, in order."""
+        """The measured steps, in order."""
         return tuple(found for each in self._steps if (found := each.result()) is not None)
 
     @property
     def largest_step(self) -> StepFigures | None:
-        """The largest of the steps, the first of equals."""
+        """The largest step, the first of equals."""
         return max(self.steps, key=lambda each: abs(each.to_deg - each.from_deg), default=None)
 
     def resting_time(self, time: float) -> float:
-        """For how long the set-point has rested at ``time``, s."""
+        """Return how long [s] the set-point has rested at ``time``."""
         return 0.0 if self._set_point is None or self._moving else time - self._changed
 
     def add_sample(self, time: float, set_point: float, angle: float) -> None:
-        """At ``time`` [s] the arm should be at ``set_point`` and truly is at ``angle`` [deg]."""
+        """Add set-point and true angle [deg] at ``time`` [s]."""
         if self._set_point is None:
             self._set_point, self._changed = set_point, time
         if set_point != self._set_point:
@@ -182,13 +182,13 @@ class SetPointMetrics:
 
 
 REST_RATE = 0.1
-"""deg/s; an arm that is slower rests."""
+"""Rate [deg/s] below which an arm counts as resting."""
 FINISHED_REST_S = 1.0
-"""An arm whose set-point and itself have rested for so long has finished."""
+"""Time [s] of rest, of arm and set-point, after which an arm has finished."""
 
 
 class ArmMeter:
-    """Figures of one arm so far; ``arm`` is what is known of it at present."""
+    """Metrics of one arm so far; ``arm`` is its current specification."""
 
     def __init__(self, arm: ArmSpec) -> None:
         self.arm = arm
@@ -200,7 +200,7 @@ class ArmMeter:
         self._controlled_s = self._saturated_s = self._max_gap = self._max_effort = self._effort_squares = 0.0
 
     def add_joint_state(self, state: JointState) -> None:
-        """Take joint states; those without the arm's joint are of another robot."""
+        """Add joint states; those without the arm's joint belong to another robot."""
         if self.arm.joint not in state.name or not state.position:
             return
         index = state.name.index(self.arm.joint)
@@ -210,7 +210,7 @@ class ArmMeter:
         self._samples += 1
 
     def add_control_state(self, state: JointControllerState) -> None:
-        """Take one tick of the controller, after the joint states of its time."""
+        """Add one tick of the controller, after the joint states of the same time."""
         if self._joint is None:
             return
         time, (angle, rate) = state.header.stamp.ns / 1e9, self._joint
@@ -230,7 +230,7 @@ class ArmMeter:
         self.finished_at = (self.finished_at or time) if rests else None
 
     def result(self, messages_lost: int) -> ArmFigures:
-        """All figures so far."""
+        """Return all figures so far."""
         steps, step, tracking = (
             self.set_point_metrics.steps,
             self.set_point_metrics.largest_step,

@@ -1,4 +1,4 @@
-"""Corners and closure: how well a robot keeps to a closed way that asks for a heading at each of its corners."""
+"""Corner and closure errors of a robot on a closed path with a heading at each corner."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from messages.se2 import Pose2, wrap
 from services.grader.records import CornerFigures
 
 CLOSURE_TOLERANCE = 1e-6
-"""m and rad by which a plan may miss being closed; it is made in double precision."""
+"""Tolerance [m, rad] for a plan to count as closed; plans have double precision."""
 
 
 @dataclass(frozen=True, slots=True)
 class Closure:
-    """How far from where its way began a robot ended, truly and by odometry, m and degrees; None before."""
+    """Distance [m] and angle [deg] between start and end, by ground truth and by odometry; None before."""
 
     true_m: float | None = None
     true_deg: float | None = None
@@ -24,9 +24,9 @@ class Closure:
 
 
 def is_closed(goals: tuple[Pose2, ...]) -> bool:
-    """Whether goals are corners: at least three, each with the heading of the leg to the next, the last to the first.
+    """Whether goals form a closed path: at least three, each heading to the next, the last to the first.
 
-    A square does so. A list of points with free headings does not: their yaw is 0, and a closed way turns.
+    A square does. A list of points without headings does not: their yaw is 0, while a closed path turns.
     """
     if len(goals) < 3:
         return False
@@ -38,9 +38,9 @@ def is_closed(goals: tuple[Pose2, ...]) -> bool:
 
 
 class CornerMetrics:
-    """The corners of one robot's plan, if that is closed. All poses are in the world.
+    """Corner errors of one robot, if its plan is closed. All poses are in the world frame.
 
-    A corner is measured where the robot says that it has reached it, the closure where it says that it has finished.
+    A corner is measured when the robot reports that it has reached it, the closure when it reports its finish.
     """
 
     def __init__(self) -> None:
@@ -51,19 +51,19 @@ class CornerMetrics:
         self._pending: list[GoalStatus] = []
 
     def set_plan(self, goals: tuple[Pose2, ...]) -> None:
-        """A new plan; the same one again changes nothing."""
+        """Set the plan; the same one again changes nothing."""
         if goals == self._goals:
             return
         self._goals, self._start, self._pending, self.closure = goals, None, [], Closure()
         self.corners = [None] * len(goals) if is_closed(goals) else []
 
     def add_status(self, status: GoalStatus) -> None:
-        """The robot says that it has reached a corner, or finished."""
+        """Handle the robot's report that it has reached a corner, or finished."""
         if self.corners and status.state in ("reached", "finished"):
             self._pending.append(status)
 
     def add_poses(self, time: float, true: Pose2, odometry: Pose2) -> None:
-        """The robot is truly at ``true`` at ``time`` [s], and by ``odometry``; the latter is nan when not known."""
+        """Add the true pose at ``time`` [s] and the pose by ``odometry``, which is nan if unknown."""
         if not self.corners or math.isnan(odometry.x):
             return
         if self._start is None:

@@ -1,4 +1,4 @@
-"""The loop of the grader: every robot's messages in; at the end of the run, its figures on disk."""
+"""The loop of the grader: reads the messages of all robots, and writes the results at the end of the run."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ from services.grader.results import prepare_folder, write_results
 from services.runtime.context import Context
 
 GRADING_DELAY_NS = SECOND // 5
-"""The grader judges one period [ns] behind the clock, when everything stamped until then has arrived."""
+"""Delay [ns] with which messages are processed, so that all with earlier stamps have arrived."""
 
 
 def run(ctx: Context[GraderParameters]) -> None:
-    """Measure until the run ends or the process is stopped; either way the figures are written."""
+    """Measure until the run ends or the process is stopped, then write the results."""
     p = ctx.params
     folder = prepare_folder(Path(p.output))
     robots = [name.strip("/") for name in p.robots]
@@ -64,19 +64,19 @@ def run(ctx: Context[GraderParameters]) -> None:
 
 
 class RobotStreams:
-    """The streams of one robot."""
+    """The subscriptions of one robot."""
 
     def __init__(self, ctx: Context[GraderParameters], robot: str) -> None:
         self._robot = robot
-        self._plan = ctx.stream(PLAN, f"/{robot}/plan")
-        self._status = ctx.stream(STATUS, f"/{robot}/status")
-        self._odometry = ctx.stream(ODOM, f"/{robot}/odom")
-        self._truth = ctx.stream(GROUND_TRUTH, f"/{robot}/ground_truth")
-        self._base = ctx.stream(BASE_STATUS, f"/{robot}/base_status")
-        self._parameter_updates = ctx.stream(UPDATES, f"/{robot}/base/parameter_updates")
+        self._plan = ctx.stream(PLAN.of(robot))
+        self._status = ctx.stream(STATUS.of(robot))
+        self._odometry = ctx.stream(ODOM.of(robot))
+        self._truth = ctx.stream(GROUND_TRUTH.of(robot))
+        self._base = ctx.stream(BASE_STATUS.of(robot))
+        self._parameter_updates = ctx.stream(UPDATES.of(f"{robot}/base"))
 
     def forward(self, graded: Measurement, now: int, halting: dict[str, BrakingSpec]) -> None:
-        """Hand what has come by ``now`` [ns] to the measuring; ``halting`` follows the parameters of the base."""
+        """Forward the messages received by ``now`` [ns]; ``halting`` is kept up to date with the base's parameters."""
         for values in self._parameter_updates.drain():
             if (known := braking_from_parameters(self._robot, values)) is not None:
                 halting[self._robot] = known
@@ -89,16 +89,16 @@ class RobotStreams:
 
 
 class ArmStreams:
-    """The streams of one arm. Its controller's largest effort is followed in the set of parameters beside its state."""
+    """The subscriptions of one arm, with its controller's largest effort from the parameter set next to its state."""
 
     def __init__(self, ctx: Context[GraderParameters], robot: str, arm: ArmSpec) -> None:
         self._robot, self._arm = robot, arm
-        self._joints = ctx.stream(JOINT_STATES, f"/{robot}/joint_states")
-        self._control = ctx.stream(CONTROL_STATE, arm.state)
-        self._parameter_updates = ctx.stream(UPDATES, f"{arm.state.rpartition('/')[0]}/parameter_updates")
+        self._joints = ctx.stream(JOINT_STATES.of(robot))
+        self._control = ctx.stream(CONTROL_STATE.named(arm.state))
+        self._parameter_updates = ctx.stream(UPDATES.of(arm.state.rpartition("/")[0]))
 
     def forward(self, graded: Measurement, now: int, _: dict[str, BrakingSpec]) -> None:
-        """Hand what has come by ``now`` [ns] to the measuring."""
+        """Forward the messages received by ``now`` [ns]."""
         for values in self._parameter_updates.drain():
             told = {each.name: each.value for each in values.values}.get("saturation")
             if isinstance(told, float | int) and not isinstance(told, bool):
@@ -109,7 +109,7 @@ class ArmStreams:
 
 
 def braking_from_parameters(robot: str, values: ParameterValues) -> BrakingSpec | None:
-    """How a base with these parameters stops; None when they do not tell."""
+    """Return how a base with these parameters brakes; None if unknown."""
     told = {each.name: each.value for each in values.values}
     try:
         stated = {"name": robot, "timeout": told.get("cmd_vel_timeout"), "brake": told.get("brake")}

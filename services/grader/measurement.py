@@ -1,4 +1,4 @@
-"""The measurement of a run: processes the messages of all robots in stamp order, and counts losses."""
+"""Measures a run: processes the messages of all robots in stamp order, and counts lost messages."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from services.grader.trajectory import trajectory_hash
 
 MAX_PROCESSES = 4096
 MAX_TOPICS = 1 << 16
-"""Processes, and topics of each, that are remembered: whoever else beats is not counted."""
+"""Most processes, and topics of each, that are counted."""
 
 
 @dataclass
 class _Process:
-    """What the heartbeats of one life of a node have told; ``total`` is over all its topics."""
+    """Counts from the heartbeats of one process; ``total`` is over all its topics."""
 
     total: int = 0
     missed: int = 0
@@ -34,11 +34,11 @@ class _Process:
 
 
 class MessageLosses:
-    """The last counts of every process; a restarted process counts anew beside its predecessor.
+    """Counts of lost messages per process; a restarted process is counted in addition to its predecessor.
 
-    A heartbeat tells the total, and of a node with many topics those with new losses first: each topic's count is the
-    last one told. The losses of ``readers``, which are nodes, are the run's, those of all nodes when none is named.
-    What others miss, who only look on, is told apart: a browser that is slow says nothing of a run.
+    A heartbeat has the total, and of a node with many topics those with new losses first: each topic has the last count
+    reported. The losses of the nodes ``readers`` (all nodes if empty) count for the run. Those of others, which only
+    observe, are listed separately: a slow browser says nothing about a run.
     """
 
     def __init__(self, readers: Collection[str] = ()) -> None:
@@ -46,7 +46,7 @@ class MessageLosses:
         self._processes: dict[tuple[str, int], _Process] = {}
 
     def add_heartbeat(self, health: Health) -> None:
-        """Take one heartbeat."""
+        """Add one heartbeat."""
         who = health.node, health.pid
         if (known := self._processes.get(who)) is None:
             if len(self._processes) >= MAX_PROCESSES:
@@ -59,11 +59,11 @@ class MessageLosses:
         known.total = max(health.lost, sum(known.by_topic.values()))
 
     def total_losses(self) -> int:
-        """Messages that readers lost, on all topics."""
+        """Messages lost by readers on all topics."""
         return saturating_add(0, sum(each.total for (node, _), each in self._processes.items() if self._counts(node)))
 
     def robot_losses(self, robot: str) -> int:
-        """Messages that readers lost on the topics of one robot."""
+        """Messages lost by readers on the topics of one robot."""
         own = f"{robot}/"
         counting = (each for (node, _), each in self._processes.items() if self._counts(node))
         return saturating_add(
@@ -71,7 +71,7 @@ class MessageLosses:
         )
 
     def missed_ticks(self) -> dict[str, int]:
-        """The ticks that each reader missed because it was late; those that missed none are left out."""
+        """Ticks missed by each reader because it was late; without those that missed none."""
         found: dict[str, int] = {}
         for (node, _), each in sorted(self._processes.items()):
             if each.missed and self._counts(node):
@@ -79,7 +79,7 @@ class MessageLosses:
         return found
 
     def observer_losses(self) -> dict[str, int]:
-        """What each node missed that is no reader; those that missed nothing are left out."""
+        """Messages lost by each node that is not a reader; without those that lost none."""
         found: dict[str, int] = {}
         for (node, _), each in sorted(self._processes.items(), key=lambda item: item[0]):
             if each.total and not self._counts(node):
@@ -95,11 +95,11 @@ GradedMessage = StampedMessage | BrakingSpec | ArmSpec
 
 
 MAX_PENDING = 20_000
-"""Messages stamped ahead of the time that are kept; of more, those furthest ahead are dropped: they are no run's."""
+"""Most messages kept with stamps in the future; beyond that, those furthest ahead are dropped as invalid."""
 
 
 class MessageKind(IntEnum):
-    """The order in which messages of one stamp are judged."""
+    """Order in which messages with the same stamp are processed."""
 
     PLAN = 0
     STATUS = 1
@@ -113,9 +113,9 @@ class MessageKind(IntEnum):
 
 
 class Measurement:
-    """Everything measured since the start or the last reset of the simulation.
+    """All measurements since the start or the last reset of the simulation.
 
-    Nothing depends on the order of arrival: messages wait until ``advance`` passes their stamps.
+    Results do not depend on the order of arrival: messages wait until ``advance`` passes their stamps.
     """
 
     def __init__(
@@ -138,24 +138,24 @@ class Measurement:
         self._positions: dict[str, Point] = {}
 
     def add_messages(self, kind: MessageKind, robot: str, messages: Iterable[StampedMessage]) -> None:
-        """Take messages of one robot, to be judged when ``advance`` passes their stamps."""
+        """Add messages of one robot, to be processed when ``advance`` passes their stamps."""
         self._pending += [(message.header.stamp.ns, kind, robot, message) for message in messages]
 
     def set_braking(self, stamp: int, robot: str, halting: BrakingSpec) -> None:
-        """The base of a robot stops like this from ``stamp`` [ns] on."""
+        """Set how the base of a robot brakes from ``stamp`` [ns] on."""
         self._pending.append((stamp, MessageKind.BRAKING, robot, halting))
 
     def set_arm(self, stamp: int, robot: str, arm: ArmSpec) -> None:
-        """What is known of an arm from ``stamp`` [ns] on."""
+        """Set the specification of an arm from ``stamp`` [ns] on."""
         self._pending.append((stamp, MessageKind.ARM, robot, arm))
 
     def add_heartbeats(self, beats: Iterable[Health]) -> None:
-        """Take heartbeats of any nodes."""
+        """Add heartbeats of any nodes."""
         for beat in beats:
             self.losses.add_heartbeat(beat)
 
     def advance(self, end: int) -> None:
-        """Judge everything stamped up to ``end`` [ns]."""
+        """Process all messages with stamps up to ``end`` [ns]."""
         self._end = max(self._end, end)
         ready = [each for each in self._pending if each[0] <= end]
         self._pending = [each for each in self._pending if each[0] > end]
@@ -167,11 +167,11 @@ class Measurement:
 
     @property
     def finished(self) -> bool:
-        """Whether every robot has finished its plan, and every arm rests where it should."""
+        """Whether all robots have finished their plans, and all arms rest at their set-points."""
         return bool(self.robots) and all(meter.finished_at is not None for meter in self.robots.values())
 
     def measurements(self, ended: EndReason, lockstep: LockstepState | None = None) -> Measurements:
-        """All figures up to the last ``advance``; ``lockstep`` is what the simulation told last of its members."""
+        """Return all figures up to the last ``advance``; ``lockstep`` is the last state of the members."""
         return Measurements(
             ended=ended,
             sim_seconds=self._end / SECOND,
@@ -210,7 +210,7 @@ class Measurement:
                 arm.arm = message
 
     def _update_distances(self, stamp: int, name: str, here: Point) -> None:
-        """Distances between the robots that have a sample of one and the same instant."""
+        """Update the distances between robots with samples of the same instant."""
         if stamp != self._distance_stamp:
             self._distance_stamp, self._positions = stamp, {}
         for other, there in self._positions.items():

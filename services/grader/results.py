@@ -1,4 +1,4 @@
-"""The result files of the grader: the folder of a run, measurements as JSON, trails as numpy arrays."""
+"""Writes the result files of the grader: measurements as JSON, trails as numpy arrays."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from services.runtime.errors import BadInput
 
 
 def prepare_folder(folder: Path) -> Path:
-    """Make the folder and try to write in it; raises BadInput now rather than after the run."""
+    """Create the folder and check that it can be written; raises BadInput now rather than after the run."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -47,7 +47,7 @@ def write_atomic(path: Path, content: bytes) -> None:
 
 
 def write_results(folder: Path, measurements: Measurements, robots: Mapping[str, RobotMeter | ArmMeter]) -> None:
-    """Write both files; the figures come last, so whoever finds them finds the trails too. Raises BadInput."""
+    """Write both files, the figures last, so that the trails exist when they do. Raises BadInput."""
     arrays: dict[str, np.ndarray] = {}
     for name, meter in robots.items():
         columns = ARM_TRAIL_COLUMNS if isinstance(meter, ArmMeter) else ROBOT_TRAIL_COLUMNS

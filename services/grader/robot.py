@@ -1,4 +1,4 @@
-"""The meter of one robot: reference path, progress along the plan, odometry error, and all its metrics."""
+"""Metrics of one robot: cross-track error, progress along the plan, odometry error and stops."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ def segment_distance(a: Point, b: Point, x: float, y: float) -> float:
 
 
 class ReferencePath:
-    """``corners``: the start and then the goals, m. Leg k leads to goal k, from corner k to corner k + 1."""
+    """The path through ``corners``, the start and the goals [m]; segment k leads from corner k to goal k."""
 
     def __init__(self, start: Point, goals: tuple[Point, ...]) -> None:
         self.goals = goals
         self.corners: tuple[Point, ...] = (start, *goals)
 
     def cross_track(self, index: int, x: float, y: float) -> float:
-        """Distance [m] to the path for a robot on its way to goal ``index``.
+        """Return the distance [m] to the path of a robot on its way to goal ``index``.
 
-        Only the leg to that goal and the one before count, the nearer of the two: who cuts a corner or turns on a point
-        is measured against the corner, and a crossing with a later leg hides nothing.
+        Only the segment to that goal and the one before count, whichever is nearer: cutting a corner is measured
+        against the corner, and a crossing with a later segment hides nothing.
         """
         here = segment_distance(self.corners[index], self.corners[index + 1], x, y)
         if index == 0:
@@ -46,10 +46,10 @@ class ReferencePath:
 
 
 class PlanProgress:
-    """Which goal is pursued, which were reached and when, and the distance from the reference path.
+    """Progress of a robot along its plan, and its distance from the reference path.
 
-    The robot's status says which goal it pursues. A robot that reports none is taken to pursue its goals in turn. That
-    a goal was reached is never taken from the robot: ground truth must come within ``tolerance`` [m].
+    The robot's status has its current goal; a robot without a status is assumed to drive to its goals in order. Whether
+    a goal was reached is decided by ground truth alone, which must come within ``tolerance`` [m].
     """
 
     def __init__(self, tolerance: float) -> None:
@@ -67,11 +67,11 @@ class PlanProgress:
 
     @property
     def rms_cross_track(self) -> float | None:
-        """Root mean square of the cross-track error [m] from the plan's start to its end; None before."""
+        """Root mean square of the cross-track error [m] over the plan; None before its start."""
         return math.sqrt(self._squares / self._count) if self._count else None
 
     def set_plan(self, goals: tuple[Point, ...]) -> None:
-        """A new plan begins where the robot is; the same one again (its driver was restarted) changes nothing."""
+        """Set a plan, which starts where the robot is; the same one again, after a restart, changes nothing."""
         if goals == self._goals:
             return
         self._goals, self._index, self.finished_at = goals, 0, None
@@ -79,14 +79,14 @@ class PlanProgress:
         self.reference_path = ReferencePath(self._position, goals) if self._position and goals else None
 
     def add_status(self, status: GoalStatus) -> None:
-        """The robot says which goal it pursues, or that it has finished."""
+        """Handle the robot's current goal, or its report that it has finished."""
         self._has_status = True
         self._index = min(status.index, max(0, len(self._goals) - 1))
         finished = status.state == "finished"
         self.finished_at = (self.finished_at or status.header.stamp.ns / 1e9) if finished else None
 
     def add_position(self, time: float, here: Point) -> float:
-        """The robot is truly ``here`` [m] at ``time`` [s]; returns the cross-track error [m], nan without a plan."""
+        """Add the true position ``here`` [m] at ``time`` [s]; return the cross-track error [m], nan without a plan."""
         self._position = here
         if self.reference_path is None:
             if not self._goals:
@@ -118,9 +118,9 @@ UNKNOWN_POSE = Pose2(math.nan, math.nan, math.nan)
 
 
 class OdometryError:
-    """Places the frame of the odometry in the world where the first two samples of one stamp agree, then compares.
+    """Compares odometry with ground truth, after aligning the two frames at the first samples with the same stamp.
 
-    World odometry lies there already; wheel odometry starts wherever it was reset. Distances in m, headings in rad.
+    World odometry is aligned already; wheel odometry starts wherever it was reset. Distances in m, headings in rad.
     """
 
     def __init__(self) -> None:
@@ -137,11 +137,11 @@ class OdometryError:
         return self._odom_to_world or IDENTITY
 
     def add_odometry(self, sample: Odometry) -> None:
-        """Keep an odometry sample for the ground truth of its stamp."""
+        """Add an odometry sample, for the ground truth with the same stamp."""
         self._sample = sample
 
     def compare(self, stamp: int, truth: Pose) -> Pose2:
-        """The pose in the world that odometry gives at ``stamp`` [ns]; NOWHERE when it has no sample of then."""
+        """Return the pose by odometry at ``stamp`` [ns] in the world frame; NOWHERE without a sample."""
         if self._sample is None or self._sample.header.stamp.ns != stamp:
             return UNKNOWN_POSE
         here, there = Pose2.from_msg(self._sample.pose.pose), Pose2.from_msg(truth)
@@ -156,9 +156,9 @@ class OdometryError:
 
 
 class RobotMeter:
-    """Figures of one robot so far. ``halting`` is what is known of its base's brake.
+    """Metrics of one robot so far. ``halting`` is how its base brakes, if known.
 
-    Plan and status wait for the next ground truth: a plan in the frame of odometry is placed in the world by it.
+    Plan and status wait for the next ground truth, with which a plan is transformed from the odom to the world frame.
     """
 
     def __init__(self, reach_tolerance: float, halting: BrakingSpec | None = None) -> None:
@@ -175,20 +175,20 @@ class RobotMeter:
 
     @property
     def finished_at(self) -> float | None:
-        """When the robot had finished its plan, s; None before."""
+        """Time [s] at which the robot finished its plan; None before."""
         return self.progress.finished_at
 
     def add_message(self, message: Path | GoalStatus) -> None:
-        """Take a plan or a status."""
+        """Add a plan or a status."""
         self._pending.append(message)
 
     def add_base_status(self, status: BaseStatus) -> None:
-        """Take the state of the base, whose counts grow from spawn on."""
+        """Add the state of the base, whose counts start at spawning."""
         self._base = status
         self.stops.add_status(status)
 
     def add_truth(self, sample: Odometry) -> Point:
-        """Take a ground-truth sample; returns where the robot is, m."""
+        """Add a ground-truth sample; return the robot's position [m]."""
         stamp, pose = sample.header.stamp.ns, sample.pose.pose
         there = Pose2.from_msg(pose)
         here = there.x, there.y
@@ -208,7 +208,7 @@ class RobotMeter:
         return here
 
     def result(self, messages_lost: int) -> RobotFigures:
-        """All figures so far."""
+        """Return all figures so far."""
         progress, drift, base = self.progress, self.odometry_error, self._base
         closure, stop = self.corner_metrics.closure, self.stops.longest
         return RobotFigures(

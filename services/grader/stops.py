@@ -1,4 +1,4 @@
-"""Stops of a base that was left without a live command: how long and how far it ran on, against the theory."""
+"""Stops of a base after its commands ended: time and distance, compared with theory."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from models.dynamics import predict_stop
 from services.grader import BrakingSpec
 
 MAX_SAMPLES = 4096
-"""Samples since the last command, at most: 80 s at 50 Hz, longer than any time-out of a base."""
+"""Most samples since the last command: 80 s at 50 Hz, longer than any time-out of a base."""
 REST_SPEED = 1e-3
-"""True speed [m/s] below which a base rests; a jolt of the physics stays below it."""
+"""True speed [m/s] below which a base rests; physics jitter stays below it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """True at ``stamp`` [ns]: the way covered so far, m, and the speed, m/s."""
+    """Ground truth at ``stamp`` [ns]: distance travelled [m] and speed [m/s]."""
 
     stamp: int
     length: float
@@ -26,7 +26,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """From the last command, at a true ``speed`` [m/s], to rest: s and m; and what they should be, if that is known."""
+    """A stop, from the last command at a true ``speed`` [m/s] to rest: time [s], distance [m], and theory, if known."""
 
     speed: float | None = None
     time: float | None = None
@@ -36,9 +36,9 @@ class Stop:
 
 
 class StopMetrics:
-    """Measures each stop on ground truth. The status of the base tells of it up to 0.2 s late, so samples are kept.
+    """Measures each stop by ground truth. The status of the base is up to 0.2 s late, so samples are buffered.
 
-    ``halting`` is how the base stops at present, as far as it is known.
+    ``halting`` is how the base currently brakes, if known.
     """
 
     def __init__(self, halting: BrakingSpec | None = None) -> None:
@@ -50,7 +50,7 @@ class StopMetrics:
         self._last_command: int | None = None
 
     def add_status(self, status: BaseStatus) -> None:
-        """The base tells how often it was left without a command, and when it got its last one."""
+        """Handle the base's count of command time-outs, and the time of its last command."""
         last = status.last_command.ns
         if status.commands_timed_out > self._timed_out and status.timed_out:
             self._last_command = last
@@ -62,13 +62,13 @@ class StopMetrics:
         self._check_stop()
 
     def add_sample(self, stamp: int, length: float, speed: float) -> None:
-        """The robot has truly covered ``length`` [m] by ``stamp`` [ns] and moves at ``speed`` [m/s]."""
+        """Add the true distance travelled [m] and speed [m/s] at ``stamp`` [ns]."""
         self._samples.append(Sample(stamp, length, speed))
         if speed < REST_SPEED:
             self._check_stop()
 
     def _check_stop(self) -> None:
-        """Note the stop once the samples hold it whole, from the last command to rest."""
+        """Record the stop once the samples cover it, from the last command to rest."""
         if self._last_command is None or not self._samples:
             return
         begin = self._samples[0]
@@ -88,13 +88,13 @@ class StopMetrics:
 
 
 def _length_at(before: Sample, after: Sample, stamp: int) -> float:
-    """The way covered by ``stamp`` [ns], m, between two samples: evenly, also where those between them were lost."""
+    """Return the distance travelled [m] at ``stamp`` [ns], interpolated linearly, also across lost samples."""
     share = (stamp - before.stamp) / (after.stamp - before.stamp)
     return before.length + share * (after.length - before.length)
 
 
 def _rest_time(samples: list[Sample]) -> float:
-    """When the last of the samples came to rest, s: between the last two, where the brake of the two before ends."""
+    """Return the time of rest [s], between the last two samples, extrapolated from the deceleration before."""
     rest = samples[-1].stamp / 1e9
     if len(samples) < 3:
         return rest

@@ -24,7 +24,7 @@ from services.logger.entity_paths import (
 Extent = tuple[float, float, float, float]
 
 MAX_ARM_PLOTS = 2
-"""Arms that have a plot beside those of the fleet; every one has its own page."""
+"""Maximum arms with a plot on the fleet's page; each arm also has a page of its own."""
 
 BACKGROUND = (18, 20, 24)
 
@@ -34,7 +34,7 @@ def blueprint(
 ) -> rrb.Blueprint:
     """The layout for robots as (name, name of the URDF's robot), ``arms`` among them, on the last of ``timelines``.
 
-    ``extent`` [m] is the ground that the world shows at first: x and y of one corner, then of the opposite one.
+    ``extent`` [m] is the ground in the initial view: x and y of one corner, then of the opposite one.
     """
     names = [name for name, _ in robots]
     driving = [name for name in names if name not in arms]
@@ -79,7 +79,7 @@ def _world(robots: Sequence[tuple[str, str]], extent: Extent, timelines: Sequenc
 
 
 def _eye(extent: Extent) -> rrb.EyeControls3D:
-    """From the south and above, so far away that the whole extent is in view, x to the right."""
+    """The eye south of the extent and above it, far enough to see all of it, with x to the right."""
     x, y = (extent[0] + extent[2]) / 2, (extent[1] + extent[3]) / 2
     size = max(abs(extent[2] - extent[0]), abs(extent[3] - extent[1]), 1.0)
     return rrb.EyeControls3D(
@@ -123,7 +123,7 @@ def _arm(name: str) -> rrb.Vertical:
 
 
 def _plot(name: str, *entities: str, only: Sequence[bool] | None = None) -> rrb.TimeSeriesView:
-    """A plot of the whole run, of every robot or of the ``only`` one; the colours are those of the trails."""
+    """A plot of the whole run, of every robot or of the ``only`` one, in the colours of the trails."""
     lines = {} if only is None else {each: rr.SeriesLines.from_fields(visible_series=only) for each in entities}
     always = rrb.TimeRangeBoundary.infinite()
     return rrb.TimeSeriesView(

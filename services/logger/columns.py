@@ -27,14 +27,17 @@ Stamps = NDArray[np.int64]
 class Batch:
     """One robot's columns. Times are simulation time [ns]; positions [m] lie in the world.
 
-    At ``times`` (n,): ``positions`` (n, 3), ``quaternions`` (n, 4) as x, y, z, w, and ``scalars`` (n, 4), which are
-    speed and command [m/s], cross-track error and distance to the goal [m]; NaN where there is nothing to tell.
-    ``odometry_error`` (k, 1) [m] stands at ``odometry_times``, the segments ``trail`` (m, 2, 3) at ``trail_times``,
-    those of the odometry's estimate, ``odometry_trail`` (b, 2, 3), at ``odometry_trail_times``, ``angles`` (j, joints)
-    [rad] at ``joint_times``, ``control`` (c, 4) at ``control_times``: what a joint's controller wants, sees, misses and
-    does, deg, deg, deg, N m. ``plan`` (p, 3) is a new reference path, from ``plan_time`` on; ``goals`` (g, 3) tells
-    from ``goal_times`` on where the robot heads for, NaN for nowhere. ``scans`` holds for each of ``scan_times`` the
-    echoes (e, 3) of its laser.
+    Attributes:
+        positions: (n, 3) at ``times`` (n,), as are ``quaternions`` and ``scalars``.
+        quaternions: (n, 4) as x, y, z, w.
+        scalars: (n, 4) speed and command [m/s], cross-track error and distance to the goal [m]; NaN where unknown.
+        odometry_error: (k, 1) [m] at ``odometry_times``.
+        trail: segments (m, 2, 3) at ``trail_times``; ``odometry_trail`` (b, 2, 3) are those of the odometry.
+        angles: (j, joints) [rad] at ``joint_times``.
+        control: (c, 4) at ``control_times``, a joint controller's set point, angle, error [deg] and effort [N m].
+        plan: (p, 3) a new reference path from ``plan_time`` on.
+        goals: (g, 3) the current goal from each of ``goal_times`` on, NaN for none.
+        scans: for each of ``scan_times`` the echoes (e, 3) of the laser.
     """
 
     times: Stamps
@@ -90,11 +93,11 @@ class RowBuffer:
 
 
 SPACING = 0.02
-"""Metres between the corners of a trail: finer than it is drawn, and a tenth of the rows of a slow robot."""
+"""Distance of a trail's corners [m]: finer than it is drawn, with a tenth of a slow robot's rows."""
 
 
 class Trail:
-    """Thins out a path as it comes; the last corner joins one batch to the next."""
+    """Thins out a path incrementally; the last corner joins one batch to the next."""
 
     def __init__(self, spacing: float = SPACING) -> None:
         self.spacing = spacing
@@ -114,14 +117,14 @@ class Trail:
 
 
 ODOMETRY_TRAIL_Z = -0.001
-"""Height of the trail by odometry, m: as long as it agrees with the true one, it lies hidden under it."""
+"""Height of the odometry trail [m]: it is hidden below the true one as long as the two agree."""
 
 
 class RobotColumns:
-    """Takes one robot's messages and gives batches; ``clear`` at a reset.
+    """Collects one robot's messages into batches; ``clear`` it at a reset.
 
-    ``frames`` is what ``/tf_static`` tells, kept by who made it. An odometry whose frame it does not know is laid over
-    the first true pose.
+    ``frames`` holds the transforms of ``/tf_static`` and is updated by its owner. Odometry in a frame that it does not
+    have is aligned with the first true pose.
     """
 
     def __init__(self, limit: int = MAX_ROWS, frames: TransformBuffer | None = None) -> None:
@@ -158,7 +161,7 @@ class RobotColumns:
         return self._truth, self._odometry, self._commands, self._joints, self._control
 
     def add_truth(self, messages: Sequence[Odometry]) -> None:
-        """Ground truth: pose in the world, speed in the body."""
+        """Add ground truth: pose in the world, speed in the body."""
         rows = []
         for m in messages:
             stamp, p, q = m.header.stamp, m.pose.pose.position, m.pose.pose.orientation
@@ -168,7 +171,7 @@ class RobotColumns:
         self._truth.extend(rows)
 
     def add_odometry(self, messages: Sequence[Odometry]) -> None:
-        """What the robot itself believes."""
+        """Add the robot's own estimate of its pose."""
         rows = []
         for m in messages:
             stamp, p, q = m.header.stamp, m.pose.pose.position, m.pose.pose.orientation
@@ -177,13 +180,13 @@ class RobotColumns:
         self._odometry.extend(rows)
 
     def add_commands(self, messages: Sequence[Twist], now: int, dt: float) -> None:
-        """Commands of the ``dt`` [s] before ``now`` [ns]; they bear no stamp and are spread over it evenly."""
+        """Add commands of the ``dt`` [s] before ``now`` [ns]; having no stamps, they are spread over it evenly."""
         step = dt * 1e9 / max(1, len(messages))
         first = now - step * (len(messages) - 1)
         self._commands.extend([(first + step * i, m.linear.x) for i, m in enumerate(messages)])
 
     def add_joints(self, messages: Sequence[JointState]) -> None:
-        """Joint angles. The first message fixes which joints; others are not recorded."""
+        """Add joint angles. The first message determines the joints; messages with others are ignored."""
         if messages and not self._joint_names:
             self._joint_names = messages[0].name
             self._joints = RowBuffer(1 + len(self._joint_names), self._limit)
@@ -195,15 +198,15 @@ class RobotColumns:
         self._joints.extend(rows)
 
     def add_scans(self, messages: Sequence[LaserScan]) -> None:
-        """What the laser saw."""
+        """Add laser scans."""
         self._scans.add(messages)
 
     def add_control(self, messages: Sequence[JointControllerState]) -> None:
-        """What the controller of the robot's joint wants, sees and does."""
+        """Add the states of the robot's joint controller."""
         self._control.extend([(m.header.stamp.ns, m.set_point, m.process_value, m.error, m.command) for m in messages])
 
     def add_plan(self, plan: Path) -> None:
-        """The goals from now on; the same goals again change nothing, unless time has begun anew."""
+        """Set the goals from now on; the same goals again change nothing, except after a reset."""
         known = self._plan
         later = known is not None and known.header.stamp.ns <= plan.header.stamp.ns
         same = known is not None and _goals(known).tolist() == _goals(plan).tolist()
@@ -211,12 +214,12 @@ class RobotColumns:
             self._plan, self._reference, self._goal_changes, self._current_goal = plan, None, [], None
 
     def add_status(self, status: GoalStatus) -> None:
-        """Which goal the robot heads for."""
+        """Add which goal the robot heads for."""
         if status.count:
             self._goal_changes.append((status.header.stamp.ns, status.index, status.state in ("driving", "reached")))
 
     def flush(self) -> Batch:
-        """Everything since the last call, as columns."""
+        """The columns of everything since the last call."""
         truth, joints, control = self._truth.drain(), self._joints.drain(), self._control.drain()
         times = _stamps(truth)
         known = np.vstack((self._last_truth, truth))
@@ -258,9 +261,9 @@ class RobotColumns:
         )
 
     def _compare(self, truth: Floats, odometry: Floats) -> tuple[Stamps, Floats, Floats]:
-        """Odometry's distance from the truth and its positions (n, 3) in the world, where both are known.
+        """Times, errors (n, 1) and positions (n, 3) in the world of the odometry whose true pose is known.
 
-        Newer odometry waits for its truth.
+        Newer odometry is kept until its true pose arrives.
         """
         if not len(truth):
             self._odometry.extend([tuple(row) for row in odometry.tolist()])
@@ -286,7 +289,7 @@ class RobotColumns:
         return _stamps(met), off, np.column_stack((odometry_positions, np.full(len(met), ODOMETRY_TRAIL_Z)))
 
     def _start_reference(self, truth: Floats) -> Floats | None:
-        """The reference path (p, 3), once a new plan and the place where it began are both known in the world."""
+        """The reference path (p, 3), once a new plan and the robot's start are both known in the world; else None."""
         begun = None
         if self._plan is not None and self._reference is None and len(truth):
             here = world_transform(self._frames, self._plan.header.frame_id) or self._alignment
@@ -298,7 +301,7 @@ class RobotColumns:
         return begun
 
     def _drain_goals(self) -> tuple[Stamps, Floats]:
-        """Follow the robot from goal to goal: times (g,) and the goals (g, 3) that it heads for from then on."""
+        """The goal changes since the last call: times (g,) and the goals (g, 3) from then on."""
         times, goals = [], []
         if self._reference is not None:
             for time, index, under_way in self._goal_changes:

@@ -1,4 +1,4 @@
-"""Where each thing lies in a recording: what other programs need to read it."""
+"""Entity paths and timelines of a recording, which other programs need to read it."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ DISTANCE = "/plots/distance"
 
 
 def angle(robot: str) -> str:
-    """What the controller of an arm wants and what is: two series, deg."""
+    """Set point and angle of an arm's joint [deg], as two series."""
     return f"/plots/angle/{robot}"
 
 
 def error(robot: str) -> str:
-    """Wanted angle less true one, deg."""
+    """Set point minus angle [deg]."""
     return f"/plots/error/{robot}"
 
 
 def effort(robot: str) -> str:
-    """What the controller of an arm does, N m."""
+    """Effort of an arm's controller [N m]."""
     return f"/plots/effort/{robot}"
 
 
 def timeline(resets: int) -> str:
-    """``sim_time``, and ``sim_time_2`` after the first reset: time starts anew, so the two are never mixed."""
+    """``sim_time``, ``sim_time_2`` after the first reset, and so on: each reset starts a timeline of its own."""
     return f"{TIMELINE}_{resets + 1}" if resets else TIMELINE
 
 
 def transforms(robot: str) -> str:
-    """Ground truth of a robot and its joints: transforms to its base from the world, and along its body."""
+    """True transforms of a robot: from the world to its base, and of its joints."""
     return f"/{robot}/tf"
 
 
 def marker(robot: str) -> str:
-    """The disc and the name that make a small robot visible in a large world."""
+    """The disc and name that make a small robot visible in a large world."""
     return f"/{robot}/marker"
 
 
@@ -49,12 +49,12 @@ def collisions(robot: str, model: str) -> str:
 
 
 def trail(robot: str) -> str:
-    """Where a robot has been."""
+    """A robot's true path so far."""
     return f"/trails/{robot}"
 
 
 def odometry_trail(robot: str) -> str:
-    """Where a robot has been by its odometry."""
+    """A robot's path so far by its odometry."""
     return f"/odometry/{robot}"
 
 
@@ -69,10 +69,10 @@ def goals(robot: str) -> str:
 
 
 def scan(robot: str) -> str:
-    """What a robot's laser sees."""
+    """The echoes of a robot's laser."""
     return f"/scan/{robot}"
 
 
 def reference(robot: str) -> str:
-    """Where a robot is to go."""
+    """A robot's reference path."""
     return f"/reference/{robot}"

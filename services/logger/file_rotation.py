@@ -1,4 +1,4 @@
-"""Recordings of earlier lives of a logger: a new one lies beside them, never over them."""
+"""Rotates recordings, so that a restarted logger never overwrites an earlier one."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from services.runtime.errors import BadInput
 
 
 def rotate(file: Path) -> Path | None:
-    """Give what was recorded until now another name, ``run-1.rrd``, ``run-2.rrd`` …; None when there is nothing.
+    """Rename an existing recording to ``run-1.rrd``, ``run-2.rrd``, …, and return its new path, if there is one.
 
-    A logger that crashed or hung is started again with the same file, and rerun begins a file by emptying it.
-    Raises BadInput when the folder cannot be written.
+    A logger that crashed is restarted with the same file name, and rerun truncates the file that it opens. Raises
+    BadInput when the folder cannot be written.
     """
     try:
         if not file.is_file() or file.stat().st_size == 0:
@@ -24,7 +24,7 @@ def rotate(file: Path) -> Path | None:
 
 
 def rotated(file: Path) -> list[Path]:
-    """The recordings that were set aside for this one, oldest first."""
+    """The rotated recordings of this file, oldest first."""
     found = (each for each in file.parent.glob(f"{file.stem}-*{file.suffix}"))
     numbered = [(each.stem.removeprefix(f"{file.stem}-"), each) for each in found]
     return [each for number, each in sorted((int(n), each) for n, each in numbered if n.isdecimal())]

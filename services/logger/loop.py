@@ -1,4 +1,4 @@
-"""The loop of the logger: every robot's topics and the log in, a recording out."""
+"""The logger's loop: writes every robot's topics and the log to a recording."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ except ImportError as error:
 
 
 def run(ctx: Context[LoggerParameters]) -> None:
-    """Record until told to stop; what came last is still written."""
+    """Record until stopped, including the last messages."""
     p = ctx.params
     file = Path(p.file or "run.rrd").absolute()
     port = p.port if p.serve else None
     robots = pair_models(p.robots, p.models)
     if aside := rotate(file):
-        ctx.log.warn(f"{file.name} was there already, as after a crash: what it holds is kept as {aside.name}")
+        ctx.log.warn(f"{file.name} existed already, as after a crash: it is kept as {aside.name}")
     with Recording(file, robots, p.extent, ctx.log.warn, port, p.memory, p.footer) as recording:
         ctx.log.info(f"recording to {file}" + (f", live at {recording.url}" if recording.url else ""))
         show_live(ctx, recording)
@@ -68,10 +68,10 @@ def run(ctx: Context[LoggerParameters]) -> None:
 
 
 def pair_models(robots: Sequence[str], models: Sequence[str]) -> list[tuple[str, str]]:
-    """Each robot with its model; raises BadInput when their counts do not fit or a robot comes twice."""
+    """Each robot with its model; raises BadInput for counts that do not match, and for duplicate names."""
     names = [robot.strip("/") for robot in robots]
     if len(set(names)) != len(names):
-        raise BadInput(f"logger: robots {', '.join(names)}: a name comes twice")
+        raise BadInput(f"logger: robots {', '.join(names)}: a name is given twice")
     if len(models) not in (1, len(robots)):
         raise BadInput(
             f"logger: {len(models)} models for {len(robots)} robots: give one model for each, or one for all"
@@ -85,14 +85,14 @@ def write_batches(
     subscriptions: Sequence[RobotSubscriptions],
     last: bool = False,
 ) -> None:
-    """Write what the robots have brought, and tell what was lost."""
+    """Write the collected columns, and warn of dropped rows."""
     recording.write({each.robot: each.columns.flush() for each in subscriptions}, last)
     if lost := sum(each.columns.dropped for each in subscriptions):
         ctx.log.warn(f"{lost} rows were not recorded: more comes than is written, is the disk slow?", every=5.0)
 
 
 def show_live(ctx: Context[LoggerParameters], recording: Recording) -> None:
-    """Open a viewer where one is wanted; the recording goes on without it."""
+    """Open a viewer if the parameters ask for one; the recording continues without it."""
     if recording.url and should_open(ctx.params.view, os.environ):
         try:
             open_viewer(recording.url, os.environ, recording.file.with_suffix(".viewer.log"))

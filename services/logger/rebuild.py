@@ -1,4 +1,4 @@
-"""A recording for the viewer from messages that were recorded before."""
+"""Builds a recording for the viewer from messages of a bag."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ BATCH_NS = 1_000_000_000
 
 
 class RecordingBuilder:
-    """Writes ``file`` as the logger would have done; ``with`` opens and closes it.
+    """Writes ``file`` as the logger would have; ``with`` opens and closes it.
 
-    ``robots`` are (namespace, model). A joint controller's state does not say whose it is, and counts as that of the
-    arm where there is one alone. ``with`` raises BadInput for a file that cannot be written.
+    ``robots`` are (namespace, model). A joint controller's state does not name its robot; it is assigned to the arm if
+    there is only one. ``with`` raises BadInput for a file that cannot be written.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class RecordingBuilder:
         self._recording.__exit__(kind, error, trace)
 
     def add(self, topic: str, message: Message, time_ns: int) -> None:
-        """One message of the absolute name ``topic``, at a simulated time; those of other topics are left out."""
+        """Add a message of the absolute name ``topic`` at a simulated time; other topics are ignored."""
         if isinstance(message, Clock):
             self._on_clock(message)
         elif isinstance(message, Log):
@@ -77,7 +77,7 @@ class RecordingBuilder:
             self._due = time_ns + BATCH_NS
 
     def _on_clock(self, clock: Clock) -> None:
-        """After a reset, time begins anew, on a timeline of its own."""
+        """Start a new timeline after a reset."""
         if self._epoch not in (-1, clock.epoch):
             self._flush(last=True)
             self._recording.restart()
@@ -111,5 +111,5 @@ def _add(columns: RobotColumns, name: str, message: Message, time_ns: int) -> No
 
 
 def _name(namespace: str) -> str:
-    """A robot's name in the recording, where it is one part of a path."""
+    """A robot's name in the recording, as one part of an entity path."""
     return namespace.strip("/").replace("/", "_")

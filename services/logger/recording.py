@@ -1,8 +1,7 @@
-"""A rerun recording: its sinks, the robots' scenes and styles once, then batches of columns."""
+"""Writes a rerun recording: scenes and styles once, then batches of columns, to a file and live viewers."""
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -20,11 +19,12 @@ from services.logger.blueprint import Extent, blueprint
 from services.logger.columns import Batch
 from services.logger.scene import RobotScene, darkened
 from services.runtime.errors import BadInput
+from services.runtime.ports import bind_error
 
 HOST = "127.0.0.1"
 
 FLUSH_TIMEOUT_S = 5.0
-"""Wall time given to the disk and the server to take what was sent."""
+"""Wall time for the disk and the server to accept what was sent."""
 
 
 def open_sinks(
@@ -32,7 +32,7 @@ def open_sinks(
 ) -> tuple[str, str]:
     """Connect ``stream`` to ``file`` and, with a ``port``, to a server for viewers.
 
-    Returns the viewer's URL and what is wrong with the live view; one of the two is empty, both without a port.
+    Returns the viewer's URL and the problem with the live view; one of the two is empty, both are without a port.
     Raises BadInput when the file cannot be written.
     """
     url, trouble = "", ""
@@ -61,27 +61,22 @@ def _connect(stream: rr.RecordingStream, layout: Blueprint, *sinks: rr.GrpcServe
 
 
 def _port_error(port: int) -> str:
-    """Why the port cannot be had; empty when it can. Asked first, since rerun's server fails later and unseen."""
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((HOST, port))
-        except OSError as error:
-            return f"no live view: port {port} of {HOST} is not free ({error.strerror}); is another logger running?"
-    return ""
+    """Why the port is not free; empty if it is. Checked first, since rerun's server fails later and silently."""
+    why = bind_error(port)
+    return f"no live view: port {port} of {HOST} is not free ({why}); is another logger running?" if why else ""
 
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 STALE_NS = 500_000_000
-"""A robot that has been silent for longer is not waited for, and has no value."""
+"""A robot without rows for longer is not waited for, and has no value."""
 
 
 class FleetSeries:
     """Joins the rows of ``robots``, each of ``width`` values; a robot holds its value until its next row.
 
-    A time is given out once, when every robot that speaks has reached it.
+    Each time is drained once, after all robots that are not stale have reached it.
     """
 
     def __init__(self, robots: int, width: int) -> None:
@@ -91,7 +86,7 @@ class FleetSeries:
         self._drained_upto = -1
 
     def add(self, robot: int, times: Stamps, values: Floats) -> None:
-        """Rows of one robot: ``times`` (n,) [ns], ``values`` (n, width)."""
+        """Add rows of one robot: ``times`` (n,) [ns], ``values`` (n, width)."""
         self._times[robot] = np.concatenate((self._times[robot], times))
         self._values[robot] = np.concatenate((self._values[robot], values))
 
@@ -131,7 +126,7 @@ REFERENCE_WIDTH = -0.7
 class Recording:
     """Writes ``file``, and serves viewers on ``port`` of 127.0.0.1 unless that is None; ``with`` opens and closes it.
 
-    ``robots`` are (name, model). A live view that cannot be had is told to ``warn`` and costs nothing else.
+    ``robots`` are (name, model). A live view that cannot start is reported to ``warn``; the file is still written.
     ``with`` raises BadInput for a file that cannot be written or a model that does not exist.
     """
 
@@ -161,7 +156,7 @@ class Recording:
             self._stream, self.file, self._footer, self._port, self._memory_mib, self._layout()
         )
         if trouble:
-            self._warn(f"{trouble}; the recording goes on in {self.file}")
+            self._warn(f"{trouble}; the recording continues in {self.file}")
         self._stream.log("/", rr.CoordinateFrame("world"), rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         for scene in scenes:
             scene.log_to(self._stream)
@@ -175,7 +170,7 @@ class Recording:
         self._stream.disconnect()
 
     def commit(self) -> None:
-        """Block until what was written is in the file: a killed process loses none of it, and nothing piles up."""
+        """Block until everything is in the file, so that a killed process loses none of it and nothing piles up."""
         try:
             self._stream.flush(timeout_sec=FLUSH_TIMEOUT_S)
         except (RuntimeError, ValueError) as failure:
@@ -189,7 +184,7 @@ class Recording:
             self._stream.send_blueprint(self._layout())
 
     def write(self, batches: Mapping[str, Batch], last: bool = False) -> None:
-        """Append the robots' batches; plots wait for the slowest robot, unless it is the ``last`` time."""
+        """Append the robots' batches; plots wait for the slowest robot, except for the ``last`` batches."""
         for scene in self._scenes.values():
             if (batch := batches.get(scene.name)) is not None:
                 self._write_robot(scene, batch)
@@ -210,13 +205,13 @@ class Recording:
         nodes: dict[str, list[Log]] = {}
         for line in lines:
             nodes.setdefault(line.name, []).append(line)
-        for node, said in nodes.items():
+        for node, entries in nodes.items():
             columns = rr.TextLog.columns(
-                text=[f"{line.name.strip('/')}: {line.msg}" for line in said],
-                level=[LEVELS.get(line.level, "INFO") for line in said],
+                text=[f"{line.name.strip('/')}: {line.msg}" for line in entries],
+                level=[LEVELS.get(line.level, "INFO") for line in entries],
             )
             self._send(
-                f"{entity_paths.LOG}/{node.strip('/')}", np.array([line.header.stamp.ns for line in said]), columns
+                f"{entity_paths.LOG}/{node.strip('/')}", np.array([line.header.stamp.ns for line in entries]), columns
             )
 
     def _write_robot(self, scene: RobotScene, batch: Batch) -> None:
@@ -246,7 +241,7 @@ class Recording:
                 self._send(entity, ends, rr.LineStrips3D.columns(strips=segments.astype(np.float32)))
 
     def _plot(self, entity: str, times: Stamps, values: Floats) -> None:
-        """Rows of one value for each robot; a plot of which nothing is known yet is not begun."""
+        """Send rows of one value for each robot, once any value is known."""
         if not np.isnan(values).all():
             self._send(entity, times, _scalar_columns(values))
 
@@ -270,8 +265,8 @@ class Recording:
             name, shades = scene.name, [darkened(scene.colour), scene.colour]
             lines = rr.SeriesLines(colors=shades, names=["reference", "angle"], widths=[1.5, 1.5])
             self._stream.log(entity_paths.angle(name), lines, static=True)
-            for single, said in ((entity_paths.error(name), "error"), (entity_paths.effort(name), "effort")):
-                line = rr.SeriesLines(colors=shades[1:], names=[said], widths=[1.5])
+            for single, label in ((entity_paths.error(name), "error"), (entity_paths.effort(name), "effort")):
+                line = rr.SeriesLines(colors=shades[1:], names=[label], widths=[1.5])
                 self._stream.log(single, line, static=True)
 
     @property

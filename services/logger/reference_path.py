@@ -1,4 +1,4 @@
-"""How far a robot is from the legs of its plan, and from the goal at the end of the present one."""
+"""A robot's reference path: its distance from the current segment, and from the goal at its end."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ Stamps = NDArray[np.int64]
 
 def distance_to_segments(points: Floats, begins: Floats, ends: Floats) -> Floats:
     """Distances [m], shape (n,), of points (n, 2) from the segments begins-ends, each (n, 2)."""
-    legs = ends - begins
-    squares = np.einsum("ij,ij->i", legs, legs)
-    along = np.einsum("ij,ij->i", points - begins, legs) / np.where(squares > 0, squares, 1.0)
-    nearest = begins + np.clip(along, 0.0, 1.0)[:, None] * legs
+    segments = ends - begins
+    squares = np.einsum("ij,ij->i", segments, segments)
+    along = np.einsum("ij,ij->i", points - begins, segments) / np.where(squares > 0, squares, 1.0)
+    nearest = begins + np.clip(along, 0.0, 1.0)[:, None] * segments
     off: Floats = np.hypot(*(points - nearest).T)
     return off
 
@@ -26,27 +26,27 @@ class ReferencePath:
         self.points = np.vstack((start, goals))
         self._last = len(goals)
         self._since = [since]
-        self._leg = [(0, 1)]
+        self._segments = [(0, 1)]
 
     def set_goal(self, time: int, index: int) -> None:
-        """From ``time`` [ns] on the robot drives to the goal ``index``; from the last one, if a new lap begins."""
+        """Set the goal from ``time`` [ns] on; a new lap starts at the last goal."""
         end = min(index + 1, self._last)
-        begun_before = any(leg != (0, 1) for leg in self._leg)
-        leg = (self._last if end == 1 and begun_before else end - 1, end)
-        if leg != self._leg[-1]:
+        begun_before = any(each != (0, 1) for each in self._segments)
+        segment = (self._last if end == 1 and begun_before else end - 1, end)
+        if segment != self._segments[-1]:
             self._since.append(max(time, self._since[-1]))
-            self._leg.append(leg)
+            self._segments.append(segment)
 
     def goal(self, index: int) -> tuple[float, float]:
-        """The goal ``index`` in the world, m; the last one for an index beyond it."""
+        """The goal ``index`` in the world [m]; the last one for a larger index."""
         x, y = self.points[min(index + 1, self._last)]
         return float(x), float(y)
 
     def errors(self, times: Stamps, positions: Floats) -> tuple[Floats, Floats]:
         """Cross-track error and distance to the goal [m], each (n,), of positions (n, 2); NaN before the plan."""
         at = np.searchsorted(self._since, times, side="right") - 1
-        legs = np.array(self._leg)[np.maximum(at, 0)]
-        begins, ends = self.points[legs[:, 0]], self.points[legs[:, 1]]
+        segments = np.array(self._segments)[np.maximum(at, 0)]
+        begins, ends = self.points[segments[:, 0]], self.points[segments[:, 1]]
         cross_track = distance_to_segments(positions, begins, ends)
         distance = np.hypot(*(positions - ends).T)
         early = at < 0
@@ -54,6 +54,6 @@ class ReferencePath:
         return cross_track, distance
 
     def trim(self, time: int) -> None:
-        """Drop the legs that ended before ``time`` [ns]; no row before it will be asked for again."""
+        """Drop the segments that ended before ``time`` [ns]; earlier times must not be queried again."""
         keep = max(0, int(np.searchsorted(self._since, time, side="right")) - 1)
-        del self._since[:keep], self._leg[:keep]
+        del self._since[:keep], self._segments[:keep]

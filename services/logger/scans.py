@@ -1,4 +1,4 @@
-"""Laser scans as points in the world, where the robot truly was when it took them."""
+"""Converts laser scans to points in the world, by the robot's true pose at their stamps."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Stamps = NDArray[np.int64]
 class ScanBuffer:
     """Keeps a robot's scans until the true pose at their stamps is known; beyond ``limit`` the oldest are dropped.
 
-    Points in the laser's own frame would ride along with the robot until its next scan, and smear as it turns.
+    Points in the laser's own frame would move with the robot until its next scan, and smear as it turns.
     """
 
     def __init__(self, frames: TransformBuffer, limit: int = MAX_SCANS) -> None:
@@ -31,21 +31,21 @@ class ScanBuffer:
         self._waiting: list[LaserScan] = []
 
     def add(self, scans: Sequence[LaserScan]) -> None:
-        """Take scans, newest last."""
+        """Add scans, newest last."""
         self._waiting += scans
         if (excess := len(self._waiting) - self._limit) > 0:
             del self._waiting[:excess]
             self.dropped += excess
 
     def clear(self) -> None:
-        """Forget what waits."""
+        """Drop the waiting scans."""
         self._waiting = []
 
     def to_world(self, base: str, truth: Floats) -> tuple[Stamps, list[Floats]]:
         """Times [ns] and echoes, each (n, 3) [m] in the world, of the scans whose pose is now known.
 
         ``truth`` has rows of time [ns], position [m] and quaternion (x, y, z, w) of the frame ``base``. Scans from
-        before it, and those of a laser whose mount nobody tells, are left out.
+        before it, and those of a laser without a transform, are left out.
         """
         if not len(truth):
             return np.empty(0, np.int64), []
@@ -61,7 +61,7 @@ class ScanBuffer:
 
 
 def scan_points(scan: LaserScan) -> Floats:
-    """Where the laser saw something, (n, 3) [m] in its own frame; rays without an echo are left out."""
+    """The echoes of a scan, (n, 3) [m] in the laser's frame; rays without an echo are left out."""
     ranges = scan.ranges.numpy().astype(np.float64)
     angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
     seen = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges <= scan.range_max)

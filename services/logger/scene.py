@@ -18,13 +18,13 @@ from services.runtime.errors import BadInput
 
 
 def lightened(full: Colour) -> Colour:
-    """Halfway to white, for what a robot believes or sees."""
+    """A colour halfway to white, for estimates and measurements."""
     red, green, blue = full
     return (red + 255) // 2, (green + 255) // 2, (blue + 255) // 2
 
 
 def darkened(full: Colour) -> Colour:
-    """A darker shade of a colour, for what is wanted rather than what is."""
+    """A darker shade of a colour, for set points and commands."""
     red, green, blue = full
     return red * 5 // 9, green * 5 // 9, blue * 5 // 9
 
@@ -33,16 +33,16 @@ TRAIL_WIDTH = -1.8
 """Radius of a trail; rerun reads a negative one as points on the screen instead of metres."""
 
 ODOMETRY_TRAIL_WIDTH = -0.9
-"""Radius of the trail by odometry, as TRAIL_WIDTH."""
+"""Radius of the odometry trail, in the unit of TRAIL_WIDTH."""
 
 SCAN_POINT_SIZE, GOAL_SIZE, NEXT_GOAL_SIZE = -1.6, -2.6, -5.0
-"""Radii of a laser's echo, of a goal, and of the one that a robot heads for, as TRAIL_WIDTH."""
+"""Radii of a laser's echo, of a goal, and of the current goal, in the unit of TRAIL_WIDTH."""
 
 DISC_MARGIN = 0.055
-"""How far a robot's coloured disc on the ground reaches beyond it, m."""
+"""Margin of a robot's coloured disc on the ground around it [m]."""
 
 LABEL_HEIGHT, ARM_LABEL_HEIGHT = 0.6, 1.6
-"""Of the name over the ground, m: over a robot that drives, and over an arm."""
+"""Height of the name above the ground [m], for mobile robots and for arms."""
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -51,7 +51,7 @@ Stamps = NDArray[np.int64]
 class RobotScene:
     """The robot ``name``, built as ``model``; raises BadInput for an unknown model or an unreadable URDF.
 
-    ``is_arm`` tells that it does not drive: it is an arm.
+    ``is_arm`` is true for robots without wheels.
     """
 
     def __init__(self, name: str, model: str, colour: Colour) -> None:
@@ -73,7 +73,7 @@ class RobotScene:
         self._frame = f"{name}/{self._tree.root_link().name}"
 
     def log_to(self, stream: rr.RecordingStream) -> None:
-        """Log what does not change: geometry, fixed transforms, styles of trail and reference path."""
+        """Log the static parts: geometry, fixed transforms, styles of trail and reference path."""
         self._tree.log_urdf_to_recording(stream)
         if not self.is_arm:
             self._log_disc(stream)
@@ -125,7 +125,7 @@ class RobotScene:
         )
 
     def transforms(self, batch: Batch) -> tuple[Stamps, rr.ComponentColumnList]:
-        """Times and rows of all that moves. The frames are named in each row, since a transform is one whole."""
+        """Times and rows of all moving transforms; each row names its frames, since it replaces the whole transform."""
         times, positions, quaternions = [batch.times], [batch.positions], [batch.quaternions]
         parents, children = ["world"] * len(batch.times), [self._frame] * len(batch.times)
         for name, angles in zip(batch.joints, batch.angles.T, strict=True):

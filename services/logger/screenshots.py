@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import io
 import os
-import socket
 import subprocess
 import tempfile
 import time
@@ -26,15 +25,16 @@ from services.logger.entity_paths import TIMELINE
 from services.logger.scene import ARM_LABEL_HEIGHT, DISC_MARGIN
 from services.logger.viewer import RERUN, VIEWER_ENVIRONMENT
 from services.runtime.errors import BadInput, unknown_name
+from services.runtime.ports import free_port
 
 REPAIR_TIMEOUT_S = 120.0
-"""Wall time given to the repair."""
+"""Wall time for the repair."""
 
 
 def repaired(rrd: Path, folder: Path) -> Path:
     """The recording itself, or a copy in ``folder`` without its torn end.
 
-    Raises BadInput when neither can be read, or when what is left of it bears no time: the viewer would wait for it.
+    Raises BadInput when neither can be read, or when nothing in it has a time, since the viewer would wait for it.
     """
     if not rrd.is_file():
         raise BadInput(f"no recording {rrd}")
@@ -62,14 +62,14 @@ def _read_error(rrd: Path) -> str:
     """Why rerun cannot read the file; empty when it can."""
     try:
         with warnings.catch_warnings(action="ignore"):
-            held = RrdReader(rrd).recordings()
+            recordings = RrdReader(rrd).recordings()
     except RuntimeError as error:
         return str(error)
-    return "" if held else "it holds no recording"
+    return "" if recordings else "it holds no recording"
 
 
 def _has_times(rrd: Path) -> bool:
-    """Whether a recording holds anything at a time; raises BadInput for a damaged one."""
+    """Whether anything in a recording has a time; raises BadInput for a damaged one."""
     try:
         with warnings.catch_warnings(action="ignore"):
             return any(chunk.timeline_names for chunk in RrdReader(rrd).stream())
@@ -81,14 +81,14 @@ Layout = dict[str, Any]
 Point = tuple[float, float, float]
 
 EYE_DIRECTION = (-0.45, -0.75, 0.55)
-"""From where the eye looks at a robot, in units of its distance: from the south-west and above."""
+"""Direction from a robot to the eye, scaled by its distance: south-west and above."""
 
 EYE_DISTANCE, EYE_DISTANCE_RADII = 0.7, 5.0
-"""Distance of the eye: so many metres, and so many radii of the robot more."""
+"""Distance of the eye: a constant [m] plus a multiple of the robot's radius."""
 
 
 def robot_radii(rrd: Path) -> dict[str, float]:
-    """The robots of a recording, each with the radius [m] of what it takes on the ground; 0 for an arm."""
+    """The robots of a recording with the radius [m] of their footprint; 0 for an arm."""
     found: dict[str, float] = {}
     for chunk in RrdReader(rrd).stream():
         name, _, rest = chunk.entity_path.removeprefix("/").partition("/")
@@ -101,7 +101,7 @@ def robot_radii(rrd: Path) -> dict[str, float]:
 
 
 def robot_position(rrd: Path, robot: str, timeline: str, at: float) -> Point:
-    """Where a robot's base truly is ``at`` [s], m; raises BadInput when the recording does not tell."""
+    """The true position of a robot's base [m] ``at`` a time [s]; raises BadInput if the recording does not have it."""
     latest, place = -1, None
     for chunk in RrdReader(rrd).stream():
         if chunk.entity_path != entity_paths.transforms(robot) or timeline not in chunk.timeline_names:
@@ -119,7 +119,7 @@ def robot_position(rrd: Path, robot: str, timeline: str, at: float) -> Point:
 
 
 def close_view(layout: Layout, radius: float, robot: str, place: Point) -> Layout:
-    """The layout of a viewer with the eye beside ``robot`` at ``place`` and its plots in front, up to the cursor."""
+    """The layout with the eye next to ``robot`` at ``place``, its plots in front, and plots up to the cursor."""
     made = copy.deepcopy(layout)
     for path, parts in layout.items():
         name = parts.get("ViewBlueprint", {}).get("display_name")
@@ -152,21 +152,21 @@ def _eye(place: Point, radius: float) -> dict[str, list[float]]:
 SIZE = (1920, 1080)
 """Pixels."""
 MENU_HEIGHT = 37
-"""Height of the viewer's own menu, which is cut off."""
+"""Height of the viewer's menu, which is cropped."""
 PALETTE_SIZE = 256
-"""In a picture, those of the robots among them: a third of the size in bytes, and no difference that is seen."""
+"""Colours in an image, including those of the robots: a third of the bytes, without a visible difference."""
 LOAD_TIMEOUT_S = 60.0
-"""Wall time given to the viewer to start and to load the recording; a lap of four robots takes about 2 s."""
+"""Wall time for the viewer to start and load the recording; a lap of four robots takes about 2 s."""
 SETTLE_TIMEOUT_S = 30.0
-"""Wall time given to the picture to come to rest."""
+"""Wall time for the image to settle."""
 SETTLE_PERIOD_S = 0.7
-"""Wall time between two looks that decide whether the picture has come to rest."""
+"""Wall time between two images that are compared to decide whether it has settled."""
 
 
 class Screenshot(NamedTuple):
-    """A picture to be made: its file, the simulation time [s], and the robot to look at closely.
+    """A screenshot to take: its file, the simulation time [s], and the robot to view closely.
 
-    Without a time it is the end of the recording; without a robot, the recording as it opens.
+    The time defaults to the end of the recording, the view to the one in which it opens.
     """
 
     png: Path
@@ -175,14 +175,14 @@ class Screenshot(NamedTuple):
 
 
 def screenshot(rrd: Path, png: Path, at: float | None = None) -> None:
-    """Write one picture of the recording as it opens; see ``screenshots``."""
+    """Write one screenshot of the recording as it opens; see ``screenshots``."""
     screenshots(rrd, [Screenshot(png, at)])
 
 
 def screenshots(rrd: Path, shots: Sequence[Screenshot], size: tuple[int, int] = SIZE) -> None:
-    """Write pictures of ``size`` in pixels.
+    """Write screenshots of ``size`` in pixels.
 
-    Raises BadInput when the recording cannot be shown or has no such robot, or when this machine cannot draw: the text
+    Raises BadInput when the recording cannot be shown, has no such robot, or this machine cannot draw; the error then
     says what to install.
     """
     with tempfile.TemporaryDirectory() as folder:
@@ -195,7 +195,7 @@ def screenshots(rrd: Path, shots: Sequence[Screenshot], size: tuple[int, int] = 
 
 
 def _take(rrd: Path, file: Path, shots: Sequence[Screenshot], size: tuple[int, int], robots: dict[str, float]) -> None:
-    """Take the pictures of ``file``, which is the recording ``rrd`` without its torn end."""
+    """Take screenshots of ``file``, the recording ``rrd`` or its repaired copy."""
     with headless_viewer(file, size) as viewer:
         timeline, end = _timeline(viewer)
         whole = viewer.get_blueprint(of="recording").blueprint
@@ -218,22 +218,26 @@ def headless_viewer(rrd: Path, size: tuple[int, int] = SIZE) -> Iterator[ViewerC
     A recording whose writer was killed is shown up to its torn end.
     Raises BadInput when it cannot start or does not show the recording within LOAD_TIMEOUT_S.
     """
-    port = _free_port()
+    port = free_port()
     command = [str(RERUN), "--headless", "--bind", "127.0.0.1", "--port", str(port), "--hide-welcome-screen"]
     command += ["--window-size", f"{size[0]}x{size[1] + MENU_HEIGHT}"]
-    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as said:
+    with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryFile() as output:
         command.append(str(repaired(rrd, Path(folder)).absolute()))
         try:
             process = subprocess.Popen(
-                command, env={**os.environ, **VIEWER_ENVIRONMENT}, stdin=subprocess.DEVNULL, stdout=said, stderr=said
+                command,
+                env={**os.environ, **VIEWER_ENVIRONMENT},
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
             )
         except OSError as error:
             raise BadInput(f"the viewer cannot be started: {error}") from None
         try:
             yield _loaded(process, f"rerun+http://127.0.0.1:{port}/proxy", rrd)
         except (RuntimeError, ConnectionError) as error:
-            said.seek(0)
-            raise BadInput(_failure_reason(said.read().decode(errors="replace"), str(error))) from None
+            output.seek(0)
+            raise BadInput(_failure_reason(output.read().decode(errors="replace"), str(error))) from None
         finally:
             process.terminate()
             try:
@@ -273,7 +277,7 @@ def _timeline(viewer: ViewerClient) -> tuple[str, float]:
 
 
 def _settled_image(viewer: ViewerClient) -> bytes:
-    """The PNG of a picture that no longer changes and misses nothing; the last one, if it never rests."""
+    """A PNG of the view once it no longer changes and is complete; the last one if it never settles."""
     deadline = time.monotonic() + SETTLE_TIMEOUT_S
     before, now = b"", viewer.take_screenshot()
     while time.monotonic() < deadline:
@@ -300,7 +304,7 @@ def _write(png: Path, taken: bytes) -> None:
 
 
 def _cropped(taken: bytes) -> bytes:
-    """The picture without the viewer's menu, small enough to be kept beside text."""
+    """The image without the viewer's menu, reduced to a palette."""
     with Image.open(io.BytesIO(taken)) as whole, io.BytesIO() as out:
         below = whole.convert("RGB").crop((0, MENU_HEIGHT, whole.width, whole.height))
         palette = below.quantize(PALETTE_SIZE - len(COLOURS), Image.Quantize.MEDIANCUT)
@@ -309,19 +313,12 @@ def _cropped(taken: bytes) -> bytes:
         return out.getvalue()
 
 
-def _failure_reason(said: str, error: str) -> str:
+def _failure_reason(output: str, error: str) -> str:
     """Why the viewer failed, from what it printed."""
-    if "render context" in said or "graphics adapter" in said or "No suitable" in said:
+    if "render context" in output or "graphics adapter" in output or "No suitable" in output:
         return (
             "no picture: this machine has no Vulkan driver to draw with; "
             "on Debian: apt-get install --no-install-recommends libvulkan1 mesa-vulkan-drivers"
         )
-    last = next((line for line in reversed(said.splitlines()) if "panicked" in line or "ERROR" in line), "")
+    last = next((line for line in reversed(output.splitlines()) if "panicked" in line or "ERROR" in line), "")
     return f"no picture: the viewer failed: {last or error}"
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-    return port

@@ -1,4 +1,4 @@
-"""What the logger hears of one robot."""
+"""Subscribes to the topics of one robot for the logger."""
 
 from __future__ import annotations
 
@@ -10,26 +10,31 @@ from services.runtime.tf.buffer import TransformBuffer
 
 
 class RobotSubscriptions:
-    """Subscribes to a robot's topics and hands them to its columns; ``state`` is that of an arm's controller.
+    """Subscribes to a robot's topics and passes their messages to its columns.
 
-    ``scans`` says whether to listen to its laser, which the simulation turns only for those who do.
+    Args:
+        ctx: the logger's context.
+        robot: the robot's name.
+        frames: transforms of ``/tf_static``.
+        state: topic of an arm's controller state; empty without one.
+        scans: whether to subscribe to its laser, which the simulation only computes for subscribers.
     """
 
     def __init__(
         self, ctx: Context[LoggerParameters], robot: str, frames: TransformBuffer, state: str = "", scans: bool = False
     ) -> None:
         self.robot, self.columns = robot, RobotColumns(frames=frames)
-        self._truth = ctx.stream(GROUND_TRUTH, f"/{robot}/{GROUND_TRUTH.name}")
-        self._odometry = ctx.stream(ODOM, f"/{robot}/{ODOM.name}")
-        self._commands = ctx.stream(CMD_VEL, f"/{robot}/{CMD_VEL.name}")
-        self._joints = ctx.stream(JOINT_STATES, f"/{robot}/{JOINT_STATES.name}")
-        self._plans = ctx.stream(PLAN, f"/{robot}/{PLAN.name}")
-        self._status = ctx.stream(STATUS, f"/{robot}/{STATUS.name}")
-        self._scans = ctx.stream(SCAN, f"/{robot}/{SCAN.name}") if scans else None
-        self._control = ctx.stream(CONTROL_STATE, state) if state else None
+        self._truth = ctx.stream(GROUND_TRUTH.of(robot))
+        self._odometry = ctx.stream(ODOM.of(robot))
+        self._commands = ctx.stream(CMD_VEL.of(robot))
+        self._joints = ctx.stream(JOINT_STATES.of(robot))
+        self._plans = ctx.stream(PLAN.of(robot))
+        self._status = ctx.stream(STATUS.of(robot))
+        self._scans = ctx.stream(SCAN.of(robot)) if scans else None
+        self._control = ctx.stream(CONTROL_STATE.named(state)) if state else None
 
     def collect(self, now: int, dt: float) -> None:
-        """Take over what came in the ``dt`` [s] before ``now`` [ns]."""
+        """Collect the messages of the ``dt`` [s] before ``now`` [ns]."""
         self.columns.add_truth(self._truth.drain())
         self.columns.add_odometry(self._odometry.drain())
         self.columns.add_commands(self._commands.drain(), now, dt)
@@ -44,7 +49,7 @@ class RobotSubscriptions:
             self.columns.add_status(status)
 
     def collect_remaining(self, now: int) -> None:
-        """Take over what came after the last tick."""
+        """Collect the messages that arrived after the last tick."""
         streams = (self._truth, self._odometry, self._commands, self._joints, self._plans, self._status)
         for stream in streams:
             stream.refresh()

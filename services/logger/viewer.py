@@ -13,22 +13,22 @@ import rerun_cli  # type: ignore[import-untyped]
 from services.runtime.errors import BadInput
 
 RERUN = Path(rerun_cli.__file__).with_name("rerun")
-"""The viewer itself; the command of the same name in the environment is a Python script that starts it."""
+"""The viewer's binary; the command of the same name in the environment is a Python script that starts it."""
 
 VIEWER_ENVIRONMENT = {"RERUN_APP_ONLY": "true"}
-"""Environment in which the viewer asks nothing and collects nothing about its use."""
+"""Environment in which the viewer asks no questions and collects no usage data."""
 
 
 def should_open(view: Literal["auto", "never", "always"], environment: Mapping[str, str]) -> bool:
-    """Whether to open a window: ``auto`` does where the environment names a display."""
+    """Whether to open a window; ``auto`` does if the environment has a display."""
     shown = bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
     return view == "always" or (view == "auto" and shown)
 
 
 def open_viewer(url: str, environment: Mapping[str, str], log: Path) -> None:
-    """Start a viewer on a live recording; it belongs to the person who looks on, so it outlives this process.
+    """Start a viewer on a live recording; it outlives this process.
 
-    What it prints goes to ``log``. Raises OSError when it cannot be started.
+    Its output goes to ``log``. Raises OSError when it cannot be started.
     """
     _start(["--connect", url], environment, log)
 
@@ -51,7 +51,7 @@ def _start(arguments: list[str], environment: Mapping[str, str], log: Path) -> N
 
 
 CONVERT_TIMEOUT_S = 300.0
-"""Wall time given to the conversion."""
+"""Wall time for the conversion."""
 
 
 def convert_bag(files: Sequence[Path], rrd: Path) -> None:
@@ -78,5 +78,5 @@ def _run_rerun(*arguments: str) -> None:
     except (OSError, subprocess.TimeoutExpired) as error:
         raise BadInput(f"the viewer's converter failed: {error}") from None
     if done.returncode:
-        said = done.stderr.strip().splitlines()
-        raise BadInput(f"the viewer cannot read {arguments[2]}: {said[-1] if said else f'status {done.returncode}'}")
+        lines = done.stderr.strip().splitlines()
+        raise BadInput(f"the viewer cannot read {arguments[2]}: {lines[-1] if lines else f'status {done.returncode}'}")

@@ -14,9 +14,6 @@ from msgspec import Meta
 
 from messages.base import Array, Message, WrongPayload
 from messages.geometry import Quaternion
-from messages.rosgraph import Clock
-from messages.std import Header
-from messages.tf import TFMessage
 from messages.topics import TOPICS
 from services.runtime.errors import BadInput
 
@@ -81,18 +78,6 @@ def list_fields(message: Any) -> list[tuple[str, Scalar]]:
         if len(found) >= MAX_FIELDS:
             break
     return found
-
-
-def message_stamp(message: Any) -> int | None:
-    """The simulation time [ns] that a message tells, None when it tells none."""
-    if isinstance(message, TFMessage):
-        message = message.transforms[0] if message.transforms else None
-    if isinstance(message, Clock):
-        return message.clock.ns
-    header = getattr(message, "header", None)
-    if isinstance(header, Header):
-        return header.stamp.ns or None
-    return None
 
 
 def _walk(value: Any, path: str, depth: int) -> Iterator[tuple[str, Scalar]]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from messages.std import stamp_of
 from services.panel.clock import SimTimeMap
-from services.panel.fields import field_unit, list_fields, message_stamp, parse_path, read_number
+from services.panel.fields import field_unit, list_fields, parse_path, read_number
 from services.panel.graph import NodeGraph
 from services.panel.pages import Page
 from services.panel.protocol import Samples, Subscribe, as_json, pack_samples
@@ -90,8 +91,7 @@ class Plots:
                     self._units[name, path] = field_unit(name, batch[-1][0], steps)
             lists = [(self._samples.setdefault((name, path), Samples()), steps) for path, steps in paths.items()]
             for message, origin in batch:
-                told = message_stamp(message)
-                time = (self._time.at(origin) if told is None else told) / 1e9
+                time = (stamp_of(message) or self._time.at(origin)) / 1e9
                 for samples, steps in lists:
                     value = read_number(message, steps)
                     if value is not None:

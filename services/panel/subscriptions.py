@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 from messages.base import DECODE_ERRORS, Message, raw_decoder
-from messages.names import key as key_of
 from messages.records import RECORDS
 from messages.topics import TOPICS, Quality, Topic
 from services.runtime.node import Node
 from services.runtime.subscriber import Subscriber, queue_size
-from services.runtime.transport.wire import SampleInfo, unpack_attachment
+from services.runtime.transport.wire import SampleInfo
+from services.runtime.untyped_subscriber import UntypedSubscriber
 
 MAX_UNTYPED_SIZE = 1 << 20
 """Bytes of a message of unknown type that are read."""
@@ -30,29 +30,28 @@ class SharedSubscription(Protocol):
 
 
 class UntypedSubscription:
-    """A topic whose type is not known here, read as MessagePack tells it."""
+    """A topic whose type is not known here, read as MessagePack."""
 
     def __init__(self, node: Node, name: str, latched: bool) -> None:
         self.messages: Received = []
         self.rejected = 0
-        self._inlet = node.transport.subscribe(key_of(name), queue_size(MAX_UNTYPED_SIZE), latched)
+        self._subscriber = UntypedSubscriber(node.transport, name, latched, queue_size(MAX_UNTYPED_SIZE))
         self._read = raw_decoder(dict)
 
     def update(self) -> None:
-        """Take what has come."""
+        """Read what has come."""
         self.messages = []
-        while (sample := self._inlet.recv()) is not None:
-            payload, attachment, _ = sample
+        for sample in self._subscriber.drain():
             try:
-                if len(payload) > MAX_UNTYPED_SIZE:
+                if len(sample.payload) > MAX_UNTYPED_SIZE:
                     raise ValueError("too large")
-                self.messages.append((self._read(payload), unpack_attachment(attachment)))
+                self.messages.append((self._read(sample.payload), sample.origin))
             except DECODE_ERRORS:
                 self.rejected += 1
 
     def close(self) -> None:
         """End the subscription."""
-        self._inlet.close()
+        self._subscriber.close()
 
 
 class SharedSubscriptions:

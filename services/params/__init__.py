@@ -8,10 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from messages.parameters import Value
-from messages.requests import PARAMS_REQUESTS
-from messages.topics import DESCRIPTIONS, SCHEDULE, UPDATES
-from services.runtime.parameters.base import Parameters
-from services.runtime.service import Service
+from services.runtime import Parameters, Service, param
 
 
 class Scheduled(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -25,24 +22,19 @@ class Scheduled(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 class ParamsParameters(Parameters, frozen=True, kw_only=True):
     """Where values are kept, and what changes by itself on the way."""
 
-    file: Annotated[
-        str,
-        Meta(
-            max_length=4096, description="SQLite file for saved values; empty or :memory: keeps them for this run only."
-        ),
-    ] = ""
-    schedule: Annotated[
-        tuple[Scheduled, ...],
-        Meta(description="Changes {at, set, values} to make at given simulation times; not saved."),
-    ] = ()
+    file: str = param(
+        "", text="SQLite file for saved values; empty or :memory: keeps them for this run only.", max_length=4096
+    )
+    schedule: tuple[Scheduled, ...] = param(
+        (), text="Changes {at, set, values} to make at given simulation times; not saved."
+    )
 
 
 SERVICE = Service(
     name="params",
     about="Parameter server: checks, stores and publishes the parameters of all services.",
     run="services.params.loop:run",
-    writes=(DESCRIPTIONS, UPDATES, SCHEDULE),
-    serves=PARAMS_REQUESTS,
     rate=10,
     parameters=ParamsParameters,
+    parameter_set=None,
 )

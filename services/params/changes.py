@@ -61,8 +61,8 @@ def migrate(saved: Mapping[str, Value], schema: Schema, owners: Mapping[str, Col
 
 def _fitted(described: ParameterDescription | None, name: str, value: Value, schema: Schema, hints: bool) -> Value:
     if described is None:
-        near = nearest(name, schema.parameters) if hints else ""
-        hint = f" (if it is called {near} now, set that)" if near else ""
+        near = nearest(name, schema.parameters) if hints else []
+        hint = f" (if it is called {near[0]} now, set that)" if near else ""
         raise BadInput(f"no parameter has this name any more{hint}")
     if not described.live:
         raise BadInput("it is for the fleet file or the command line to say now")

@@ -89,6 +89,8 @@ class SetPublishers:
         self._node.unregister(*self._publishers.pop(name))
 
 
+CLOCK_PATIENCE_S = 20.0
+"""Wall time without a first clock before the log says so: this service starts before the simulation."""
 SET_TIMEOUT_NS = 10_000_000_000
 """Simulation time that a scheduled change waits for its set before the log says so."""
 
@@ -96,6 +98,8 @@ SET_TIMEOUT_NS = 10_000_000_000
 def run(ctx: Context[ParamsParameters]) -> None:
     """Serve until the process is asked to end."""
     _check_schedule(ctx.params.schedule)
+    ctx.advertise(SCHEDULE)
+    ctx.node.clock_patience_s = CLOCK_PATIENCE_S
     with open_store(ctx.params.file) as store:
 
         def living() -> set[str]:

@@ -2,35 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from msgspec import Meta
-
-from services.runtime.parameters.base import Parameters
-from services.runtime.service import Service
+from services.runtime import Parameters, Service, param
 
 
 class RecorderParameters(Parameters, frozen=True, kw_only=True):
     """What to record, and where to."""
 
-    output: Annotated[str, Meta(description="Folder of the bag; it must not exist yet.")] = "bag"
-    topics: Annotated[
-        tuple[str, ...], Meta(description="Topics to record; all if neither topics nor regex is given.")
-    ] = ()
-    regex: Annotated[str, Meta(description="Record topics whose names match this regular expression.")] = ""
-    exclude: Annotated[str, Meta(description="Do not record topics whose names match this regular expression.")] = ""
-    max_size: Annotated[
-        int,
-        Meta(ge=0, le=2**50, description="Start a new file at this size; 0 for no limit.", extra={"unit": "byte"}),
-    ] = 0
-    max_duration: Annotated[
-        float,
-        Meta(ge=0, le=1e9, description="Start a new file after this wall time; 0 for no limit.", extra={"unit": "s"}),
-    ] = 0.0
-    resume: Annotated[bool, Meta(description="Continue an existing bag with another file.")] = False
-    members: Annotated[
-        tuple[str, ...], Meta(description="Nodes to wait for before recording, so that all their topics are known.")
-    ] = ()
+    output: str = param("bag", text="Folder of the bag; it must not exist yet.")
+    topics: tuple[str, ...] = param((), text="Topics to record; all if neither topics nor regex is given.")
+    regex: str = param("", text="Record topics whose names match this regular expression.")
+    exclude: str = param("", text="Do not record topics whose names match this regular expression.")
+    max_size: int = param(0, 0, 2**50, "byte", "Start a new file at this size; 0 for no limit.")
+    max_duration: float = param(0.0, 0, 1e9, "s", "Start a new file after this wall time; 0 for no limit.")
+    resume: bool = param(False, text="Continue an existing bag with another file.")
+    members: tuple[str, ...] = param((), text="Nodes to wait for before recording, so that all their topics are known.")
 
 
 SERVICE = Service(
@@ -39,5 +24,5 @@ SERVICE = Service(
     run="services.recorder.loop:run",
     rate=100,
     parameters=RecorderParameters,
-    observer=True,
+    role="observer",
 )

@@ -12,7 +12,7 @@ from messages.base import Message
 from messages.cdr.sidecar import split
 from messages.cdr.write import NotWritable, writer
 from messages.rosgraph import Clock
-from messages.std import Header
+from messages.std import stamp_of
 from messages.tf import TFMessage
 from messages.topics import CLOCK, TF, TF_STATIC, Quality
 from services.bag.channel import SENDER_SIDECAR, SIDECAR, Channel, Sender, channel_of, raw_channel
@@ -46,7 +46,7 @@ class PublishTimes:
             self.clock = max(0, message.clock.ns)
         if self.clock is None:
             return 0 if has_clock else log_time
-        stamp = header_stamp(message) if isinstance(message, Message) else None
+        stamp = stamp_of(message)
         return (
             stamp if stamp is not None and abs(stamp - self.clock) <= MAX_STAMP_OFFSET_NS and stamp >= 0 else self.clock
         )
@@ -55,14 +55,6 @@ class PublishTimes:
 def receive_time(source_ns: int | None, since: int, now: int) -> int:
     """The wall time [ns] of a message: when it was sent, clamped to the span in which it must have arrived."""
     return now if source_ns is None else min(max(source_ns, since), now)
-
-
-def header_stamp(message: Message) -> int | None:
-    """The stamp [ns] in a message's header, or in its first transform's header; None without one."""
-    if isinstance(message, TFMessage) and message.transforms:
-        message = message.transforms[0]
-    header = getattr(message, "header", None)
-    return header.stamp.ns if isinstance(header, Header) else None
 
 
 REORDER_DELAY_S = 0.1
@@ -147,7 +139,7 @@ class BagRecorder:
         self._publish_times.clock = now
         self._enqueue(wall)
         for _, (source, message, origin) in self._reorder_buffer.drain(wall, end=True):
-            unstamped = header_stamp(message) is None and not isinstance(message, Clock)
+            unstamped = stamp_of(message) is None
             later = max(self._publish_times.publish_time(message, wall, has_clock=True) + unstamped, now + 1)
             if source.name in self._subscriptions.by_topic:
                 self._write(source, message, origin, wall, later)

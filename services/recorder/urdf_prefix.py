@@ -15,7 +15,7 @@ from messages.cdr.sidecar import StringExtra
 from messages.std import String
 from messages.tf import TFMessage
 from messages.topics import ROBOT_DESCRIPTION
-from models.robot_description import BadUrdf, parse_urdf, parse_xml
+from models.urdf import BadUrdf, parse_urdf, parse_xml
 
 
 class UrdfPrefixer:
@@ -38,7 +38,7 @@ class UrdfPrefixer:
         if name != ROBOT_DESCRIPTION.name or not isinstance(message, String):
             return message, None
         try:
-            links = [each.frame.child for each in parse_urdf(message.data).joints]
+            links = [each.child for each in parse_urdf(message.data).joints]
         except BadUrdf:
             return message, None
         prefix = self._prefix(namespace.strip("/"), links)
@@ -61,7 +61,7 @@ class UrdfPrefixer:
 def prefix_links(urdf: str, prefix: str) -> str:
     """Add ``prefix`` to the link names of a URDF and name the robot by it; joints keep their names, as in joint states.
 
-    ``urdf`` must be one that ``models.robot_description.parse_urdf`` accepts.
+    ``urdf`` must be one that ``models.urdf.parse_urdf`` accepts.
     """
     robot = parse_xml(urdf)
     robot.set("name", prefix.strip("/"))

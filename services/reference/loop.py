@@ -1,4 +1,4 @@
-"""The loop of the reference service: parameters and time in, the reference out."""
+"""The loop of the reference service: publishes the waveform that the parameters select."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from services.runtime.errors import BadInput
 
 
 def run(ctx: Context[ReferenceParameters]) -> None:
-    """Publish until told to stop. After a reset the form begins anew."""
+    """Publish until asked to stop. A reset of simulation time restarts the waveform."""
     table = open_table(ctx.params)
     out = ctx.advertise(REFERENCE)
     forms, told = WaveformGenerator(table), ""
@@ -37,7 +37,7 @@ def run(ctx: Context[ReferenceParameters]) -> None:
 
 
 def open_table(p: ReferenceParameters) -> ReferenceTable | None:
-    """The table of the file, if one is stated; raises BadInput for what cannot be followed."""
+    """Return the table in the CSV file, if there is one; raises BadInput for bad parameters or a bad file."""
     if not p.lower < p.upper:
         raise BadInput(f"lower = {p.lower:g} deg is not below upper = {p.upper:g} deg")
     if p.csv:

@@ -1,4 +1,4 @@
-"""The waveforms of the reference over simulation time: parameters and time steps in, degrees out."""
+"""Waveforms of the reference over simulation time, in degrees."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from services.reference import ReferenceParameters
 from services.runtime.errors import BadInput
 
 MAX_FILE_BYTES = 64 << 20
-"""Bytes of a file."""
+"""Largest size of a file in bytes."""
 MAX_ANGLE = 360_000.0
-"""deg; an angle beyond is a slip of the pen."""
+"""Largest angle [deg]; a greater one must be a mistake."""
 
 
 class ReferenceTable:
-    """Straight lines between the rows; before the first its angle, after the last its angle or from the start again."""
+    """Linear interpolation between rows; constant before the first and after the last, unless repeated."""
 
     def __init__(self, times: list[float], angles: list[float]) -> None:
         self.times, self.angles = times, angles
 
     def at(self, time: float, repeat: bool = False) -> float:
-        """The angle [deg] at ``time`` [s]; with ``repeat`` the last row is the first of the next round."""
+        """Return the angle [deg] at ``time`` [s]; with ``repeat``, the last row is the first of the next round."""
         end = self.times[-1]
         if repeat and time >= end > 0:
             time = math.fmod(time, end)
@@ -38,9 +38,10 @@ class ReferenceTable:
 
 
 def read_table(path: Path) -> ReferenceTable:
-    """The rows of a file; raises BadInput with file and line.
+    """Read a table from a CSV file; raises BadInput with file and line.
 
-    Comma, semicolon or blanks between the two numbers; empty lines, lines from ``#`` on and a heading are passed over.
+    The two numbers of a row are separated by comma, semicolon or blanks; empty lines, comments (``#``) and a header row
+    are skipped.
     """
     try:
         if path.exists() and not path.is_file():
@@ -93,15 +94,15 @@ def _is_number(text: str) -> bool:
 
 TWO_PI = 2 * math.pi
 BLEND_S = 0.5
-"""Time that an amplitude takes to become another, evenly: the reference has no jump."""
+"""Time [s] over which the amplitude changes linearly, so that the reference does not jump."""
 
 
 class WaveformGenerator:
-    """The reference as it goes on; parameters may change at every step.
+    """Generates the reference step by step; parameters may change at each step.
 
-    Phase is summed up over time, so a change of frequency is none of the phase. Sine and chirp begin at the phase, on
-    the way up, at which they have the present value (at their extreme, if it lies beyond): going over to them is no
-    jump. Square and csv begin at their beginning, ramp where the reference is.
+    The phase is accumulated, so that a change of frequency does not change it. Sine and chirp start at the rising phase
+    with the current value (or at their extreme if it is beyond), so that switching to them causes no jump. Square and
+    csv start at their beginning, ramp at the current reference.
     """
 
     def __init__(self, table: ReferenceTable | None = None) -> None:
@@ -113,13 +114,13 @@ class WaveformGenerator:
 
     @property
     def phase(self) -> float:
-        """Of sine, square or chirp, rad, between 0 and 2 pi."""
+        """Phase of sine, square or chirp [rad], in [0, 2 pi)."""
         return self._phase
 
     def step(self, p: ReferenceParameters, dt: float) -> float:
-        """The reference [deg], ``dt`` [s] after the last; not yet bounded. csv without a table keeps the last.
+        """Return the reference [deg] after ``dt`` [s], not yet clipped to the joint's range.
 
-        What goes on from the last, goes on from what could be told of it, within the joint's range.
+        Waveforms that continue from the last reference use its clipped value; csv without a table keeps it.
         """
         begins = p.reference_type != self._waveform
         if begins:

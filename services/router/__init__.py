@@ -1,34 +1,19 @@
 """The router: the meeting point of a machine's nodes, and the link to other machines."""
 
-from typing import Annotated
-
-from msgspec import Meta
-
-from services.runtime.parameters.base import Parameters
-from services.runtime.service import Service
+from services.runtime import Parameters, Service, param
 
 
 class RouterParameters(Parameters, frozen=True, kw_only=True):
     """Where the router listens and which other routers it joins."""
 
-    listen: Annotated[
-        str,
-        Meta(
-            description="Endpoint for this machine's nodes; the user's Unix socket of port 7447 by default.",
-            extra={"live": False},
-        ),
-    ] = ""
-    also: Annotated[
-        tuple[str, ...],
-        Meta(description="Further endpoints to listen on, e.g. tcp/127.0.0.1:7447.", extra={"live": False}),
-    ] = ()
-    insecure: Annotated[
-        bool, Meta(description="Allow endpoints that other machines can reach.", extra={"live": False})
-    ] = False
-    link: Annotated[
-        tuple[str, ...],
-        Meta(description="Endpoints of routers on other machines to connect to.", extra={"live": False}),
-    ] = ()
+    listen: str = param(
+        "",
+        text="Endpoint for this machine's nodes; the user's Unix socket of port 7447 by default.",
+        live=False,
+    )
+    also: tuple[str, ...] = param((), text="Further endpoints to listen on, e.g. tcp/127.0.0.1:7447.", live=False)
+    insecure: bool = param(False, text="Allow endpoints that other machines can reach.", live=False)
+    link: tuple[str, ...] = param((), text="Endpoints of routers on other machines to connect to.", live=False)
 
 
 SERVICE = Service(
@@ -36,6 +21,5 @@ SERVICE = Service(
     about="Zenoh router: connects the nodes of a machine, and other machines.",
     run="services.router.loop:run",
     parameters=RouterParameters,
-    holds_lockstep=False,
-    routes=True,
+    role="router",
 )

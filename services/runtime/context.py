@@ -32,13 +32,13 @@ R = TypeVar("R", bound=Message)
 P = TypeVar("P", bound=Parameters)
 
 PARAMETER_ANSWER_S = 30.0
-"""Wall time that a node which is about to begin waits for the parameter service's answer to what it announced."""
+"""Wall time that a starting node waits for the parameter service's answer to its announcement."""
 PARAMETER_POLL_S = 0.1
 """Wall time between two looks at the parameters where no tick asks for one."""
 
 
 class Tick(NamedTuple):
-    """One step of a loop: simulation time [ns], time since the last tick [s], epoch, and whether time began anew.
+    """One step of a loop: simulation time [ns], time since the last tick [s], epoch, and whether time was reset.
 
     ``dt`` is 0 at the first tick and after a reset.
     """
@@ -50,7 +50,7 @@ class Tick(NamedTuple):
 
 
 class Context(Generic[P]):
-    """Handed to ``run``. All of it belongs to the loop's own thread."""
+    """What a loop works with: its argument. All of it belongs to the loop's own thread."""
 
     def __init__(
         self,
@@ -75,10 +75,10 @@ class Context(Generic[P]):
 
     @property
     def params(self) -> P:
-        """The parameters as they stood at the start of the tick; a loop reads them anew at each.
+        """The parameters as of the start of this tick; read them at each tick.
 
-        ``params_changed`` is the union of the levels of those that changed with this tick, 0 when none did, and all
-        ones at the first.
+        ``params_changed`` is the union of the levels of those that changed with this tick: 0 when none did, all ones
+        at the first tick.
         """
         return self._params
 
@@ -102,37 +102,39 @@ class Context(Generic[P]):
         """The node itself, for the few services that pace themselves."""
         return self._node
 
-    def latest(self, topic: Topic[M], name: str | None = None) -> Latest[M]:
-        """The newest message of a topic."""
-        view = Latest(self._node.subscribe(topic, name), lambda: self.now)
+    def latest(self, topic: Topic[M]) -> Latest[M]:
+        """The newest message of a topic; that of another namespace by ``ODOM.of("tb3_0")``."""
+        view = Latest(self._node.subscribe(topic), lambda: self.now)
         self._views.append(view)
         return view
 
-    def stream(self, topic: Topic[M], name: str | None = None) -> Stream[M]:
+    def stream(self, topic: Topic[M]) -> Stream[M]:
         """Every message of a topic."""
-        view = Stream(self._node.subscribe(topic, name))
+        view = Stream(self._node.subscribe(topic))
         self._views.append(view)
         return view
 
     def transforms(self, cache: float = CACHE_S, moving: bool = True) -> TransformListener:
-        """Where any frame lies in any other, over the last ``cache`` seconds, as told on ``/tf`` and ``/tf_static``.
+        """The transforms between all frames over the last ``cache`` seconds, from ``/tf`` and ``/tf_static``.
 
-        Without ``moving``, as told on ``/tf_static`` alone.
+        Without ``moving``, from ``/tf_static`` alone.
         """
         view = TransformListener(self._node, cache, moving)
         self._views.append(view)
         return view
 
-    def advertise(self, topic: Topic[M], name: str | None = None) -> Publisher[M]:
-        """A publication, declared now; what lists itself in the graph before its first message."""
-        return self._node.advertise(topic, name)
+    def advertise(self, topic: Topic[M]) -> Publisher[M]:
+        """A publication that is in the graph from now on, before its first message."""
+        return self._node.advertise(topic)
 
-    def publish(self, topic: Topic[M], message: M, name: str | None = None) -> None:
-        """Send a message; raises TypeError when it is not the topic's record."""
-        wanted = name or topic.name
-        output = self._publishers.get(wanted)
+    def publish(self, topic: Topic[M], message: M) -> None:
+        """Send a message; raises TypeError when it is not the topic's record.
+
+        The first one declares the publication; ``advertise`` does so before.
+        """
+        output = self._publishers.get(topic.name)
         if output is None:
-            output = self._publishers[wanted] = self._node.advertise(topic, name)
+            output = self._publishers[topic.name] = self._node.advertise(topic)
         output.publish(message)
 
     def check(
@@ -148,8 +150,8 @@ class Context(Generic[P]):
         not hold makes the run's exit status 1. Returns whether it holds.
 
         The last statement of a name counts, also one made after the process was asked to end. ``value`` is a number, or
-        None for what is not measured yet, which does not hold: who states a check at the start is sure that it is
-        missed when the service never comes to it. A bool needs no bounds.
+        None for what is not measured yet, which does not hold: a check that is stated at the start is missed when the
+        service never gets to it. A bool needs no bounds.
 
         Args:
             name: letters, digits and underscores, 64 at most; a node has 64 checks at most.
@@ -181,9 +183,11 @@ class Context(Generic[P]):
     def ticks(self, rate: float | None = None, meanwhile: Callable[[], None] | None = None) -> Iterator[Tick]:
         """The loop's steps at the service's rate of simulation time, until the process is asked to end (Stopped).
 
-        Inputs are a snapshot taken as the tick starts. At a reset they are empty but for what is latched. ``rate`` [Hz]
-        takes the place of the declared one, for services that make it a parameter. ``meanwhile`` is called again and
-        again, ten times a second at least, while the next tick is waited for.
+        Inputs are a snapshot of the moment at which the tick starts. At a reset they are empty but for what is latched.
+
+        Args:
+            rate: replaces the declared rate [Hz], for services that make it a parameter.
+            meanwhile: called at least ten times a second while the loop waits for the next tick.
         """
         if (chosen := rate or self._rate) is None:
             raise BadInput("a service without a rate has no ticks")
@@ -198,12 +202,12 @@ class Context(Generic[P]):
         finally:
             pacer.close()
 
-    def messages(self, topic: Topic[M], name: str | None = None) -> Iterator[M]:
-        """Every message of a topic as it arrives, for services that answer to messages instead of time.
+    def messages(self, topic: Topic[M]) -> Iterator[M]:
+        """Every message of a topic as it arrives, for services that react to messages instead of time.
 
-        ``params`` is followed between two messages, ten times a second.
+        Changes of parameters are followed ten times a second, between two messages.
         """
-        source = self._node.subscribe(topic, name)
+        source = self._node.subscribe(topic)
         self._node.declare_ready()
         self._node.heartbeat.state = "running"
         while True:
@@ -214,7 +218,7 @@ class Context(Generic[P]):
                 self._node.wait(source.raw)
 
     def idle(self) -> None:
-        """Turn once and rest for a tenth of a second, for services that follow neither time nor messages."""
+        """Do what is due and wait a tenth of a second, for services that follow neither time nor messages."""
         if self._rate is None:
             self._node.declare_ready()
         if self._idle_subscriber is None:
@@ -224,9 +228,9 @@ class Context(Generic[P]):
         self._idle_subscriber.recv()
 
     def update_params(self, admitted: bool = False) -> int:
-        """For loops without ticks: let ``params`` be what the parameter service says by now.
+        """Let ``params`` be what the parameter service says now, in a loop without ticks; returns ``params_changed``.
 
-        Returns ``params_changed``. ``admitted`` tells that a snapshot of all inputs has just been taken.
+        ``admitted`` says that the loop has just taken a snapshot of all inputs.
         """
         followed = self._subscription
         if followed is None:

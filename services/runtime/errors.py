@@ -7,7 +7,7 @@ EleaError
 │   ├── UnknownRecord            messages.records: no record has this name (LookupError)
 │   ├── BadDefinition            messages.cdr.definitions: the text of a message type cannot be read
 │   ├── UnknownModel             models: no robot or world has this name
-│   ├── BadUrdf                  models.robot_description: a URDF cannot be read
+│   ├── BadUrdf                  models.urdf: a URDF cannot be read
 │   ├── NoWheels                 models.urdf: a robot has no two wheels to drive on
 │   └── ParameterConflict        services.params.schema: two nodes contradict each other about a parameter
 ├── WrongPayload (ValueError)    messages.base: a payload is not the expected record
@@ -30,21 +30,14 @@ EleaError
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable
-
 from messages.errors import BadInput as BadInput
 from messages.errors import EleaError as EleaError
+from messages.errors import did_you_mean as did_you_mean
+from messages.errors import nearest as nearest
+from messages.errors import unknown_name as unknown_name
 
 TRY_AGAIN = 75
 """Exit status after TryAgain: EX_TEMPFAIL of sysexits(3)."""
-
-
-_MOST_LISTED = 100
-"""Alternatives that an error lists."""
-_LONG = 100
-_WORK = 500_000
-"""Pairs of characters: 1,200 names of 20, within 4 ms; of the worst kind, 35 ms."""
 
 
 class TryAgain(BadInput):
@@ -85,33 +78,3 @@ class FrameLoop(NoTransform):
 
 class Stopped(EleaError):
     """The process was asked to end."""
-
-
-def unknown_name(kind: str, name: str, known: Iterable[str], where: str = "") -> BadInput:
-    """The error for a name that does not exist, with the nearest right one and the alternatives."""
-    names = sorted(known)
-    near = nearest(name, names)
-    hint = f"; did you mean {near!r}?" if near else ""
-    prefix = f"{where}: " if where else ""
-    listed = ", ".join(names[:_MOST_LISTED]) or "none"
-    more = f" and {len(names) - _MOST_LISTED} more" if len(names) > _MOST_LISTED else ""
-    return BadInput(f"{prefix}unknown {kind} {name[:255]!r}{hint} (known: {listed}{more})")
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """The name of ``known`` that ``name`` may have been meant for, or nothing.
-
-    Names come from outside and are as long and as many as somebody likes, and comparing two takes the product of their
-    lengths: a name of 100 characters or more is compared with none, others with those nearest to its length for as
-    long as _WORK lasts.
-    """
-    if len(name) >= _LONG:
-        return ""
-    work, candidates = 0, []
-    for each in sorted(known, key=lambda each: abs(len(each) - len(name))):
-        work += len(name) * len(each)
-        if work > _WORK or len(each) >= _LONG:
-            break
-        candidates.append(each)
-    near = difflib.get_close_matches(name, candidates, 1)
-    return near[0] if near else ""

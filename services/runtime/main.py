@@ -5,10 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
-from typing import Any
+from typing import Any, overload
 
 import click
 import msgspec
@@ -17,33 +14,30 @@ from services.runtime.errors import TRY_AGAIN, BadInput, EleaError, Stopped, Try
 from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.schema import describe_range, describe_relations
 from services.runtime.parameters.validation import build, describe_parameters, read_assignments, stated
-from services.runtime.service import Service
-
-_capturing = ContextVar("declaring", default=False)
-
-
-class ServiceCaptured(BaseException):
-    """Raised by ``main`` within ``capture_service`` with the service it would run; no ``except Exception`` stops it."""
-
-    def __init__(self, service: Service) -> None:
-        super().__init__(service.name)
-        self.service = service
+from services.runtime.service import Role, Run, Service
+from services.runtime.service_file import capture
 
 
-@contextmanager
-def capture_service() -> Iterator[None]:
-    """Within, ``main`` tells what it would run instead of running it."""
-    token = _capturing.set(True)
-    try:
-        yield
-    finally:
-        _capturing.reset(token)
+@overload
+def main(service: Service) -> None: ...
+@overload
+def main(
+    service: Run,
+    *,
+    name: str,
+    about: str,
+    rate: float | None = None,
+    parameters: type[Parameters] = Parameters,
+    role: Role = "member",
+) -> None: ...
+def main(service: Service | Run, **declaration: Any) -> None:
+    """Parse the command line, run a service and end the process, as ``run_command_line`` does.
 
-
-def main(service: Service) -> None:
-    """Parse the command line, run the service and end the process, as ``run_command_line`` does."""
-    if _capturing.get():
-        raise ServiceCaptured(service)
+    ``main(run, name=..., about=..., rate=...)`` is short for ``main(Service(run=run, name=..., ...))``.
+    """
+    if not isinstance(service, Service):
+        service = Service(run=service, **declaration)
+    capture(service)
     run_command_line(service, sys.argv[1:])
 
 

@@ -158,13 +158,13 @@ class Node:
         self._tokens["step", self.identity.node] = self.transport.declare_token(entity.key)
 
     def declare_ready(self) -> None:
-        """Show, once, that the node is at work: for those that take no ticks."""
+        """Show, once, that the node is at work, for a node without ticks."""
         if ("ready", self.identity.node) not in self._tokens and ("step", self.identity.node) not in self._tokens:
             entity = Entity(self.transport.session, "ready", self.identity.node)
             self._tokens["ready", self.identity.node] = self.transport.declare_token(entity.key)
 
     def spin_once(self) -> None:
-        """What every loop does again and again: end when asked, answer requests, beat."""
+        """What every loop does all the time: end when asked, answer requests, send the heartbeat."""
         if self.stopping:
             raise Stopped("the process was asked to end")
         self.request_server.spin_once()
@@ -176,13 +176,13 @@ class Node:
         self._publish_heartbeat()
 
     def wait(self, inlet: RawSubscriber) -> None:
-        """Turn, then block until the inlet, a nudge or a tenth of a second; what was held back leaves first."""
+        """Spin once, then block until a sample, a wake-up or a tenth of a second; what was held back is sent first."""
         self.spin_once()
         self.send_buffer.flush()
         self.transport.wait(inlet)
 
     def update_subscribers(self, marks: Watermarks | None = None) -> None:
-        """Take the snapshot of all inputs. With ``marks``, PATIENCE_S is all that the tick waits for what they name."""
+        """Take the snapshot of all inputs; with ``marks``, wait up to WAIT_BUDGET_S for the samples that they name."""
         if marks is None:
             for each in self.subscribers:
                 each.update()
@@ -235,7 +235,7 @@ class Node:
             time.sleep(0.02)
 
     def _sees_everybody(self) -> bool:
-        """Wait until everybody is in sight of whom the router knows; False when that cannot be told, or takes long."""
+        """Wait until all nodes that the router knows are in sight; False when that is unknown, or takes long."""
         deadline = time.monotonic() + self.transport.settle_s
         while (expected := known_nodes(self.transport)) is not None and time.monotonic() < deadline:
             if expected <= set(self.transport.tokens(token_pattern("node"))):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from messages.requests import PARAMS_ANNOUNCE
 from services.runtime.context import Context
 from services.runtime.errors import Stopped
 from services.runtime.identity import Identity
@@ -18,20 +17,17 @@ from services.runtime.service import Service
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import Role, check_listen, configuration, default_router
 
-PARAMS_CLOCK_PATIENCE_S = 20.0
-"""Wall time for which the parameter service waits for a first clock in silence."""
-
 
 def run_service(service: Service, options: dict[str, Any]) -> None:
     """Open the transport, declare the node, run the loop; raises what ends it."""
     run = service.entry()
     identity: Identity = options["identity"]
     log = Log(identity.node, options["log_level"])
-    if (options["lockstep"] and service.holds_lockstep) or service.observer:
+    if (options["lockstep"] and service.role == "member") or service.role == "observer":
         set_batch_scheduling()
     tree = _configuration(service, options)
     # Before a router nobody is there, unless it is to join others.
-    settle = {"settle_s": 0.0} if service.routes and not options["params"].link else {}
+    settle = {"settle_s": 0.0} if service.role == "router" and not options["params"].link else {}
     with ZenohTransport(tree, **settle) as transport, Node(transport, identity, service.name, log) as node:
 
         def stop() -> None:
@@ -42,9 +38,7 @@ def run_service(service: Service, options: dict[str, Any]) -> None:
 
         followed = _parameter_subscription(service, node, options)
         params = followed.params if followed is not None else options["params"]
-        context = Context(node, params, service.rate, options["lockstep"], service.observer, followed)
-        for topic in service.writes:
-            context.advertise(topic)
+        context = Context(node, params, service.rate, options["lockstep"], service.role == "observer", followed)
         install_signal_handlers(stop)  # so far a signal ended whatever was waited for
         try:
             run(context)
@@ -53,12 +47,10 @@ def run_service(service: Service, options: dict[str, Any]) -> None:
 
 
 def _parameter_subscription(service: Service, node: Node, options: dict[str, Any]) -> ParameterSubscription[Any] | None:
-    """The service's set, as the parameter service has it; None without parameters, and for that service itself."""
-    if PARAMS_ANNOUNCE in service.serves:
-        node.clock_patience_s = PARAMS_CLOCK_PATIENCE_S  # it starts before the simulation
-    if PARAMS_ANNOUNCE in service.serves or not options["params"].__struct_fields__:
+    """The service's set, as the parameter service has it; None for a service without one."""
+    if service.parameter_set is None or not options["params"].__struct_fields__:
         return None
-    ParameterClient.of(node, quiet=service.routes).expected = options["await_params"]
+    ParameterClient.of(node, quiet=service.role == "router").expected = options["await_params"]
     name = node.identity.resolve(service.parameter_set or node.identity.node)
     followed: ParameterSubscription[Any] = ParameterSubscription(
         node,
@@ -74,7 +66,7 @@ def _parameter_subscription(service: Service, node: Node, options: dict[str, Any
 def _configuration(service: Service, options: dict[str, Any]) -> dict[str, Any]:
     """Zenoh's configuration: the router listens where its parameters say, everybody else joins it."""
     domain = options["domain"]
-    if service.routes:
+    if service.role == "router":
         params = options["params"]
         listen = (params.listen or default_router(), *params.also)
         return configuration(

@@ -4,11 +4,8 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
-from messages.requests import SIM_REQUESTS
-from messages.topics import CLOCK, FLEET_STATE, LINK_STATES, MODEL_STATES, SIM_STATUS, STOPS, TF, TF_STATIC
+from services.runtime import Parameters, Service, param
 from services.runtime.discovery import START_PATIENCE_S
-from services.runtime.parameters.base import Parameters
-from services.runtime.service import Service
 from services.sim.parameters import RobotEntry
 
 _FIXED = {"live": False}
@@ -17,40 +14,33 @@ _FIXED = {"live": False}
 class SimParameters(Parameters, frozen=True, kw_only=True):
     """The world, its robots and how time runs; ``factor`` alone is live."""
 
-    world: Annotated[str, Meta(description="World, from models/worlds.", extra=_FIXED)] = "empty"
-    robots: Annotated[tuple[RobotEntry, ...], Meta(description="Robots to spawn at the start.")] = ()
-    mode: Annotated[
-        Literal["lockstep", "real"],
-        Meta(description="How time runs: in lockstep with the members, or by the wall clock.", extra=_FIXED),
-    ] = "real"
+    world: str = param("empty", text="World, from models/worlds.", live=False)
+    robots: tuple[RobotEntry, ...] = param((), text="Robots to spawn at the start.")
+    mode: Literal["lockstep", "real"] = param(
+        "real", text="How time runs: in lockstep with the members, or by the wall clock.", live=False
+    )
     factor: Annotated[
         float, Meta(gt=0, le=1000, description="Simulated seconds per wall-clock second, in mode 'real'.")
     ] = 1.0
-    latency: Annotated[
-        int,
-        Meta(
-            ge=0,
-            le=1,
-            description="Delay of a command in lockstep, in ticks of its sender; 1 overlaps control and physics.",
-            extra=_FIXED,
-        ),
-    ] = 0
+    latency: int = param(
+        0,
+        0,
+        1,
+        "",
+        "Delay of a command in lockstep, in ticks of its sender; 1 overlaps control and physics.",
+        live=False,
+    )
     seed: Annotated[int, Meta(ge=0, le=2**63 - 1, description="Random seed of the sensor noise.", extra=_FIXED)] = 0
-    members: Annotated[
-        tuple[str, ...],
-        Meta(description="Nodes to wait for at each tick in lockstep, and at the start in mode 'real'.", extra=_FIXED),
-    ] = ()
-    stops_file: Annotated[
-        str,
-        Meta(description="File that keeps emergency stops across restarts; in memory only if empty.", extra=_FIXED),
-    ] = ""
-    awaits: Annotated[
-        tuple[str, ...], Meta(description="Further nodes to wait for before time starts.", extra=_FIXED)
-    ] = ()
-    requires: Annotated[
-        tuple[str, ...],
-        Meta(description="The awaited nodes without which time does not start at all.", extra=_FIXED),
-    ] = ()
+    members: tuple[str, ...] = param(
+        (), text="Nodes to wait for at each tick in lockstep, and at the start in mode 'real'.", live=False
+    )
+    stops_file: str = param(
+        "", text="File that keeps emergency stops across restarts; in memory only if empty.", live=False
+    )
+    awaits: tuple[str, ...] = param((), text="Further nodes to wait for before time starts.", live=False)
+    requires: tuple[str, ...] = param(
+        (), text="The awaited nodes without which time does not start at all.", live=False
+    )
     start_timeout: Annotated[
         float,
         Meta(
@@ -66,9 +56,6 @@ SERVICE = Service(
     name="sim",
     about="Simulates physics, sensors and base drivers, and publishes simulation time.",
     run="services.sim.loop:run",
-    reads=(FLEET_STATE,),
-    writes=(CLOCK, STOPS, TF, TF_STATIC, MODEL_STATES, LINK_STATES, SIM_STATUS),
-    serves=SIM_REQUESTS,
     parameters=SimParameters,
-    holds_lockstep=False,
+    role="free",
 )

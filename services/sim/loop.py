@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
@@ -43,9 +42,7 @@ def run(ctx: Context[SimParameters]) -> None:
             simulation = Simulation(node, world, params.seed, params.mode == "real", stops_file)
             node.log.now = lambda: simulation.now
             for entry in params.robots:
-                half = entry.yaw / 2
-                turn = (0.0, 0.0, math.sin(half), math.cos(half))
-                simulation.spawn(entry, Pose3((entry.x, entry.y, 0.0), turn), wait=True)
+                simulation.spawn(entry, Pose3.planar(entry.x, entry.y, entry.yaw), wait=True)
             status_publisher = _StatusPublisher(node)
             time_mode = _time_mode(ctx, simulation, status_publisher)
             ParameterClient.of(node).watermarks = time_mode.watermarks

@@ -1,4 +1,4 @@
-"""The square controller: latches the start and drives the robot around by one of the control laws."""
+"""The square controller: latches the start pose and drives around the square by the selected control law."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from services.square.corners import Square, StepResult
 
 
 class SquareController:
-    """A pose goes in, a step result comes out. ``square`` is None until the first pose: the square begins there."""
+    """Drives around a square that starts at the first pose; ``square`` is None until then."""
 
     def __init__(self, parameters: SquareParameters) -> None:
         self._params = parameters
@@ -19,11 +19,18 @@ class SquareController:
         self._last = StepResult("waiting", ZERO_TWIST, 0, Pose2(0.0, 0.0), "waiting")
 
     def reconfigure(self, parameters: SquareParameters) -> None:
-        """Drive on by other parameters around the same square."""
+        """Change the parameters but keep the square."""
         self._params = parameters
 
     def step(self, time: int, here: Pose2, moving: Twist2, dt: float) -> StepResult:
-        """One tick at ``time`` [ns]: the robot is ``here``, moves at ``moving``; the last tick was ``dt`` [s] ago."""
+        """Run one control tick.
+
+        Args:
+            time: Simulation time [ns].
+            here: Measured pose.
+            moving: Measured velocity.
+            dt: Time since the last tick [s].
+        """
         if self.square is None:
             self.square = Square(here, self._params.side, self._params.count)
             if self._params.law == "tutorial":
@@ -39,6 +46,6 @@ class SquareController:
         return self._last
 
     def hold(self) -> StepResult:
-        """Stand still for want of odometry; the way goes on from where the robot is afterwards."""
+        """Stand still while there is no odometry; afterwards, continue from where the robot is."""
         self._held = True
         return StepResult("waiting", ZERO_TWIST, self._last.index, self._last.desired, "waiting")

@@ -1,4 +1,4 @@
-"""The square and its corners, and what a control law returns for one tick on the way around them."""
+"""The square with its corners, and the result of one tick of a control law."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ QUARTER_TURN = math.pi / 2
 
 @dataclass(frozen=True, slots=True)
 class Square:
-    """A square of ``side`` [m] to the left of ``start``, the pose on its first side; ``count`` rounds, 0 for ever."""
+    """A square of ``side`` [m] to the left of the pose ``start``, driven ``count`` times; 0 for endless."""
 
     start: Pose2
     side: float
@@ -23,11 +23,11 @@ class Square:
 
     @property
     def corner_count(self) -> int | None:
-        """Corners to turn at; None when there is no end."""
+        """Total number of corners; None if endless."""
         return SIDES * self.count or None
 
     def corner(self, index: int) -> Pose2:
-        """The pose that corner ``index`` asks for: where its side ends, turned along the next. -1 is the start."""
+        """Target pose at corner ``index``: the end of its side, heading along the next. -1 is the start."""
         c, s = math.cos(self.start.yaw), math.sin(self.start.yaw)
         ahead, left = ((1, 0), (1, 1), (0, 1), (0, 0))[index % SIDES]
         return Pose2(
@@ -37,16 +37,16 @@ class Square:
         )
 
     def heading(self, index: int) -> float:
-        """Direction of side ``index``, rad; not wrapped, but the same in every round."""
+        """Direction of side ``index`` [rad]; not wrapped, but the same in each round."""
         return self.start.yaw + QUARTER_TURN * (index % SIDES)
 
     def segment(self, index: int) -> Segment:
-        """Side ``index``, which leads to the corner of the same index."""
+        """Side ``index``, which leads to the corner with the same index."""
         begin, end = self.corner(index - 1), self.corner(index)
         return Segment(begin.x, begin.y, end.x, end.y)
 
     def corners(self) -> tuple[Pose2, ...]:
-        """All corners in order; those of one round when there is no end."""
+        """All corners in order; those of one round if endless."""
         return tuple(self.corner(index) for index in range(self.corner_count or SIDES))
 
 
@@ -55,10 +55,15 @@ State = Literal["waiting", "driving", "reached", "finished"]
 
 @dataclass(frozen=True, slots=True)
 class StepResult:
-    """The command, None where the law has none to send; the corner pursued; and the pose that it should have now.
+    """Result of one tick of a control law.
 
-    ``doing`` is the law's own word for it, as the log shows it. ``late`` tells that the robot leaves the corner without
-    having met it within the tolerances.
+    Attributes:
+        state: Progress, as in the status message.
+        command: Command to send; None for no command.
+        index: Index of the corner that the robot drives to.
+        desired: Pose that the robot should have now.
+        phase: The law's own name of its state, as logged.
+        timed_out: The robot leaves the corner without having met the tolerances.
     """
 
     state: State

@@ -1,4 +1,4 @@
-"""The CSV log of a square: the tutorial's columns, then ground truth and errors; each row is flushed."""
+"""The CSV log of a square: the tutorial's columns, ground truth and errors; each row is flushed."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from messages.se2 import Pose2, wrap
 from services.runtime.errors import BadInput
 
 MAX_SAMPLES = 64
-"""Samples; more than a second of them."""
+"""Samples kept: more than a second of them."""
 
 
 class TruthBuffer:
-    """True poses by their stamps, the newest KEPT."""
+    """The newest MAX_SAMPLES true poses by stamp."""
 
     def __init__(self) -> None:
         self._poses: dict[int, Pose2] = {}
 
     def add(self, stamp: int, pose: Pose2) -> None:
-        """Keep the pose of a stamp [ns]."""
+        """Add the pose at a stamp [ns]."""
         self._poses[stamp] = pose
         if len(self._poses) > MAX_SAMPLES:
             del self._poses[next(iter(self._poses))]
 
     def at(self, stamp: int) -> Pose2 | None:
-        """The pose of exactly this stamp [ns], if it is still known."""
+        """Return the pose at exactly this stamp [ns], if still known."""
         return self._poses.get(stamp)
 
 
@@ -37,16 +37,16 @@ COLUMNS = (
     *TUTORIAL_COLUMNS,
     *("truth_x", "truth_y", "truth_yaw", "error", "error_yaw", "drift", "drift_yaw", "corner", "doing"),
 )
-"""s, m, rad in the frame of odometry. ``error`` is the distance of the truth from the desired position, ``drift`` that
-of odometry from the truth; ``error_yaw`` and ``drift_yaw`` are truth minus desired and odometry minus truth."""
+"""Columns in s, m, rad, in the odom frame. ``error`` is the distance between true and desired position, ``drift``
+between odometry and truth; ``error_yaw`` and ``drift_yaw`` are truth minus desired and odometry minus truth."""
 PERIOD_NS = 100_000_000
-"""Between two rows, ns: the tutorial's rate."""
+"""Time between two rows [ns]: the tutorial's rate."""
 
 
 class CsvLog:
-    """Opened by ``with``: whoever holds the file has it alone. Raises BadInput when it cannot be written.
+    """The log file, opened and locked by ``with``; raises BadInput if it cannot be written.
 
-    ``trouble`` is None until a row cannot be written, as on a full disk; then it says why, and no more are tried.
+    ``error`` is None until a row cannot be written, e.g. on a full disk; then it is the reason, and logging stops.
     """
 
     def __init__(self, path: Path) -> None:
@@ -84,7 +84,7 @@ class CsvLog:
                 self._file.close()
 
     def reset(self) -> None:
-        """Begin the file anew, as simulation time does."""
+        """Truncate the file, after a reset of simulation time."""
         assert self._file is not None
         self._row, self._truth_to_odom = -1, None
         try:
@@ -95,9 +95,15 @@ class CsvLog:
         self._write(COLUMNS)
 
     def add_row(self, time: int, desired: Pose2, actual: Pose2, truth: Pose2 | None, corner: int, doing: str) -> None:
-        """Write the row of ``time`` [ns] unless there is one of this tenth of a second.
+        """Write a row, at most one per tenth of a second.
 
-        ``truth`` is told in the world; its frame is laid over that of odometry where both are first known.
+        Args:
+            time: Simulation time [ns].
+            desired: Desired pose in the odom frame.
+            actual: Pose by odometry.
+            truth: True pose in the world frame, if known; the first one is aligned with odometry.
+            corner: Index of the corner that the robot drives to.
+            doing: Phase of the control law.
         """
         if time // PERIOD_NS == self._row:
             return

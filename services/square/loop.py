@@ -1,4 +1,4 @@
-"""The loop of the square service: odometry in; commands, plan, status and the log out."""
+"""The loop of the square service: reads odometry, publishes commands, plan and status, and writes the log."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from services.square.csv_log import CsvLog, TruthBuffer
 
 
 def run(ctx: Context[SquareParameters]) -> None:
-    """Drive the square, then hold the robot until told to stop; the last command is STOP."""
+    """Drive the square, then hold the robot until asked to stop; the last command is STOP."""
     with _open_log(ctx.params) as record:
         _drive(ctx, record)
 
@@ -102,13 +102,13 @@ def pose_and_twist(odometry: Odometry) -> tuple[Pose2, Twist2]:
 
 
 def path_message(square: Square, header: Header) -> Plan:
-    """The corners in order, each with the heading of the side that follows."""
+    """Return the corners in order, each with the heading of the next side."""
     corners = (PoseStamped(header=header, pose=each.wrapped.to_msg()) for each in square.corners())
     return Plan(header=header, poses=tuple(corners))
 
 
 def status_message(move: StepResult, square: Square, here: Pose2 | None, header: Header) -> GoalStatus:
-    """The progress as a message; on an endless drive the index begins anew with every round."""
+    """Return the progress as a message; if endless, the index restarts with each round."""
     corner = square.corner(move.index)
     return GoalStatus(
         header=header,

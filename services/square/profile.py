@@ -1,4 +1,4 @@
-"""The default law: each side and each turn follows a ramped profile to an absolute corner, and ends at rest on it."""
+"""The default control law: ramped profiles along each side and turn, to rest at absolute corners."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from services.square import SquareParameters
 from services.square.corners import QUARTER_TURN, Square, StepResult
 
 GAIN = 2.0
-"""Speed per error, 1/s, along the side and of the heading; a delay of 0.1 s makes it ring from 3.7 on (1/e / delay)."""
+"""Gain of position and heading errors [1/s]; with a delay of 0.1 s it oscillates from 3.7 on (1/e / delay)."""
 DELAY = 0.015
-"""Time [s] by which a robot that keeps up trails its profile: 0.005 where commands act at once, 0.025 a tick later."""
+"""Expected delay [s] behind the profile: 0.005 if commands act at once, 0.025 if a tick later."""
 LOOKAHEAD = 0.3
-"""Distance [m] over which an offset from the side is taken out."""
+"""Distance [m] over which an offset from the side is corrected."""
 LAG = 0.1
-"""Delay [s] of the loop that the lookahead allows for, see ``_heading_error``."""
+"""Loop delay [s] that the lookahead allows for, see ``_heading_error``."""
 CATCH_UP_FACTOR = 1.2
-"""How much faster than its profile a robot may go to catch up with it."""
+"""Largest speed to catch up with the profile, relative to its maximum speed."""
 MAX_LAG = Pose2(0.1, 0.1, 0.2)
-"""Lag behind the profile [m, rad] from which on the profile waits: the base is slower than told, or held up."""
+"""Lag [m, rad] beyond which the profile waits for the robot: the base is too slow or blocked."""
 DISPLACED = 0.5
-"""Distance from the profile [m] at which the robot must have been moved by somebody: it stands still."""
+"""Distance from the profile [m] beyond which the robot must have been moved: it stands still."""
 STANDSTILL = Twist2(0.002, 0.02)
-"""Measured speeds below which a robot stands."""
+"""Measured speeds below which a robot counts as standing."""
 
 
 class Phase(Enum):
-    """What the robot is doing about its corner."""
+    """Phases of driving to one corner."""
 
     DRIVE = "drive"
     TURN = "turn"
@@ -39,9 +39,17 @@ class Phase(Enum):
 
 @dataclass(frozen=True, slots=True)
 class ProfileState:
-    """The way to the corner ``index``: stage, how far the profile has come, m or rad, and at what speed.
+    """State of driving to the corner ``index``.
 
-    ``settling`` counts the seconds since the profile ended; ``astray`` tells that the robot was moved.
+    Attributes:
+        square: The square.
+        index: Index of the corner.
+        phase: Driving along the side, turning at its end, or done.
+        position: Position of the profile along the side [m] or turn [rad].
+        speed: Speed of the profile [m/s or rad/s].
+        settling_time: Time since the profile ended [s].
+        command: The last command.
+        displaced: The robot was moved away and stands still.
     """
 
     square: Square
@@ -55,12 +63,12 @@ class ProfileState:
 
     @property
     def length(self) -> float:
-        """How far the profile of this stage goes: m along a side, rad at a corner."""
+        """Length of the profile: m along a side, rad at a corner."""
         return self.square.side if self.phase is Phase.DRIVE else QUARTER_TURN
 
     @property
     def desired(self) -> Pose2:
-        """The pose that the profile asks for now."""
+        """Desired pose at the current position of the profile."""
         corner, heading = self.square.corner(self.index), self.square.heading(self.index)
         if self.phase is not Phase.DRIVE:
             return Pose2(corner.x, corner.y, wrap(heading + self.position))
@@ -69,7 +77,7 @@ class ProfileState:
 
 
 def resume(now: ProfileState, here: Pose2) -> ProfileState:
-    """The course after a standstill: the profile goes on from where the robot is."""
+    """Resume after a standstill: continue the profile from where the robot is."""
     at = _position_along(now, here)
     return replace(
         now, position=max(0.0, min(now.length, at)), speed=0.0, settling_time=0.0, command=ZERO_TWIST, displaced=False
@@ -79,7 +87,7 @@ def resume(now: ProfileState, here: Pose2) -> ProfileState:
 def step(
     now: ProfileState, here: Pose2, moving: Twist2, p: SquareParameters, dt: float
 ) -> tuple[ProfileState, StepResult]:
-    """The course ``dt`` [s] on, and the move, from the pose ``here`` and the measured velocity ``moving``."""
+    """Return the state after ``dt`` [s] and its result, from the measured pose and velocity."""
     if now.phase is Phase.DONE:
         return now, StepResult("finished", ZERO_TWIST, now.index, now.desired, "done")
     if now.displaced or math.hypot(here.x - now.desired.x, here.y - now.desired.y) > DISPLACED:
@@ -104,9 +112,9 @@ def step(
 
 
 def _advance_profile(now: ProfileState, behind: float, p: SquareParameters, dt: float) -> ProfileState:
-    """The profile one step on: constant rise, cruise, constant fall, to rest at its end.
+    """Advance the profile by one step: accelerate, cruise, decelerate to rest at its end.
 
-    It waits for a robot that is too far ``behind`` it, m or rad.
+    It waits while the robot is too far ``behind`` [m or rad].
     """
     if dt <= 0:
         return now
@@ -127,7 +135,7 @@ def _advance_profile(now: ProfileState, behind: float, p: SquareParameters, dt: 
 
 
 def _command(now: ProfileState, behind: float, here: Pose2, p: SquareParameters, dt: float) -> Twist2:
-    """The profile's speed, corrected by the error along it; on a side the heading is held by the offset from it."""
+    """Return the profile's speed, corrected by the error along it, and on a side by the offset from it."""
     if now.phase is Phase.DRIVE:
         error = _clamp(behind, MAX_LAG.x)
         turn = _clamp(GAIN * _heading_error(now, here, p), p.angular_speed)
@@ -140,7 +148,7 @@ def _command(now: ProfileState, behind: float, here: Pose2, p: SquareParameters,
 
 
 def _position_along(now: ProfileState, here: Pose2) -> float:
-    """How far the robot has come on this stage: m along the side, rad of the turn."""
+    """Position of the robot along the side [m] or turn [rad]."""
     if now.phase is Phase.DRIVE:
         left, _ = now.square.segment(now.index).remaining_and_offset(here)
         return now.square.side - left
@@ -148,9 +156,9 @@ def _position_along(now: ProfileState, here: Pose2) -> float:
 
 
 def _heading_error(now: ProfileState, here: Pose2, p: SquareParameters) -> float:
-    """Heading error [rad] against the course that leads back onto the side; of the side alone once it is driven.
+    """Heading error [rad] relative to the course back onto the side, or to the side itself once the profile has ended.
 
-    Below 4 v (1/GAIN + LAG) of lookahead the offset would swing: s^2 (1/GAIN + LAG) + s + v / lookahead = 0.
+    A lookahead below 4 v (1/GAIN + LAG) would make the offset oscillate: s^2 (1/GAIN + LAG) + s + v / lookahead = 0.
     """
     if now.position >= now.length:
         return wrap(now.square.heading(now.index) - here.yaw)
@@ -159,7 +167,7 @@ def _heading_error(now: ProfileState, here: Pose2, p: SquareParameters) -> float
 
 
 def _settled(now: ProfileState, here: Pose2, moving: Twist2, p: SquareParameters) -> bool:
-    """Whether this stage is over: at rest within the tolerance."""
+    """Whether the phase is complete: at rest within the tolerance."""
     tolerance = p.tolerance if now.phase is Phase.DRIVE else p.heading_tolerance
     standing = abs(moving.v) <= STANDSTILL.v and abs(moving.w) <= STANDSTILL.w
     return now.position >= now.length and standing and abs(now.position - _position_along(now, here)) <= tolerance

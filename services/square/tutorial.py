@@ -1,9 +1,9 @@
-"""The tutorial's control law for the square, step by step its loop, and a prediction of where it ends.
+"""The tutorial's control law for the square, which repeats its loop step by step, and a prediction of its result.
 
-It acts ten times a second on odometry that comes ten times a second, unsynchronised: the pose is up to 0.1 s old. It
-turns at full speed until the error is below 0.05 rad and then counts the turn as done, though the base still rotates
-and needs w^2 / (2 a) = 0.07 rad to stop. The next side begins from the pose of that moment, and the next turn from the
-heading at its own beginning, so the errors add up, in one sense.
+It acts at 10 Hz on unsynchronised odometry at 10 Hz: the pose is up to 0.1 s old. It turns at full speed until the
+error is below 0.05 rad and then considers the turn done, though the base needs another w^2 / (2 a) = 0.07 rad to stop.
+The next side starts from the pose at that moment, and the next turn from the heading at its own start, so that the
+errors add up in one direction.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from services.square.corners import Square, State, StepResult
 from services.square.profile import STANDSTILL
 
 PERIOD_NS = 100_000_000
-"""Of its loop and of its odometry, ns."""
+"""Period of its loop and of its odometry [ns]."""
 ANGLE_THRESHOLD = 0.05
-"""Heading error [rad] below which it takes a turn for done."""
+"""Heading error [rad] below which it considers a turn done."""
 DISTANCE_THRESHOLD = 0.05
 """Distance [m] before the end of a side at which it stops driving."""
 
 
 @dataclass(frozen=True, slots=True)
 class TutorialState:
-    """The variables of the tutorial's script: state, sides done, the pose that the side counts from, the heading asked.
+    """The variables of the tutorial's script.
 
-    ``seen`` is the pose of its last odometry; ``sampled`` and ``acted`` count periods since time began.
+    ``last_odometry`` is its last sampled pose; ``sample_index`` and ``action_index`` count periods of simulation time.
     """
 
     square: Square
@@ -47,14 +47,14 @@ class TutorialState:
 
     @classmethod
     def at_start(cls, square: Square) -> TutorialState:
-        """At the first side. The tutorial took its start for (0, 0, 0); here it is where the robot stands."""
+        """Return the initial state. The tutorial starts at (0, 0, 0); here, it is the robot's pose."""
         return cls(square, square.start, square.start)
 
 
 def step(
     now: TutorialState, time: int, here: Pose2, moving: Twist2, p: SquareParameters
 ) -> tuple[TutorialState, StepResult]:
-    """The loop and the move at ``time`` [ns]; between its periods it only looks, and its move has no command."""
+    """Return the state and result at ``time`` [ns]; between two periods of the loop, the result has no command."""
     if (sampled := time // PERIOD_NS) != now.sample_index:
         now = replace(now, last_odometry=here, sample_index=sampled)
     acted = (time - round(p.phase * 1e9)) // PERIOD_NS
@@ -78,7 +78,7 @@ def step(
 
 
 def _act(now: TutorialState, p: SquareParameters) -> TutorialState:
-    """One turn of the tutorial's loop."""
+    """Run the tutorial's loop once."""
     seen = now.last_odometry
     if not now.rotating:
         if math.hypot(seen.x - now.side_start.x, seen.y - now.side_start.y) < p.side - DISTANCE_THRESHOLD:
@@ -93,7 +93,7 @@ def _act(now: TutorialState, p: SquareParameters) -> TutorialState:
 
 
 def _desired(now: TutorialState, p: SquareParameters) -> Pose2:
-    """What its log calls desired: the end of the present side while it drives, the heading asked while it turns."""
+    """Desired pose as logged by the tutorial: the end of the side while driving, the target heading while turning."""
     if now.rotating:
         return Pose2(now.last_odometry.x, now.last_odometry.y, now.target_heading)
     yaw = now.side_start.yaw
@@ -116,20 +116,20 @@ STEP_S = STEP_NS / 1e9
 MAX_DURATION_S = 3600.0
 
 BaseStep = Callable[[Twist2], Twist2]
-"""A base: takes the command and gives the motion of one physics step, with what its limits leave of it."""
+"""Model of a base: from the command to the velocity during one physics step, after all limits."""
 
 
 class Prediction(NamedTuple):
-    """Where a square ends: m from its start, and rad by which the turns were too much, not wrapped."""
+    """Predicted end of a square: distance from the start [m], and excess turn [rad], not wrapped."""
 
     closure: float
     excess_turn: float
 
 
 def predict(p: SquareParameters, base: BaseStep) -> Prediction | None:
-    """The end of the squares of ``p`` (one if endless) by the tutorial's law; None if not within MAX_DURATION_S.
+    """Predict where the squares (one if endless) end by the tutorial's law; None if not within MAX_DURATION_S.
 
-    The base moves along the middle heading of each step; a command acts from the step after it.
+    The base moves along the mean heading of each step; a command acts from the next step on.
     """
     assert SERVICE.rate is not None
     tick = round(1 / SERVICE.rate / STEP_S)
@@ -149,7 +149,7 @@ def predict(p: SquareParameters, base: BaseStep) -> Prediction | None:
 
 
 def overrun(base: BaseStep, w: float) -> float:
-    """By how much a base that turns at ``w`` [rad/s] turns on after the command to stop, rad."""
+    """Return the angle [rad] by which a base turning at ``w`` [rad/s] turns on after the command to stop."""
     for _ in range(round(60 / STEP_S)):
         base(Twist2(0.0, w))
     angle = 0.0

@@ -1,8 +1,8 @@
-"""The state service: a robot's links on /tf and /tf_static, from its URDF and joint states, and joint states merged.
+"""The state service: publishes link transforms from URDFs and joint states, and merges joint states.
 
-It is ROS's robot_state_publisher and joint_state_publisher in one. The simulation tells the frames of its own models
-itself, from the same URDFs and without another process; this service is for robots that come from elsewhere, and for
-robots of a fleet whose base has ``enable_link_tf = false``, so that each frame has one publisher.
+It combines ROS's robot_state_publisher and joint_state_publisher. The simulation publishes the frames of its own models
+itself, from the same URDFs and without another process; this service is for external robots, and for robots of a fleet
+with ``enable_link_tf = false``, so that each frame has one publisher.
 """
 
 from __future__ import annotations
@@ -11,93 +11,62 @@ from typing import Annotated
 
 from msgspec import Meta
 
-from messages.topics import JOINT_STATES, ROBOT_DESCRIPTION, TF, TF_STATIC
-from services.runtime.parameters.base import Parameters
-from services.runtime.service import Service
+from services.runtime import Parameters, Service, param
 
 RATE_HZ = 50
-"""Of simulation time: how often it looks; a joint's transform is never told more often."""
-
-
-_FIXED = {"live": False}
+"""Loop rate in Hz of simulation time, and the maximum rate of each transform."""
 
 
 class StateParameters(Parameters, frozen=True, kw_only=True):
-    """Which robots, whence their URDF, and where their joint states come from; names as in ROS."""
+    """Robots, and the sources of their URDFs and joint states; names as in ROS."""
 
-    robots: Annotated[
-        tuple[str, ...],
-        Meta(description="Namespaces of the robots to serve; the node's own if empty.", extra=_FIXED),
-    ] = ()
-    model: Annotated[str, Meta(description="Name of a model in models/; empty to use urdf.", extra=_FIXED)] = ""
-    urdf: Annotated[
-        str, Meta(description="URDF file; empty to use the latched topic robot_description.", extra=_FIXED)
-    ] = ""
-    frame_prefix: Annotated[
-        str | None,
-        Meta(description="Prefix of all frames without a leading slash; the namespace by default.", extra=_FIXED),
-    ] = None
+    robots: tuple[str, ...] = param((), text="Namespaces of the robots to serve; the node's own if empty.", live=False)
+    model: str = param("", text="Name of a model in models/; empty to use urdf.", live=False)
+    urdf: str = param("", text="URDF file; empty to use the latched topic robot_description.", live=False)
+    frame_prefix: str | None = param(
+        None, text="Prefix of all frames without a leading slash; the namespace by default.", live=False
+    )
     publish_frequency: Annotated[
         float,
         Meta(
             gt=0, le=RATE_HZ, description="Maximum rate of each joint's transform.", extra={"unit": "Hz", "live": False}
         ),
     ] = 50.0
-    ignore_timestamp: Annotated[
-        bool, Meta(description="Publish each transform, even sooner than publish_frequency allows.", extra=_FIXED)
-    ] = False
+    ignore_timestamp: bool = param(
+        False, text="Publish each transform, even sooner than publish_frequency allows.", live=False
+    )
 
-    source_list: Annotated[
-        tuple[str, ...],
-        Meta(description="Topics with partial joint states to merge into joint_states.", extra=_FIXED),
-    ] = ()
-    publish_default_positions: Annotated[
-        bool,
-        Meta(
-            description="Publish joints without a source at zero, or mid-range if the limits exclude zero.",
-            extra=_FIXED,
-        ),
-    ] = False
-    publish_default_velocities: Annotated[
-        bool, Meta(description="Publish a velocity of 0 for joints without a source.", extra=_FIXED)
-    ] = False
-    publish_default_efforts: Annotated[
-        bool, Meta(description="Publish an effort of 0 for joints without a source.", extra=_FIXED)
-    ] = False
-    zeros: Annotated[
-        tuple[str, ...], Meta(description="Default positions other than zero, e.g. elbow=0.5.", extra=_FIXED)
-    ] = ()
-    dependent_joints: Annotated[
-        tuple[str, ...],
-        Meta(description="Joints that follow others, e.g. left=right or left=right*-1+0.1.", extra=_FIXED),
-    ] = ()
-    use_mimic_tags: Annotated[
-        bool, Meta(description="Let joints follow others as the URDF's mimic tags say.", extra=_FIXED)
-    ] = True
-    use_smallest_joint_limits: Annotated[
-        bool, Meta(description="Use the safety controller's soft limits where they are narrower.", extra=_FIXED)
-    ] = True
+    source_list: tuple[str, ...] = param(
+        (), text="Topics with partial joint states to merge into joint_states.", live=False
+    )
+    publish_default_positions: bool = param(
+        False, text="Publish joints without a source at zero, or mid-range if the limits exclude zero.", live=False
+    )
+    publish_default_velocities: bool = param(
+        False, text="Publish a velocity of 0 for joints without a source.", live=False
+    )
+    publish_default_efforts: bool = param(False, text="Publish an effort of 0 for joints without a source.", live=False)
+    zeros: tuple[str, ...] = param((), text="Default positions other than zero, e.g. elbow=0.5.", live=False)
+    dependent_joints: tuple[str, ...] = param(
+        (), text="Joints that follow others, e.g. left=right or left=right*-1+0.1.", live=False
+    )
+    use_mimic_tags: bool = param(True, text="Let joints follow others as the URDF's mimic tags say.", live=False)
+    use_smallest_joint_limits: bool = param(
+        True, text="Use the safety controller's soft limits where they are narrower.", live=False
+    )
     rate: Annotated[
         float,
         Meta(gt=0, le=RATE_HZ, description="Rate of the merged joint states.", extra={"unit": "Hz", "live": False}),
     ] = 10.0
-    delta: Annotated[
-        float,
-        Meta(
-            ge=0,
-            le=10,
-            description="Step by which joints without a source sweep back and forth, per message.",
-            extra=_FIXED,
-        ),
-    ] = 0.0
+    delta: float = param(
+        0.0, 0, 10, "", "Step by which joints without a source sweep back and forth, per message.", live=False
+    )
 
 
 SERVICE = Service(
     name="state",
     about="Publishes a robot's link transforms from its URDF and joint states, and merges joint states.",
     run="services.state.loop:run",
-    reads=(JOINT_STATES, ROBOT_DESCRIPTION, TF_STATIC),
-    writes=(TF, TF_STATIC),
     rate=RATE_HZ,
     parameters=StateParameters,
 )

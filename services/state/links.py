@@ -9,27 +9,27 @@ from messages.base import LARGEST
 from messages.geometry import TransformStamped
 from messages.sensor import JointState
 from messages.std import Header, Time
-from models.robot_description import DescribedJoint, RobotDescription
+from models.urdf import Joint, RobotDescription
 
 MAX_AGE_NS = 30_000_000_000
-"""A joint state older than this is warned of."""
+"""Age beyond which a joint state causes a warning."""
 MAX_AHEAD_NS = 1_000_000_000
-"""How far ahead of time a stamp may keep a joint from being told again."""
+"""How far in the future a stamp may suppress further transforms of a joint."""
 
 
 class TransformResult(NamedTuple):
-    """What a joint state yields: transforms, and a sentence about what is odd with it."""
+    """The transforms of a joint state, and a description of any problem with it."""
 
     transforms: tuple[TransformStamped, ...]
     warning: str = ""
 
 
 class LinkTransforms:
-    """One robot's links. ``refused`` counts joint states that were not used.
+    """Computes the link transforms of one robot. ``rejected`` counts joint states that were not used.
 
-    A joint's transform is told at most once in ``period_ns`` [ns] by the stamps of the joint states, which become those
-    of the transforms, unless ``ignore_timestamp``. One stamp from the far future silences a joint for AHEAD_NS at most.
-    A joint that mimics another one is told with it.
+    A joint's transform is published at most once per ``period_ns`` [ns] of the joint states' stamps, which the
+    transforms keep, unless ``ignore_timestamp``. A stamp in the far future suppresses a joint for at most
+    MAX_AHEAD_NS. Mimic joints are published with their source.
     """
 
     def __init__(
@@ -43,25 +43,23 @@ class LinkTransforms:
 
     @property
     def frames(self) -> frozenset[str]:
-        """The frames that are told here: those of all links with a parent, but of floating and planar joints."""
-        return frozenset(
-            self.frame(j.frame.child) for j in self.description.joints if j.single_dof or j.kind == "fixed"
-        )
+        """The published frames: those of all links with a parent, except for floating and planar joints."""
+        return frozenset(self.frame(j.child) for j in self.description.joints if j.single_dof or j.kind == "fixed")
 
     def reset(self) -> None:
-        """Time has gone back: whatever comes next is told."""
+        """Publish whatever comes next, as time has gone back."""
         self._last.clear()
 
     def frame(self, link: str) -> str:
-        """The frame of a link; a leading slash keeps the prefix away."""
+        """Return the frame of a link; a leading slash in its name avoids the prefix."""
         return link[1:] if link.startswith("/") else f"{self._prefix}{link}"
 
     def fixed_transforms(self, now: int) -> tuple[TransformStamped, ...]:
-        """The transforms of all fixed joints."""
+        """Return the transforms of all fixed joints."""
         return tuple(self._transform(each, 0.0, now) for each in self.description.joints if each.kind == "fixed")
 
     def moving_transforms(self, state: JointState, now: int) -> TransformResult:
-        """The transforms that a joint state tells of, those of them that are due; ``now`` [ns] tells its age."""
+        """Return the transforms of a joint state that are due; ``now`` [ns] is for its age."""
         if fault := _invalid_reason(state):
             self.rejected += 1
             return TransformResult((), f"a joint state is refused: {fault}")
@@ -80,14 +78,14 @@ class LinkTransforms:
         return last is None or self._ignore or stamp >= last + self._period_ns
 
     def _with_mimics(self, positions: dict[str, float]) -> Mapping[str, float]:
-        """The positions with those of the joints that mimic one of them; what a joint state says itself counts more."""
+        """Return the positions with those of mimic joints added; positions in the joint state take precedence."""
         for name in self._mimics:
             if (position := self._mimic_position(name, positions)) is not None:
                 positions[name] = position
         return positions
 
     def _mimic_position(self, name: str, positions: Mapping[str, float]) -> float | None:
-        """The position of a joint, through a chain of mimicry, which is known to end; None without its source."""
+        """Return the position of a joint through its chain of mimic joints; None without a source."""
         chain = []
         while name not in positions:
             if (mimic := self._mimics.get(name)) is None:
@@ -99,18 +97,18 @@ class LinkTransforms:
             position = mimic.factor * position + mimic.offset
         return position if abs(position) <= LARGEST else None
 
-    def _transform(self, joint: DescribedJoint, position: float, stamp: int) -> TransformStamped:
+    def _transform(self, joint: Joint, position: float, stamp: int) -> TransformStamped:
         return TransformStamped(
-            header=Header(stamp=Time.of(stamp), frame_id=self.frame(joint.frame.parent)),
-            child_frame_id=self.frame(joint.frame.child),
-            transform=joint.frame.transform(position).to_transform(),
+            header=Header(stamp=Time.of(stamp), frame_id=self.frame(joint.parent)),
+            child_frame_id=self.frame(joint.child),
+            transform=joint.transform(position).to_transform(),
         )
 
 
 def _invalid_reason(state: JointState) -> str:
-    """Why a joint state cannot be used; a wrong number of positions is refused as it is read."""
+    """Return why a joint state cannot be used; a wrong number of positions is rejected when decoded."""
     if not state.position:
         return "it has no positions"
     if len(set(state.name)) < len(state.name):
-        return "a name comes twice"
+        return "a name occurs twice"
     return ""

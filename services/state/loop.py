@@ -1,4 +1,4 @@
-"""The loop of the state service: descriptions and joint states in; transforms and merged joint states out."""
+"""The loop of the state service: reads URDFs and joint states, publishes transforms and merged joint states."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import models
 from messages.names import BadName, absolute_namespace
 from messages.tf import TFMessage, split
 from messages.topics import TF, TF_STATIC
-from models.robot_description import MAX_CHARACTERS, BadUrdf
+from models.urdf import MAX_CHARACTERS, BadUrdf
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 from services.runtime.transport.wire import SampleInfo
@@ -17,13 +17,13 @@ from services.state import StateParameters
 from services.state.robot import RobotStatePublisher
 
 MAX_OTHER_PUBLISHERS = 256
-"""Publishers that are remembered; beyond that, the first of them is forgotten."""
+"""Most publishers remembered; beyond that, the oldest is forgotten."""
 
 
 class OtherPublishers:
-    """The fixed frames of the other publishers.
+    """The static frames of other publishers.
 
-    Only these are looked at: who subscribes to /tf lets the simulation make it, 25 times a second for all robots.
+    Only /tf_static is checked: subscribing to /tf would make the simulation compute it, at 25 Hz for all robots.
     """
 
     def __init__(self, own: bytes) -> None:
@@ -32,7 +32,7 @@ class OtherPublishers:
         self._reported: set[str] = set()
 
     def update(self, batch: Iterable[tuple[TFMessage, SampleInfo | None]]) -> None:
-        """Take what came on /tf_static."""
+        """Read the messages on /tf_static."""
         for message, origin in batch:
             who = origin.publisher if origin is not None else b""
             if who != self._own:
@@ -41,14 +41,14 @@ class OtherPublishers:
                     del self._frames[next(iter(self._frames))]
 
     def new_conflicts(self, frames: frozenset[str]) -> list[str]:
-        """Those of our frames that another publisher tells of, each once."""
+        """Return those of our frames that another publisher publishes, each once."""
         found = sorted({name for told in self._frames.values() for name in frames & told} - self._reported)
         self._reported.update(found)
         return found
 
 
 def run(ctx: Context[StateParameters]) -> None:
-    """Tell where the links are until told to stop."""
+    """Publish link transforms until asked to stop."""
     robots = make_robots(ctx)
     moving, fixed = ctx.advertise(TF), ctx.advertise(TF_STATIC)
     others, neighbours = ctx.node.subscribe(TF_STATIC), OtherPublishers(fixed.publisher)
@@ -82,14 +82,14 @@ def run(ctx: Context[StateParameters]) -> None:
 
 
 def make_robots(ctx: Context[StateParameters]) -> list[RobotStatePublisher]:
-    """The robots that the parameters name; raises BadInput for a name, a model or a URDF that is wrong."""
+    """Return the robots of the parameters; raises BadInput for a bad name, model or URDF."""
     p = ctx.params
     if p.model and p.urdf:
         raise BadInput(f"state: both model {p.model!r} and urdf {p.urdf!r} are given: one of them describes the robot")
     try:
         namespaces = [absolute_namespace(each) for each in p.robots or (ctx.namespace,)]
         if len(set(namespaces)) < len(namespaces):
-            raise BadInput(f"state: robots {', '.join(p.robots)}: a name comes twice")
+            raise BadInput(f"state: robots {', '.join(p.robots)}: a name is given twice")
         if p.frame_prefix is not None and len(namespaces) > 1:
             raise BadInput("state: frame_prefix is for one robot; several have their namespaces for prefixes")
         urdf = read_urdf(p.model, p.urdf)
@@ -100,7 +100,7 @@ def make_robots(ctx: Context[StateParameters]) -> list[RobotStatePublisher]:
 
 
 def read_urdf(model: str, urdf: str) -> str:
-    """The text of the URDF of a model or in a file; empty when none is named. Raises BadInput."""
+    """Return the URDF of the model or in the file; empty if neither is given. Raises BadInput."""
     if not model and not urdf:
         return ""
     try:
@@ -115,7 +115,7 @@ def read_urdf(model: str, urdf: str) -> str:
 
 
 def heartbeat_detail(robots: Sequence[RobotStatePublisher]) -> str:
-    """What a heartbeat says."""
+    """Return the detail of the heartbeat."""
     waiting = [robot.label for robot in robots if robot.links is None]
     refused = sum(robot.rejected for robot in robots)
     parts = [f"no description of {', '.join(waiting)}"] if waiting else []

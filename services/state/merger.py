@@ -1,4 +1,4 @@
-"""Joint states merged from several sources, with the rules of ROS's joint_state_publisher (noetic-devel)."""
+"""Merges joint states of several sources, with the rules of ROS's joint_state_publisher (noetic-devel)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from messages.base import LARGEST
 from messages.sensor import JointState
 from messages.std import Header, Time
-from models.robot_description import BadUrdf, DescribedJoint, Mimic, RobotDescription
+from models.urdf import BadUrdf, Joint, Mimic, RobotDescription
 from services.state import StateParameters
 
 _NUMBER = r"[0-9]*\.?[0-9]+(?:[eE][+-]?[0-9]+)?"
@@ -17,7 +17,7 @@ _DEPENDENT = re.compile(rf"([^=*\s]+)=([^=*+\s]+?)(?:\*([+-]?{_NUMBER}))?([+-]{_
 
 
 class FreeJoint:
-    """What is known of one free joint; None where nobody has told it. ``forward`` is the way that ``delta`` takes."""
+    """State of one independent joint; None where no source has it. ``forward`` is the direction of ``delta``."""
 
     def __init__(self, low: float, high: float, turns: bool) -> None:
         self.low, self.high, self.continuous = low, high, turns
@@ -29,7 +29,7 @@ class FreeJoint:
 
 
 class JointStateMerger:
-    """All joints of a robot. Raises BadDescription for a zero or a dependency that its joints do not allow."""
+    """Merges the joints of a robot. Raises BadUrdf for a zero or a dependency that its joints do not allow."""
 
     def __init__(self, description: RobotDescription, params: StateParameters) -> None:
         self._params, self._description = params, description
@@ -51,11 +51,11 @@ class JointStateMerger:
 
     @property
     def free_joints(self) -> tuple[str, ...]:
-        """The joints that follow no other one."""
+        """The independent joints."""
         return tuple(self._free)
 
     def add(self, state: JointState) -> None:
-        """Merge what a source says; the last word on a joint counts, names that are not the robot's are ignored."""
+        """Merge a joint state; the newest value of a joint counts, unknown names are ignored."""
         for index, name in enumerate(state.name):
             if (reading := self._free.get(name)) is None:
                 continue
@@ -68,10 +68,10 @@ class JointStateMerger:
                 reading.effort = state.effort[index]
 
     def merged(self, now: int) -> JointState | None:
-        """The merged joint state at ``now`` [ns]; None while no position is known.
+        """Return the merged joint state at ``now`` [ns]; None while no position is known.
 
-        Joints of which no position is known are left out. Velocities are there when all those joints have one, 0 where
-        the parameters ask for it; so are efforts.
+        Joints without a known position are omitted. Velocities are included if all these joints have one, or 0 if the
+        parameters ask for it; likewise efforts.
         """
         rows = [row for name in self._names if (row := self._row(name)) is not None]
         if not rows:
@@ -86,7 +86,7 @@ class JointStateMerger:
         )
 
     def step_defaults(self) -> None:
-        """Let the joints that no source tells of go on by ``delta``, to their limits and back."""
+        """Move the joints without a source by ``delta``, back and forth between their limits."""
         step = self._params.delta
         for reading in self._free.values():
             if reading.reported or reading.position is None or not step:
@@ -107,7 +107,7 @@ class JointStateMerger:
         reading.effort = 0.0 if p.publish_default_efforts else None
 
     def _row(self, name: str) -> tuple[str, float, float | None, float | None] | None:
-        """Name, position, velocity and effort of a joint, through the joints that it follows."""
+        """Return name, position, velocity and effort of a joint, through the joints that it follows."""
         factor, offset, source = 1.0, 0.0, name
         while (mimic := self._dependencies.get(source)) is not None:
             offset, factor, source = offset + factor * mimic.offset, factor * mimic.factor, mimic.joint
@@ -121,16 +121,16 @@ class JointStateMerger:
         return name, position, velocity, reading.effort
 
 
-def joint_limits(joint: DescribedJoint, smallest: bool) -> tuple[float, float, bool]:
-    """Lower and upper bound [rad or m] of a joint, those of its safety controller if narrower; whether it turns."""
+def joint_limits(joint: Joint, smallest: bool) -> tuple[float, float, bool]:
+    """Return the limits [rad or m] of a joint (the safety controller's if narrower), and whether it rotates."""
     if joint.kind == "continuous":
         return -math.pi, math.pi, True
-    assert joint.lower is not None
-    assert joint.upper is not None
-    low, high = joint.lower, joint.upper
+    assert joint.limits.lower is not None
+    assert joint.limits.upper is not None
+    low, high = joint.limits.lower, joint.limits.upper
     if smallest:
-        low = low if joint.soft_lower is None else max(low, joint.soft_lower)
-        high = high if joint.soft_upper is None else min(high, joint.soft_upper)
+        low = low if joint.limits.soft_lower is None else max(low, joint.limits.soft_lower)
+        high = high if joint.limits.soft_upper is None else min(high, joint.limits.soft_upper)
     if low > high:
         raise BadUrdf(f"joint {joint.name!r}: its soft limits leave no room, {low:g} lies above {high:g}")
     return low, high, False
@@ -147,8 +147,8 @@ def _parse_zero(text: str, names: Iterable[str]) -> tuple[str, float]:
     return _check_joint(name, names, "zeros"), zero
 
 
-def _dependencies(joints: list[DescribedJoint], params: StateParameters) -> dict[str, Mimic]:
-    """Who follows whom: as the parameters say, and the URDF; raises BadDescription for a circle."""
+def _dependencies(joints: list[Joint], params: StateParameters) -> dict[str, Mimic]:
+    """Return the dependent joints with their sources, from parameters and URDF; raises BadUrdf for a loop."""
     names = [each.name for each in joints]
     found = {each.name: each.mimic for each in joints if each.mimic and params.use_mimic_tags}
     for text in params.dependent_joints:
@@ -164,7 +164,7 @@ def _dependencies(joints: list[DescribedJoint], params: StateParameters) -> dict
         while (mimic := found.get(name)) is not None:
             name = mimic.joint
             if name in seen:
-                raise BadUrdf(f"joints follow each other in a circle, {name!r} for one")
+                raise BadUrdf(f"joints follow each other in a loop, e.g. {name!r}")
             seen.add(name)
     return found
 

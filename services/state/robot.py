@@ -1,4 +1,4 @@
-"""One robot of the state service: its description, where its joint states come from, and what is told of them."""
+"""One robot of the state service: its description, joint states and transforms."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from messages.geometry import TransformStamped
 from messages.sensor import JointState
 from messages.std import String
 from messages.topics import JOINT_STATES, ROBOT_DESCRIPTION
-from models.robot_description import BadUrdf, parse_urdf
+from models.urdf import BadUrdf, parse_urdf
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 from services.state import StateParameters
@@ -17,7 +17,7 @@ from services.state.merger import JointStateMerger
 
 
 class RobotStatePublisher:
-    """The robot in a namespace. Until its description is there and is good, nothing is told of it."""
+    """The robot in a namespace. Nothing is published until it has a valid description."""
 
     def __init__(self, ctx: Context[StateParameters], namespace: str, urdf: str) -> None:
         self._ctx, self._namespace, self._urdf = ctx, namespace.strip("/"), urdf
@@ -29,25 +29,25 @@ class RobotStatePublisher:
         self._merger: JointStateMerger | None = None
         self._next_merge = 0
         if urdf:
-            ctx.advertise(ROBOT_DESCRIPTION, self._name(ROBOT_DESCRIPTION.name)).publish(String(data=urdf))
+            ctx.advertise(ROBOT_DESCRIPTION.named(self._name(ROBOT_DESCRIPTION.name))).publish(String(data=urdf))
             self.set_description(urdf)
         else:
-            self._description = ctx.stream(ROBOT_DESCRIPTION, self._name(ROBOT_DESCRIPTION.name))
+            self._description = ctx.stream(ROBOT_DESCRIPTION.named(self._name(ROBOT_DESCRIPTION.name)))
         if self._merges:
-            self._publisher = ctx.advertise(JOINT_STATES, self._name(JOINT_STATES.name))
+            self._publisher = ctx.advertise(JOINT_STATES.named(self._name(JOINT_STATES.name)))
             if self._publisher.name in [ctx.node.identity.resolve(self._name(each)) for each in p.source_list]:
-                raise BadInput(f"state: source_list holds {self._publisher.name}, which is what it merges them to")
-            self._sources = [ctx.stream(JOINT_STATES, self._name(each)) for each in p.source_list]
+                raise BadInput(f"state: source_list holds {self._publisher.name}, which is its own output")
+            self._sources = [ctx.stream(JOINT_STATES.named(self._name(each))) for each in p.source_list]
         else:
-            self._sources = [ctx.stream(JOINT_STATES, self._name(JOINT_STATES.name))]
+            self._sources = [ctx.stream(JOINT_STATES.named(self._name(JOINT_STATES.name)))]
 
     @property
     def label(self) -> str:
-        """The robot, for the log."""
+        """Name of the robot, for the log."""
         return f"/{self._namespace}"
 
     def set_description(self, urdf: str) -> None:
-        """Take a description; raises BadDescription and keeps the one before."""
+        """Set the description; raises BadUrdf, and then keeps the previous one."""
         p, description = self._ctx.params, parse_urdf(urdf)
         merger = JointStateMerger(description, p) if self._merges else None
         self.links = LinkTransforms(description, self.prefix, round(1e9 / p.publish_frequency), p.ignore_timestamp)
@@ -65,7 +65,7 @@ class RobotStatePublisher:
             )
 
     def update_description(self) -> bool:
-        """Follow the topic of the description; whether it has changed."""
+        """Read the topic of the description; return whether it has changed."""
         changed = False
         for text in [] if self._urdf else self._description.drain():
             try:
@@ -76,13 +76,13 @@ class RobotStatePublisher:
         return changed
 
     def reset(self) -> None:
-        """Time has begun anew."""
+        """Handle a reset of time."""
         self._next_merge = 0
         if self.links is not None:
             self.links.reset()
 
     def transforms(self, now: int) -> Iterable[TransformStamped]:
-        """The transforms of what has moved, from the joint states that came; merged ones are published besides."""
+        """Return the transforms of the joint states received; also publish merged joint states."""
         links = self.links
         if links is None:
             return
@@ -95,7 +95,7 @@ class RobotStatePublisher:
         links.rejected = 0
 
     def _states(self, now: int) -> list[JointState]:
-        """The joint states to tell of: what came, or what was merged of it when it is time."""
+        """Return the joint states to publish: those received, or the merged one if it is due."""
         came = [state for source in self._sources for state in source.drain()]
         if self._merger is None:
             return came
@@ -113,7 +113,7 @@ class RobotStatePublisher:
         return [merged]
 
     def _name(self, topic: str) -> str:
-        """A topic of this robot; one with a leading slash is taken as it is."""
+        """Return the name of a topic of this robot; one with a leading slash stays."""
         return topic if topic.startswith("/") else f"/{self._namespace}/{topic}".replace("//", "/")
 
     def _reject(self, text: str) -> None:

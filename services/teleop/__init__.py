@@ -1,79 +1,51 @@
-"""The teleop service: a person drives a robot from the keyboard; keys, speeds and options of teleop_twist_keyboard."""
+"""The teleop service: drives a robot from the keyboard, with the keys and options of teleop_twist_keyboard."""
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from msgspec import Meta
-
 from messages.geometry import FASTEST_ANGULAR, FASTEST_LINEAR
-from messages.topics import BASE_STATUS, CLOCK, CMD_VEL, ODOM
-from services.runtime.parameters.base import Parameters
-from services.runtime.service import Service
+from services.runtime import Parameters, Service, param
 
 MIN_SPEED = 1e-3
-"""m/s and rad/s; scaling goes no lower, so that it can always go up again."""
-
-
-_FIXED = {"live": False}
-"""What a command is, and a script that plays."""
-
-
-def _number(low: float, high: float, unit: str, text: str, live: bool = True) -> Meta:
-    return Meta(ge=low, le=high, description=text, extra={"unit": unit, "live": live})
+"""Minimum speed [m/s, rad/s] that scaling can reach, so that it can always scale up again."""
 
 
 class TeleopParameters(Parameters, frozen=True, kw_only=True):
-    """Speeds, limits, and how a key counts as held. The first eight are teleop_twist_keyboard's."""
+    """Parameters of teleop. The first eight are those of teleop_twist_keyboard."""
 
-    speed: Annotated[float, _number(MIN_SPEED, FASTEST_LINEAR, "m/s", "Initial linear speed.")] = 0.5
-    turn: Annotated[float, _number(MIN_SPEED, FASTEST_ANGULAR, "rad/s", "Initial turn rate.")] = 1.0
-    speed_limit: Annotated[
-        float, _number(MIN_SPEED, FASTEST_LINEAR, "m/s", "Maximum linear speed that scaling can reach.")
-    ] = FASTEST_LINEAR
-    turn_limit: Annotated[
-        float, _number(MIN_SPEED, FASTEST_ANGULAR, "rad/s", "Maximum turn rate that scaling can reach.")
-    ] = FASTEST_ANGULAR
-    repeat_rate: Annotated[
-        float, _number(0, 200, "Hz", "Rate of commands while a key is held; 0 sends only on key events.")
-    ] = 20.0
-    key_timeout: Annotated[
-        float,
-        _number(0.05, 5, "s", "How long a key counts as held after its first event; more than the keyboard's delay."),
-    ] = 0.6
-    stamped: Annotated[bool, Meta(description="Publish TwistStamped instead of Twist.", extra=_FIXED)] = False
-    frame_id: Annotated[
-        str, Meta(max_length=255, description="Frame in the header of a TwistStamped.", extra=_FIXED)
-    ] = ""
-    adaptive: Annotated[
-        bool, Meta(description="Learn the keyboard's delay and interval; otherwise wait key_timeout after each event.")
-    ] = True
-    give_way: Annotated[
-        float,
-        _number(0.3, 60, "s", "Simulation time for which zero is sent after the last key, before others may drive."),
-    ] = 3.0
-    keys: Annotated[
-        str,
-        Meta(
-            max_length=10_000,
-            description="Script of keys to play, as KEY@FROM[-TO] in seconds, e.g. 'i@0.5-2 k@2.5'.",
-            extra=_FIXED,
-        ),
-    ] = ""
-    key_delay: Annotated[
-        float, _number(0.01, 5, "s", "Delay before the first repeat of a scripted key.", live=False)
-    ] = 0.5
-    key_interval: Annotated[
-        float, _number(0.005, 1, "s", "Interval between repeats of a scripted key.", live=False)
-    ] = 0.03
+    speed: float = param(0.5, MIN_SPEED, FASTEST_LINEAR, "m/s", "Initial linear speed.")
+    turn: float = param(1.0, MIN_SPEED, FASTEST_ANGULAR, "rad/s", "Initial turn rate.")
+    speed_limit: float = param(
+        FASTEST_LINEAR, MIN_SPEED, FASTEST_LINEAR, "m/s", "Maximum linear speed that scaling can reach."
+    )
+    turn_limit: float = param(
+        FASTEST_ANGULAR, MIN_SPEED, FASTEST_ANGULAR, "rad/s", "Maximum turn rate that scaling can reach."
+    )
+    repeat_rate: float = param(20.0, 0, 200, "Hz", "Rate of commands while a key is held; 0 sends only on key events.")
+    key_timeout: float = param(
+        0.6, 0.05, 5, "s", "How long a key counts as held after its first event; more than the keyboard's delay."
+    )
+    stamped: bool = param(False, text="Publish TwistStamped instead of Twist.", live=False)
+    frame_id: str = param("", text="Frame in the header of a TwistStamped.", max_length=255, live=False)
+    adaptive: bool = param(
+        True, text="Learn the keyboard's delay and interval; otherwise wait key_timeout after each event."
+    )
+    give_way: float = param(
+        3.0, 0.3, 60, "s", "Simulation time for which zero is sent after the last key, before others may drive."
+    )
+    keys: str = param(
+        "",
+        text="Script of keys to play, as KEY@FROM[-TO] in seconds, e.g. 'i@0.5-2 k@2.5'.",
+        max_length=10_000,
+        live=False,
+    )
+    key_delay: float = param(0.5, 0.01, 5, "s", "Delay before the first repeat of a scripted key.", live=False)
+    key_interval: float = param(0.03, 0.005, 1, "s", "Interval between repeats of a scripted key.", live=False)
 
 
 SERVICE = Service(
     name="teleop",
     about="Drives a robot from the keyboard, or from a script of keys.",
     run="services.teleop.loop:run",
-    reads=(CLOCK, BASE_STATUS, ODOM),
-    writes=(CMD_VEL,),
     rate=50,
     parameters=TeleopParameters,
 )

@@ -1,21 +1,20 @@
-"""Which bases there are to drive, as the graph tells it."""
+"""Finds the bases that can be driven, in the graph of nodes and topics."""
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from messages.names import BadName, absolute_namespace
 from messages.topics import CMD_VEL
-from services.runtime.errors import BadInput
+from services.runtime.errors import BadInput, did_you_mean
 from services.runtime.graph import Entity
 
 _SUFFIX = f"/{CMD_VEL.name}"
 
 
 class BaseInfo(NamedTuple):
-    """The namespace of a base, the topic of its commands and their ROS type."""
+    """Namespace of a base, and topic and ROS type of its commands."""
 
     namespace: str
     topic: str
@@ -23,7 +22,7 @@ class BaseInfo(NamedTuple):
 
 
 def find_bases(entities: Iterable[Entity]) -> dict[str, BaseInfo]:
-    """The bases by namespace: who takes ``cmd_vel`` there and publishes there too, which those who look on do not."""
+    """Return the bases by namespace: nodes that subscribe to ``cmd_vel`` and publish there, unlike observers."""
     known = tuple(entities)
     found = {}
     for each in known:
@@ -36,9 +35,12 @@ def find_bases(entities: Iterable[Entity]) -> dict[str, BaseInfo]:
 
 
 def choose_base(asked: str, found: Mapping[str, BaseInfo], where: str) -> BaseInfo:
-    """The base in the namespace ``asked``, or the only one when nothing is asked; raises BadInput.
+    """Return the base to drive; raises BadInput if there is none or the choice is ambiguous.
 
-    ``where`` is the network that was looked at.
+    Args:
+        bases: The bases by namespace.
+        asked: Namespace of the base; the only base if empty.
+        where: Name of the network, for errors.
     """
     if not found:
         raise BadInput(f"no robot takes commands at {where}: is a fleet up that has one? (./elea ps lists them)")
@@ -52,7 +54,6 @@ def choose_base(asked: str, found: Mapping[str, BaseInfo], where: str) -> BaseIn
     except BadName as error:
         raise BadInput(str(error)) from None
     if namespace not in found:
-        near = difflib.get_close_matches(namespace, found, 1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
+        hint = did_you_mean(namespace, found)
         raise BadInput(f"no robot takes commands on {namespace.rstrip('/')}{_SUFFIX}{hint} (known: {listed})")
     return found[namespace]

@@ -1,11 +1,11 @@
-"""The dead-man's switch: how long a key counts as held, on a keyboard that tells of presses and repeats but not of ups.
+"""Dead-man's switch: detects how long a key is held on a keyboard that reports presses and repeats, but no releases.
 
-A key that is held down sends its first event at once, the next after a delay (0.25 to 1 s), then one every 17 to
-100 ms. Any one time-out is wrong: shorter than the delay, a held key stutters; longer, a released key drives on. So a
-first event counts for longer than the delay, and once repeats are seen the time-out is three of their intervals. The
-delay is learned from every hold, so that the next first event counts for long enough, and for no longer than it must.
+A held key sends its first event at once, the next after a delay (0.25 to 1 s), then one every 17 to 100 ms. No single
+time-out fits: if shorter than the delay, a held key stutters; if longer, a released key drives on. Therefore the first
+event counts for longer than the delay, and once repeats are seen, the time-out is three of their intervals. The delay
+is learned from each hold, so that the next first event counts for just long enough.
 
-All times are seconds on one clock, the one that the hand lives by.
+All times are in seconds of one clock, which is the wall clock for a person.
 """
 
 from __future__ import annotations
@@ -14,32 +14,37 @@ from dataclasses import dataclass, replace
 from math import inf
 
 MIN_HUMAN_INTERVAL_S = 0.06
-"""No finger strikes one key twice within this: a closer event is a repeat."""
+"""Minimum time between two presses of one key; a closer event is a repeat."""
 MAX_REPEAT_INTERVAL_S = 0.11
-"""Two in a row within this are repeats; the Linux console's default is 92 ms."""
+"""Two intervals in a row within this are repeats; the Linux console's default is 92 ms."""
 BURST_S = 0.004
-"""Events within this came in one piece, after a stall, and tell nothing of the keyboard."""
+"""Events within this arrived together after a stall, and say nothing about the keyboard."""
 MIN_REPEAT_TIMEOUT_S = 0.1
-"""A repeat counts for at least this long: what a busy machine or a network may hold the next one up."""
+"""Minimum time-out after a repeat: the delay that a busy machine or a network may add to the next one."""
 TIMEOUT_INTERVALS = 3
-"""The time-out in mean intervals of repeats."""
+"""Time-out in mean repeat intervals."""
 LONGEST_INTERVAL_FACTOR = 1.5
-"""And at least this much of the longest interval lately, for repeats that come in bursts."""
+"""Minimum time-out relative to the longest recent interval, for repeats that arrive in bursts."""
 KEPT_INTERVALS = 8
-"""Intervals kept."""
+"""Number of intervals kept."""
 DELAY_MARGIN_S = 0.1
-"""A first event counts for so much longer than the delay that was learned."""
+"""Time-out after a first event, relative to the learned delay."""
 MAX_DELAY_S = 2.0
-"""An event later than this after the first one is no repeat of it."""
+"""Longest delay between a first event and its first repeat."""
 
 
 @dataclass(frozen=True)
 class HoldDetector:
-    """What is known of the keyboard, and of the key that was struck last.
+    """What is known about the keyboard and the last key.
 
-    ``first`` [s] is how long a first event counts. ``key`` was struck last at ``last``, after the two ``gaps`` since
-    its events before; ``intervals`` are those between repeats, empty until repeats are seen. The key counts as held
-    until ``until``, inclusive. Unless ``adaptive``, every event counts for ``first``.
+    Attributes:
+        first_timeout: How long a first event counts [s]; every event, unless ``adaptive``.
+        adaptive: Learn the keyboard's delay and repeat interval.
+        key: The last key.
+        last_time: Time of its last event [s].
+        gaps: The last two gaps between its events [s].
+        intervals: Intervals between repeats [s]; empty until repeats are seen.
+        held_until: Time [s] until which the key counts as held, inclusive.
     """
 
     first_timeout: float
@@ -56,9 +61,9 @@ class HoldDetector:
 
 
 def pressed(man: HoldDetector, key: str, at: float, stall: float = 0.0) -> HoldDetector:
-    """The switch after an event of ``key`` at ``at`` [s]; the first one of another key begins anew.
+    """Return the state after an event of ``key`` at ``at`` [s]; another key restarts the detection.
 
-    A reader that was held up cannot tell when in the last ``stall`` [s] the event came; the doubt favours a repeat.
+    A stalled reader cannot tell when in the last ``stall`` [s] the event occurred; in doubt, it counts as a repeat.
     """
     gap = at - man.last_time if key == man.key else inf
     if man.adaptive and _is_repeat(man, gap, at - stall):
@@ -72,22 +77,22 @@ def pressed(man: HoldDetector, key: str, at: float, stall: float = 0.0) -> HoldD
 
 
 def reset(man: HoldDetector) -> HoldDetector:
-    """The switch once the key counts no more; what was learned of the keyboard stays."""
+    """Return the state without a held key; what was learned about the keyboard stays."""
     return HoldDetector(man.first_timeout, man.adaptive)
 
 
 def _is_repeat(man: HoldDetector, gap: float, earliest: float) -> bool:
-    """Whether an event ``gap`` after the last one, that came at ``earliest`` or later, is the keyboard's doing."""
+    """Whether an event ``gap`` after the last one, at ``earliest`` or later, is a repeat by the keyboard."""
     if man.intervals and gap < inf:
         return earliest <= man.held_until
     return BURST_S <= gap <= MIN_HUMAN_INTERVAL_S or max(gap, man.gaps[1]) <= MAX_REPEAT_INTERVAL_S
 
 
 def _learned_timeout(man: HoldDetector, gap: float) -> float:
-    """How long a first event counts from now on [s], as repeats are seen for the first time in this hold.
+    """Return the new time-out of first events [s], once repeats are seen for the first time in a hold.
 
-    The event before the repeats was the delayed one. A longer delay counts at once, a shorter one by half: the first
-    event may have been read late.
+    The event before the repeats was the delayed one. A longer delay is adopted at once, a shorter one by half, as the
+    first event may have been read late.
     """
     delay = man.gaps[1] if gap <= MIN_HUMAN_INTERVAL_S else man.gaps[0]
     if not MAX_REPEAT_INTERVAL_S < delay <= MAX_DELAY_S:
@@ -97,7 +102,7 @@ def _learned_timeout(man: HoldDetector, gap: float) -> float:
 
 
 def _repeat_timeout(intervals: tuple[float, ...]) -> float:
-    """The time-out after a repeat, s."""
+    """Return the time-out after a repeat [s]."""
     return max(
         MIN_REPEAT_TIMEOUT_S,
         TIMEOUT_INTERVALS * sum(intervals) / len(intervals),

@@ -1,4 +1,4 @@
-"""Keyboard events, the key bindings of teleop_twist_keyboard, and the velocity that the keys ask for."""
+"""Keyboard events, the key bindings of teleop_twist_keyboard, and the commanded velocity."""
 
 from __future__ import annotations
 
@@ -10,9 +10,13 @@ from services.teleop.hold_detector import HoldDetector, pressed, reset
 
 
 class KeyEvent(NamedTuple):
-    """A key pressed, or repeated, at ``time`` [s of the source's clock]; ``released``: let go, where that is reported.
+    """A key press, repeat or release.
 
-    It may have been up to ``stall`` [s] earlier, when the reader was held up.
+    Attributes:
+        key: The character.
+        time: Time of the event [s], on the source's clock.
+        released: The key was released, on keyboards that report it.
+        stall: How much earlier [s] the event may have happened, because the reader was delayed.
     """
 
     key: str
@@ -22,14 +26,14 @@ class KeyEvent(NamedTuple):
 
 
 class Keyboard(Protocol):
-    """A keyboard that a person sits at; ``with`` takes it over and gives it back as it was."""
+    """A keyboard; ``with`` takes it over and restores it."""
 
     def __enter__(self) -> Self: ...
 
     def __exit__(self, *exception: object) -> None: ...
 
     def read_events(self, within: float) -> list[KeyEvent]:
-        """What was struck since the last call, oldest first; blocks at most ``within`` [s] for the first.
+        """Return the key events since the last call, oldest first; wait up to ``within`` [s] for the first.
 
         Times are those of ``time.monotonic``. Raises Stopped when the keyboard is gone.
         """
@@ -37,7 +41,7 @@ class Keyboard(Protocol):
 
 
 class Direction(NamedTuple):
-    """Parts of the speed ahead, to the left and up, and of the turn rate to the left; -1, 0 or 1 each."""
+    """Signs of the velocity forwards, left and up, and of the turn rate to the left; each -1, 0 or 1."""
 
     x: int
     y: int
@@ -46,7 +50,7 @@ class Direction(NamedTuple):
 
 
 class Scale(NamedTuple):
-    """Factors of speed and turn rate."""
+    """Factors that a key applies to speed and turn rate."""
 
     speed: float
     turn: float
@@ -74,7 +78,7 @@ MOVES = {
     "t": Direction(0, 0, 1, 0),
     "b": Direction(0, 0, -1, 0),
 }
-"""With shift, a holonomic base goes sideways where another one turns."""
+"""With shift, a holonomic base moves sideways where another one turns."""
 
 SCALES = {
     "q": Scale(1.1, 1.1),
@@ -95,11 +99,11 @@ KEY_TABLE = """\
    e/c         turn alone
    any other key stops; Ctrl-C ends
 """
-"""The table as it is shown."""
+"""The key table shown to the user."""
 
 
 class Velocity(NamedTuple):
-    """Speed ahead, to the left and up, m/s, and turn rate to the left, rad/s."""
+    """Velocity forwards, left and up [m/s], and turn rate to the left [rad/s]."""
 
     x: float = 0.0
     y: float = 0.0
@@ -112,7 +116,7 @@ ZERO_VELOCITY = Velocity()
 
 @dataclass(frozen=True)
 class KeyState:
-    """``speed`` [m/s] and ``turn`` [rad/s] as they are set; where the key struck last points, while it is held."""
+    """The set ``speed`` [m/s] and ``turn`` [rad/s], and the direction of the last key while it is held."""
 
     speed: float
     turn: float
@@ -121,12 +125,12 @@ class KeyState:
 
     @classmethod
     def initial(cls, p: TeleopParameters) -> KeyState:
-        """The hand at the start."""
+        """Return the initial state."""
         man = HoldDetector(p.key_timeout, p.adaptive)
         return cls(min(p.speed, p.speed_limit), min(p.turn, p.turn_limit), man)
 
     def command(self, now: float) -> Velocity | None:
-        """The motion asked for at ``now`` [s], None when no moving key is held."""
+        """Return the commanded velocity at ``now`` [s]; None if no motion key is held."""
         if self.direction == NO_DIRECTION or not self.detector.is_held(now):
             return None
         x, y, z, yaw = self.direction
@@ -134,7 +138,7 @@ class KeyState:
 
 
 def reconfigured(hand: KeyState, before: TeleopParameters, p: TeleopParameters) -> KeyState:
-    """The hand after the parameters changed from ``before``; speeds that keys have scaled stay within the limits."""
+    """Return the state after a change of parameters from ``before``; scaled speeds stay within the limits."""
     speed = p.speed if p.speed != before.speed else hand.speed
     turn = p.turn if p.turn != before.turn else hand.turn
     man = hand.detector
@@ -144,15 +148,15 @@ def reconfigured(hand: KeyState, before: TeleopParameters, p: TeleopParameters) 
 
 
 def is_stop(press: KeyEvent) -> bool:
-    """Whether a press asks the robot to stop: any key without a meaning of its own."""
+    """Whether the key stops the robot, as does any key without a binding."""
     return not press.released and press.key not in MOVES and press.key not in SCALES
 
 
 def on_key(hand: KeyState, press: KeyEvent, p: TeleopParameters) -> KeyState:
-    """The hand after a press.
+    """Return the state after a key event.
 
-    A scaling key changes a motion under way and then counts as the held key itself: a keyboard repeats only the key
-    that was struck last. It sets nothing in motion. On keyboards that tell, a key that goes up ends its motion at once.
+    A scaling key changes a current motion and then counts as the held key itself, as a keyboard repeats only the last
+    key; it starts no motion. On keyboards that report releases, a release ends the key's motion at once.
     """
     if press.released:
         return (

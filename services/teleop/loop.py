@@ -1,12 +1,11 @@
-"""The loops of teleop: keys in, commands out; by a person in wall time, or by a script in simulation time.
+"""The loops of teleop: drive by a person's keys in wall time, or by a script of keys in simulation time.
 
-Two times meet here. A hand lives in wall time, so whether a key is held is judged in wall time: a simulation that is
-paused, slow or fast changes nothing in it. What the robot gets of it lives in simulation time: zero is held for
-``give_way`` of simulation time after the last key, so that a robot that is let go during a pause, or in a simulation
-that crawls, is still told to stop once time goes on. A key that is held through a pause drives on when time does. In a
-simulation that is faster than the wall clock, a tap lasts longer for the robot by that factor; commands then go out
-more often than ``repeat_rate``, since a base's time-out is of simulation time. The loop of a person does not follow
-``Context.ticks``: it must turn, and notice a released key, also when no clock comes.
+Two clocks meet here. Whether a key is held is decided in wall time, so that a paused, slow or fast simulation does not
+matter. Commands are sent in simulation time: zero is sent for ``give_way`` of simulation time after the last key, so
+that a robot released during a pause, or in a very slow simulation, is still stopped once time continues. A key held
+through a pause drives on afterwards. In a simulation faster than the wall clock, a tap lasts longer for the robot by
+that factor; commands are then sent more often than ``repeat_rate``, since a base's time-out is in simulation time. The
+keyboard loop does not follow ``Context.ticks``: it must notice a released key even without a clock.
 """
 
 from __future__ import annotations
@@ -22,14 +21,14 @@ from services.teleop.script import KeyScript, script_events
 from services.teleop.terminal import Terminal, require_terminal
 
 LOOP_PERIOD_S = 0.02
-"""Wall time of a turn without keys: how late a released key is noticed."""
+"""Wall time [s] of a loop without key events: the delay until a released key is noticed."""
 EXIT_DELAY_S = 1.0
-"""Simulation time for which a script stays when it has fallen silent. So the base forgets its last command by time-out,
-and not when the process leaves, which no two runs do at the same simulation time."""
+"""Simulation time for which the process stays after a script has ended, so that the base times out reproducibly
+instead of when the process exits."""
 
 
 def run(ctx: Context[TeleopParameters]) -> None:
-    """Drive until the person, the script or the supervisor ends it; the last command is zero, unless others drive."""
+    """Drive until the person, the script or the supervisor stops it; the last command is zero, unless others drive."""
     script = KeyScript(script_events(ctx.params))
     if script.done:
         require_terminal()
@@ -46,7 +45,7 @@ def run(ctx: Context[TeleopParameters]) -> None:
 
 
 def run_script(ctx: Context[TeleopParameters], script: KeyScript, commands: CommandPublisher) -> None:
-    """Play the script from the first tick on, and again when time begins anew, until the robot has been let go."""
+    """Play the script from the first tick, and again after a reset of time, until the robot has been released."""
     p = ctx.params
     keys, start, spoke = KeyState.initial(p), -1, 0.0
     for tick in ctx.ticks():
@@ -70,7 +69,7 @@ def run_script(ctx: Context[TeleopParameters], script: KeyScript, commands: Comm
 def run_keyboard(
     ctx: Context[TeleopParameters], keyboard: Keyboard, screen: Screen, commands: CommandPublisher
 ) -> None:
-    """Follow the keyboard until it is gone or the process is asked to end."""
+    """Follow the keyboard until it is gone or the process is asked to stop."""
     p, node, repeater = ctx.params, ctx.node, commands.repeater
     keys, monitor = KeyState.initial(p), RobotMonitor(ctx, time.monotonic())
     screen.print_header(commands.topic)

@@ -21,11 +21,11 @@ from services.teleop.bases import find_bases
 from services.teleop.keys import ZERO_VELOCITY, Velocity
 
 STAMPED = Topic(CMD_VEL.name, TwistStamped, CMD_VEL.rate, Quality.COMMAND, CMD_VEL.about)
-"""``cmd_vel`` as newer ROS 2 bases take it."""
+"""``cmd_vel`` as newer ROS 2 bases expect it."""
 
 
 class CommandPublisher:
-    """Sends what its voice says, as the record that the parameters ask for."""
+    """Publishes the repeater's output as Twist or TwistStamped."""
 
     def __init__(self, ctx: Context[TeleopParameters]) -> None:
         self._ctx, p = ctx, ctx.params
@@ -34,7 +34,7 @@ class CommandPublisher:
         self.topic, self._type_name = plain.name, Twist.ROS_TYPE
         self._send: Callable[[Twist], None] = plain.publish
         if p.stamped:
-            # The declaration has announced the plain one.
+            # Declared topics are advertised as plain Twist.
             ctx.node.unregister(plain)
             stamped, self._type_name = ctx.advertise(STAMPED), TwistStamped.ROS_TYPE
 
@@ -45,7 +45,7 @@ class CommandPublisher:
             self._send = send
 
     def wait_for_base(self) -> None:
-        """Wait for a base that takes the commands; raises BadInput when it takes another type."""
+        """Wait for a base that subscribes to the commands; raises BadInput if it expects another type."""
         ctx = self._ctx
         ctx.node.heartbeat.state, ctx.node.heartbeat.detail = "waiting", f"no subscriber to {self.topic}"
         while True:
@@ -53,7 +53,7 @@ class CommandPublisher:
             if self.topic in found:
                 break
             listed = ", ".join(found) or "none"
-            ctx.log.warn(f"no base takes {self.topic}, waiting for one (known: {listed})", every=5.0)
+            ctx.log.warn(f"no base subscribes to {self.topic}, waiting for one (known: {listed})", every=5.0)
             ctx.idle()
         ctx.node.heartbeat.detail = ""
         taken = found[self.topic].type_name
@@ -62,11 +62,11 @@ class CommandPublisher:
             raise BadInput(f"{self.topic} takes {taken}, not {self._type_name}: set stamped={wanted}")
 
     def update(self, motion: Velocity | None, wall: float, sim: float, struck: bool, stop: bool) -> None:
-        """Send what is due; see ``CommandRepeater.say``."""
+        """Publish the command that is due, if any; see ``CommandRepeater.update``."""
         self._publish(self.repeater.update(motion, wall, sim, struck, stop))
 
     def close(self) -> None:
-        """The last word is zero; a robot that others drive by now is left to them."""
+        """Publish a final zero, unless others drive the robot by now."""
         if self.repeater.state != "silent":
             self._publish(ZERO_VELOCITY)
 
@@ -77,11 +77,11 @@ class CommandPublisher:
 
 
 SILENCE_TIMEOUT_S = 1.0
-"""Wall time after which what tells nothing is taken to be gone; a clock tells 50 times a second, a base 5 times."""
+"""Wall time [s] without messages after which a publisher counts as gone; a clock publishes at 50 Hz, a base at 5."""
 
 
 class RobotMonitor:
-    """The clock, the odometry and the base of one robot, as the last look saw them. Wall times are s."""
+    """Clock, odometry and base status of one robot as of the last update. Wall times are in s."""
 
     def __init__(self, ctx: Context[Any], wall: float) -> None:
         self._ctx = ctx
@@ -92,7 +92,7 @@ class RobotMonitor:
         self._epoch = -1
 
     def update(self, wall: float) -> bool:
-        """Take what has come; True when simulation time has begun anew. The context's time follows."""
+        """Read the newest messages and set the context's time; return whether simulation time was reset."""
         self._wall = wall
         self._ctx.node.update_subscribers()
         views: tuple[Latest[Any], ...] = self._clock, self._status, self._odom
@@ -109,19 +109,19 @@ class RobotMonitor:
 
     @property
     def sim_seconds(self) -> float:
-        """Simulation time, s."""
+        """Simulation time [s]."""
         return self._ctx.now / 1e9
 
     @property
     def state(self) -> State:
-        """What the heartbeat says of time."""
+        """State for the heartbeat."""
         if self._is_silent(0):
             return "waiting"
         return "paused" if self._clock.value is not None and self._clock.value.paused else "running"
 
     @property
     def error(self) -> str:
-        """What is wrong with time, in a few words; empty when nothing is."""
+        """Short description of a problem with the clock; empty if there is none."""
         if self._is_silent(0):
             return f"no clock for {self._wall - self._last_received[0]:.0f} s: is the simulation running?"
         if self._clock.value is None:
@@ -130,12 +130,12 @@ class RobotMonitor:
 
     @property
     def base_status(self) -> BaseStatus | None:
-        """What the base tells, None when it tells nothing although time goes on."""
+        """Status of the base; None if it has stopped publishing while time continues."""
         return None if self._is_silent(1) and self.state == "running" else self._status.value
 
     @property
     def odometry_twist(self) -> Twist | None:
-        """The motion by odometry, None when there is none although time goes on."""
+        """Velocity by odometry; None if there is none while time continues."""
         if self._odom.value is None or (self._is_silent(2) and self.state == "running"):
             return None
         return self._odom.value.twist.twist

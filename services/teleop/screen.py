@@ -1,4 +1,4 @@
-"""What the person at the keys sees: a few lines that stay where they are."""
+"""The status lines of teleop in the terminal."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from messages.geometry import Twist
 from services.teleop.keys import KEY_TABLE, Velocity
 
 REFRESH_PERIOD_S = 0.1
-"""Wall time between two looks."""
+"""Wall time [s] between updates."""
 STDOUT = 1
 
 
 @dataclass(frozen=True)
 class View:
-    """What is shown: the speeds as set and whether they are at their limits, the command that goes out, the robot.
+    """What is shown: set speeds, the command sent, and the state of the robot.
 
-    ``sent`` is None while nothing is sent; ``trouble`` is a sentence about the network or time, or empty.
+    ``sent`` is None while nothing is sent; ``error`` describes a problem with the network or the clock.
     """
 
     node: str
@@ -34,12 +34,12 @@ class View:
 
 
 def header_text(topic: str) -> str:
-    """What is printed once, above."""
+    """Return the header, which is printed once."""
     return f"\ndriving {topic}\n\n{KEY_TABLE}\n"
 
 
 def render_lines(view: View) -> tuple[str, ...]:
-    """The lines that change."""
+    """Return the status lines."""
     limit = "   (the limit)" if view.at_limit else ""
     return (
         f"   set     speed {view.speed:.2f} m/s   turn {view.turn:.2f} rad/s{limit}",
@@ -77,7 +77,7 @@ def _base_text(base: BaseStatus | None, node: str) -> str:
 
 
 class Screen:
-    """Standard output, if it is a terminal. It never blocks for long: what cannot be written is left out."""
+    """Standard output, if it is a terminal. Does not block: what cannot be written is skipped."""
 
     def __init__(self, descriptor: int = STDOUT) -> None:
         self._descriptor = descriptor
@@ -86,12 +86,12 @@ class Screen:
         self._enabled = os.isatty(descriptor)
 
     def print_header(self, topic: str) -> None:
-        """Print the keys."""
+        """Print the key table."""
         if self._enabled:
             self._write(header_text(topic))
 
     def update(self, view: View, wall: float) -> None:
-        """Bring the lines up to date, at most every PERIOD_S of ``wall`` [s]."""
+        """Redraw the lines, at most every REFRESH_PERIOD_S of ``wall`` [s]."""
         if not self._enabled or wall < self._due:
             return
         self._due = wall + REFRESH_PERIOD_S

@@ -1,4 +1,4 @@
-"""A script of keys: what a keyboard would send if a hand did this, in a time that need not pass."""
+"""Scripts of keys, played back as the events that a keyboard would send."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from services.teleop import TeleopParameters
 from services.teleop.keys import KeyEvent
 
 MAX_TIME_S = 1e5
-"""No key is held until later than this."""
+"""Latest time [s] in a script."""
 MAX_EVENTS = 100_000
-"""Of one script, repeats included."""
+"""Most events of a script, repeats included."""
 
 _ROUNDING_S = 1e-6
 _ENTRY = re.compile(r"(?P<key>space|[!-~])@(?P<start>\d+(?:\.\d+)?)(?:-(?P<end>\d+(?:\.\d+)?))?")
 
 
 def script_events(p: TeleopParameters) -> tuple[KeyEvent, ...]:
-    """The events of ``p.keys``, in order, at times [s] from the start of the script; raises BadInput.
+    """Return the events of ``p.keys`` in order, with times [s] from the start of the script; raises BadInput.
 
-    ``i@0.5`` is a tap, ``i@0.5-2`` a key held from 0.5 to 2 s: it comes at 0.5, again after ``key_delay``, and then
-    every ``key_interval``. As on a keyboard, a key repeats no more once another one is struck.
+    ``i@0.5`` is a tap, ``i@0.5-2`` a key held from 0.5 to 2 s: its events are at 0.5, after ``key_delay``, and then
+    every ``key_interval``. As on a keyboard, a key stops repeating when another one is pressed.
     """
     holds = sorted(_hold(entry) for entry in p.keys.split())
     found: list[KeyEvent] = []
@@ -39,7 +39,7 @@ def script_events(p: TeleopParameters) -> tuple[KeyEvent, ...]:
 
 
 def _hold(entry: str) -> tuple[float, float, str]:
-    """From when to when which key is held; a tap ends as it begins."""
+    """Return start, end and key of an entry; a tap ends when it starts."""
     found = _ENTRY.fullmatch(entry)
     if found is None:
         raise BadInput(
@@ -53,23 +53,23 @@ def _hold(entry: str) -> tuple[float, float, str]:
 
 
 class KeyScript:
-    """Hands the presses out as their time comes."""
+    """Returns the events of a script when they are due."""
 
     def __init__(self, presses: tuple[KeyEvent, ...]) -> None:
         self._events, self._next = presses, 0
 
     def pop_due(self, now: float) -> list[KeyEvent]:
-        """Those that are due at ``now`` [s], as far as they were not taken."""
+        """Return the events due at ``now`` [s] that were not returned yet."""
         first = self._next
         while not self.done and self._events[self._next].time <= now:
             self._next += 1
         return list(self._events[first : self._next])
 
     def rewind(self) -> None:
-        """Begin anew."""
+        """Start again."""
         self._next = 0
 
     @property
     def done(self) -> bool:
-        """Whether nothing is left."""
+        """Whether all events were returned."""
         return self._next == len(self._events)

@@ -1,4 +1,4 @@
-"""The keyboard of a Linux terminal: raw input, decoded into key events; the terminal is restored at exit."""
+"""The keyboard of a Linux terminal: raw input decoded into key events; the terminal is restored on exit."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from services.runtime.errors import BadInput, Stopped
 from services.teleop.keys import KeyEvent
 
 ESCAPE_TIMEOUT_S = 0.05
-"""A byte later than this after an escape does not belong to its sequence."""
+"""Time [s] after an escape byte beyond which a byte does not belong to its sequence."""
 OTHER_KEY = "other"
 """Stands for every key without a printable ASCII character: arrows, function keys, letters with accents."""
 
 
 class KeyDecoder:
-    """Takes a terminal's bytes apart.
+    """Decodes a terminal's bytes into keys.
 
-    An escape sequence is one key without a meaning here, however it is cut: the O in the one of F1, or of an arrow,
-    must not drive the robot. It counts as soon as it begins, since it stops the robot.
+    An escape sequence is one key without a binding, however it is split: the O in the sequence of F1 or an arrow key
+    must not drive the robot. It takes effect at its first byte, since it stops the robot.
     """
 
     def __init__(self) -> None:
@@ -31,14 +31,14 @@ class KeyDecoder:
         self._last_time = 0.0
 
     def feed(self, data: bytes, at: float, stall: float = 0.0) -> list[KeyEvent]:
-        """The keys in ``data``, read at ``at`` [s] after a ``stall``."""
+        """Return the keys in ``data``, which was read at ``at`` [s] after a ``stall`` [s]."""
         if self._state and at - self._last_time > ESCAPE_TIMEOUT_S:
             self._state = ""
         self._last_time = at
         return [KeyEvent(key, at, stall=stall) for byte in data if (key := self._key(byte))]
 
     def _key(self, byte: int) -> str:
-        """The key that a byte is or begins; empty inside of one."""
+        """Return the key that a byte is or starts; empty within a sequence."""
         if byte == 0x1B:
             self._state = "escape"
             return OTHER_KEY
@@ -59,15 +59,15 @@ class KeyDecoder:
 
 STDIN = 0
 STALL_S = 0.05
-"""A reader that comes back later than this beyond its time was held up."""
+"""Excess of a read's duration [s] beyond which the reader was stalled."""
 _MAX_BYTES = 4096
-"""Bytes that a terminal keeps for its reader."""
+"""Size of a terminal's input buffer in bytes."""
 _IFLAG, _LFLAG, _CC = 0, 3, 6
-"""Places in what termios gives."""
+"""Indices of termios attributes."""
 
 
 def require_terminal(descriptor: int = STDIN) -> None:
-    """Raise BadInput unless a person can type at it."""
+    """Raise BadInput unless the descriptor is a terminal in the foreground."""
     if not os.isatty(descriptor):
         raise BadInput("standard input is no terminal: start teleop in one, or give it a script with --keys 'i@0.5-2'")
     # A terminal that is not this session's has no foreground.
@@ -77,11 +77,11 @@ def require_terminal(descriptor: int = STDIN) -> None:
 
 
 class Terminal:
-    """Standard input, a key at a time.
+    """Reads standard input key by key.
 
-    Ctrl-C stays a signal, so that it ends the program whatever it does. Ctrl-Z, Ctrl-\\, Ctrl-S and the like are keys
-    as any other: a robot must not go on because its teleop was suspended, nor teleop hang because its output was held.
-    What was typed before is dropped.
+    Ctrl-C remains a signal, so that it always ends the program. Ctrl-Z, Ctrl-\\, Ctrl-S and the like are
+    ordinary keys: a robot must not drive on because teleop was suspended, nor teleop hang because its output was
+    stopped. Earlier input is dropped.
     """
 
     def __init__(self, descriptor: int = STDIN) -> None:
@@ -102,7 +102,7 @@ class Terminal:
         threading.excepthook = self._previous_excepthook
 
     def restore(self) -> None:
-        """Give the terminal back; what was typed and not read does not reach the shell. It may be gone."""
+        """Restore the terminal, if it still exists; unread input does not reach the shell."""
         with contextlib.suppress(termios.error):
             termios.tcsetattr(self._descriptor, termios.TCSAFLUSH, self._saved_attributes)
 
@@ -123,13 +123,13 @@ class Terminal:
         return found
 
     def _thread_died(self, dead: threading.ExceptHookArgs) -> None:
-        """The process ends at once when a thread dies, without unwinding this one."""
+        """Restore the terminal when a thread dies, as the process then ends without unwinding."""
         self.restore()
         self._previous_excepthook(dead)
 
 
 def _unbuffered(before: list[Any]) -> list[Any]:
-    """The attributes for reading key by key."""
+    """Return the attributes for reading key by key."""
     wanted = list(before)
     wanted[_LFLAG] = before[_LFLAG] & ~(termios.ICANON | termios.ECHO | termios.IEXTEN) | termios.ISIG
     wanted[_IFLAG] = before[_IFLAG] & ~(termios.IXON | termios.ICRNL)

@@ -1,4 +1,4 @@
-"""The waypoint service: one per robot, it drives the robot through a list of points or to a goal given at run time."""
+"""The waypoint service: drives one robot through a list of points, or to a goal given at run time."""
 
 from __future__ import annotations
 
@@ -7,23 +7,16 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from messages.base import Metres, Radians
-from messages.topics import CMD_VEL, GOAL_POSE, ODOM, PLAN, STATUS
-from services.runtime.parameters.base import Parameters
-from services.runtime.service import Service
+from services.runtime import Parameters, Service, param
 
 PLAN_LEVEL = 2
-"""The bit of ``Context.params_changed`` that tells of other goals."""
-_PLAN = {"level": PLAN_LEVEL}
-
-
-def _number(low: float, high: float, unit: str, text: str) -> Meta:
-    return Meta(ge=low, le=high, description=text, extra={"unit": unit})
+"""Bit of ``Context.params_changed`` for changes of the plan."""
 
 
 class WaypointParameters(Parameters, frozen=True, kw_only=True):
-    """Where to drive and how. The defaults suit a TurtleBot3 burger; the bounds keep every law stable at 25 Hz.
+    """Parameters of the waypoint controller. Defaults suit a TurtleBot3 burger; bounds keep each law stable at 25 Hz.
 
-    All are live: other goals, laps or another final heading are a new plan, the rest counts from the next tick on.
+    All are live: changing goals, laps or the final heading starts a new plan; others take effect at the next tick.
     """
 
     law: Annotated[
@@ -33,45 +26,31 @@ class WaypointParameters(Parameters, frozen=True, kw_only=True):
             "'tutorial' is v = 0.1 D, w = 0.7 e without limits."
         ),
     ] = "steady"
-    goals: Annotated[
-        tuple[tuple[Metres, Metres], ...],
-        Meta(description="Points to drive through, as [x, y] in the odom frame.", extra=_PLAN),
-    ] = ()
-    laps: Annotated[
-        int,
-        Meta(
-            ge=0, le=10_000, description="Number of times to drive through the list; 0 repeats it forever.", extra=_PLAN
-        ),
-    ] = 1
-    final_yaw: Annotated[
-        Radians | None, Meta(description="Heading at the last point; any heading if not set.", extra=_PLAN)
-    ] = None
-    max_linear: Annotated[float, _number(0.02, 2.0, "m/s", "Maximum speed.")] = 0.22
-    max_angular: Annotated[float, _number(0.1, 3.0, "rad/s", "Maximum turn rate.")] = 1.5
-    acceleration: Annotated[float, _number(0.1, 1.0, "m/s^2", "Maximum rate at which the speed command rises.")] = 0.5
-    deceleration: Annotated[
-        float, _number(0.1, 1.0, "m/s^2", "Maximum rate at which the speed command falls; also used to plan the stop.")
-    ] = 0.5
-    angular_acceleration: Annotated[
-        float, _number(0.5, 6.0, "rad/s^2", "Maximum rate at which the turn command changes.")
-    ] = 3.0
-    tolerance: Annotated[float, _number(0.005, 0.5, "m", "Distance at which a point counts as reached.")] = 0.01
-    heading_tolerance: Annotated[float, _number(0.005, 0.5, "rad", "Largest error of the final heading.")] = 0.02
-    lookahead: Annotated[
-        float, _number(0.1, 2.0, "m", "Distance over which an offset from the straight path is corrected.")
-    ] = 0.3
-    lag: Annotated[
-        float, _number(0.15, 1.0, "s", "Time constant of the final approach; must exceed the loop's delay.")
-    ] = 0.2
-    odometry_timeout: Annotated[float, _number(0.1, 5.0, "s", "Stop the robot when odometry is older than this.")] = 0.5
+    goals: tuple[tuple[Metres, Metres], ...] = param(
+        (), text="Points to drive through, as [x, y] in the odom frame.", level=PLAN_LEVEL
+    )
+    laps: int = param(
+        1, 0, 10_000, "", "Number of times to drive through the list; 0 repeats it forever.", level=PLAN_LEVEL
+    )
+    final_yaw: Radians | None = param(None, text="Heading at the last point; any heading if not set.", level=PLAN_LEVEL)
+    max_linear: float = param(0.22, 0.02, 2.0, "m/s", "Maximum speed.")
+    max_angular: float = param(1.5, 0.1, 3.0, "rad/s", "Maximum turn rate.")
+    acceleration: float = param(0.5, 0.1, 1.0, "m/s^2", "Maximum rate at which the speed command rises.")
+    deceleration: float = param(
+        0.5, 0.1, 1.0, "m/s^2", "Maximum rate at which the speed command falls; also used to plan the stop."
+    )
+    angular_acceleration: float = param(3.0, 0.5, 6.0, "rad/s^2", "Maximum rate at which the turn command changes.")
+    tolerance: float = param(0.01, 0.005, 0.5, "m", "Distance at which a point counts as reached.")
+    heading_tolerance: float = param(0.02, 0.005, 0.5, "rad", "Largest error of the final heading.")
+    lookahead: float = param(0.3, 0.1, 2.0, "m", "Distance over which an offset from the straight path is corrected.")
+    lag: float = param(0.2, 0.15, 1.0, "s", "Time constant of the final approach; must exceed the loop's delay.")
+    odometry_timeout: float = param(0.5, 0.1, 5.0, "s", "Stop the robot when odometry is older than this.")
 
 
 SERVICE = Service(
     name="waypoint",
     about="Drives a robot through a list of points, or to a goal_pose.",
     run="services.waypoint.loop:run",
-    reads=(ODOM, GOAL_POSE),
-    writes=(CMD_VEL, PLAN, STATUS),
     rate=25,
     parameters=WaypointParameters,
 )

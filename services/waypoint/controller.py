@@ -1,4 +1,4 @@
-"""The waypoint controller: the plan, the stop-and-turn law and the tutorial's law, one of which it runs."""
+"""The waypoint controller: the plan, the stop-and-turn control law and the tutorial's."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from services.waypoint import WaypointParameters
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A point [m] to stop on, and the heading [rad] to take there; None leaves the heading free."""
+    """A point [m] to stop at, and the final heading [rad]; None for any heading."""
 
     x: float
     y: float
@@ -22,47 +22,47 @@ class Goal:
 
 
 NO_GOAL = Goal(0.0, 0.0)
-"""Stands for the goal where there is none."""
+"""Placeholder when there is no goal."""
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Goals to reach one after the other; an endless plan begins again after the last."""
+    """Goals to reach in order; an endless plan starts again after the last."""
 
     goals: tuple[Goal, ...] = ()
     endless: bool = False
 
     @classmethod
     def from_parameters(cls, p: WaypointParameters) -> Plan:
-        """The list of the parameters, written out for all its laps, with the final heading on its last goal."""
+        """Return the plan of the parameters: all laps in full, with the final heading on the last goal."""
         goals = tuple(Goal(x, y) for x, y in p.goals) * max(1, p.laps)
         if goals and p.final_yaw is not None and p.laps:
             goals = (*goals[:-1], Goal(goals[-1].x, goals[-1].y, p.final_yaw))
         return cls(goals, endless=p.laps == 0)
 
     def next_index(self, index: int) -> int | None:
-        """Index of the goal that follows ``index``; None when that was the last."""
+        """Index of the goal after ``index``; None after the last."""
         if index + 1 < len(self.goals):
             return index + 1
         return 0 if self.endless else None
 
     def previous_goal(self, index: int) -> Goal | None:
-        """The goal that the robot comes from on its way to ``index``; None on the first leg of all."""
+        """The goal before ``index``; None for the first."""
         return self.goals[index - 1] if index > 0 or self.endless else None
 
 
 TUTORIAL_SWITCH_DISTANCE = 0.3
-"""Distance [m] at which the tutorial turns to its next point."""
+"""Distance [m] at which the tutorial switches to the next point."""
 TUTORIAL_LINEAR_GAIN = 0.1
-"""Speed per distance of the tutorial, 1/s."""
+"""Speed per distance in the tutorial [1/s]."""
 TUTORIAL_ANGULAR_GAIN = 0.7
-"""Turn rate per heading error of the tutorial, 1/s."""
+"""Turn rate per heading error in the tutorial [1/s]."""
 
 
 def tutorial_command(here: Pose2, x: float, y: float) -> Twist2:
-    """The tutorial's command towards (x, y): v = 0.1 D, w = 0.7 e, whatever the heading and without any limit.
+    """Return the tutorial's command towards (x, y): v = 0.1 D, w = 0.7 e, for any heading and without limits.
 
-    Its eight-way case distinction is atan2, except that it keeps the last bearing when it stands exactly on the point.
+    The original's eight-way case distinction is atan2, except that it keeps the last bearing exactly on the point.
     """
     dx, dy = x - here.x, y - here.y
     return Twist2(
@@ -71,21 +71,21 @@ def tutorial_command(here: Pose2, x: float, y: float) -> Twist2:
 
 
 ALIGNED = 0.02
-"""Heading error [rad] below which the robot sets off; 0.22 m/s over 0.2 s of lag make it 1 mm of offset."""
+"""Heading error [rad] below which the robot starts to drive; at 0.22 m/s and 0.2 s of lag, this is 1 mm of offset."""
 REALIGN_ERROR = 0.6
 """Heading error [rad] above which a driving robot stops and turns."""
 REJOIN_DISTANCE = 0.1
-"""Offset [m] from the leg beyond which the robot, pushed or moved, takes the straight line from where it is."""
+"""Offset [m] from the segment beyond which a robot that was pushed or moved plans a new one from where it is."""
 STOP_DISTANCE = 0.001
-"""Distance left [m] at which the speed command ends; the approach speed there is 5 mm/s."""
+"""Remaining distance [m] at which the robot stops; its approach speed there is 5 mm/s."""
 STANDSTILL = Twist2(0.002, 0.02)
-"""Measured speeds below which a robot stands."""
+"""Measured speeds below which a robot counts as standing."""
 MAX_START_TURN_RATE = 0.05
-"""Measured turn rate [rad/s] below which an aligned robot sets off."""
+"""Measured turn rate [rad/s] below which an aligned robot starts to drive."""
 
 
 class Phase(Enum):
-    """What the robot is doing about its goal."""
+    """Phases of driving to one goal."""
 
     TURN = auto()
     DRIVE = auto()
@@ -95,7 +95,7 @@ class Phase(Enum):
 
 
 class GoalState(NamedTuple):
-    """The way to one goal: its leg, the stage, and the last command, from which the next may differ only so much."""
+    """State of driving to one goal: the segment, the phase, and the last command, which limits the next."""
 
     goal: Goal
     segment: Segment
@@ -104,7 +104,7 @@ class GoalState(NamedTuple):
 
 
 def start_goal(goal: Goal, here: Pose2, previous: Goal | None, command: Twist2 = ZERO_TWIST) -> GoalState:
-    """Start for ``goal``: on the leg from the ``previous`` goal if the robot is near it, else straight from here."""
+    """Start driving to ``goal``: on the segment from ``previous`` if the robot is near it, else straight from here."""
     if previous is not None:
         leg = Segment(previous.x, previous.y, goal.x, goal.y)
         if leg.length > REJOIN_DISTANCE and math.hypot(here.x - previous.x, here.y - previous.y) < REJOIN_DISTANCE:
@@ -113,7 +113,7 @@ def start_goal(goal: Goal, here: Pose2, previous: Goal | None, command: Twist2 =
 
 
 def step_goal(now: GoalState, here: Pose2, moving: Twist2, p: WaypointParameters, dt: float) -> GoalState:
-    """The next stage and command, from the pose ``here`` and the measured velocity ``moving``; ``dt`` in s."""
+    """Return the next state and command from the pose, the measured velocity and the time step [s]."""
     now = _next_phase(now, here, moving, p)
     wanted = _wanted_command(now, here, p)
     command = limit_slew(now.command, wanted, p.acceleration * dt, p.deceleration * dt, p.angular_acceleration * dt)
@@ -157,7 +157,7 @@ def _wanted_command(now: GoalState, here: Pose2, p: WaypointParameters) -> Twist
 
 
 def _heading_error(now: GoalState, here: Pose2, p: WaypointParameters) -> float:
-    """Heading error, rad. Below 4 lag v of lookahead the offset would swing: s^2 lag + s + v / lookahead = 0."""
+    """Heading error [rad]. A lookahead below 4 lag v makes the offset oscillate: s^2 lag + s + v / lookahead = 0."""
     if now.phase is Phase.ALIGN and now.goal.yaw is not None:
         return wrap(now.goal.yaw - here.yaw)
     return wrap(line_of_sight_heading(now.segment, here, max(p.lookahead, 4 * p.lag * p.max_linear)) - here.yaw)
@@ -168,7 +168,7 @@ State = Literal["idle", "driving", "reached", "finished", "waiting"]
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """The outcome of one tick. ``command`` is None without a plan: an idle pilot leaves the base to others."""
+    """Result of one tick. ``command`` is None without a plan: an idle controller leaves the base to others."""
 
     state: State
     command: Twist2 | None
@@ -179,7 +179,7 @@ class Progress:
 
 
 class WaypointController:
-    """Holds the plan, the index of the present goal, and for the steady law the approach to it."""
+    """Drives along a plan by the selected control law."""
 
     def __init__(self, parameters: WaypointParameters) -> None:
         self._params = parameters
@@ -190,18 +190,24 @@ class WaypointController:
         self._command = ZERO_TWIST
 
     def set_plan(self, plan: Plan) -> None:
-        """Drop the present plan for another; the command goes on from where it is, so the robot does not jerk."""
+        """Replace the plan; the command continues from its current value, so that the robot does not jerk."""
         self.plan, self._index, self._done = plan, 0, False
         self._goal_state = None
 
     def reconfigure(self, parameters: WaypointParameters) -> None:
-        """Drive on by other parameters, on the same plan; the command goes on from where it is."""
+        """Change the parameters but keep the plan; the command continues from its current value."""
         if parameters.law != self._params.law:
             self._goal_state = None
         self._params = parameters
 
     def step(self, here: Pose2, moving: Twist2, dt: float) -> Progress:
-        """One control tick: the robot stands at ``here`` and moves at ``moving``; the last tick was ``dt`` [s] ago."""
+        """Run one control tick.
+
+        Args:
+            here: Measured pose.
+            moving: Measured velocity.
+            dt: Time since the last tick [s].
+        """
         if not self.plan.goals:
             return Progress("idle", None)
         if self._done:
@@ -211,7 +217,7 @@ class WaypointController:
         )
 
     def hold(self) -> Progress:
-        """Stand still for want of odometry; the way goes on from where the robot is afterwards."""
+        """Stand still while there is no odometry; afterwards, continue from where the robot is."""
         self._command, self._goal_state = ZERO_TWIST, None
         if not self.plan.goals:
             return Progress("idle", None)
@@ -227,7 +233,7 @@ class WaypointController:
         return self._progress("reached" if self._goal_state.phase is Phase.DONE else "driving", here)
 
     def _step_tutorial(self, here: Pose2) -> Progress:
-        """As in the original, the command of the tick at which it switches still belongs to the old point."""
+        """Run the tutorial's law. As in the original, the command of the switching tick is still for the old point."""
         self._command = tutorial_command(here, self._goal.x, self._goal.y)
         if self._distance(here) >= TUTORIAL_SWITCH_DISTANCE:
             return self._progress("driving", here)

@@ -1,4 +1,4 @@
-"""The loop of the waypoint service: odometry and goals in; commands, plan and status out."""
+"""The loop of the waypoint service: reads odometry and goals, publishes commands, plan and status."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from services.waypoint.controller import Goal, Plan, Progress, WaypointControlle
 
 
 def run(ctx: Context[WaypointParameters]) -> None:
-    """Drive until told to stop; the last command is STOP.
+    """Drive until asked to stop; the last command is STOP.
 
-    Commands go on at every tick after the end too: zero holds the robot, silence would count as a timeout.
+    Commands continue after the end: zero holds the robot, while silence would count as a time-out.
     """
     odom, goals = ctx.latest(ODOM), ctx.stream(GOAL_POSE)
     commands, plans, states = ctx.advertise(CMD_VEL), ctx.advertise(PLAN), ctx.advertise(STATUS)
@@ -69,17 +69,17 @@ def pose_and_twist(odometry: Odometry) -> tuple[Pose2, Twist2]:
 
 
 def goal_from_pose(asked: PoseStamped) -> Goal:
-    """The goal that a pose asks for, heading included."""
+    """Return a pose message as a goal with a heading."""
     return Goal(asked.pose.position.x, asked.pose.position.y, asked.pose.orientation.yaw)
 
 
 def path_message(plan: Plan, header: Header) -> Path:
-    """A plan as ROS shows it; a goal with a free heading has yaw 0."""
+    """Return the plan as a message; goals with any heading have yaw 0."""
     return Path(header=header, poses=tuple(PoseStamped(header=header, pose=_pose(goal)) for goal in plan.goals))
 
 
 def status_message(progress: Progress, header: Header) -> GoalStatus:
-    """The progress as a message."""
+    """Return the progress as a message."""
     return GoalStatus(
         header=header,
         state=progress.state,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 import shutil
 import subprocess
 import sys
@@ -9,14 +11,22 @@ from pathlib import Path
 
 import pytest
 
+from deploy.commands.check import LINT_STEPS
 from services.runtime.process import ROOT
+from tests.harness.cases import case
 from tests.harness.project_files import PACKAGES
 
 
 def run(*arguments: str, at: Path = ROOT) -> tuple[int, str]:
-    """Exit status and output of a module run in ``at``."""
+    """Exit status and output of Python with these arguments in ``at``."""
     ran = subprocess.run(
-        [sys.executable, "-m", *arguments], cwd=at, capture_output=True, text=True, timeout=280, check=False
+        [sys.executable, "-P", *arguments],
+        cwd=at,
+        env={**os.environ, "PYTHONPATH": str(at)},
+        capture_output=True,
+        text=True,
+        timeout=280,
+        check=False,
     )
     return ran.returncode, ran.stdout + ran.stderr
 
@@ -32,51 +42,41 @@ def project(tmp_path: Path) -> Path:
 
 
 @pytest.mark.timeout(300)
-def test_types_hold() -> None:
-    status, said = run("mypy")
-    assert status == 0, said
+def test_every_step_of_check_holds() -> None:
+    for name, arguments in LINT_STEPS.items():
+        with case(name):
+            status, output = run(*arguments)
+            assert status == 0, output
 
 
-def test_style_holds() -> None:
-    status, said = run("ruff", "check", ".")
-    assert status == 0, said
-
-
-def test_format_holds() -> None:
-    status, said = run("ruff", "format", "--check", ".")
-    assert status == 0, said
-
-
-@pytest.mark.parametrize(
-    ("code", "complaint"),
-    [
-        ("def twice(x):\n    return 2 * x\n", "no-untyped-def"),
-        ('def twice(x: int) -> int:\n    return "2"\n', "return-value"),
-        ("def first(each: list) -> None: ...\n", "type-arg"),
-    ],
-)
-def test_a_planted_type_error_is_found(project: Path, code: str, complaint: str) -> None:
-    (project / "services" / "planted.py").write_text(f'"""Planted."""\n\n\n{code}')
-    status, said = run("mypy", "--cache-dir", str(ROOT / ".mypy_cache" / "planted"), at=project)
+def test_planted_type_errors_are_found(project: Path) -> None:
+    planted = {
+        "no-untyped-def": "def twice(x):\n    return 2 * x\n",
+        "return-value": 'def twice(x: int) -> int:\n    return "2"\n',
+        "type-arg": "def first(each: list) -> None: ...\n",
+    }
+    for number, code in enumerate(planted.values()):
+        (project / "services" / f"planted{number}.py").write_text(f'"""Planted."""\n\n\n{code}')
+    status, output = run("-m", "mypy", "--cache-dir", str(ROOT / ".mypy_cache" / "planted"), at=project)
     assert status == 1
-    assert complaint in said
+    for number, complaint in enumerate(planted):
+        assert re.search(rf"planted{number}\.py.*\[{complaint}\]", output), complaint
 
 
-@pytest.mark.parametrize(
-    ("code", "complaint"),
-    [
-        ('"""Planted."""\n\nimport os\n', "F401"),
-        ("x = 1\n", "D100"),
-        ('"""Planted."""\n\ntry:\n    x = 1\nexcept Exception:\n    pass\n', "BLE001"),
-    ],
-)
-def test_a_planted_lapse_of_style_is_found(project: Path, code: str, complaint: str) -> None:
-    (project / "deploy" / "planted.py").write_text(code)
-    status, said = run("ruff", "check", ".", at=project)
+def test_planted_lapses_of_style_are_found(project: Path) -> None:
+    planted = {
+        "F401": '"""Planted."""\n\nimport os\n',
+        "D100": "x = 1\n",
+        "BLE001": '"""Planted."""\n\ntry:\n    x = 1\nexcept Exception:\n    pass\n',
+    }
+    for number, code in enumerate(planted.values()):
+        (project / "deploy" / f"planted{number}.py").write_text(code)
+    status, output = run("-m", "ruff", "check", "--output-format", "concise", ".", at=project)
     assert status == 1
-    assert complaint in said
+    for number, complaint in enumerate(planted):
+        assert re.search(rf"planted{number}\.py.*{complaint}", output), complaint
 
 
 def test_planted_formatting_is_found(project: Path) -> None:
     (project / "deploy" / "planted.py").write_text("x = {'a':1}\n")
-    assert run("ruff", "format", "--check", ".", at=project)[0] == 1
+    assert run("-m", "ruff", "format", "--check", ".", at=project)[0] == 1

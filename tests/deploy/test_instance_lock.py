@@ -20,8 +20,8 @@ from services.runtime.transport.zenoh_config import configuration
 
 HOLDER = """
 import sys, time
-from deploy.instance_lock import Running, instance_lock
-entry = Running(fleet="other", mode="real", port=int(sys.argv[1]), pid=0, folder="/x", started="today")
+from deploy.instance_lock import FleetInstance, instance_lock
+entry = FleetInstance(fleet="other", mode="real", port=int(sys.argv[1]), pid=0, folder="/x", started="today")
 with instance_lock(entry):
     print("held", flush=True)
     time.sleep(60)

@@ -59,6 +59,7 @@ def test_full_disk_is_told_before_a_run_in_the_background(tmp_path: Path) -> Non
     assert "--report" in done.stderr
 
 
+@pytest.mark.process
 def test_supervisor_that_ends_without_a_word_is_told_of(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "mute.py").write_text("raise SystemExit(1)\n")
     folder = tmp_path / "run"

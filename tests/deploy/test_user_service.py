@@ -10,9 +10,9 @@ import pytest
 
 from deploy.fleet_file import read_fleet
 from deploy.processes import plan_processes
-from deploy.service_catalog import load_user_service
 from deploy.service_parameters import RunOptions
 from services.runtime.errors import BadInput
+from services.runtime.service_file import load_user_service
 from tests.docs.readme import blocks, section
 from tests.harness.command_line import CommandLine
 

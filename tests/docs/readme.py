@@ -1,4 +1,4 @@
-"""Reads README.md and the pages of docs: sections, code blocks, tables."""
+"""Reads README.md and the pages of docs: sections and code blocks."""
 
 from __future__ import annotations
 
@@ -23,9 +23,3 @@ def section(title: str, text: str | None = None) -> str:
 def blocks(language: str, text: str) -> list[str]:
     """The code blocks of a language."""
     return re.findall(rf"^```{language}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
-
-
-def table(text: str) -> list[list[str]]:
-    """The cells of the first table, without its head, and without the backticks."""
-    rows = [line for line in text.splitlines() if line.startswith("|")]
-    return [[cell.strip().strip("`") for cell in row.strip("|").split("|")] for row in rows[2:]]

@@ -6,13 +6,13 @@ import re
 import shlex
 
 import click
-import pytest
 
 from deploy.commands.cli import COMMANDS, elea
 from deploy.commands.lazy_group import LazyGroup
 from deploy.fleet_file import fleet_names
 from services.catalog import service_kinds
 from services.runtime.process import ROOT
+from tests.harness.cases import case
 from tests.harness.project_files import project_files
 
 LINE = re.compile(r"\./elea ([^`\n#|]+)")
@@ -42,8 +42,13 @@ def options(verb: str, words: list[str]) -> set[str]:
     return own | {"--help"} | (OF_SERVICES if verb == "run" else set())
 
 
-@pytest.mark.parametrize(("document", "line"), lines())
-def test_a_command_exists(document: str, line: str) -> None:
+def test_every_command_exists() -> None:
+    for document, line in lines():
+        with case(document, line):
+            _check_command(line)
+
+
+def _check_command(line: str) -> None:
     verb, *words = shlex.split(line)
     if verb == "--help":
         return

@@ -6,14 +6,16 @@ import math
 from pathlib import Path
 from typing import ClassVar
 
+import pytest
+
 import messages.topics
 from deploy.service_catalog import load_user_service
 from messages.base import Finite, Message
 from messages.std import Float32, Header
 from messages.topics import CMD_VEL
-from services.runtime.parameters.validation import build, describe_parameters
+from services.runtime.parameters.validation import describe_parameters
+from services.runtime.testing import run_service
 from tests.docs.readme import DOCS, blocks
-from tests.harness.service_harness import run_service
 
 
 def test_the_topic_and_the_record_can_be_declared() -> None:
@@ -34,8 +36,12 @@ def test_the_service_with_a_parameter_runs_by_it(tmp_path: Path) -> None:
     service = load_user_service(str(tmp_path / "spin.py"))
     [speed] = describe_parameters(service.parameters)
     assert (speed.name, speed.low, speed.high, speed.unit) == ("speed", -2, 2, "rad/s")
-    with run_service(service, "/r", build(service.parameters, {"speed": 1.5}, "test")) as bench:
-        bench.subscribe(CMD_VEL, "r/cmd_vel")
-        bench.publish_clock(0.0)
-        bench.publish_clock(1.0)
-        assert math.isclose(bench.wait_message(CMD_VEL, "r/cmd_vel").angular.z, 1.5)
+    with run_service(service, "/r", {"speed": 1.5}) as spinning:
+        spinning.set_time(0.04)
+        assert math.isclose(spinning.next(CMD_VEL).angular.z, 1.5)
+
+
+def test_the_loop_in_memory_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    [program] = blocks("python", (DOCS / "debugging.md").read_text())
+    exec(program, {})
+    assert capsys.readouterr().out.startswith("Twist(linear=Vector3(x=")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pkgutil
 import re
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from tests.harness.project_files import project_files
 
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 CODE = re.compile(r"`([^`\n]+)`")
+DOTTED = re.compile(r"`((?:deploy|messages|models|services|tests)(?:\.\w+)+)(?:\([^`]*\))?`")
 PLACE = re.compile(r"[\w.-]+(?:/[\w.-]+)*/?")
 TOP = {path.relative_to(ROOT).parts[0] for path in project_files()}
 """Of the project itself, not of what a run leaves there."""
@@ -48,6 +50,31 @@ def test_files_that_are_named_exist(document: Path) -> None:
         if inside and not (ROOT / name).exists() and not (document.parent / name).exists():
             lost.append(name)
     assert lost == []
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_modules_and_functions_that_are_named_exist(document: Path) -> None:
+    """``models.urdf_path(name)`` in backticks is a function of that module."""
+    assert [name for name in DOTTED.findall(document.read_text()) if not can_import(name)] == []
+
+
+def can_import(name: str) -> bool:
+    """Whether a dotted name is a module, or something in one."""
+    try:
+        pkgutil.resolve_name(name)
+    except (ImportError, AttributeError):
+        return False
+    return True
+
+
+def test_a_lost_name_is_found() -> None:
+    assert DOTTED.findall("see `models.urdf_path(name)`, `models.model`, `odom.fresh(0.5)`") == [
+        "models.urdf_path",
+        "models.model",
+    ]
+    assert can_import("models.urdf_path")
+    assert not can_import("models.urdf_pith")
+    assert not can_import("models.modal.read")
 
 
 def test_the_documents_are_there() -> None:

@@ -106,3 +106,19 @@ def test_it_drives_to_the_point_and_the_robot_stops_without_it(tmp_path: Path) -
 def test_it_is_as_short_as_promised(tmp_path: Path) -> None:
     lines = [line for line in controller(tmp_path).read_text().splitlines() if line.strip()]
     assert len(lines) <= 15
+
+
+def test_its_test_passes_and_fails_with_another_controller(tmp_path: Path) -> None:
+    text = section("Test it")
+    ([program], [command]) = blocks("python", text), blocks("sh", text)
+    file = tmp_path / "test_my_controller.py"
+    assert (command, f"`{file.name}`" in text) == ("./elea test $PWD/test_my_controller.py\n", True)
+    file.write_text(program)
+    source = controller(tmp_path)
+    with Process(["-m", "deploy", "test", str(file)], tmp_path / "passes.log") as good:
+        assert good.wait(60) == 0, good.text
+        assert "1 passed" in good.text
+    source.write_text(source.read_text().replace("odom.fresh(0.5)", "odom.value"))
+    with Process(["-m", "deploy", "test", str(file)], tmp_path / "fails.log") as bad:
+        assert bad.wait(60) == 1, bad.text
+        assert "1 failed" in bad.text

@@ -116,7 +116,6 @@ def test_a_killed_controller_lets_the_joint_go_within_its_last_job(
     end, start = witness.time, witness.jobs[-1].start_time.ns / 1e9
     after = [(state.header.stamp.ns / 1e9, state.effort[0]) for state in witness.joints[-100:]]
     acting = [time for time, effort in after if effort]
-    print(f"released {acting[-1] - start:.3f} s after the start of its last job")
     free = [effort for time, effort in after if start + DURATION_S + 2 * STEP_S < time <= end]
     assert free, "nothing was seen of the joint after the job"
     assert set(free) == {0.0}, "no effort acts when the job is over"
@@ -147,4 +146,3 @@ def test_a_killed_reference_is_held_and_said(swinging: tuple[SupervisedFleet, Ar
     assert all(abs(angle - held) < 0.6 for angle in angles), "where the last reference was"
     assert f"holding {held:.2f} deg: has its service died?" in fleet.log("arm/arm")
     assert fleet.process("arm/arm").state == "ready"
-    print(f"held at {angles[-1]:.2f} deg, the last reference was {held:.2f} deg")

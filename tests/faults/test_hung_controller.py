@@ -25,12 +25,10 @@ def test_the_robot_stops_and_the_watchdog_replaces_the_controller(
     hung = max(each for each in track.command_instants if each < track.samples[-1].sent)
     assert psutil.Process(before.pid).is_running()
     assert driving.recorder.alive(f"/{name}")
-    print(f"stood after {track.seconds_to_stop(hung):.3f} s of simulation time")
     assert track.seconds_to_stop(hung) <= LATEST_STOP_S
 
     born = driving.wait_restarted(before)
     driving.wait_full_speed(robot)
-    print(f"drove again after {(track.samples[-1].sent - hung) / 1e9:.2f} s")
     assert track.uncommanded_motion(hung, born) == []
     found = re.search(r"no heartbeat for ([\d.]+) s", driving.log(name))
     assert found, driving.log(name)

@@ -39,10 +39,6 @@ def test_a_burst_of_old_commands_is_dropped(star: SupervisedFleet) -> None:
 
         star.wait(lambda: robot.base.stale_dropped > before, "old commands to be dropped")
         star.wait_simulated(1.0, "tb3_1")
-        print(
-            f"{robot.base.stale_dropped - before} of {BURST} old commands dropped, stood after "
-            f"{robot.seconds_to_stop(frozen):.3f} s of simulation time"
-        )
         assert robot.seconds_to_stop(frozen) <= LATEST_STOP_S
         assert [each for each in robot.samples if each.sent > continued and each.speed >= STANDSTILL_SPEED] == []
         assert star.process("router").restarts == 0
@@ -67,7 +63,6 @@ def test_without_the_router_all_robots_stop(star: SupervisedFleet) -> None:
         star.wait_simulated(1.0, "tb3_1")
         seen = next(each for each in robots["tb3_1"].samples if each.sent > killed + 1e9)
         blind = (seen.time - last["tb3_1"].time) / 1e9
-        print(f"out of sight for {blind:.2f} s of simulation time, moved {seen.x - last['tb3_1'].x:.3f} m")
         assert blind > 2 * LATEST_STOP_S
         assert seen.x - last["tb3_1"].x <= WHEELS.max_linear * LATEST_STOP_S
         assert [

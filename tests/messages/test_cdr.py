@@ -35,6 +35,7 @@ from messages.parameters import Parameter, Value
 from messages.records import RECORDS
 from messages.sensor import Range
 from messages.std import Empty
+from tests.harness.cases import case
 from tests.messages.ros_values import assert_same, ros_view, with_float32
 from tests.messages.strategies import DETERMINISTIC, values
 
@@ -42,7 +43,6 @@ STORE = get_typestore(Stores.ROS2_JAZZY)
 RECORDED = sorted(
     {ROS_RECORDS.get(each, each) for each in RECORDS.values()} | set(EXTRAS.values()), key=lambda each: each.ROS_TYPE
 )
-NAMES = [each.ROS_TYPE for each in RECORDED]
 
 
 def independent(record: type[Message]) -> tuple[Any, str, Any]:
@@ -54,15 +54,22 @@ def independent(record: type[Message]) -> tuple[Any, str, Any]:
     return store, name, generate_dynamic(name, text)[name]
 
 
-@pytest.mark.parametrize("name", sorted(STANDARD))
-def test_a_standard_type_is_that_of_ros_2(name: str) -> None:
-    store = get_typestore(Stores.EMPTY)
-    store.register(get_types_from_msg(text_of(name, standard()), long_type_name(name)))
-    assert store.hash_rihs01(long_type_name(name)) == STORE.hash_rihs01(long_type_name(name))
+def test_a_standard_type_is_that_of_ros_2() -> None:
+    for name in sorted(STANDARD):
+        with case(name):
+            store = get_typestore(Stores.EMPTY)
+            store.register(get_types_from_msg(text_of(name, standard()), long_type_name(name)))
+            assert store.hash_rihs01(long_type_name(name)) == STORE.hash_rihs01(long_type_name(name))
 
 
-@pytest.mark.parametrize("record", RECORDED, ids=NAMES)
-def test_others_read_what_is_written_field_by_field(record: type[Message]) -> None:
+@pytest.mark.slow
+def test_others_read_what_is_written_field_by_field() -> None:
+    for record in RECORDED:
+        with case(record.ROS_TYPE):
+            _check_other_readers(record)
+
+
+def _check_other_readers(record: type[Message]) -> None:
     store, name, dynamic = independent(record)
     write = writer(record)
 
@@ -77,8 +84,14 @@ def test_others_read_what_is_written_field_by_field(record: type[Message]) -> No
     check()
 
 
-@pytest.mark.parametrize("record", list(RECORDS.values()), ids=list(RECORDS))
-def test_our_reader_gives_the_record_back(record: type[Message]) -> None:
+@pytest.mark.slow
+def test_our_reader_gives_the_record_back() -> None:
+    for record in RECORDS.values():
+        with case(record.ROS_TYPE):
+            _check_our_reader(record)
+
+
+def _check_our_reader(record: type[Message]) -> None:
     ros = ROS_RECORDS.get(record, record)
     read = record_reader(ros, definitions(ros))
     extra = EXTRAS.get(record)

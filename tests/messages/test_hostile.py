@@ -77,12 +77,10 @@ def test_deep_nesting_is_refused(field: str, nest: bytes) -> None:
     assert outcome(RECORDS["sensor_msgs/LaserScan"], payload) == "refused"
 
 
-@pytest.mark.parametrize(
-    "payload", [b"", b"\xc1", b"\xc0", b"\x90", b"\x01", b"\xa1x", b"{}", b"\x81\x01\x01", b"\xff"]
-)
 @SOME_RECORDS
-def test_what_is_no_map_of_fields_is_refused(kind: type[Message], payload: bytes) -> None:
-    assert outcome(kind, payload) == "refused"
+def test_what_is_no_map_of_fields_is_refused(kind: type[Message]) -> None:
+    for payload in (b"", b"\xc1", b"\xc0", b"\x90", b"\x01", b"\xa1x", b"{}", b"\x81\x01\x01", b"\xff"):
+        assert outcome(kind, payload) == "refused", payload
 
 
 def test_text_that_is_not_utf_8_is_refused() -> None:

@@ -1,7 +1,9 @@
 """The tables of topics and requests hold together."""
 
+import pytest
+
 from messages import requests, topics
-from messages.names import key, resolve
+from messages.names import BadName, key, resolve
 from messages.records import RECORDS
 from messages.requests import REQUESTS, Request
 from messages.topics import TOPICS, Quality, Topic
@@ -37,3 +39,18 @@ def test_requests_have_legal_names_each_its_own_and_known_records() -> None:
 def test_the_tables_have_all_that_is_declared() -> None:
     assert [each for each in vars(topics).values() if isinstance(each, Topic)] == list(TOPICS)
     assert [each for each in vars(requests).values() if isinstance(each, Request)] == list(REQUESTS)
+
+
+def test_a_topic_of_another_namespace() -> None:
+    assert topics.ODOM.of("tb3_0").name == topics.ODOM.of("/tb3_0/").name == "/tb3_0/odom"
+    assert topics.ODOM.of("/").name == "/odom"
+    assert topics.UPDATES.of("/tb3_0/driver").name == "/tb3_0/driver/parameter_updates"
+    other = topics.STOPS.named("/elsewhere")
+    assert (other.record, other.quality, other.only, other.largest) == (
+        topics.STOPS.record,
+        topics.STOPS.quality,
+        topics.STOPS.only,
+        topics.STOPS.largest,
+    )
+    with pytest.raises(BadName, match="/clock is the same topic in every namespace"):
+        topics.CLOCK.of("tb3_0")

@@ -28,8 +28,8 @@ class CommanderParameters(Parameters, frozen=True, kw_only=True):
 
 
 def run(ctx: Context[CommanderParameters]) -> None:
-    stop = ctx.advertise(E_STOP, "/e_stop")
-    commands = {name: ctx.advertise(CMD_VEL, f"/{name}/cmd_vel") for name in SPEEDS}
+    stop = ctx.advertise(E_STOP.of("/"))
+    commands = {name: ctx.advertise(CMD_VEL.of(name)) for name in SPEEDS}
     for tick in ctx.ticks():
         if over := tick.time >= round(ctx.params.at * 1e9):
             if ctx.params.end == "hangs":

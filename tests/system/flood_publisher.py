@@ -32,4 +32,4 @@ def run(ctx: Context[Parameters]) -> None:
 
 
 if __name__ == "__main__":
-    main(Service(name="flooder", about="floods", run=run, writes=(HEARTBEAT, FLOOD)))
+    main(Service(name="flooder", about="floods", run=run))

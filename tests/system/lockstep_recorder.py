@@ -65,8 +65,8 @@ class LockstepRecorder:
 
 def run(ctx: Context[LockstepRecorderParameters]) -> None:
     p = ctx.params
-    truth = {name: ctx.stream(GROUND_TRUTH, f"/{name}/ground_truth") for name in p.robots}
-    bases = {name: ctx.stream(BASE_STATUS, f"/{name}/base_status") for name in p.robots}
+    truth = {name: ctx.stream(GROUND_TRUTH.of(name)) for name in p.robots}
+    bases = {name: ctx.stream(BASE_STATUS.of(name)) for name in p.robots}
     samples: dict[str, list[Odometry]] = {name: [] for name in p.robots}
     states: dict[str, list[BaseStatus]] = {name: [] for name in p.robots}
     for tick in ctx.ticks():

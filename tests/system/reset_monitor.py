@@ -10,7 +10,7 @@ from services.runtime.context import Context
 
 
 def run(ctx: Context[Any]) -> None:
-    odom = ctx.latest(ODOM, "/tb3_0/odom")
+    odom = ctx.latest(ODOM.of("tb3_0"))
     before = 0
     for tick in ctx.ticks():
         if tick.reset:
@@ -20,4 +20,4 @@ def run(ctx: Context[Any]) -> None:
         before = tick.time
 
 
-main(Service(name="reset_monitor", about="Tells of resets.", run=run, rate=25, reads=(ODOM,)))
+main(Service(name="reset_monitor", about="Tells of resets.", run=run, rate=25))

@@ -133,10 +133,18 @@ def test_garbage_on_goal_pose(running: TwoRobotSimulation, session: zenoh.Sessio
 
 
 def test_garbage_on_the_clock(running: TwoRobotSimulation, session: zenoh.Session) -> None:
+    """Nobody's time jumps, stops or begins again by it."""
+    resets = running.reset_monitor.text.count("reset:")
+    before = running.truth["tb3_0"].wait_next().header.stamp.ns
     for payload in CLOCKS:
         for encoding in (None, "text/plain", "application/msgpack;rosgraph_msgs/Clock"):
             session.put("clock", payload, encoding=encoding)
     session.delete("clock")
+    after = running.truth["tb3_0"].wait_after(0.5).header.stamp.ns
+    assert before < after < before + 60 * 10**9
+    assert running.next_heartbeat("/reset_monitor").state == "running"
+    assert running.reset_monitor.text.count("reset:") == resets
+    assert "twice at" not in running.reset_monitor.text
 
 
 def test_a_wildcard_does_not_set_the_clock(running: TwoRobotSimulation, session: zenoh.Session) -> None:

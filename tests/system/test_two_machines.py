@@ -29,12 +29,14 @@ def test_who_joins_from_another_machine_is_told_to_use_star(tmp_path: Path) -> N
         listen = ["-m", "services", "router", "--param", f"listen={router}", "--param", f'also=["{tcp}"]']
         with Process(listen, tmp_path / "refused.log", through=ends.near_command) as refused:
             assert refused.wait(WITHIN_S) == 2
-            assert f"listening on {tcp}: whoever reaches this address can read everything and drive" in refused.text
+            assert (
+                f"listening on {tcp}: anyone who can reach this address can read everything and drive" in refused.text
+            )
             assert "say so with --param insecure=true" in refused.text
         listen += ["--param", "insecure=true"]
         with Process(listen, tmp_path / "router.log", through=ends.near_command) as opened:
             wait_until(lambda: _listens(router), WITHIN_S, "the router")
-            warning = f"WARN /router: listening on {tcp}: whoever reaches this address can"
+            warning = f"WARN /router: listening on {tcp}: anyone who can reach this address can"
             wait_until(lambda: warning in opened.text, WITHIN_S, "its warning")
             identity = Identity.of("tester")
             with (

@@ -1,16 +1,90 @@
-"""The base class of every service's parameters."""
+"""The base class of every service's parameters, and the declaration of a parameter."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from types import NoneType, UnionType
+from typing import Annotated, Any, NamedTuple, TypeVar, dataclass_transform, get_args
+
 import msgspec
+from msgspec import Meta
+
+T = TypeVar("T")
 
 
-class Parameters(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class _Declaration(NamedTuple):
+    default: Any
+    meta: Meta
+
+
+def param(
+    default: T,
+    low: float | None = None,
+    high: float | None = None,
+    unit: str = "",
+    text: str = "",
+    *,
+    live: bool = True,
+    level: int = 1,
+    at_most: str = "",
+    excludes: Sequence[str] = (),
+    max_length: int | None = None,
+) -> T:
+    """Declare a parameter: ``speed: float = param(0.2, 0.0, 1.0, "m/s", "Top speed.")`` in a Parameters class.
+
+    Args:
+        default: its value unless something else is set.
+        low: the least value of a number.
+        high: the largest value of a number.
+        unit: of a number, as "m/s".
+        text: what it does, for the help and the panel.
+        live: whether a running service follows a change of it.
+        level: the bit of ``Context.params_changed`` that is set when it changes.
+        at_most: the name of a parameter that it may not exceed.
+        excludes: the names of parameters that must be null or false while this one is not.
+        max_length: characters of a text, or items of a list.
+    """
+    extra: dict[str, Any] = {"unit": unit} if unit else {}
+    extra |= {} if live else {"live": False}
+    extra |= {} if level == 1 else {"level": level}
+    extra |= {"at_most": at_most} if at_most else {}
+    extra |= {"excludes": tuple(excludes)} if excludes else {}
+    bounds = {"ge": low, "le": high, "max_length": max_length, "description": text or None, "extra": extra or None}
+    meta: Meta = Meta(**bounds)  # type: ignore[arg-type]  # its stub has an overload for each kind of bound
+    return _Declaration(default, meta)  # type: ignore[return-value]  # ParametersType puts the default in its place
+
+
+def _annotated(hint: Any, meta: Meta) -> Any:
+    """The hint with what ``param`` says; of one that may be None, bounds are those of the rest."""
+    if isinstance(hint, str):
+        text = hint.removesuffix("None").rstrip().removesuffix("|")
+        return Annotated[hint, meta] if text in (hint, "") else Annotated[text.strip(), meta] | None
+    if isinstance(hint, UnionType):
+        (inner,) = (each for each in get_args(hint) if each is not NoneType)
+        return Annotated[inner, meta] | None
+    return Annotated[hint, meta]
+
+
+class ParametersType(msgspec.StructMeta):
+    """Makes of ``x: float = param(...)`` what msgspec knows: ``x: Annotated[float, Meta(...)] = default``.
+
+    All records of parameters are frozen, their fields given by keyword.
+    """
+
+    def __new__(cls, name: str, bases: tuple[type, ...], namespace: dict[str, Any], **options: Any) -> ParametersType:
+        hints = namespace.get("__annotations__", {})
+        for field, value in namespace.items():
+            if isinstance(value, _Declaration):
+                hints[field] = _annotated(hints[field], value.meta)
+                namespace[field] = value.default
+        return super().__new__(cls, name, bases, namespace, **{"frozen": True, "kw_only": True, **options})
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+class Parameters(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, metaclass=ParametersType):
     """The parameters of a service: a flat record of bool, int, float, str or tuples of them.
 
-    Types carry bounds, unit and text: ``Annotated[float, Meta(ge=0, le=5, description=..., extra={"unit": "m"})]``.
-    ``extra`` also marks with ``"live": False`` what a running service does not follow, and gives with ``"level": 2``
-    the bit of ``Context.params_changed`` that is set when it changes. ``"at_most": "fast"`` keeps a number below
-    another one, and ``"excludes": ("a", "b")`` says what must be null or false while this is not; both are checked
-    before a change counts.
+    Each is declared by ``param``. What that does not cover is written out, as an exclusive bound:
+    ``Annotated[float, Meta(gt=0, description=..., extra={"unit": "m"})]``; ``extra`` holds ``unit``, ``live``,
+    ``level``, ``at_most`` and ``excludes`` as ``param`` does. Bounds and relations are checked before a change counts.
     """

@@ -5,13 +5,12 @@ Names do not begin with a slash; one that does is taken without it, as in tf.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from typing import NamedTuple
 
 from messages.geometry import TransformStamped
 from messages.se3 import IDENTITY, Pose3
-from services.runtime.errors import FrameLoop, NotConnected, UnknownFrame
+from services.runtime.errors import FrameLoop, NotConnected, UnknownFrame, did_you_mean
 from services.runtime.tf.authority import FrameAuthorities
 from services.runtime.tf.time_cache import StampedTransform, TimeCache
 
@@ -205,9 +204,7 @@ class TransformBuffer:
             raise UnknownFrame(
                 f"frame {name!r} is unknown: no frame is, nothing has come on /tf or /tf_static; is anybody publishing?"
             )
-        near = difflib.get_close_matches(name, known, 3)
-        hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
-        raise UnknownFrame(f"frame {name!r} is unknown{hint} (known: {_listed(known)})")
+        raise UnknownFrame(f"frame {name!r} is unknown{did_you_mean(name, known, 3)} (known: {_listed(known)})")
 
     def _paths(self, target: str, source: str, time: int | None) -> tuple[list[str], list[str]]:
         """The frames from each up to, without, the one that is above both; raises NotConnected or FrameLoop."""

@@ -191,6 +191,7 @@ class MemoryTransport:
         self.session = f"{next(bus.numbers):032x}"
         self.open = True
         self._woken = False
+        self._waiting: MemorySubscriber | None = None
         self._owned: list[MemorySubscriber | MemoryPublisher | MemoryToken] = []
         self._servers: list[MemoryServer] = []
 
@@ -251,11 +252,25 @@ class MemoryTransport:
             self._bus.watches.append(watch)
         return watch
 
+    def subscribed(self) -> set[str]:
+        """What is subscribed to on the bus, by anybody."""
+        with self._bus.changed:
+            return {each.pattern for each in self._bus.subscribers}
+
     def wait(self, inlet: RawSubscriber) -> None:
         assert isinstance(inlet, MemorySubscriber)
         with self._bus.changed:
+            self._waiting = inlet
+            self._bus.changed.notify_all()
             self._bus.changed.wait_for(lambda: bool(inlet.samples) or self._woken, TICKER_S)
-            self._woken = False
+            self._waiting, self._woken = None, False
+
+    def wait_idle(self, timeout: float) -> bool:
+        """From another thread: block until the loop waits and has nothing to do; False after ``timeout`` [s]."""
+        with self._bus.changed:
+            return self._bus.changed.wait_for(
+                lambda: self._waiting is not None and not self._waiting.samples and not self._woken, timeout
+            )
 
     def wake(self) -> None:
         with self._bus.changed:

@@ -5,7 +5,6 @@ Each setting below is there for a measured reason, given beside it; ``models/REA
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 from messages.se3 import Pose3
@@ -58,8 +57,8 @@ def _load_box(client: int, box: Box) -> int:
     half = [extent / 2 for extent in box.size]
     shape = pybullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=half, physicsClientId=client)
     look = pybullet.createVisualShape(pybullet.GEOM_BOX, halfExtents=half, rgbaColor=box.colour, physicsClientId=client)
-    turn = (0.0, 0.0, math.sin(box.yaw / 2), math.cos(box.yaw / 2))
-    number: int = pybullet.createMultiBody(0, shape, look, box.position, turn, physicsClientId=client)
+    orientation = Pose3.planar(0.0, 0.0, box.yaw).orientation
+    number: int = pybullet.createMultiBody(0, shape, look, box.position, orientation, physicsClientId=client)
     _set_contact_dynamics(client, number, -1, 0.5, _BODY)
     return number
 

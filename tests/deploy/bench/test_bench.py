@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
+from xml.sax.saxutils import quoteattr
 
 import pytest
 
@@ -11,11 +13,13 @@ import deploy.bench
 from deploy.bench import fleet, lockstep, wire
 from deploy.bench.figures import Figure, ratios
 from deploy.bench.lockstep import Span, build_schedule, lab_robots, raw_factor
+from deploy.bench.suite import FIGURE_PROPERTY, read_figures
 from messages.geometry import Twist
 from messages.joints import JointEffort
 from services.runtime.step import STEP_NS
 
 SPAN = Span(1.0, 2.0)
+MEASURED_BY_TESTS = ("help_cpu_s", "panel_cpu_percent", "page_drawings_per_s", "supervisor_cpu_percent")
 
 
 def test_a_figure_is_the_median_of_its_rounds_and_keeps_its_bound() -> None:
@@ -57,9 +61,11 @@ def brief(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fleet, "TO_S", 2.0)
 
 
+@pytest.mark.fleet
 @pytest.mark.usefixtures("brief")
 def test_every_promised_figure_is_there(capsys: pytest.CaptureFixture[str]) -> None:
-    status = deploy.bench.bench(1, as_json=True)
+    measured = deploy.bench.measure(1)
+    status = deploy.bench.report(measured, as_json=True)
     figures = json.loads(capsys.readouterr().out)
     assert {"echo_p50_ratio", "throughput_ratio", "lockstep_ratio", "barrier_ratio", "start_s"} <= figures.keys()
     assert {"scans_ratio", "scans_per_s", "scans_loss_percent", "throughput_loss_percent"} <= figures.keys()
@@ -67,14 +73,38 @@ def test_every_promised_figure_is_there(capsys: pytest.CaptureFixture[str]) -> N
     assert {"lockstep_cpu_sim_ms", "lockstep_cpu_waypoint_ms", "lockstep_cpu_logger_ms"} <= figures.keys()
     assert {"idle_cpu_sim_percent", "memory_sim_mib", "memory_router_mib"} <= figures.keys()
     assert all(value >= 0 for value in figures.values())
-    assert status in (0, 1)
+    assert list(figures) == [each.name for each in measured]
+    assert status == (0 if all(each.ok for each in measured) else 1)
 
 
-def test_the_readme_tells_of_every_figure() -> None:
+def test_a_missed_bound_fails_the_bench(capsys: pytest.CaptureFixture[str]) -> None:
+    good, bad = Figure("a", "s", "", (1.0,), at_most=1.0), Figure("b", "s", "", (1.1,), at_most=1.0)
+    assert deploy.bench.report([good], as_json=False) == 0
+    assert deploy.bench.report([good, bad], as_json=False) == 1
+    assert [line.partition(": ")[2].strip() for line in capsys.readouterr().out.splitlines()] == [
+        "holds",
+        "holds",
+        "MISSED",
+    ]
+
+
+def test_figures_of_tests_are_read_from_their_results(tmp_path: Path) -> None:
+    figure = Figure("a", "s", "text", (1.0, 2.0), at_most=3.0)
+    value = quoteattr(json.dumps(asdict(figure)))
+    results = tmp_path / "results.xml"
+    results.write_text(
+        f"<testsuites><testsuite><testcase><properties>"
+        f'<property name="other" value="1"/><property name="{FIGURE_PROPERTY}" value={value}/>'
+        f"</properties></testcase></testsuite></testsuites>"
+    )
+    assert read_figures(results) == [figure]
+
+
+def test_the_readme_describes_every_figure() -> None:
     told = (Path(deploy.bench.__file__).parent / "README.md").read_text()
     for name in ("echo_p50_ratio", "throughput_ratio", "lockstep_ratio", "barrier_ratio", "loop_cpu_ms", "start_s"):
         assert f"| `{name}` |" in told
-    for name in ("scans_ratio", "scan_encode_us", "scan_decode_us"):
+    for name in ("scans_ratio", "scan_encode_us", "scan_decode_us", *MEASURED_BY_TESTS):
         assert f"| `{name}` |" in told
     for family in ("lockstep_cpu_NAME_ms", "idle_cpu_NAME_percent", "memory_NAME_mib"):
         assert f"| `{family}` |" in told

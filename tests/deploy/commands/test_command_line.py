@@ -10,19 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from deploy.commands.cli import COMMANDS
 from services.runtime.process import ROOT
-
-HEAVY = ("zenoh", "numpy", "pybullet", "rerun", "matplotlib", "rich", "psutil")
-
-LOADED = f"""
-import sys
-from deploy.commands.cli import main
-try:
-    main()
-finally:
-    print("LOADED", [name for name in {HEAVY!r} if name in sys.modules])
-"""
 
 
 @pytest.fixture
@@ -40,18 +28,6 @@ def elea(environment: dict[str, str], *arguments: str, cwd: Path = ROOT) -> subp
         text=True,
         timeout=60,
     )
-
-
-@pytest.mark.parametrize("verb", ["", *(each for each in COMMANDS if each != "test")])
-def test_help_loads_nothing_heavy(verb: str, state: dict[str, str]) -> None:
-    """`test` has no help of its own: pytest's comes."""
-    arguments = [each for each in (verb, "--help") if each]
-    done = subprocess.run(
-        [sys.executable, "-c", LOADED, *arguments], env=state, cwd=ROOT, capture_output=True, text=True, timeout=60
-    )
-    assert done.returncode == 0, done.stderr
-    assert f"Usage: elea {verb}".strip() in done.stdout
-    assert done.stdout.endswith("LOADED []\n")
 
 
 @pytest.mark.parametrize(

@@ -6,14 +6,14 @@ import pytest
 
 from deploy.commands.diagnostics import parallel_arguments
 
-FOUR = ["-n", "4", "--dist", "loadfile", "--no-loadscope-reorder"]
+TWO = ["-n", "2", "--dist", "loadfile", "--no-loadscope-reorder"]
 
 
 @pytest.mark.parametrize(
     "arguments", [[], ["tests/models", "-x"], ["-k", "panel"], ["tests/deploy/live", "tests/harness/ports.py"]]
 )
 def test_whole_folders_run_several_at_a_time(arguments: list[str]) -> None:
-    assert parallel_arguments(arguments, 2) == FOUR
+    assert parallel_arguments(arguments, 2) == TWO
     assert parallel_arguments(arguments, 64)[1] == "8"
 
 

@@ -80,7 +80,7 @@ def test_a_port_in_foreign_hands_is_told() -> None:
         port = server.getsockname()[1]
         [found] = [f for f in network.ports(NetworkAddress(f"tcp/127.0.0.1:{port}", "")) if f.name == "port"]
     assert found.state == "warn"
-    assert "no fleet of yours" in found.why
+    assert "not one of your fleets" in found.why
     assert f":{port}" in found.do
 
 
@@ -102,6 +102,7 @@ def test_versions_that_differ_are_told(tmp_path: Path) -> None:
     assert next(installation.environment(tmp_path)).state == "warn"
 
 
+@pytest.mark.process
 def test_a_library_that_does_not_load_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(installation, "NATIVE_LIBRARIES", ("json", "not_there"))
     [found] = installation.libraries()
@@ -127,6 +128,7 @@ def test_displays_are_told_apart(tmp_path: Path) -> None:
         assert next(machine.display({"WAYLAND_DISPLAY": "w", "XDG_RUNTIME_DIR": str(tmp_path)})).state == "ok"
 
 
+@pytest.mark.process
 def test_the_machine_is_looked_at() -> None:
     assert [
         each.state

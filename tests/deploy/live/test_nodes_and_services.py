@@ -14,9 +14,9 @@ import click
 import pytest
 
 from deploy.commands.completion import PARAMETER, SET
-from deploy.live.message_builder import read_yaml
+from deploy.yaml_reader import read_yaml
+from messages.requests import SIM_REQUESTS
 from services.runtime.process import ROOT
-from services.sim import SERVICE
 from tests.harness.background_fleet import BackgroundFleet, background_fleet, interrupt
 from tests.harness.waiting import wait_until
 
@@ -51,7 +51,7 @@ def test_a_node(running: BackgroundFleet) -> None:
 
 def test_services(running: BackgroundFleet) -> None:
     names = running.run("service", "list").out.splitlines()
-    assert set(names) >= {each.name for each in SERVICE.serves} | {"/supervisor/restart"}
+    assert set(names) >= {each.name for each in SIM_REQUESTS} | {"/supervisor/restart"}
     assert int(running.run("service", "list", "-c").out) == len(names)
     assert "/sim/spawn [elea_msgs/SpawnModel -> elea_msgs/ModelState]\n" in running.run("service", "list", "-t").out
     assert "  /sim: spawn a model\n" in running.run("service", "list", "-v").out
@@ -83,7 +83,11 @@ def test_calls(running: BackgroundFleet) -> None:
         (["/sim/step", "{count: 0}"], 2, "elea_msgs/Steps at count: Expected `int` >= 1"),
         (["/sim/step", "{cuont: 1}"], 2, "unknown field 'cuont'; did you mean 'count'"),
         (["/sim/spwan", "{}"], 2, "no service /sim/spwan is on the network; did you mean '/sim/spawn'"),
-        (["/sim/spawn", "std_msgs/String", "x"], 2, "/sim/spawn asks elea_msgs/SpawnModel, not std_msgs/String"),
+        (
+            ["/sim/spawn", "std_msgs/String", "x"],
+            2,
+            "/sim/spawn has the request type elea_msgs/SpawnModel, not std_msgs/String",
+        ),
         (["/sim/**", "{}"], 2, "wildcards are not allowed"),
         (["/sim/step", "{count: ["], 2, "is not YAML"),
     ],

@@ -74,8 +74,8 @@ def test_waiting_for_a_topic(running: BackgroundFleet) -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["echo", "/tb3_0/odm"], "there is no topic /tb3_0/odm on the network; did you mean '/tb3_0/odom'?"),
-        (["hz", "/tb3_0/odm"], "there is no topic /tb3_0/odm on the network; did you mean '/tb3_0/odom'?"),
+        (["echo", "/tb3_0/odm"], "no topic /tb3_0/odm is on the network; did you mean '/tb3_0/odom'?"),
+        (["hz", "/tb3_0/odm"], "no topic /tb3_0/odm is on the network; did you mean '/tb3_0/odom'?"),
         (["type", "/tb3_0/odm"], "did you mean '/tb3_0/odom'?"),
         (["info", "/tb3_0/odm"], "did you mean '/tb3_0/odom'?"),
         (["echo", "/tb3_*/odom"], "wildcards are not allowed"),

@@ -7,7 +7,7 @@ import io
 
 import pytest
 
-from deploy.live.message_builder import read_yaml
+from deploy.yaml_reader import read_yaml
 from tests.harness.background_fleet import WEATHER, BackgroundFleet, external_publisher
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from deploy.live.message_builder import MessageBuilder, read_yaml
+from deploy.live.message_builder import MessageBuilder
+from deploy.yaml_reader import read_yaml
 from messages.base import Message
 from messages.geometry import PoseStamped, Twist, Vector3
 from messages.sensor import Image, JointState, LaserScan

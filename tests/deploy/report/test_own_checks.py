@@ -29,7 +29,7 @@ def run(ctx):
         ctx.check("at_the_end", False, reason="it was told at the end")
 
 
-main(Service(name="student", about="States checks.", run=run, reads=(ODOM,), rate=5))
+main(Service(name="student", about="States checks.", run=run, rate=5))
 """
 
 

@@ -244,7 +244,7 @@ def test_a_run_that_lockstep_lost_a_member_of_does_not_pass(measured: Measuremen
     assert report.notes == ("lockstep went on without /tb3_0/waypoint: the run does not repeat",)
     left = build_report(msgspec.structs.replace(measured, members_left=("/teleop",)), FACTS, {})
     assert (left.ok, left.run.members_left) == (True, 1)
-    assert left.notes == ("before the end /teleop took leave of lockstep",)
+    assert left.notes == ("/teleop left lockstep before the end",)
     unknown = msgspec.structs.replace(measured, members_lost=None)
     assert [each.name for each in build_report(unknown, FACTS, {}).checks if not each.ok] == ["members_lost"]
     assert build_report(unknown, msgspec.structs.replace(FACTS, mode="real"), {}).ok

@@ -53,7 +53,7 @@ def test_wall_time_counts_from_when_simulation_time_can_begin(tmp_path: Path) ->
         await asyncio.sleep(0.3)
 
     late = faulty_process("good", "/late", depends_on=("begins",))
-    outcome = stage.run(rest, faulty_process("good", "/begins", begins=True), late)
+    outcome = stage.run(rest, faulty_process("good", "/begins", awaited=True), late)
     interrupted = stage.time_of("late", "stopping")
     assert abs(interrupted - stage.time_of("begins", "ready") - outcome.wall_seconds) < 0.1
 

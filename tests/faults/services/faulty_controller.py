@@ -25,4 +25,4 @@ def faulty_controller(name: str, fail: Callable[[], None]) -> Service:
             if told.drain():
                 fail()
 
-    return Service(name=name, about=f"fails: {name}", run=run, reads=(FAULT,), writes=(CMD_VEL,), rate=25)
+    return Service(name=name, about=f"fails: {name}", run=run, rate=25)

@@ -20,4 +20,4 @@ def run(ctx: Context[Parameters]) -> None:
 
 
 if __name__ == "__main__":
-    main(Service(name="raise_in_answer", about="fails when asked", run=run, serves=(ASK,), rate=25))
+    main(Service(name="raise_in_answer", about="fails when asked", run=run, rate=25))

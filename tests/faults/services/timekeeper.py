@@ -16,4 +16,4 @@ def run(ctx: Context[Parameters]) -> None:
 
 
 if __name__ == "__main__":
-    main(Service(name="timekeeper", about="tells how time passes", run=run, writes=(TICKS,), rate=25))
+    main(Service(name="timekeeper", about="tells how time passes", run=run, rate=25))

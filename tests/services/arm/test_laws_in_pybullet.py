@@ -21,6 +21,8 @@ from services.grader.records import StepFigures
 from tests.services.sim.physics.arm_simulation import JOINT, ArmSimulation, arm_simulation
 from tests.services.sim.physics.driven_robot import STEP_NS
 
+pytestmark = pytest.mark.slow
+
 RATES = (50, 100, 200)
 """Hz."""
 LAWS = ("tutorial", "default")

@@ -21,12 +21,10 @@ from messages.topics import (
     REFERENCE,
 )
 from services.arm import SERVICE, ArmParameters
-from tests.harness.service_harness import ServiceHarness, run_service
+from services.runtime.testing import ServiceHarness, run_service
 from tests.harness.waiting import wait_until
 from tests.services.arm.pendulum import Pendulum
 
-EFFORT = "arm/joint_effort"
-TOLD = {topic: topic.name.lstrip("/") for topic in (CONTROL_SIGNAL, JOINT_ANGLE, CONTROL_ERROR, CONTROL_STATE)}
 STEP_MS = 5
 
 
@@ -37,9 +35,6 @@ class ArmLoopHarness:
         self.bench, self.arm = bench, Pendulum(angle=0.2)
         self.ms = self.epoch = 0
         self.jobs: list[JointEffort] = []
-        bench.subscribe(JOINT_EFFORT, EFFORT)
-        for topic, key in TOLD.items():
-            bench.subscribe(topic, key)
 
     def tick(self, reference: float | None = None, states: bool = True, acts: bool = True) -> None:
         """One tick of the service; ``acts`` tells whether it should send an effort."""
@@ -47,12 +42,12 @@ class ArmLoopHarness:
         if states:
             position, rate = (self.arm.angle,), (self.arm.rate,)
             state = JointState(header=Header(stamp=now), name=("bear_link",), position=position, velocity=rate)
-            self.bench.publish(JOINT_STATES, "arm/joint_states", state)
+            self.bench.publish(JOINT_STATES, state)
         if reference is not None:
-            self.bench.publish(REFERENCE, "robot_control/reference", Float32(data=reference))
-        self.bench.publish_clock(self.ms / 1000, self.epoch)
+            self.bench.publish(REFERENCE, Float32(data=reference))
+        self.bench.set_time(self.ms / 1000, self.epoch)
         if acts:
-            self.jobs.append(self.bench.wait_message(JOINT_EFFORT, EFFORT))
+            self.jobs.append(self.bench.next(JOINT_EFFORT))
         effort = self.jobs[-1].effort if acts else 0.0
         for _ in range(2):
             self.arm.step(effort)
@@ -81,9 +76,9 @@ def test_before_the_first_reference_it_holds_what_it_found() -> None:
         assert stand.arm.degrees == pytest.approx(math.degrees(0.2), abs=0.3)
         assert "holding bear_link from 11.46 deg on" in stand.bench.log
         assert "no reference on /robot_control/reference yet, holding 11.46 deg" in stand.bench.log
-        assert stand.bench.received(CONTROL_ERROR, TOLD[CONTROL_ERROR]) == [], "there is no error without a reference"
-        assert stand.bench.received(CONTROL_STATE, TOLD[CONTROL_STATE]) == []
-        assert len(stand.bench.received(JOINT_ANGLE, TOLD[JOINT_ANGLE])) >= 99
+        assert stand.bench.drain(CONTROL_ERROR) == [], "there is no error without a reference"
+        assert stand.bench.drain(CONTROL_STATE) == []
+        assert len(stand.bench.drain(JOINT_ANGLE)) >= 99
         job = stand.jobs[-1]
         assert (job.joint_name, job.duration) == ("bear_link", 0.1)
         assert job.start_time.ns == (stand.ms - 10) * 1_000_000
@@ -93,10 +88,10 @@ def test_it_takes_the_joint_to_the_reference_and_tells_all_of_it() -> None:
     with standing() as stand:
         stand.run(1.5, lambda _: 30.0)
         assert stand.arm.degrees == pytest.approx(29.626, abs=0.01)
-        angles = [each.data for each in stand.bench.received(JOINT_ANGLE, TOLD[JOINT_ANGLE])]
-        errors = [each.data for each in stand.bench.received(CONTROL_ERROR, TOLD[CONTROL_ERROR])]
-        signals = [each.data for each in stand.bench.received(CONTROL_SIGNAL, TOLD[CONTROL_SIGNAL])]
-        states = stand.bench.received(CONTROL_STATE, TOLD[CONTROL_STATE])
+        angles = [each.data for each in stand.bench.drain(JOINT_ANGLE)]
+        errors = [each.data for each in stand.bench.drain(CONTROL_ERROR)]
+        signals = [each.data for each in stand.bench.drain(CONTROL_SIGNAL)]
+        states = stand.bench.drain(CONTROL_STATE)
         assert errors == pytest.approx([30.0 - angle for angle in angles[-len(errors) :]])
         assert signals == [job.effort for job in stand.jobs][: len(signals)]
         assert max(map(abs, signals)) == 200.0
@@ -134,7 +129,7 @@ def test_without_joint_states_it_lets_go_and_begins_anew_with_them() -> None:
         for _ in range(20):
             stand.tick(states=False, acts=False)
         wait_until(lambda: "no joint states on /arm/joint_states for 0.1 s, letting go" in stand.bench.log)
-        assert stand.bench.received(JOINT_EFFORT, EFFORT) == []
+        assert stand.bench.drain(JOINT_EFFORT) == []
         stand.run(1.0, lambda _: 0.0)
         assert len(stand.jobs) == before + 100
         assert abs(stand.arm.degrees) < 1.0
@@ -153,7 +148,7 @@ def test_a_motion_does_not_go_on_beyond_the_joint() -> None:
     """Between the samples at 89.8 and at 90 deg it would reach 90.2."""
     with standing() as stand:
         stand.run(1.2, lambda time: min(90.0, 65.0 + 31.0 * round(time * 50) / 50))
-        wanted = [each.set_point for each in stand.bench.received(CONTROL_STATE, TOLD[CONTROL_STATE])]
+        wanted = [each.set_point for each in stand.bench.drain(CONTROL_STATE)]
         assert max(wanted) == 90.0
         assert 89.0 < sorted(set(wanted))[-2] < 90.0
 
@@ -170,7 +165,7 @@ def test_joint_states_of_another_joint_move_nothing() -> None:
     with standing(ArmParameters(joint="elbow")) as stand:
         said = "have no position of 'elbow' (only of: bear_link)"
         wait_until(lambda: stand.idle(30.0) or said in stand.bench.log)
-        assert stand.bench.received(JOINT_EFFORT, EFFORT) == []
+        assert stand.bench.drain(JOINT_EFFORT) == []
 
 
 def test_when_time_begins_anew_nothing_of_before_counts() -> None:
@@ -178,7 +173,7 @@ def test_when_time_begins_anew_nothing_of_before_counts() -> None:
         stand.run(1.0, lambda _: 30.0)
         stand.ms, stand.epoch, stand.arm = 0, 1, Pendulum()
         # What came with the reset is not looked at, so the first tick sees no joint.
-        wait_until(lambda: stand.idle() or stand.bench.received(JOINT_EFFORT, EFFORT))
+        wait_until(lambda: stand.idle() or stand.bench.drain(JOINT_EFFORT))
         stand.run(0.3)
         assert abs(stand.arm.degrees) < 2.0, "held where it was found, without the integral of before"
         assert abs(stand.jobs[-1].effort) < 3.0
@@ -197,5 +192,5 @@ def test_at_its_end_it_lets_go() -> None:
     with standing() as stand:
         stand.run(0.2, lambda _: 5.0)
         bench = stand.bench
-    last = bench.received(JOINT_EFFORT, EFFORT)[-1]
+    last = bench.drain(JOINT_EFFORT)[-1]
     assert (last.effort, last.duration) == (0.0, 0.0)

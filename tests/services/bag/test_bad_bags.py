@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ from messages.topics import Quality
 from services.bag.channel import Channel, channel_of
 from services.bag.csv_export import export_csv, flatten
 from services.bag.info import bag_info
+from services.bag.mcap_reader import read_stats
 from services.bag.reader import MessageDecoder, open_bag, unreadable_reason
 from services.bag.writer import BagWriter
 from services.runtime.errors import BadInput
@@ -99,6 +101,26 @@ def test_a_claim_of_much_memory_is_not_believed(tmp_path: Path) -> None:
     bag = open_bag(tmp_path / "huge.mcap")
     assert list(bag.entries()) == []
     assert "damaged" in bag.problems[0]
+
+
+def test_a_summary_that_claims_much_memory_is_not_believed(tmp_path: Path) -> None:
+    """The recorder reads the summaries of a folder in which it resumes."""
+    file = make_bag(tmp_path / "bag", 0.1) / "bag_0.mcap"
+    data = bytearray(file.read_bytes())
+    summary = int.from_bytes(data[-28:-20], "little")
+    assert data[summary] == 3, "a schema comes first"
+    data[summary + 1 : summary + 9] = (1 << 30).to_bytes(8, "little")
+    (tmp_path / "claims.mcap").write_bytes(data)
+    tracemalloc.start()
+    try:
+        assert read_stats(tmp_path / "claims.mcap") is None
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 16 << 20
+    whole = read_stats(file)
+    assert whole is not None
+    assert whole.messages == 25
 
 
 def test_tables_have_a_column_for_each_field(tmp_path: Path) -> None:

@@ -90,6 +90,14 @@ def test_a_missing_and_a_late_message_are_found(left: Path) -> None:
     assert found.left["linear"]["x"] == (CHANGED - 1) / 100
 
 
+def test_bags_of_other_times_differ_from_their_first_message_on(left: Path) -> None:
+    found = difference(left, [(topic, message, now + STEP) for topic, message, now in drive_messages(2.0)])
+    assert found is not None
+    assert (found.topic, found.number, found.field) == ("/clock", 1, "publish_time")
+    assert (found.left, found.right) == (0.0, STEP / 1e9)
+    assert found.also == ("/r/cmd_vel", "/r/odom", "/r/robot_description")
+
+
 def test_a_topic_that_one_bag_lacks_is_found(left: Path) -> None:
     messages = list(drive_messages(2.0))
     found = difference(left, [messages[0], ("/r/extra", String(data="more"), 0), *messages[1:]])

@@ -76,6 +76,7 @@ def look(file: Path) -> None:
         pass
 
 
+@pytest.mark.slow
 def test_no_flipped_bit_and_no_cut_ends_the_reading(tmp_path: Path) -> None:
     """A bit of every 17th byte and a cut there: of our own file, and of one without chunks and checksums."""
     ours = (make_bag(tmp_path / "bag", 0.04) / "bag_0.mcap").read_bytes()

@@ -11,7 +11,7 @@ from deploy.report.write import read_measurements
 from messages.topics import BASE_STATUS, GROUND_TRUTH, ODOM, PLAN, STATUS, Topic
 from services.grader import SERVICE, GraderParameters
 from services.grader.measurement import MessageKind
-from tests.harness.service_harness import WITHIN_S, ServiceHarness, run_service
+from services.runtime.testing import ServiceHarness, run_service
 from tests.services.grader.simulated_run import GradedEntry, measure_all, robot_messages
 
 TOPICS: dict[MessageKind, Topic[Any]] = {
@@ -30,23 +30,17 @@ def posts() -> list[GradedEntry]:
 
 def play(bench: ServiceHarness, posts: list[GradedEntry], until: float, epoch: int = 0) -> None:
     """Send everything stamped up to ``until`` [s], and then the clock."""
-    bench.publish_clock(0.0, epoch)
+    bench.set_time(0.0, epoch)
     for kind, name, message in posts:
         if message.header.stamp.ns <= until * 1e9:
-            bench.publish(TOPICS[kind], f"{name}/{TOPICS[kind].name}", message)
-    bench.publish_clock(until, epoch)
-
-
-def ended(bench: ServiceHarness) -> bool:
-    assert bench.thread is not None
-    bench.thread.join(WITHIN_S)
-    return not bench.thread.is_alive()
+            bench.publish(TOPICS[kind].of(name), message)
+    bench.set_time(until, epoch)
 
 
 def test_it_ends_when_all_have_finished(tmp_path: Path, posts: list[GradedEntry]) -> None:
     with run_service(SERVICE, "/", GraderParameters(robots=("/tb3_0",), output=str(tmp_path / "new"))) as bench:
         play(bench, posts, until=60.0)
-        assert ended(bench)
+        bench.wait_end()
     measured = read_measurements(tmp_path / "new")
     assert measured == measure_all(posts, ("tb3_0",), end=59.8).measurements("goals")
     assert measured.robots["tb3_0"].points_reached == 3
@@ -56,7 +50,7 @@ def test_it_ends_after_the_duration_and_counts_nothing_later(tmp_path: Path, pos
     params = GraderParameters(robots=("tb3_0",), ends="duration", duration=3.0, output=str(tmp_path))
     with run_service(SERVICE, "/", params) as bench:
         play(bench, posts, until=60.0)
-        assert ended(bench)
+        bench.wait_end()
     measured = read_measurements(tmp_path)
     assert measured == measure_all(posts, ("tb3_0",), end=3.0).measurements("duration")
     assert measured.sim_seconds == 3.0

@@ -12,7 +12,7 @@ from messages.sensor import JointState
 from messages.std import Header, Time
 from messages.topics import CONTROL_STATE, GROUND_TRUTH, JOINT_STATES
 from services.logger import SERVICE, LoggerParameters
-from tests.harness.service_harness import run_service
+from services.runtime.testing import run_service
 from tests.services.logger.recording_reader import entities, poses, table
 from tests.services.logger.synthetic_drive import SyntheticRobot
 
@@ -35,7 +35,7 @@ def test_its_exercise_is_recorded_beside_a_robot_that_drives(tmp_path: Path) -> 
         window=0.02,
     )
     with run_service(SERVICE, "/", params) as bench:
-        bench.publish_clock(0.0)
+        bench.set_time(0.0)
         for tick in range(TICKS):
             header = Header(stamp=Time.of(tick * 10_000_000))
             angle = math.radians(wanted(tick) - 1.0)
@@ -43,14 +43,14 @@ def test_its_exercise_is_recorded_beside_a_robot_that_drives(tmp_path: Path) -> 
             told = JointControllerState(
                 header=header, set_point=wanted(tick), process_value=wanted(tick) - 1.0, error=1.0, command=0.1 * tick
             )
-            bench.publish(JOINT_STATES, "arm/joint_states", joints)
-            bench.publish(CONTROL_STATE, "robot_control/state", told)
+            bench.publish(JOINT_STATES.of("arm"), joints)
+            bench.publish(CONTROL_STATE, told)
             if tick % 2 == 0:
                 robot.step()
-                bench.publish(GROUND_TRUTH, "tb3_0/ground_truth", robot.truth())
+                bench.publish(GROUND_TRUTH.of("tb3_0"), robot.truth())
             if tick % 20 == 0:
-                bench.publish_clock(tick / 100)
-        bench.publish_clock(TICKS / 100)
+                bench.set_time(tick / 100)
+        bench.set_time(TICKS / 100)
     times, angles = table(file, "/plots/angle/arm")
     assert times.tolist() == [10_000_000 * tick for tick in range(TICKS)]
     assert np.allclose(angles[:, 0], [wanted(tick) for tick in range(TICKS)])

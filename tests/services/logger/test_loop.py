@@ -15,8 +15,8 @@ from services.logger import SERVICE, LoggerParameters
 from services.logger.loop import pair_models
 from services.logger.viewer import should_open
 from services.runtime.errors import BadInput
+from services.runtime.testing import ServiceHarness, run_service
 from tests.harness.ports import free_port
-from tests.harness.service_harness import ServiceHarness, run_service
 from tests.services.logger.recording_reader import columns, poses, table
 from tests.services.logger.synthetic_drive import SyntheticRobot
 
@@ -25,11 +25,11 @@ def drive(bench: ServiceHarness, robot: SyntheticRobot, until: float, epoch: int
     """A robot's messages and the clock, sample by sample."""
     while robot.time < round(until * 1e9):
         robot.step()
-        bench.publish(GROUND_TRUTH, "tb3_0/ground_truth", robot.truth())
-        bench.publish(ODOM, "tb3_0/odom", robot.odometry())
-        bench.publish(JOINT_STATES, "tb3_0/joint_states", robot.joints())
-        bench.publish(CMD_VEL, "tb3_0/cmd_vel", Twist.planar(robot.wanted, 0.0))
-    bench.publish_clock(robot.time / 1e9, epoch)
+        bench.publish(GROUND_TRUTH.of("tb3_0"), robot.truth())
+        bench.publish(ODOM.of("tb3_0"), robot.odometry())
+        bench.publish(JOINT_STATES.of("tb3_0"), robot.joints())
+        bench.publish(CMD_VEL.of("tb3_0"), Twist.planar(robot.wanted, 0.0))
+    bench.set_time(robot.time / 1e9, epoch)
 
 
 def settings(file: Path, port: int) -> LoggerParameters:
@@ -39,13 +39,13 @@ def settings(file: Path, port: int) -> LoggerParameters:
 def test_it_records_all_that_came_until_it_was_stopped(tmp_path: Path) -> None:
     robot = SyntheticRobot(y0=0.0)
     with run_service(SERVICE, "/", settings(tmp_path / "run.rrd", free_port())) as bench:
-        bench.publish_clock(0.0)
-        bench.publish(PLAN, "tb3_0/plan", robot.plan())
-        bench.publish(STATUS, "tb3_0/status", robot.status())
+        bench.set_time(0.0)
+        bench.publish(PLAN.of("tb3_0"), robot.plan())
+        bench.publish(STATUS.of("tb3_0"), robot.status())
         for end in np.arange(0.2, 6.1, 0.2):
             drive(bench, robot, end)
         said = Log(header=Header(stamp=Time.of(6_000_000_000)), name="/tb3_0/waypoint", msg="there")
-        bench.publish(ROSOUT, "rosout", said)
+        bench.publish(ROSOUT, said)
     times, _ = poses(tmp_path / "run.rrd", "tb3_0", "base_footprint")
     assert times.tolist() == [20_000_000 * k for k in range(1, 301)]
     times, cross = table(tmp_path / "run.rrd", "/plots/cross_track")
@@ -59,9 +59,9 @@ def test_it_records_all_that_came_until_it_was_stopped(tmp_path: Path) -> None:
 def test_a_reset_begins_a_new_timeline(tmp_path: Path) -> None:
     file = tmp_path / "run.rrd"
     with run_service(SERVICE, "/", settings(file, free_port())) as bench:
-        bench.publish_clock(0.0)
+        bench.set_time(0.0)
         drive_until_written(bench, SyntheticRobot(y0=0.0), file, "sim_time")
-        bench.publish_clock(0.0, epoch=1)
+        bench.set_time(0.0, epoch=1)
         again = SyntheticRobot(y0=0.5)
         drive_until_written(bench, again, file, "sim_time_2", epoch=1)
     times, found = poses(file, "tb3_0", "base_footprint", "sim_time_2")

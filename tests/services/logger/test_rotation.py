@@ -10,8 +10,8 @@ from deploy.run_folder import make_run_folder
 from services.logger import SERVICE
 from services.logger.file_rotation import rotate, rotated
 from services.runtime.errors import BadInput
+from services.runtime.testing import run_service
 from tests.harness.ports import free_port
-from tests.harness.service_harness import run_service
 from tests.services.logger.recording_reader import poses
 from tests.services.logger.synthetic_drive import SyntheticRobot
 from tests.services.logger.test_loop import drive, settings
@@ -26,9 +26,9 @@ def test_a_logger_that_is_started_again_keeps_what_was_recorded_before(tmp_path:
     file = tmp_path / "run.rrd"
     for end in (2.0, 1.0):
         with run_service(SERVICE, "/", settings(file, free_port())) as bench:
-            bench.publish_clock(0.0)
+            bench.set_time(0.0)
             drive(bench, SyntheticRobot(y0=0.0), end)
-    assert "what it holds is kept as run-1.rrd" in bench.log
+    assert "it is kept as run-1.rrd" in bench.log
     assert rotated(file) == [tmp_path / "run-1.rrd"]
     assert (recorded(tmp_path / "run-1.rrd"), recorded(file)) == (100, 50)
 

@@ -18,8 +18,8 @@ from messages.topics import GROUND_TRUTH, SCAN, TF, TF_STATIC
 from services.logger import SERVICE, LoggerParameters
 from services.logger.columns import RobotColumns
 from services.logger.scans import ScanBuffer, scan_points
+from services.runtime.testing import run_service
 from services.runtime.tf.buffer import TransformBuffer
-from tests.harness.service_harness import run_service
 from tests.services.logger.recording_reader import columns, entities
 
 BASE, LASER = "tb3_0/base_footprint", "tb3_0/base_scan"
@@ -116,19 +116,19 @@ def test_the_service_records_them_if_asked(tmp_path: Path, scans: bool) -> None:
         scans=scans,
     )
     with run_service(SERVICE, "/", settings) as bench:
-        bench.publish(TF_STATIC, "tf_static", TFMessage(transforms=(MOUNT,)))
-        bench.publish(TF, "tf", TFMessage())
-        bench.publish(SCAN, "arm/scan", scan(0))
-        bench.publish_clock(0.0)
+        bench.publish(TF_STATIC, TFMessage(transforms=(MOUNT,)))
+        bench.publish(TF, TFMessage())
+        bench.publish(SCAN.of("arm"), scan(0))
+        bench.set_time(0.0)
         for ms in range(0, 1000, 40):
-            bench.publish(GROUND_TRUTH, "tb3_0/ground_truth", truth(ms, ms / 1000))
+            bench.publish(GROUND_TRUTH.of("tb3_0"), truth(ms, ms / 1000))
             if ms % 200 == 0:
-                bench.publish(SCAN, "tb3_0/scan", scan(ms, 1.0, 2.0) if ms else scan(ms, math.inf))
-        bench.publish_clock(1.0)
-        assert bench.has_subscriber("tf_static")
-        assert bench.has_subscriber("tb3_0/scan") == scans
-        assert not bench.has_subscriber("tf")
-        assert not bench.has_subscriber("arm/scan"), "a robot without a laser"
+                bench.publish(SCAN.of("tb3_0"), scan(ms, 1.0, 2.0) if ms else scan(ms, math.inf))
+        bench.set_time(1.0)
+        assert bench.reads(TF_STATIC)
+        assert bench.reads(SCAN.of("tb3_0")) == scans
+        assert not bench.reads(TF)
+        assert not bench.reads(SCAN.of("arm")), "a robot without a laser"
     if not scans:
         times, _ = columns(file, "/scan/tb3_0", "Points3D:positions")
         assert len(times) == 0

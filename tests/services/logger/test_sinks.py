@@ -80,6 +80,7 @@ def test_a_killed_recorder_leaves_a_file_that_reads_to_the_last_batch(tmp_path: 
         assert times[:whole].tolist() == [20_000_000 * k for k in range(1, whole + 1)]
 
 
+@pytest.mark.process
 def test_a_torn_file_reads_up_to_where_it_is_torn(driven: RecordedDrive, tmp_path: Path) -> None:
     torn = tmp_path / "run.rrd"
     torn.write_bytes(driven.file.read_bytes()[: driven.file.stat().st_size // 2])
@@ -87,6 +88,7 @@ def test_a_torn_file_reads_up_to_where_it_is_torn(driven: RecordedDrive, tmp_pat
     assert len(driven.truth["tb3_0"]) / 3 < len(times) < len(driven.truth["tb3_0"])
 
 
+@pytest.mark.process
 def test_a_file_that_is_cut_before_anything_moves_is_refused_instead_of_waited_for(tmp_path: Path) -> None:
     """The viewer has shapes then, no timeline, and says nothing: what waits for a timeline waits in vain."""
     file = tmp_path / "run.rrd"

@@ -17,11 +17,11 @@ from messages.geometry import Pose, PoseWithCovariance
 from messages.nav import Odometry
 from messages.rosgraph import Clock
 from messages.sensor import Imu, LaserScan
-from messages.std import Float32, Header, Time
+from messages.std import Float32, Header, Time, stamp_of
 from services.panel.address import Address, read_address, token_for, write_address
 from services.panel.channels import ProcessUsage
 from services.panel.clock import SimTimeMap
-from services.panel.fields import field_unit, list_fields, message_stamp, parse_path, read_number
+from services.panel.fields import field_unit, list_fields, parse_path, read_number
 from services.panel.graph import expected_rate
 from services.panel.pages import MAX_PACKETS, Page
 from services.panel.protocol import MAGIC, Samples, pack_samples
@@ -79,9 +79,9 @@ def test_every_listed_number_is_reached_by_its_path() -> None:
 
 
 def test_the_stamp_of_a_message() -> None:
-    assert message_stamp(ODOMETRY) == 2_500_000_000
-    assert message_stamp(Float32()) is None
-    assert message_stamp({"header": 1}) is None
+    assert stamp_of(ODOMETRY) == 2_500_000_000
+    assert stamp_of(Float32()) is None
+    assert stamp_of({"header": 1}) is None
 
 
 def test_a_message_without_a_stamp_gets_the_time_that_the_clock_showed_when_it_was_sent() -> None:

@@ -112,6 +112,7 @@ def test_there_is_room_for_so_many_and_the_dead_give_way(monkeypatch: pytest.Mon
             at.server.announce(arm_announcement("/t/base", "/sim", parameters=()))
 
 
+@pytest.mark.slow
 def test_a_set_is_shared_by_so_many_and_remembers_as_many_that_have_gone(tmp_path: Path) -> None:
     file = tmp_path / "params.db"
     with server_harness(str(file)) as at:
@@ -129,6 +130,7 @@ def test_a_set_is_shared_by_so_many_and_remembers_as_many_that_have_gone(tmp_pat
     assert rows(file, "owners") <= (2 * MAX_NODES + 1) * len(ARM_PARAMETERS)
 
 
+@pytest.mark.slow
 def test_what_earlier_runs_ended_with_is_not_kept_for_ever(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("services.params.store.KEPT_SETS", 10)
     file = tmp_path / "params.db"

@@ -33,7 +33,7 @@ def run(ctx):
         ctx.publish(CMD_VEL, Twist.planar(ctx.params.speed, ctx.params.turn))
 
 
-main(Service(name="mine", about="Drives as told.", run=run, writes=(CMD_VEL,), rate=20, parameters=Mine))
+main(Service(name="mine", about="Drives as told.", run=run, rate=20, parameters=Mine))
 '''
 SET = "/tb3_0/mine"
 

@@ -176,7 +176,7 @@ def test_what_cannot_be_played_ends_with_a_reason(network: Network, bag: Path, t
         ((str(tmp_path / "text.mcap"),), 2, "not an MCAP file"),
         ((str(tmp_path / "nowhere"),), 2, "there is no bag"),
         ((str(bag), "--topics", "/r/odomm"), 2, "did you mean '/r/odom'?"),
-        ((str(bag), "--start", "100"), 2, "no message of the chosen topics lies in the span"),
+        ((str(bag), "--start", "100"), 2, "no messages of the chosen topics in the requested time span"),
         ((str(bag), "--exclude", "("), 2, "not a regular expression"),
         ((str(bag), "--rate", "-1"), 2, "rate = -1.0"),
         ((str(bag), "--remap", "odom"), 2, "not a remapping rule"),

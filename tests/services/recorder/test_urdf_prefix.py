@@ -12,7 +12,7 @@ from messages.geometry import TransformStamped
 from messages.std import String
 from messages.tf import TFMessage
 from models import MODELS, urdf_path
-from models.robot_description import parse_urdf
+from models.urdf import parse_urdf
 from services.recorder.urdf_prefix import UrdfPrefixer, prefix_links
 
 URDF = """<?xml version="1.0"?>
@@ -78,8 +78,8 @@ def test_every_model_is_the_same_robot_with_a_prefix(model: str) -> None:
     before, after = parse_urdf(text), parse_urdf(prefix_links(text, "r/"))
     assert after.root == f"r/{before.root}"
     assert [each.name for each in after.joints] == [each.name for each in before.joints]
-    assert [each.frame.child for each in after.joints] == [f"r/{each.frame.child}" for each in before.joints]
-    assert [each.frame.xyz for each in after.joints] == [each.frame.xyz for each in before.joints]
+    assert [each.child for each in after.joints] == [f"r/{each.child}" for each in before.joints]
+    assert [each.xyz for each in after.joints] == [each.xyz for each in before.joints]
 
 
 def test_a_description_that_is_nested_without_end_is_recorded_as_it_is() -> None:

@@ -11,22 +11,19 @@ from messages.topics import REFERENCE
 from services.reference import SERVICE, ReferenceParameters
 from services.reference.loop import open_table
 from services.runtime.errors import BadInput
-from tests.harness.service_harness import ServiceHarness, run_service
-
-KEY = "robot_control/reference"
+from services.runtime.testing import ServiceHarness, run_service
 
 
 def play(bench: ServiceHarness, seconds: float, epoch: int = 0) -> list[float]:
     values = []
     for step in range(round(seconds * 50)):
-        bench.publish_clock(step / 50, epoch)
-        values.append(bench.wait_message(REFERENCE, KEY).data)
+        bench.set_time(step / 50, epoch)
+        values.append(bench.next(REFERENCE).data)
     return values
 
 
 def test_a_sine_in_simulation_time_begins_anew_with_it() -> None:
     with run_service(SERVICE, "/arm", ReferenceParameters(reference_type="sine", sin_ref_f=1.0)) as bench:
-        bench.subscribe(REFERENCE, KEY)
         first = play(bench, 0.7)
         assert first == pytest.approx([30.0 * math.sin(math.tau * step / 50) for step in range(35)])
         assert play(bench, 0.7, epoch=1) == first
@@ -35,7 +32,6 @@ def test_a_sine_in_simulation_time_begins_anew_with_it() -> None:
 def test_what_the_joint_cannot_do_is_clipped_and_said() -> None:
     p = ReferenceParameters(ref_angle=120.0, lower=-45.0, upper=60.0)
     with run_service(SERVICE, "/arm", p) as bench:
-        bench.subscribe(REFERENCE, KEY)
         assert play(bench, 0.1) == [60.0] * 5
         assert "step asks for 120.0 deg, clipped to the joint's -45 to 60 deg" in bench.log
 

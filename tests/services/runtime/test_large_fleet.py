@@ -110,6 +110,7 @@ def whole(beats: list[Health], of: Node) -> None:
     assert (beats[-1].reads, beats[-1].writes) == (len(of.subscribers), len(of.publishers))
 
 
+@pytest.mark.slow
 def test_what_the_simulation_tells(network: Network, stage: tuple[Simulation, Node]) -> None:
     made, simulation = stage
     with memory_node(network.bus, "reader") as reader:
@@ -173,6 +174,7 @@ def test_heartbeats_of_the_simulation_and_a_loss_in_the_last_robot(
         )
 
 
+@pytest.mark.slow
 def test_heartbeats_of_a_recorder_a_grader_a_panel_and_the_parameter_service(
     network: Network, stage: tuple[Simulation, Node]
 ) -> None:
@@ -209,6 +211,7 @@ def test_a_beat_that_cannot_be_told_tells_totals(network: Network) -> None:
         assert [each.received for each in beat.inputs] == [5]
 
 
+@pytest.mark.slow
 def test_the_state_of_the_fleet_and_its_command_lines() -> None:
     robots = "".join(
         f'[[robot]]\nname = "{name}"\nmodel = "burger"\npose = {{ x = {i}.5, y = 1.25 }}\n'

@@ -12,7 +12,7 @@ from messages.requests import GET_STATE, STEP, Name
 from messages.simulation import SimTime, Steps
 from messages.topics import CMD_VEL, HEALTH, ODOM, ROSOUT
 from services.runtime.errors import BadInput, CallFailed
-from services.runtime.graph import snapshot
+from services.runtime.graph import Entity, snapshot
 from services.runtime.log import Log
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from tests.harness.memory_node import memory_node, spinning
@@ -58,12 +58,15 @@ def test_what_is_forgotten_leaves_the_graph(bus: MemoryBus) -> None:
 def test_hostile_tokens_are_not_entities(bus: MemoryBus) -> None:
     stranger = MemoryTransport(bus)
     tokens = [
-        stranger.declare_token(f"@elea/x/pub/{name}/{name}/t/d")
-        for name in ("no slash", "%a%%b", "%a*b", "%\n", "%x__y", "%")
+        stranger.declare_token(f"@elea/{session}/pub/{name}/{name}/t/d")
+        for session in ("x", "ab12")
+        for name in ("no slash", "%a%%b", "%a*b", "%\n", "%")
     ]
-    tokens += [stranger.declare_token("@elea/x/odd/%a/%b/t/d"), stranger.declare_token("@elea/short")]
-    assert snapshot(stranger) == []
-    assert len(tokens) == 8
+    odd = ("@elea/x/pub/%a/%b/t/d", "@elea/ab12/odd/%a/%b/t/d", "@elea/ab12/step/%a/-/-/0", "@elea/short")
+    tokens += [stranger.declare_token(each) for each in odd]
+    good = Entity("ab12", "pub", "/a", "/b", "t", "d")
+    tokens.append(stranger.declare_token(good.key))
+    assert snapshot(stranger) == [good]
 
 
 def test_a_request_is_typed_and_a_refusal_has_its_reason(bus: MemoryBus) -> None:

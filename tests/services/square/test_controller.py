@@ -32,5 +32,4 @@ def test_another_speed_on_the_way_is_kept_to_and_the_square_is_the_same(law: str
     for wanted, seen in speeds.items():
         assert max(seen) == pytest.approx(wanted, rel=0.1)
     closure = math.hypot(base.pose.x - START.x, base.pose.y - START.y)
-    print(f"{law}: closed on {1000 * closure:.1f} mm")
     assert closure < (0.005 if law == "profile" else 0.35)

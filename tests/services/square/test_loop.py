@@ -14,8 +14,8 @@ from messages.nav import Odometry
 from messages.se2 import Pose2, Twist2
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, GROUND_TRUTH, ODOM, PLAN, STATUS
+from services.runtime.testing import ServiceHarness, run_service
 from services.square import SERVICE, SquareParameters
-from tests.harness.service_harness import ServiceHarness, run_service
 from tests.services.square.ideal_base import CONTROL_S, IdealBase
 
 START = Pose2(0.5, -0.25, 0.0)
@@ -26,18 +26,14 @@ class SquareLoopHarness:
 
     def __init__(self, bench: ServiceHarness) -> None:
         self.bench, self.base, self.time, self.epoch = bench, IdealBase(START), 0.0, 0
-        for topic in (CMD_VEL, PLAN, STATUS):
-            bench.subscribe(topic, f"RosAria/{topic.name}")
 
     def turn(self, odometry: bool = True) -> Twist:
         if odometry:
             here, moving = self.base.pose, self.base.velocity
-            self.bench.publish(ODOM, "RosAria/odom", self.sample(here, moving))
-            self.bench.publish(
-                GROUND_TRUTH, "RosAria/ground_truth", self.sample(Pose2(9 + here.x, here.y, here.yaw), moving)
-            )
-        self.bench.publish_clock(self.time, self.epoch)
-        command = self.bench.wait_message(CMD_VEL, "RosAria/cmd_vel")
+            self.bench.publish(ODOM, self.sample(here, moving))
+            self.bench.publish(GROUND_TRUTH, self.sample(Pose2(9 + here.x, here.y, here.yaw), moving))
+        self.bench.set_time(self.time, self.epoch)
+        command = self.bench.next(CMD_VEL)
         self.base.run(Twist2(command.linear.x, command.angular.z))
         self.time += CONTROL_S
         return command
@@ -50,7 +46,7 @@ class SquareLoopHarness:
         )
 
     def states(self) -> list[tuple[str, int]]:
-        return [(each.state, each.index) for each in self.bench.received(STATUS, "RosAria/status")]
+        return [(each.state, each.index) for each in self.bench.drain(STATUS)]
 
     def until(self, state: str) -> list[tuple[str, int]]:
         seen: list[tuple[str, int]] = []
@@ -79,7 +75,7 @@ ROUND = [(state, index) for index in range(4) for state in ("driving", "reached"
 
 def test_it_drives_its_square_from_where_it_stands_and_then_holds_the_robot(rig: SquareLoopHarness, log: Path) -> None:
     assert rig.until("finished") == ROUND
-    (plan,) = rig.bench.received(PLAN, "RosAria/plan")
+    (plan,) = rig.bench.drain(PLAN)
     assert plan.header.frame_id == "RosAria/odom"
     corners = [(each.pose.position.x, each.pose.position.y) for each in plan.poses]
     assert corners == [pytest.approx(each) for each in ((0.8, -0.25), (0.8, 0.05), (0.5, 0.05), (0.5, -0.25))]
@@ -97,10 +93,10 @@ def test_it_drives_its_square_from_where_it_stands_and_then_holds_the_robot(rig:
 def test_it_stands_still_until_there_is_odometry_and_says_so(rig: SquareLoopHarness) -> None:
     assert [rig.turn(odometry=False) for _ in range(40)] == [STOP] * 40
     assert "no odometry on /RosAria/odom" in rig.bench.log
-    assert rig.bench.received(PLAN, "RosAria/plan") == []
+    assert rig.bench.drain(PLAN) == []
     rig.base.pose = Pose2(2.0, 2.0, 1.0)
     rig.turn()
-    (plan,) = rig.bench.received(PLAN, "RosAria/plan")
+    (plan,) = rig.bench.drain(PLAN)
     assert plan.poses[3].pose.position.x == pytest.approx(2.0)
 
 
@@ -119,11 +115,11 @@ def test_without_odometry_it_stops_and_goes_on_when_it_is_back(rig: SquareLoopHa
 def test_a_reset_begins_anew_from_the_new_place(rig: SquareLoopHarness, log: Path) -> None:
     while ("reached", 0) not in rig.states():
         rig.turn()
-    rig.bench.received(PLAN, "RosAria/plan")
+    rig.bench.drain(PLAN)
     rig.epoch, rig.time, rig.base = 1, 0.0, IdealBase(Pose2(-1.0, 0.0))
     seen = rig.until("finished")
     assert [each for each in seen if each[0] != "waiting"] == ROUND
-    (plan,) = rig.bench.received(PLAN, "RosAria/plan")
+    (plan,) = rig.bench.drain(PLAN)
     assert plan.poses[3].pose.position.x == pytest.approx(-1.0)
     times = [float(row["time"]) for row in csv.DictReader(log.open())]
     assert times == sorted(times)
@@ -135,7 +131,7 @@ def test_the_last_command_of_a_driver_that_is_stopped_is_stop_and_its_log_is_who
         for _ in range(60):
             rig.turn()
     assert rig.base.velocity.v > 0.1
-    assert bench.received(CMD_VEL, "RosAria/cmd_vel") == [STOP]
+    assert bench.drain(CMD_VEL) == [STOP]
     lines = log.read_text().splitlines()
     assert len(lines) == 1 + 12
     assert all(line.count(",") == lines[0].count(",") for line in lines)

@@ -48,6 +48,7 @@ def test_it_ends_where_it_began_and_reports_each_corner() -> None:
     assert run[-1].time < 45
 
 
+@pytest.mark.slow
 @given(
     side=st.floats(0.2, 3.0),
     linear=st.floats(0.02, 1.5),

@@ -7,35 +7,37 @@ import math
 import pytest
 
 from models import MODELS, WHEELED, urdf_path
-from models.robot_description import BadUrdf, parse_urdf
-from models.urdf import read_joints
+from models.urdf import BadUrdf, parse_urdf, read_joints
 from tests.services.state.sample_urdfs import GRIPPER, LIMIT, joint_urdf, robot_urdf
 
 
 @pytest.mark.parametrize("name", MODELS)
 def test_the_models_are_read_as_the_simulation_reads_them(name: str) -> None:
     described = parse_urdf(urdf_path(name).read_text())
-    assert tuple(each.frame for each in described.joints) == read_joints(name)
+    assert described.joints == read_joints(name)
     assert described.root == ("base_footprint" if name in WHEELED else "root")
 
 
 def test_limits_mimicry_and_axes_are_read() -> None:
     found = {each.name: each for each in parse_urdf(GRIPPER).joints}
-    assert (found["shoulder"].lower, found["shoulder"].upper) == (-1, 2)
-    assert found["right"].frame.axis == (0, 1, 0), "an axis has length 1"
-    assert found["wrist"].frame.axis == (1, 0, 0)
+    assert (found["shoulder"].limits.lower, found["shoulder"].limits.upper) == (-1, 2)
+    assert found["right"].axis == (0, 1, 0), "an axis has length 1"
+    assert found["wrist"].axis == (1, 0, 0)
+    unlimited = parse_urdf(robot_urdf(joint_urdf("j", "continuous", "a", "b", '<limit effort="1e16" velocity="inf"/>')))
+    limits = unlimited.joints[0].limits
+    assert (limits.lower, limits.upper, limits.effort, limits.velocity) == (None, None, 1e6, 1e6)
     mimic = found["left"].mimic
     assert mimic is not None
     assert (mimic.joint, mimic.factor, mimic.offset) == ("right", -1, 0.001)
 
 
 def test_a_sliding_joint_goes_along_its_axis_and_a_turning_one_about_it() -> None:
-    found = {each.name: each.frame for each in parse_urdf(GRIPPER).joints}
+    found = {each.name: each for each in parse_urdf(GRIPPER).joints}
     assert found["right"].transform(0.02) == ((0, 0.02, 0), (0, 0, 0, 1))
     turned = joint_urdf(
         "j", "prismatic", "a", "b", '<origin xyz="1 0 0" rpy="0 0 1.5707963267948966"/><limit upper="1"/>'
     )
-    place, turn = parse_urdf(robot_urdf(turned)).joints[0].frame.transform(0.5)
+    place, turn = parse_urdf(robot_urdf(turned)).joints[0].transform(0.5)
     assert place == pytest.approx((1, 0.5, 0))
     assert turn == pytest.approx((0, 0, math.sqrt(0.5), math.sqrt(0.5)))
     assert found["wrist"].transform(math.pi)[1] == pytest.approx((math.sqrt(0.5), math.sqrt(0.5), 0, 0), abs=1e-12)
@@ -77,6 +79,14 @@ def test_a_sliding_joint_goes_along_its_axis_and_a_turning_one_about_it() -> Non
         (robot_urdf(joint_urdf("j", "fixed", "a", "b"), links="c"), "'a', 'c' hang on nothing"),
         (robot_urdf(joint_urdf("j", "continuous", "a", "b", "<mimic/>")), "names no joint"),
         (
+            robot_urdf(joint_urdf("j", "continuous", "a", "b", '<limit effort="strong"/>')),
+            "joint 'j': effort='strong' is not a number",
+        ),
+        (
+            '<robot name="r"><link name="a"><inertial><mass value="heavy"/></inertial></link></robot>',
+            "link 'a': value='heavy' is not a number",
+        ),
+        (
             robot_urdf(joint_urdf("j", "continuous", "a", "b", '<mimic joint="k" multiplier="much"/>')),
             "multiplier='much' is not a number",
         ),
@@ -112,7 +122,7 @@ def test_what_ros_takes_is_taken_and_what_does_nothing_is_told() -> None:
         free = parse_urdf(
             robot_urdf(joint_urdf("j", "revolute", "a", "b", f'<limit lower="{low}" upper="{high}"/>'))
         ).joints[0]
-        assert (free.lower, free.upper) == (-1e6, 1e6)
+        assert (free.limits.lower, free.limits.upper) == (-1e6, 1e6)
     odd = robot_urdf(joint_urdf("j", "fixed", "a", "b", '<axis xyz="none"/>')).replace(
         "<robot", "<robot xmlns='http://ros.org'"
     )

@@ -6,7 +6,7 @@ import pytest
 
 from messages.sensor import JointState
 from messages.std import Header, Time
-from models.robot_description import parse_urdf
+from models.urdf import parse_urdf
 from services.state.links import LinkTransforms
 from tests.services.state.sample_urdfs import GRIPPER, joint_urdf, robot_urdf
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from messages.sensor import JointState
-from models.robot_description import BadUrdf, parse_urdf
+from models.urdf import BadUrdf, parse_urdf
 from services.state import StateParameters
 from services.state.merger import JointStateMerger
 from tests.services.state.sample_urdfs import GRIPPER, joint_urdf, robot_urdf
@@ -104,8 +104,8 @@ def test_joints_without_a_source_go_to_and_fro() -> None:
         ({"zeros": ("left=0",)}, "'left' follows 'right'"),
         ({"dependent_joints": ("left",)}, "not joint=other"),
         ({"dependent_joints": ("left=thumb",)}, "no joint 'thumb'"),
-        ({"dependent_joints": ("shoulder=wrist", "wrist=shoulder")}, "in a circle"),
-        ({"dependent_joints": ("right=tip",)}, "in a circle"),
+        ({"dependent_joints": ("shoulder=wrist", "wrist=shoulder")}, "in a loop"),
+        ({"dependent_joints": ("right=tip",)}, "in a loop"),
     ],
 )
 def test_what_its_joints_do_not_allow_is_refused(values: dict[str, Any], text: str) -> None:

@@ -128,8 +128,8 @@ def test_a_second_publisher_of_a_frame_is_told_by_both_sides(scene: TfHarness) -
         (("model=burgr",), "did you mean 'burger'"),
         (("model=burger", "urdf=x"), "both model"),
         (("model=burger", "publish_default_positions=true", 'zeros=["elbow=1"]'), "no joint 'elbow'"),
-        (("model=burger", 'source_list=["joint_states"]'), "what it merges them to"),
-        (('robots=["x", "/x"]',), "a name comes twice"),
+        (("model=burger", 'source_list=["joint_states"]'), "which is its own output"),
+        (('robots=["x", "/x"]',), "a name is given twice"),
         (('robots=["x y"]',), "is not a name"),
     ],
 )

@@ -56,7 +56,7 @@ def test_what_is_sent(sent: Velocity | None, text: str) -> None:
 @pytest.mark.parametrize(
     ("base", "text"),
     [
-        (None, "tells nothing: is the robot still in the simulation?"),
+        (None, "no status: is the robot still in the simulation?"),
         (BaseStatus(source=NODE, e_stopped=True), "EMERGENCY STOP, until false is sent on e_stop"),
         (BaseStatus(source="/p3dx/square"), "obeys /p3dx/square"),
         (BaseStatus(), "no commands"),

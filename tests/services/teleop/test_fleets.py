@@ -27,7 +27,7 @@ def test_wrong_wheel_figures_are_warned_of_and_their_damage_is_measured(tmp_path
     warning = "p3dx: wheel radius 0.15 and separation 0.39 m are configured, the URDF has 0.0975 and 0.33 m"
     assert warning in log.read_text()
     assert report["notes"][0].startswith(warning)
-    assert report["notes"][1:] == ["before the end /p3dx/script took leave of lockstep"], "its keys were at an end"
+    assert report["notes"][1:] == ["/p3dx/script left lockstep before the end"], "its keys were at an end"
 
 
 def test_the_fleet_to_drive_has_nobody_who_drives_it() -> None:

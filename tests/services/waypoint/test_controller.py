@@ -35,6 +35,7 @@ def four() -> list[list[SimulatedStep]]:
     return [lap(0.5 * robot) for robot in range(4)]
 
 
+@pytest.mark.slow
 def test_a_lap_stops_on_every_point_within_a_millimetre_and_in_time(four: list[list[SimulatedStep]]) -> None:
     run = four[0]
     assert run[-1].progress.state == "finished"

@@ -284,7 +284,7 @@ def test_who_comes_late_has_what_members_and_simulation_told_long_ago(connect: C
                     ctx.publish(LATCHED, Float64(data=5.0))
 
         def hear(ctx: Context[Parameters]) -> None:
-            plan, frames = ctx.latest(LATCHED), ctx.latest(LATCHED, "/frame")
+            plan, frames = ctx.latest(LATCHED), ctx.latest(LATCHED.named("/frame"))
             for _ in ctx.ticks():
                 if plan.value is not None and frames.value is not None:
                     seen.append(plan.value.data + frames.value.data)

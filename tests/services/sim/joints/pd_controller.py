@@ -44,8 +44,6 @@ if __name__ == "__main__":
             name="pd",
             about="The tutorial's PD.",
             run=run,
-            reads=(JOINT_STATES,),
-            writes=(JOINT_EFFORT,),
             rate=100.0,
             parameters=PdParameters,
         )

@@ -27,6 +27,8 @@ from tests.services.sim.physics.driven_robot import (
     yaw_of,
 )
 
+pytestmark = pytest.mark.slow
+
 WHEELS = wheels_of(read_model("p3dx"))
 FRONT, SIDE = 0.175, 0.19
 """How far the robot reaches from the middle of its axle, m."""

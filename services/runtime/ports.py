@@ -1,0 +1,32 @@
+"""TCP ports of the loopback: a free one, whether one is in use, and why one cannot be bound."""
+
+from __future__ import annotations
+
+import socket
+
+LOOPBACK = "127.0.0.1"
+
+
+def free_port() -> int:
+    """A port that was free a moment ago, chosen by the system."""
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return int(probe.getsockname()[1])
+
+
+def port_in_use(port: int, timeout: float = 0.5) -> bool:
+    """Whether a program accepts connections on a port within ``timeout`` [s]."""
+    with socket.socket() as probe:
+        probe.settimeout(timeout)
+        return probe.connect_ex((LOOPBACK, port)) == 0
+
+
+def bind_error(port: int) -> str:
+    """Why a server could not listen on a port; empty when it could."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((LOOPBACK, port))
+        except OSError as error:
+            return error.strerror or str(error)
+    return ""

@@ -1,0 +1,203 @@
+"""Sorts tests into tiers by what they reach, and fails a quick test that does what a quick test must not.
+
+A test is sorted when it is collected. From its function and its fixtures, the code of the tests that it may run is
+followed name by name; what starts a process, opens a socket, runs a fleet or drives a browser gives it a marker. What
+has no marker is quick. Reading code can overlook something, so quick tests are watched as well: the interpreter
+reports every process and socket to an audit hook, and a quick test that made one fails, as does one that computes for
+too long.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import sys
+import threading
+import time
+import types
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+MARKERS = {
+    "quick": "no process, no socket, at most a second or so; given to every test without another marker",
+    "slow": "needs no process, but more than a second of computing",
+    "process": "starts processes or opens sockets; given by what the test reaches",
+    "fleet": "runs a fleet under the supervisor; given by what the test reaches",
+    "browser": "drives a browser; given by what the test reaches",
+    "bench": "measures speed against a bound: ./elea bench runs it, ./elea test does not",
+}
+
+QUICK_LIMIT_S = 4.0
+"""Processor time of a quick test: well above a second, since caches and cores are shared with other programs."""
+
+_BY_MODULE = {
+    "subprocess": "process",
+    "multiprocessing": "process",
+    "pty": "process",
+    "socket": "process",
+    "zenoh": "process",
+    "services.runtime.transport.zenoh": "process",
+    "services.panel.server": "process",
+    "deploy.supervisor.spawner": "process",
+    "deploy.run_fleet": "fleet",
+    "tests.faults.supervised_fleet": "fleet",
+    "tests.harness.background_fleet": "fleet",
+    "playwright.sync_api": "browser",
+}
+"""The marker of a test that reaches anything of these modules."""
+_BY_NAME = {"fork": "process", "forkpty": "process", "run_fleet": "fleet", "PanelFleet": "fleet"}
+"""The marker of a test that uses a function or class of this name, wherever it comes from."""
+_EVENTS = ("subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.system", "socket.connect", "socket.bind")
+
+
+@functools.cache
+def markers_of(root: Any) -> frozenset[str]:
+    """The markers that a function or class of the tests gives to a test, by all that it reaches."""
+    found: set[str] = set()
+    first = inspect.unwrap(root)
+    pending, seen = [first], {first}
+    while pending:
+        for code, names in _codes(pending.pop()):
+            for name in code.co_names:
+                found.update(marker for marker in (_BY_NAME.get(name), _BY_MODULE.get(name)) if marker)
+                for value in _named(name, names, code.co_names):
+                    module = value.__name__ if inspect.ismodule(value) else value.__module__
+                    found.update([_BY_MODULE[module]] if module in _BY_MODULE else [])
+                    if _is_of_tests(module) and not inspect.ismodule(value) and value not in seen:
+                        seen.add(value)
+                        pending.append(value)
+    return frozenset(found)
+
+
+def _named(name: str, names: dict[str, Any], attributes: tuple[str, ...]) -> Iterator[Any]:
+    """What a name may mean: a function, class or module, or the class of an object; of a module, also what is used."""
+    value = names.get(name)
+    values = [value]
+    if inspect.ismodule(value) and _is_of_tests(value.__name__):
+        values += [vars(value)[each] for each in attributes if each in vars(value)]
+    for each in values:
+        plain = inspect.unwrap(each) if callable(each) else each
+        if inspect.ismodule(plain) or isinstance(plain, (types.FunctionType, type)):
+            yield plain
+        elif _is_of_tests(type(plain).__module__):
+            yield type(plain)
+
+
+def _codes(value: Any) -> Iterator[tuple[types.CodeType, dict[str, Any]]]:
+    """The code of a function, or of all functions of a class and its bases, with the global names that it sees."""
+    if isinstance(value, type):
+        for owner in value.__mro__:
+            for member in vars(owner).values() if _is_of_tests(owner.__module__) else ():
+                member = getattr(member, "fget", None) or getattr(member, "__func__", None) or member
+                if isinstance(member, types.FunctionType):
+                    yield from _codes(inspect.unwrap(member))
+    elif isinstance(value, types.FunctionType):
+        for code in _nested(value.__code__):
+            yield code, value.__globals__
+
+
+def _nested(code: types.CodeType) -> Iterator[types.CodeType]:
+    yield code
+    for each in code.co_consts:
+        if isinstance(each, types.CodeType):
+            yield from _nested(each)
+
+
+def _is_of_tests(module: str) -> bool:
+    return module.partition(".")[0] == "tests"
+
+
+class QuickTestWatch:
+    """What a quick test did that it must not, while it is watched."""
+
+    def __init__(self) -> None:
+        self.seen: list[str] = []
+
+    def check(self) -> None:
+        """Fail the test for what was seen."""
+        if self.seen:
+            pytest.fail(f"a quick test must not: {'; '.join(self.seen)}; give it one of these markers: {_OTHERS}")
+
+
+_OTHERS = ", ".join(each for each in MARKERS if each != "quick")
+_watching: list[tuple[QuickTestWatch, set[int]]] = []
+
+
+def _audit(event: str, arguments: tuple[Any, ...]) -> None:
+    if _watching and event in _EVENTS:
+        watch, others = _watching[-1]
+        if threading.get_ident() not in others:
+            watch.seen.append(f"{event}{tuple(map(str, arguments))[:2]}")
+
+
+@functools.cache
+def _install_audit_hook() -> None:
+    sys.addaudithook(_audit)
+
+
+@contextmanager
+def watch_quick_test() -> Iterator[QuickTestWatch]:
+    """Note the processes and sockets that the block makes, and whether it computes for too long.
+
+    Threads that were there before do not count: they belong to fixtures of other tests. Zenoh opens its sockets below
+    Python; its ``open`` is noted instead.
+    """
+    _install_audit_hook()
+    watch = QuickTestWatch()
+    main = threading.get_ident()
+    _watching.append((watch, {each.ident or 0 for each in threading.enumerate()} - {main}))
+    began = time.process_time()
+    try:
+        with pytest.MonkeyPatch.context() as patch:
+            if "zenoh" in sys.modules:
+                _note_zenoh(patch, watch)
+            yield watch
+    finally:
+        _watching.pop()
+    spent = time.process_time() - began
+    if spent > QUICK_LIMIT_S:
+        watch.seen.append(f"compute for {spent:.1f} s; the limit is {QUICK_LIMIT_S:g} s")
+
+
+def _note_zenoh(patch: pytest.MonkeyPatch, watch: QuickTestWatch) -> None:
+    zenoh: Any = sys.modules["zenoh"]
+    opened: Callable[..., Any] = zenoh.open
+
+    def note(*arguments: Any) -> Any:
+        watch.seen.append("zenoh.open")
+        return opened(*arguments)
+
+    patch.setattr(zenoh, "open", note)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make the markers known."""
+    for name, about in MARKERS.items():
+        config.addinivalue_line("markers", f"{name}: {about}")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give every test its markers, before ``-m`` chooses among them."""
+    for item in items:
+        assert isinstance(item, pytest.Function)
+        fixtures = [each for defined in item._fixtureinfo.name2fixturedefs.values() for each in defined]
+        for function in (item.function, *(each.func for each in fixtures if each.argname != "own_state")):
+            for marker in sorted(markers_of(function)):
+                item.add_marker(marker)
+        if not any(item.get_closest_marker(each) for each in MARKERS):
+            item.add_marker("quick")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Iterator[None]:
+    """Watch quick tests."""
+    if item.get_closest_marker("quick") is None:
+        yield
+        return
+    with watch_quick_test() as watch:
+        yield
+    watch.check()
