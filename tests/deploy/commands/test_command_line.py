@@ -70,8 +70,8 @@ def test_help_loads_nothing_heavy(verb: str, state: dict[str, str]) -> None:
         (["up", "--report", "/dev/null/x"], "/dev/null/x cannot be written"),
         (["run", "wayponit"], "unknown service 'wayponit'; did you mean 'waypoint'"),
         (["run", "nowhere.py"], "there is no file nowhere.py"),
-        (["down"], "no fleet runs"),
-        (["restart", "sim"], "no fleet runs"),
+        (["down"], "no fleet is running"),
+        (["restart", "sim"], "no fleet is running"),
         (["graph", "--port", "1"], "no router at unixsock-stream/"),
     ],
 )
