@@ -46,8 +46,8 @@ def elea(environment: dict[str, str], *arguments: str, cwd: Path = ROOT) -> subp
         (["up", "--report", "/dev/null/x"], "/dev/null/x cannot be written"),
         (["run", "wayponit"], "unknown service 'wayponit'; did you mean 'waypoint'"),
         (["run", "nowhere.py"], "there is no file nowhere.py"),
-        (["down"], "no fleet runs"),
-        (["restart", "sim"], "no fleet runs"),
+        (["down"], "no fleet is running"),
+        (["restart", "sim"], "no fleet is running"),
         (["graph", "--port", "1"], "no router at unixsock-stream/"),
     ],
 )
