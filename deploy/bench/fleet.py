@@ -33,7 +33,7 @@ def free_port() -> int:
 
 WATCHED_ROBOT = "tb3_0"
 """The robot by which the bench follows a run."""
-START_TIMEOUT_S = 20.0
+START_TIMEOUT_S = 60.0
 """Wall time in which a fleet must have begun to move."""
 
 
