@@ -9,12 +9,16 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from deploy.bench.figures import Figure
 from deploy.bench.suite import FIGURE_PROPERTY
 from tests.tiers import pytest_collection_modifyitems as pytest_collection_modifyitems
 from tests.tiers import pytest_configure as pytest_configure
 from tests.tiers import pytest_runtest_call as pytest_runtest_call
+
+settings.register_profile("elea", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("elea")  # a busy machine fails no property
 
 
 @pytest.fixture(scope="session", autouse=True)

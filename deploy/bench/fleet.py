@@ -24,7 +24,7 @@ from services.runtime.transport.unix_sockets import router_endpoint
 
 WATCHED_ROBOT = "tb3_0"
 """The robot by which the bench follows a run."""
-START_TIMEOUT_S = 20.0
+START_TIMEOUT_S = 60.0
 """Wall time in which a fleet must have begun to move."""
 
 

@@ -20,7 +20,8 @@ def run_bench_tests(folder: Path, say: Callable[[str], None]) -> tuple[list[Figu
     """Run the tests marked ``bench``, one after the other; their figures, and whether all passed."""
     say("tests that measure: help, panel, page, supervisor")
     results = folder / "results.xml"
-    command = [sys.executable, "-P", "-m", "pytest", "-n", "0", "-m", "bench", f"--junitxml={results}"]
+    command = [sys.executable, "-P", "-m", "pytest", "-n", "0", "-m", "bench"]
+    command += [f"--junitxml={results}", "-o", "junit_family=xunit1"]
     ran = subprocess.run(command, cwd=ROOT, stdout=sys.stderr, stderr=sys.stderr, check=False)
     return (read_figures(results) if results.exists() else []), ran.returncode == 0
 

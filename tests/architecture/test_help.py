@@ -37,7 +37,7 @@ print("all are light")
 OWN_HELP = [verb for verb in all_commands() if verb != ("test",)]
 """The help of ``test`` is pytest's."""
 
-TRIES = 5
+TRIES = 3
 
 COMMANDS = [
     *(("services", kind, "--help") for kind in service_kinds()),
@@ -63,6 +63,7 @@ def test_help_is_light() -> None:
 
 
 @pytest.mark.bench
+@pytest.mark.timeout(300)
 def test_help_comes_at_once(keeps_bound: Callable[[Figure], None]) -> None:
     """In processor time, which a person waits for on a machine that is free; the best of some, since caches cool."""
     took = {
