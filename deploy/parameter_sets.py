@@ -1,4 +1,4 @@
-"""The parameter sets of a fleet: who uses them, which values the fleet gives them, and where a run differs."""
+"""The parameter sets of a fleet: their services, the values that the fleet gives, and how a run differed from them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from services.sim.parameters import BaseParameters, JointParameters
 
 
 def parameter_sets(fleet: Fleet) -> dict[str, list[type[Parameters]]]:
-    """The sets by name, each with the records of those who follow it."""
+    """The sets by name, each with the parameter records of the services that use it."""
     stated = {each.kind for each in fleet.service}
     every: list[tuple[ServiceConfig, RobotConfig | None]] = [
         (ServiceConfig(kind=kind), None) for kind in BUILTIN_SERVICES if kind not in stated
@@ -44,7 +44,7 @@ def parameter_sets(fleet: Fleet) -> dict[str, list[type[Parameters]]]:
 
 
 def fleet_values(fleet: Fleet, plan: Sequence[ProcessSpec]) -> dict[str, dict[str, Any]]:
-    """What the fleet itself and the records' defaults give the live parameters of each set, by dotted names."""
+    """The values of the live parameters of each set by fleet file and defaults alone, by dotted names."""
     values: dict[str, dict[str, Any]] = {}
     for process in plan:
         service = load_service(process.kind)
@@ -64,7 +64,7 @@ def fleet_values(fleet: Fleet, plan: Sequence[ProcessSpec]) -> dict[str, dict[st
 
 
 def check_changes(fleet: Fleet, source: TomlSource) -> None:
-    """Raise BadInput, with file and line, for a change that no set of the fleet can take."""
+    """Raise BadInput, with file and line, for a scheduled change that no set of the fleet can accept."""
     sets = parameter_sets(fleet) if fleet.change else {}
     for index, change in enumerate(fleet.change):
         if change.set not in sets:
@@ -80,7 +80,7 @@ def check_changes(fleet: Fleet, source: TomlSource) -> None:
 
 
 def _robot_set(robot: RobotConfig, wheeled: bool) -> str:
-    """The set that the simulation follows for a robot: of its base, or of its joints."""
+    """The set of a robot in the simulation: of its base, or of its joints."""
     return f"/{robot.name}/{'base' if wheeled else 'joints'}"
 
 
@@ -98,21 +98,21 @@ def _live_values(params: Parameters) -> dict[str, Any]:
 
 
 ReportedValues = Callable[[], Mapping[str, ParameterValues]]
-"""The values of each set as far as they were told; it does not block."""
+"""The values of each set that were received so far; it does not block."""
 
 FleetValues = Mapping[str, Mapping[str, Any]]
-"""What the fleet itself gives the live parameters of each set."""
+"""The values of the live parameters of each set by fleet file and defaults alone."""
 
 
 class SavedParameterNotes:
-    """Says once of each set which saved values win over the fleet's."""
+    """Reports once for each set which saved values override the fleet's."""
 
     def __init__(self, told: ReportedValues, own: FleetValues) -> None:
         self._told, self._own = told, own
         self._said: set[str] = set()
 
     def new_lines(self) -> Iterator[str]:
-        """One line for each set that was told of for the first time and has such values."""
+        """One line for each newly received set that has such values."""
         for name, values in self._told().items():
             if name in self._said:
                 continue
@@ -127,7 +127,7 @@ class SavedParameterNotes:
 def effective_parameters(
     told: Mapping[str, ParameterValues], own: FleetValues
 ) -> dict[str, dict[str, EffectiveParameter]]:
-    """The live parameters that are not at their defaults, by set and name, in the order of their names."""
+    """The live parameters with other values than their defaults, by set and name, sorted."""
     found = {
         name: {
             each.name: EffectiveParameter(value=each.value, origin=each.origin)
@@ -140,7 +140,7 @@ def effective_parameters(
 
 
 def overridden_parameter_note(told: Mapping[str, ParameterValues], own: FleetValues, fleet: Fleet) -> tuple[str, ...]:
-    """The values that make a run another than its fleet file says, as one note; none when there are none."""
+    """One note with the values that differ from the fleet file's, or none when no value does."""
     scheduled = {(change.set, name) for change in fleet.change for name in change.values}
     parts = [
         f"{name} {_difference(each, own[name])}"

@@ -1,4 +1,4 @@
-"""elea_msgs of the parameter service: sets of parameters, their descriptions, values, and what may be asked of them."""
+"""elea_msgs of the parameter service: parameter sets, their descriptions and values, and requests to change them."""
 
 from typing import Annotated, ClassVar, Literal
 
@@ -11,10 +11,10 @@ Whole = Annotated[int, Meta(ge=-(2**63), le=2**63 - 1)]
 Scalar = bool | Whole | Finite | Annotated[str, Meta(max_length=65_536)] | None
 _Scalars = Annotated[tuple[Scalar, ...], Meta(max_length=10_000)]
 Value = Scalar | Annotated[tuple[Scalar | _Scalars, ...], Meta(max_length=10_000)]
-"""What a parameter may be: a scalar, a list of scalars, or a list of such lists, each of at most 10,000 items."""
+"""A parameter's value: a scalar, a list of scalars, or a list of such lists, each of at most 10,000 items."""
 
 Origin = Literal["default", "fleet", "saved", "command line", "run"]
-"""Where a value comes from; a later one in this list wins. ``run`` is set for this run alone and never saved."""
+"""Where a value comes from; a later one in this list wins. ``run`` is set for this run only and never saved."""
 
 SetName = Annotated[str, Meta(max_length=255)]
 RequestId = Annotated[str, Meta(max_length=64)]
@@ -22,14 +22,15 @@ Who = Annotated[str, Meta(max_length=255)]
 
 
 class ParameterDescription(Message, frozen=True, kw_only=True):
-    """One parameter: its type, default, inclusive bounds (exclusive where said), choices, unit and text.
+    """One parameter: its type, default, bounds, choices, unit and text.
 
-    ``type`` is ``bool``, ``int``, ``float``, ``str``, or one of these with ``[]`` or ``[][]`` behind it; ``optional``
-    allows null. ``shortest`` and ``longest`` bound the items of each level of a list, from the outside, and behind them
-    the characters of a text; 0 is no bound. ``at_most`` names another parameter of the set that this one may not
-    exceed; ``excludes`` names some that must be off (null or false) while this one is on. ``live`` tells that the
-    service follows a change while it runs; the others are for a fleet file or a command line to say. ``level`` is the
-    bit mask that listeners get when it changes, as in dynamic_reconfigure.
+    ``type`` is ``bool``, ``int``, ``float``, ``str``, or one of these followed by ``[]`` or ``[][]``; ``optional``
+    allows null. ``low`` and ``high`` are inclusive unless ``above`` and ``below`` exclude them. ``shortest`` and
+    ``longest`` bound the number of items at each level of a list, outermost first, then the characters of a text; 0 is
+    no bound. ``at_most`` names another parameter of the set that this one may not exceed; ``excludes`` names some that
+    must be off (null or false) while this one is on. A ``live`` parameter can change while its service runs; others
+    are given by the fleet file or the command line. ``level`` is the bit mask that subscribers get when it changes, as
+    in dynamic_reconfigure.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ParameterDescription"
@@ -74,7 +75,7 @@ class ParameterValues(Message, frozen=True, kw_only=True):
     """All effective values of a set, latched on ``<set>/parameter_updates`` at each change.
 
     ``revision`` grows with every change; ``level`` is the union of the levels of what changed, all ones at first.
-    ``note`` says what was clamped, migrated or left out, and why.
+    ``note`` says which values were clamped, converted or dropped, and why.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ParameterValues"
@@ -97,10 +98,10 @@ Assignments = Annotated[tuple[Assignment, ...], Meta(max_length=MOST_ITEMS)]
 
 
 class Announcement(Message, frozen=True, kw_only=True):
-    """A node says which parameters it has in which set, and the values that its fleet file and command line give.
+    """A node announces the parameters that it has in a set, and the values that its fleet file and command line give.
 
-    ``run`` are values that were set for this run alone: they count where the parameter service, come back, knows none.
-    ``leaves`` says instead that the node follows the set no more, as when a robot leaves the world.
+    ``run`` are values that were set for this run only: they count after a restart of the parameter service.
+    ``leaves`` says instead that the node no longer follows the set, as when a robot leaves the world.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Announcement"
@@ -127,7 +128,7 @@ class ScheduledChange(Message, frozen=True, kw_only=True):
 
 
 class ScheduledChanges(Message, frozen=True, kw_only=True):
-    """What became of the schedule of a run so far: those changes whose time has come in this ``epoch``."""
+    """The scheduled changes of a run whose time has come in this ``epoch``, made or refused."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ScheduledChanges"
     epoch: Count = 0
@@ -151,9 +152,9 @@ class ParameterSets(Message, frozen=True, kw_only=True):
 class SetParameters(Message, frozen=True, kw_only=True):
     """Change several parameters of a set, all or none.
 
-    ``clamp`` takes what is out of bounds at the bound instead of refusing. ``id`` names the request: asked again with
-    the same id, it is not applied again. ``run`` makes the change for this run alone, without saving it. ``kind`` is
-    what the history calls it.
+    ``clamp`` replaces a number that is out of bounds by the bound instead of refusing it. ``id`` names the request:
+    sent again with the same id, it is not applied again. ``run`` makes the change for this run only, without saving
+    it. ``kind`` is what the history calls it.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/SetParameters"
@@ -177,9 +178,9 @@ class ResetParameters(Message, frozen=True, kw_only=True):
 
 
 class UndoParameters(Message, frozen=True, kw_only=True):
-    """Take the newest change of a set back that was not yet taken back, or the one that made its ``revision``.
+    """Undo the newest change of a set that is not undone yet, or the one that made its ``revision``.
 
-    An older one gives back what no later change has touched; asked again, it is taken back already and nothing happens.
+    Of an older change, only the parameters that no later change has touched are restored. A second time does nothing.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/UndoParameters"
@@ -190,9 +191,9 @@ class UndoParameters(Message, frozen=True, kw_only=True):
 
 
 class ParameterChange(Message, frozen=True, kw_only=True):
-    """One change of the history: who, when (by the clock on the wall and in simulation time), from what to what.
+    """One change of the history: who made it, when (wall time and simulation time), the values before and after.
 
-    ``run`` tells a change for one run alone from one that is saved, ``undone`` one that was taken back.
+    ``run`` marks a change for one run only, which is not saved; ``undone`` one that was undone.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ParameterChange"

@@ -28,7 +28,7 @@ _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z0-9_]+)*")
 
 
 class ParameterConflict(BadInput):
-    """Two nodes contradict each other about a parameter; ``other`` announced it first."""
+    """Two nodes describe a parameter differently; ``other_node`` announced it first."""
 
     def __init__(self, other: str, text: str) -> None:
         super().__init__(text)
@@ -45,18 +45,18 @@ class Schema:
     command_line: Mapping[str, Value] = field(default_factory=dict)
 
     def with_node(self, announcement: Announcement) -> Schema:
-        """The schema after a node has announced, in place of what it said before; raises Conflict."""
+        """The schema with a node's announcement in place of its earlier one; raises ParameterConflict."""
         others = {node: each for node, each in self.announced.items() if node != announcement.node}
         for other in others.values():
             _check_agreement(announcement, other)
         return merge_announcements((*others.values(), announcement))
 
     def without_node(self, node: str) -> Schema:
-        """The schema without what a node has said."""
+        """The schema without a node's announcement."""
         return merge_announcements(each for name, each in self.announced.items() if name != node)
 
     def to_message(self, name: str) -> ParameterSchema:
-        """As it is published for the set ``name``."""
+        """The message that describes the set ``name``."""
         return ParameterSchema(set=name, nodes=tuple(self.announced), parameters=tuple(self.parameters.values()))
 
     def description(self, name: str, where: str) -> ParameterDescription:
@@ -78,7 +78,7 @@ def merge_announcements(announcements: Iterable[Announcement]) -> Schema:
 
 
 def validate_announcement(announcement: Announcement) -> Announcement:
-    """The announcement with its values in their parameters' types; raises BadInput for what contradicts itself."""
+    """The announcement with its values converted to their parameters' types; raises BadInput if it is inconsistent."""
     where = f"announcement of {announcement.node or 'nobody'}"
     for what, name in (("set", announcement.set), ("node", announcement.node)):
         try:
@@ -134,7 +134,7 @@ def _validate_description(described: ParameterDescription, where: str) -> Parame
 
 
 def _excludes_all(described: ParameterDescription, low: float, high: float) -> bool:
-    """Whether no value lies between the bounds, no whole one for an int."""
+    """Whether the bounds allow no value, for an int no whole number."""
     if described.type.startswith("int"):
         first = math.floor(low) + 1 if described.above else math.ceil(low)
         last = math.ceil(high) - 1 if described.below else math.floor(high)
@@ -193,14 +193,14 @@ def _check_agreement(new: Announcement, old: Announcement) -> None:
 
 
 MOST_NOTES = 20
-"""Of what was clamped, migrated or left out, as many are told."""
+"""Notes about clamped, converted and dropped values in one message."""
 ALL_LEVELS = 2**32 - 1
-"""The level of what is told for the first time."""
+"""The level of a set's first message."""
 
 
 @dataclass(frozen=True)
 class SetState:
-    """A set at one revision. ``saved`` may hold values of parameters that nobody has announced yet."""
+    """A set at one revision. ``saved`` may hold values of parameters that no running node has."""
 
     name: str
     schema: Schema = field(default_factory=Schema)
@@ -223,15 +223,15 @@ class SetState:
         return Parameter(name=name, value=None if described is None else described.default)
 
     def effective_values(self) -> dict[str, Parameter]:
-        """All effective values; of a set that nobody has announced, the saved ones."""
+        """All effective values; of a set that no node has announced, the saved ones."""
         return {name: self.parameter(name) for name in self.schema.parameters or self.saved}
 
     def unannounced(self) -> tuple[str, ...]:
-        """Names with a saved value that nobody has announced."""
+        """Names with a saved value that no running node has."""
         return tuple(name for name in self.saved if name not in self.schema.parameters)
 
     def to_message(self, level: int = ALL_LEVELS, notes: Iterable[str] = ()) -> ParameterValues:
-        """As it is told, with what listeners should know."""
+        """The message with its values, and notes for subscribers."""
         return ParameterValues(
             set=self.name,
             revision=self.revision,
@@ -247,7 +247,7 @@ def _join_notes(notes: tuple[str, ...]) -> str:
 
 
 def changed_levels(before: SetState, after: SetState) -> int:
-    """The union of the levels of what has changed; what is new counts as changed."""
+    """The union of the levels of the parameters that changed or are new."""
     old, level = before.effective_values(), 0
     for name, now in after.effective_values().items():
         if name not in old or not same_value(old[name].value, now.value):
@@ -257,5 +257,5 @@ def changed_levels(before: SetState, after: SetState) -> int:
 
 
 def same_value(one: Value, other: Value) -> bool:
-    """Equality of values and their types: 1, 1.0 and true are three."""
+    """Whether values and their types are equal: 1, 1.0 and true all differ."""
     return repr(one) == repr(other)

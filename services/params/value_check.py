@@ -1,4 +1,4 @@
-"""Whether a value fits the description of a parameter, and what it would be within the bounds."""
+"""Checks a value against the description of its parameter, and clamps it to the bounds on request."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ _TYPE = re.compile(r"(bool|int|float|str)((?:\[\]){0,2})")
 _INT_LIMIT = 2**63
 _MAX_NOTES = 100
 _MAX_TEXT_LENGTH = 65_536
-"""Characters of a text, as on the wire."""
+"""Characters of a text, as in a message."""
 
 
 class FittedValue(NamedTuple):
-    """A value as it will be used, and what was done to make it fit."""
+    """A value that fits, and notes about what was done to make it fit."""
 
     value: Value
     notes: tuple[str, ...] = ()
 
 
 def parse_type(type_name: str) -> tuple[str, int] | None:
-    """``float[][]`` as ("float", 2), or None when it is not a type of parameters."""
+    """``float[][]`` as ("float", 2), or None when it is not a parameter type."""
     found = _TYPE.fullmatch(type_name)
     return (found[1], len(found[2]) // 2) if found else None
 
 
 def fit(description: ParameterDescription, value: Value, clamp: bool = False) -> FittedValue:
-    """The value in the parameter's type; raises BadInput with its name, the value and the bound.
+    """Convert a value to the parameter's type; raises BadInput with its name, the value and the bound.
 
-    An integer is taken for a float; a bool is neither. ``clamp`` takes a number that is out of bounds at the bound.
+    An int is accepted for a float; a bool is neither. With ``clamp``, a number out of bounds becomes the bound.
     """
     name = description.name
     if value is None:
@@ -51,7 +51,7 @@ def fit(description: ParameterDescription, value: Value, clamp: bool = False) ->
 
 
 def describe_expected(description: ParameterDescription) -> str:
-    """``float, 0 to 5 m/s``: what may be given."""
+    """The type and what is allowed: ``float, 0 to 5 m/s``."""
     what = [
         description.type + (" or null" if description.optional else ""),
         describe_range(description),
@@ -150,7 +150,7 @@ def _fit_number(description: ParameterDescription, value: float, where: str, not
     if _too_low(description, nearest) or _too_high(description, nearest):
         why = "the bound itself is excluded" if excluded else "nothing lies within"
         raise BadInput(f"{_out_of_bounds_text(description, value, where)}; it cannot be clamped, {why}")
-    few = len(notes) < _MAX_NOTES  # the others are not told, and a list has thousands of them
+    few = len(notes) < _MAX_NOTES  # more are not shown, and a list may have thousands
     notes.append(f"{where} = {value!r} was clamped to {nearest!r} ({describe_range(description)})" if few else where)
     return nearest
 
@@ -170,7 +170,7 @@ def _too_high(description: ParameterDescription, value: float) -> bool:
 
 
 def format_value(value: Any) -> str:
-    """A value in an error, no longer than one can read."""
+    """A value for an error message, cut to a readable length."""
     text = repr(value)
     return text if len(text) <= 80 else f"{text[:77]}..."
 

@@ -158,6 +158,7 @@ def test_changes_arrive_and_become_the_schedule_of_the_parameter_service() -> No
             {"at": 2.5, "set": "/b/driver", "values": {"max_linear": 0.2, "goals": [[1, 1]]}},
             {"at": 3.0, "set": "/a/base", "values": {"linear.max_velocity": 0.2, "brake": 1}},
         ],
+        "schedule_file": "/tmp/run/schedule.json",
     }
 
 

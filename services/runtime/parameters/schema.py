@@ -14,16 +14,15 @@ from msgspec import Meta
 from messages.parameters import ParameterDescription
 
 MAX_NUMBER = 1e12
-"""Bound of every finite number on the wire; a bound beyond it is none."""
+"""Largest number in a message; a bound beyond it counts as none."""
 MAX_TEXT_LENGTH = 60_000
-"""Characters of a JSON text; what is longer is cut, since it is only shown."""
+"""Characters of a JSON text; a longer one is cut, since it is only displayed."""
 
 
 class Field(NamedTuple):
-    """One single value of a record: its dotted name, its type as declared and bare, what annotates it, and whether it
-    may be null.
+    """One value of a record: its dotted name, its type as declared and unwrapped, its annotations, and its default.
 
-    ``structured`` are lists of tables, which travel as JSON texts. ``default`` is the record's own.
+    ``structured`` marks lists of tables, which are sent as JSON texts.
     """
 
     name: str
@@ -35,7 +34,7 @@ class Field(NamedTuple):
     default: Any
 
     def extra(self, key: str, default: Any) -> Any:
-        """What the annotations say beside bounds and text; the outermost counts."""
+        """An entry of ``Meta(extra=...)``; that of the outermost annotation counts."""
         for meta in reversed(self.metas):
             if meta.extra is not None and key in meta.extra:
                 return meta.extra[key]
@@ -43,7 +42,7 @@ class Field(NamedTuple):
 
 
 class Constraint(NamedTuple):
-    """What must hold between a parameter and others of its record, by dotted names; see ``ParameterDescription``."""
+    """A constraint between a parameter and others of its record, by dotted names; see ``ParameterDescription``."""
 
     name: str
     at_most: str
@@ -89,7 +88,7 @@ def fields_of(record: type[msgspec.Struct]) -> tuple[Field, ...]:
 
 @cache
 def constraints_of(record: type[msgspec.Struct]) -> tuple[Constraint, ...]:
-    """The leaves whose annotations relate them to others, by names as seen from their own table."""
+    """The constraints that a record's annotations declare, which name parameters relative to their own table."""
     return tuple(
         Constraint(leaf.name, _sibling(leaf, most) if most else "", tuple(_sibling(leaf, each) for each in excluded))
         for leaf in fields_of(record)
@@ -99,7 +98,7 @@ def constraints_of(record: type[msgspec.Struct]) -> tuple[Constraint, ...]:
 
 
 def lengths(leaf: Field) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """Least and most items of each level of a list, from the outside, then characters of a text; 0 is no bound."""
+    """Least and most items at each level of a list, outermost first, then characters of a text; 0 is no bound."""
     if leaf.structured:
         return (), ()
     found, inner = [], Unwrapped(leaf.kind, leaf.metas, False)
@@ -119,9 +118,9 @@ def flatten(values: msgspec.Struct) -> dict[str, Any]:
 
 
 def nest(record: type[msgspec.Struct], flat: Mapping[str, Any]) -> dict[str, Any]:
-    """The tables that ``flatten`` took apart, ready to build a record of, lists of tables left out.
+    """The nested tables of flat values, ready to build a record from, without lists of tables: ``flatten`` reversed.
 
-    An optional table is None when all that it must state is null. Unknown names stay as they are.
+    An optional table is None when all its required values are null. Unknown names stay as they are.
     """
     tree: dict[str, Any] = {}
     structured = {leaf.name for leaf in fields_of(record) if leaf.structured}
@@ -249,7 +248,7 @@ def all_metas(leaf: Field) -> tuple[Meta, ...]:
 
 
 class Constrained(Protocol):
-    """A parameter with what must hold between it and others, as its description says."""
+    """A parameter with its constraints on others, as in its description."""
 
     @property
     def name(self) -> str: ...
@@ -288,7 +287,7 @@ def describe_length(description: ParameterDescription) -> str:
 
 
 def describe_relations(description: Constrained) -> str:
-    """What must hold between it and others, in words: ``at most fastest``, ``not with a, b``, or nothing."""
+    """The constraints on others in words: ``at most fastest``, ``not with a, b``, or nothing."""
     most = f"at most {description.at_most}" if description.at_most else ""
     off = f"not with {', '.join(description.excludes)}" if description.excludes else ""
     return ", ".join(each for each in (most, off) if each)
@@ -297,9 +296,9 @@ def describe_relations(description: Constrained) -> str:
 def violations(
     related: Iterable[Constrained], values: Mapping[str, Any], concerned: Collection[str] | None = None
 ) -> Iterator[str]:
-    """A sentence for each pair of ``values`` that contradict each other, of those with one of ``concerned``, if given.
+    """A sentence for each violated constraint; with ``concerned``, only for constraints on one of these names.
 
-    A value of null is under no bound and is none; what is null or false is off.
+    A null is within every bound and bounds nothing; null and false count as off.
     """
     for each in related:
         value = values.get(each.name)
