@@ -48,9 +48,7 @@ def load_user_service(file: str) -> Service:
     except ServiceCaptured as declared:
         return declared.service
     except (Exception, SystemExit) as error:  # noqa: BLE001 whatever a user's file may raise
-        raise BadInput(
-            f"{_error_line(path, error)}: it fails as it is loaded: {type(error).__name__}: {error}"
-        ) from None
+        raise BadInput(f"{_error_line(path, error)}: it fails to load: {type(error).__name__}: {error}") from None
     finally:
         _loading.reset(token)
         sys.path[:] = before

@@ -89,7 +89,7 @@ def test_names_that_are_long_or_many_get_an_error_at_once(session: zenoh.Session
     for request in (GET_STATE, SUPERVISOR_STOP):
         assert error_reason(session, request.name[1:], long) == "Expected `str` of length <= 255 - at `$.name`"
     said = error_reason(session, PARAMS_SET.name[1:], UNKNOWN)
-    assert "990 more values were not looked at; nothing was changed" in said
+    assert "990 more values were not checked; nothing was changed" in said
     assert len(said) <= MAX_REASON_LENGTH
     many = msgpack.packb({"set": SET, "values": [{}] * 200_000})
     assert "length <= 1000 - at `$.values`" in error_reason(session, PARAMS_SET.name[1:], many)
