@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
@@ -19,6 +20,10 @@ from tests.tiers import pytest_runtest_call as pytest_runtest_call
 
 settings.register_profile("elea", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("elea")  # a busy machine fails no property
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # A shell ignores it for what it starts in the background, and so would the processes that tests end by it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session", autouse=True)
