@@ -18,6 +18,7 @@ def test_one_that_is_free_or_not_there_yet_is_taken(tmp_path: Path) -> None:
     check_parameter_file_unused(tmp_path / "old.db")
 
 
+@pytest.mark.slow
 def test_one_that_another_parameter_service_holds_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "held.db"
     descriptor = os.open(file, os.O_RDWR | os.O_CREAT)

@@ -148,6 +148,7 @@ def test_the_largest_model_three_hundred_times() -> None:
     assert frames > 3 * burger
 
 
+@pytest.mark.slow
 def test_heartbeats_of_the_simulation_and_a_loss_in_the_last_robot(
     network: Network, stage: tuple[Simulation, Node]
 ) -> None:

@@ -45,6 +45,7 @@ def test_without_a_parameter_service_a_node_says_so_once_and_follows_it_when_it_
             assert {each.name: each.value for each in again.announcements[0].run} == {"p": 4.5, "d": 3.0}
 
 
+@pytest.mark.slow
 def test_no_answer_a_bad_one_and_a_refusal_leave_a_node_on_its_own_values(bus: MemoryBus) -> None:
     def refuse(_: Any) -> ParameterValues:
         raise BadInput("no more sets are taken")
