@@ -126,7 +126,7 @@ JOINT_FEEDBACK = Topic(
     JointState,
     200,
     Quality.SENSOR,
-    "as joint_states, at each physics step, while a controller manager subscribes",
+    "as joint_states, at each physics step, once a controller manager commands joints",
 )
 REFERENCE = Topic("/robot_control/reference", Float32, 50, Quality.SENSOR, "set-point of the arm, degrees", unit="deg")
 CONTROL_SIGNAL = Topic(
