@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from messages.elea import ModelState
+from messages.names import join
 from messages.se3 import Pose3
 from messages.topics import E_STOP
 from models.model import read_model
@@ -16,11 +17,15 @@ from services.sim.drive.odometry import body_pose, body_twist
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import World
 from services.sim.publishers import RobotPublishers
+from services.sim.robot_names import ROOT_NAMESPACE, robot_frame_prefix, robot_namespace
 from services.sim.transit_delay import TransitDelayEstimator
 
 
 class Robot:
-    """A model in the world as ``entry.name``; its topics are in its namespace, its frames begin with its name."""
+    """A model in the world as ``entry.name``; its topics are in its namespace, its frames begin with its frame prefix.
+
+    In the root namespace it has no ``e_stop`` of its own: the stop of all robots is its stop.
+    """
 
     def __init__(
         self,
@@ -34,14 +39,16 @@ class Robot:
         wait: bool = False,
     ) -> None:
         self.entry, self.name, self.model = entry, entry.name, read_model(entry.model)
-        self.namespace = "/" + (entry.namespace or entry.name).strip("/")
+        self.namespace, self.frame_prefix = robot_namespace(entry), robot_frame_prefix(entry)
         self.actuation = spawn_actuation(
             node, world, entry, self.model, self.namespace, pose, command_sources, delays, wait
         )
         self._node, self._world, self._body = node, world, world.body(entry.name)
         commands = self.actuation.command_topic
-        self._command_subscriber: Subscriber[Any] = node.subscribe(commands, f"{self.namespace}/{commands.name}")
-        self.e_stop_subscriber: Subscriber[Any] = node.subscribe(E_STOP, f"{self.namespace}/e_stop")
+        self._command_subscriber: Subscriber[Any] = node.subscribe(commands, join(self.namespace, commands.name))
+        self.e_stop_subscriber: Subscriber[Any] | None = (
+            None if self.namespace == ROOT_NAMESPACE else node.subscribe(E_STOP, join(self.namespace, E_STOP.name))
+        )
         self._stopped_by: tuple[str, ...] = ()
         self._contacts: frozenset[str] = frozenset()
         self._collisions = 0
@@ -50,7 +57,9 @@ class Robot:
     def close(self) -> None:
         """Leave the world and the network."""
         self.actuation.close()
-        self._node.unregister(self._command_subscriber, self.e_stop_subscriber)
+        self._node.unregister(self._command_subscriber)
+        if self.e_stop_subscriber is not None:
+            self._node.unregister(self.e_stop_subscriber)
         self.publishers.close()
         self._world.delete(self.name)
 
