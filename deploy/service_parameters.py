@@ -10,6 +10,7 @@ import msgspec
 
 from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.run_folder import BAG_FOLDER, RECORDING_FILE, SCHEDULE_FILE, STOPS_FILE
+from messages.names import join
 from messages.topics import CONTROL_STATE
 from models.dynamics import read_pendulum
 from models.model import read_model
@@ -23,6 +24,7 @@ from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.zenoh_config import PORT
 from services.sim.drive.config import robot_config
 from services.sim.parameters import BaseParameters, JointParameters
+from services.sim.robot_names import robot_frame_prefix, robot_namespace
 
 CHANGE_MARGIN_S = 1.0
 """A run ends by goals so long after the last scheduled change at the earliest: it must have been seen."""
@@ -58,6 +60,11 @@ def arm_parameters(kind: str, fleet: Fleet, robot: RobotConfig | None) -> dict[s
         "gravity_rest": math.degrees(weight.rest),
         "inertia": weight.inertia,
     }
+
+
+def state_parameters(kind: str, robot: RobotConfig | None) -> dict[str, Any]:
+    """The parameters of a robot's service ``state``: its frames are those of its robot."""
+    return {"frame_prefix": robot_frame_prefix(robot)} if kind == "state" and robot is not None else {}
 
 
 def grader_arms(fleet: Fleet) -> list[dict[str, Any]]:
@@ -178,6 +185,7 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
         case "grader":
             return {
                 "robots": [each.name for each in robots],
+                "namespaces": [robot_namespace(each) for each in robots],
                 "halting": [_braking_spec(each) for each in robots if read_model(each.model).wheels],
                 "arms": grader_arms(fleet),
                 "ends": run.ends,
@@ -190,6 +198,8 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
             viewer = {} if options.view else {"view": "never", "serve": False}
             return {
                 "robots": [each.name for each in robots],
+                "namespaces": [robot_namespace(each) for each in robots],
+                "frame_prefixes": [robot_frame_prefix(each) for each in robots],
                 "models": [each.model for each in robots] or ["burger"],
                 "states": control_state_topics(fleet),
                 # In lockstep all wait for the simulation, which in lab needs a tenth more CPU for its lasers.
@@ -215,7 +225,17 @@ def _live_view_port(router: int) -> dict[str, int]:
 def _sim_robot(robot: RobotConfig) -> dict[str, Any]:
     pose = {"x": robot.pose.x, "y": robot.pose.y, "yaw": robot.pose.yaw}
     table = "parameters" if read_model(robot.model).wheels else "joint_parameters"
-    return {"name": robot.name, "model": robot.model, **pose, table: robot.parameters}
+    names: dict[str, Any] = {"name": robot.name, "model": robot.model}
+    if robot.namespace:
+        names["namespace"] = robot.namespace
+    if robot.frame_prefix is not None:
+        names["frame_prefix"] = robot.frame_prefix
+    return {**names, **pose, table: robot.parameters}
+
+
+def robot_parameter_set(robot: RobotConfig) -> str:
+    """The set of a robot in the simulation: of its base, or of its joints."""
+    return join(robot_namespace(robot), "base" if read_model(robot.model).wheels else "joints")
 
 
 def robot_parameters_type(model: str) -> type[Parameters]:
