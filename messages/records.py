@@ -15,6 +15,7 @@ from messages import (
     simulation,
     std,
     tf,
+    visualization,
 )
 from messages.base import Message
 from messages.errors import BadInput, nearest
@@ -33,6 +34,7 @@ _MODULES = (
     joints,
     parameters,
     simulation,
+    visualization,
     requests,
 )
 
