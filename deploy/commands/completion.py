@@ -157,8 +157,9 @@ def _type_or_values(ctx: click.Context, begun: str) -> Iterable[str]:
 
 
 def _fields(ctx: click.Context, begun: str) -> Iterable[str]:
-    from deploy.live.message_types import complete_path, known_topic
+    from deploy.live.message_types import known_topic
     from deploy.live.topics import absolute_name
+    from services.runtime.field_path import complete_path
 
     # An option whose value is being typed keeps click from giving the arguments their names.
     topic = known_topic(absolute_name(ctx.params.get("topic") or next(iter(ctx.args), "")))
