@@ -181,8 +181,8 @@ def _kinds(_: click.Context, begun: str) -> Iterable[str]:
 def _processes(ctx: click.Context, begun: str) -> Iterable[str]:
     from pathlib import Path
 
-    from deploy.instance_lock import running_fleets
     from deploy.run_folder import read_state
+    from services.runtime.fleet_instances import running_fleets
 
     port = ctx.params.get("port")
     states = [read_state(Path(each.folder)) for each in running_fleets() if port in (None, each.port)]

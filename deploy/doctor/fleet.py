@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 from deploy.doctor import Finding, fail, ok, warn
 from deploy.doctor.machine import disk_space
-from deploy.instance_lock import running_fleets
 from deploy.live.message_types import known_topic
 from messages.elea import BaseStatus, FleetState, Health
 from messages.rosgraph import Clock
+from services.runtime.fleet_instances import running_fleets
 from services.runtime.graph import Entity
 from services.runtime.transport.api import Transport
 

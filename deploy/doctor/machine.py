@@ -14,8 +14,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from deploy.doctor import Finding, fail, ok, warn
-from deploy.instance_lock import instances_folder
 from deploy.run_folder import RUNS
+from services.runtime.fleet_instances import instances_folder
 
 PYTHON_VERSION = (3, 11)
 MIN_CORES = 2
