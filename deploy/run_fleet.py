@@ -11,7 +11,7 @@ from pathlib import Path
 import msgspec
 
 from deploy.fleet import Fleet
-from deploy.instance_lock import FleetInstance, check_parameter_file_unused, instance_lock
+from deploy.instance_lock import check_parameter_file_unused, instance_lock
 from deploy.parameter_sets import SavedParameterNotes, effective_parameters, fleet_values, overridden_parameter_note
 from deploy.processes import plan_processes
 from deploy.progress import ProgressDisplay, ProgressReporter
@@ -27,6 +27,7 @@ from deploy.supervisor.spawner import Spawner
 from deploy.supervisor.supervisor import Outcome, Supervisor
 from deploy.version import VERSION
 from services.runtime.errors import BadInput
+from services.runtime.fleet_instances import FleetInstance
 from services.runtime.process import ROOT
 from services.runtime.transport.zenoh_config import OPEN_TO_ALL, is_local
 
