@@ -1,4 +1,4 @@
-"""The arm in real processes: its exercise graded in lockstep, at three rates and by both laws, twice the same."""
+"""The arm in real processes: its exercise graded in lockstep, at three rates and by both laws."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ import pytest
 from deploy.fleet_file import find_fleet
 from deploy.report.schema import SCHEMA_FILE
 from tests.harness.command_line import CommandLine, CommandResult
-from tests.system.real_time_run import run_in_real_time
-from tests.system.short_fleets import brief_arm
 
 
 class Run:
@@ -63,19 +61,6 @@ def test_step_sine_and_weight_by_the_default_law(first: Run) -> None:
 def test_its_report_fits_the_schema_and_has_a_picture(first: Run) -> None:
     jsonschema.validate(first.report, json.loads(SCHEMA_FILE.read_text()))
     assert matplotlib.image.imread(first.results / "report.png").shape[1] >= 1200
-
-
-def test_it_repeats_bit_for_bit(terminal: CommandLine, first: Run) -> None:
-    again = Run(terminal, "arm", "again")
-    assert again.report["run"]["trajectory_hash"] == first.report["run"]["trajectory_hash"]
-    assert again.arm == first.arm
-
-
-@pytest.mark.timeout(700)
-def test_on_the_wall_clock_all_checks_hold(terminal: CommandLine) -> None:
-    report = run_in_real_time(terminal, brief_arm(terminal.folder / "brief.toml"), "real")
-    assert [each["made"] for each in report["changes"]] == [True] * 4
-    assert report["robots"]["arm"]["steps"][0]["to_deg"] == 30.0
 
 
 @pytest.mark.parametrize(("fleet", "rate"), [("arm", 200), ("arm_tutorial", 50)])
