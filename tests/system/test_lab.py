@@ -64,7 +64,7 @@ def drive(
 ) -> LabRun:
     results = terminal.folder / name
     with beside or nullcontext():
-        return LabRun(terminal.run_fleet(fleet, results, "--json", *options), results)
+        return LabRun(terminal.run_fleet(fleet, results, "--json", *options, picture=name == "first"), results)
 
 
 def test_every_robot_reaches_every_point(first: LabRun) -> None:

@@ -37,7 +37,7 @@ class Run:
 
     def __init__(self, terminal: CommandLine, fleet: str, name: str, *options: str) -> None:
         self.results = terminal.folder / name
-        self.ended: CommandResult = terminal.run_fleet(fleet, self.results, "--json", *options)
+        self.ended: CommandResult = terminal.run_fleet(fleet, self.results, "--json", *options, picture=True)
         assert self.ended.out, self.ended.err
         self.report: dict[str, Any] = json.loads(self.ended.out)
         self.robot: dict[str, Any] = self.report["robots"]["RosAria"]
