@@ -14,10 +14,11 @@ from pathlib import Path
 import msgspec
 
 from services.runtime.errors import BadInput
-from services.runtime.fleet_instances import FleetInstance, instances_folder, is_locked, latest, running_fleets
+from services.runtime.fleet_instances import FleetInstance, is_locked, latest, running_fleets
 from services.runtime.transport import unix_sockets
+from services.runtime.user_folders import instances_folder
 
-__all__ = ["FleetInstance", "instance_lock", "instances_folder", "is_locked", "latest", "running_fleets"]
+__all__ = ["FleetInstance", "instance_lock", "is_locked", "latest", "running_fleets"]
 
 _LOCK_TIMEOUT_S = 1.0
 """Others look at a lock for a moment; a claim waits so long [s] for them."""
@@ -36,9 +37,7 @@ def instance_lock(entry: FleetInstance) -> Iterator[None]:
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
     except OSError as error:
-        raise BadInput(
-            f"{path} cannot be written ({error.strerror}): set XDG_STATE_HOME to a folder of yours"
-        ) from None
+        raise BadInput(f"{path} cannot be written ({error.strerror}): set ELEA_HOME to a folder of yours") from None
     with os.fdopen(descriptor, "r+b") as file:
         if not _lock(file.fileno()):
             raise _port_in_use(entry.port)

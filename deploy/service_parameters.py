@@ -116,6 +116,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     ``saved`` is the file of what parameters were set to; without one that is known for the run alone. The router
     joins those at ``links``, and listens at ``listen`` as well; ``insecure`` allows addresses beyond this machine.
+    ``tcp_port`` replaces the fleet's port for a fleet that uses TCP.
     """
 
     folder: Path
@@ -124,6 +125,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     links: tuple[str, ...] = ()
     listen: tuple[str, ...] = ()
     insecure: bool = False
+    tcp_port: int | None = None
     view: bool = True
 
 
@@ -134,7 +136,7 @@ def fleet_endpoint(fleet: Fleet) -> str:
 
 def listen_endpoints(fleet: Fleet, options: RunOptions) -> tuple[str, ...]:
     """Where it listens for others, too."""
-    own = (f"tcp/127.0.0.1:{fleet.run.port}",) if fleet.run.tcp else ()
+    own = (f"tcp/127.0.0.1:{options.tcp_port or fleet.run.port}",) if fleet.run.tcp else ()
     return (*own, *(each for each in options.listen if each not in own))
 
 

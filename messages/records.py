@@ -1,7 +1,9 @@
 """The table of all records by the name of their ROS type."""
 
 from messages import (
+    actionlib,
     control,
+    controllers,
     diagnostic,
     elea,
     gazebo,
@@ -15,6 +17,8 @@ from messages import (
     simulation,
     std,
     tf,
+    trajectory,
+    visualization,
 )
 from messages.base import Message
 from messages.errors import BadInput, nearest
@@ -27,12 +31,16 @@ _MODULES = (
     tf,
     rosgraph,
     diagnostic,
+    trajectory,
+    actionlib,
     control,
+    controllers,
     elea,
     gazebo,
     joints,
     parameters,
     simulation,
+    visualization,
     requests,
 )
 

@@ -10,21 +10,14 @@ from typing import Any
 from deploy.live.connect import CliNode, cli_node
 from deploy.live.measure import INTERRUPTED
 from deploy.live.message_format import MAX_ELEMENTS, csv_cells, csv_row, to_flow_yaml, to_yaml, truncate
-from deploy.live.message_types import (
-    FieldPath,
-    canonical_type,
-    check_path,
-    get_field,
-    known_record,
-    parse_path,
-    record_by_type,
-)
+from deploy.live.message_types import canonical_type, known_record, record_by_type
 from deploy.live.output import write_json, write_note, write_text
 from deploy.live.topics import absolute_name, group_by_topic, is_latched, topic_type, wait_for_topic
 from deploy.network_address import NetworkAddress
 from messages.base import Message, WrongPayload, decoder
 from messages.plain import plain, plain_record
 from services.runtime.errors import EleaError
+from services.runtime.field_path import FieldPath, check_path, format_path, get_field, parse_path
 from services.runtime.graph import snapshot
 from services.runtime.untyped_subscriber import ReceivedSample, UntypedSubscriber
 
@@ -175,7 +168,7 @@ class _Printer:
             return value
         if len(self._paths) == 1 and not self._style.as_csv:
             return get_field(value, self._paths[0])
-        return {".".join(path): get_field(value, path) for path in self._paths}
+        return {format_path(path): get_field(value, path) for path in self._paths}
 
     def _row(self, value: Any) -> None:
         columns = csv_cells(value)

@@ -19,6 +19,7 @@ from messages.topics import (
     GROUND_TRUTH,
     IMAGE,
     IMU,
+    JOINT_FEEDBACK,
     JOINT_STATES,
     LINK_STATES,
     MODEL_STATES,
@@ -37,6 +38,7 @@ from services.runtime.step import STEP_NS
 from services.sim.actuation import Actuation
 from services.sim.drive.odometry import world_odometry
 from services.sim.entities import pose_and_twist
+from services.sim.joints.motors import JointMotors
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import BodyState, World
 from services.sim.robot_names import robot_frame_prefix
@@ -66,10 +68,11 @@ class RobotPublishers:
         namespace: str,
         seed: int,
         actuation: Actuation,
+        motors: JointMotors,
     ) -> None:
         self._node, self._world, self._model, self._seed = node, world, model, seed
         self._actuation, self.odometer, self._name = actuation, actuation.odometer, entry.name
-        self._frame_prefix = robot_frame_prefix(entry)
+        self._motors, self._namespace, self._frame_prefix = motors, namespace, robot_frame_prefix(entry)
         self._body = world.body(entry.name)
         self._joints = self._body.joints
         self.joint_state_steps = _steps(model.joint_rate or model.odometry_rate)
@@ -103,10 +106,19 @@ class RobotPublishers:
         return f"{self._frame_prefix}{link}"
 
     def publish_joint_states(self, now: int, tick: int) -> None:
-        """Publish the joints if they are due at ``tick``."""
-        if self._joints and tick % self.joint_state_steps == 0 and self._publishers[JOINT_STATES].has_subscribers:
-            state = joint_state(self._joints, self._actuation.joint_readings, Header(stamp=Time.of(now)))
+        """Publish the joints if they are due at ``tick``, and to a controller manager at each."""
+        due = self._joints and tick % self.joint_state_steps == 0 and self._publishers[JOINT_STATES].has_subscribers
+        if not due and not self._motors.commanded:
+            return
+        readings = self._motors.readings(self._actuation.joint_readings)
+        state = joint_state(self._joints, readings, Header(stamp=Time.of(now)))
+        if due:
             self._publishers[JOINT_STATES].publish(state)
+        if self._motors.commanded:
+            if JOINT_FEEDBACK not in self._publishers:
+                feedback = self._node.advertise(JOINT_FEEDBACK, join(self._namespace, JOINT_FEEDBACK.name))
+                self._publishers[JOINT_FEEDBACK] = feedback
+            self._publishers[JOINT_FEEDBACK].publish(state)
 
     def publish_motion(self, now: int, tick: int) -> None:
         """At a control tick, publish what is due of ground truth, odometry and the limited command."""

@@ -63,6 +63,7 @@ class Simulation:
         self.stops.save()
         self._publish_stops()
         self.input_steps = CONTROL_STEPS
+        self._commanded_robots = 0
 
     @property
     def now(self) -> int:
@@ -172,9 +173,12 @@ class Simulation:
         for robot in self.robots:
             robot.actuation.reconfigure(self.now)
             robot.apply_commands(self.now, lockstep_members, factor)
+        if (commanded := sum(robot.motors.commanded for robot in self.robots)) != self._commanded_robots:
+            self._commanded_robots = commanded
+            self._set_input_steps()
         for source in lost:
             for robot in self.robots:
-                robot.actuation.publisher_lost(source, self.now)
+                robot.publisher_lost(source, self.now)
 
     def read_stops(self, watermarks: Watermarks | None) -> None:
         """Take the emergency stops that have come, and nothing else: they count also while time is paused."""
@@ -195,7 +199,7 @@ class Simulation:
         """One physics step."""
         now = self.now
         for robot, _ in self._robots.values():
-            robot.actuation.step(now)
+            robot.step(now)
         self.wrenches.step(now)
         self.world.step()
         self.tick += 1
@@ -222,6 +226,7 @@ class Simulation:
 
     def _set_input_steps(self) -> None:
         rates = [robot.publishers.joint_state_steps for robot in self.robots if robot.model.wheels is None]
+        rates += [1 for robot in self.robots if robot.motors.commanded]
         self.input_steps = min([CONTROL_STEPS, *rates]) if self._real_time else CONTROL_STEPS
 
     def _update_contacts(self) -> None:
