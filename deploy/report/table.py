@@ -183,7 +183,9 @@ def stop_lines(report: Report) -> list[str]:
 def verdict(report: Report) -> str:
     """How many checks hold."""
     held = sum(each.ok for each in report.checks)
-    return f"{'passed' if report.ok else 'FAILED'}: {held} of {len(report.checks)} checks hold"
+    unmeasured = sum(each.value is None for each in report.checks)
+    missing = f", {unmeasured} not measured" if unmeasured else ""
+    return f"{'passed' if report.ok else 'FAILED'}: {held} of {len(report.checks)} checks hold{missing}"
 
 
 def _row(name: str, figures: RobotFigures) -> tuple[str, ...]:
@@ -196,8 +198,8 @@ def _row(name: str, figures: RobotFigures) -> tuple[str, ...]:
         _number(figures.cross_track_max_m, 1000, 2),
         _number(figures.odometry_error_max_m, 1000, 1),
         _number(figures.min_distance_m, 1, 3),
-        str(figures.collisions),
-        str(figures.commands_timed_out),
+        _count(figures.collisions),
+        _count(figures.commands_timed_out),
         str(figures.messages_lost),
     )
 
@@ -208,6 +210,10 @@ def _join_corners(corners: list[CornerFigures], name: str, factor: float, digits
 
 def _number(value: float | None, factor: float, digits: int) -> str:
     return "-" if value is None else format_fixed(value * factor, digits)
+
+
+def _count(value: int | None) -> str:
+    return "-" if value is None else str(value)
 
 
 def _print_plain(report: Report, rows: list[tuple[str, ...]], out: TextIO) -> None:

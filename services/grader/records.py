@@ -84,10 +84,10 @@ class RobotFigures(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", 
     min_distance_m: (
         Annotated[float, _figure("smallest distance of its centre to another robot's at one instant", "m")] | None
     )
-    collisions: Annotated[int, _count("contacts with robots and obstacles, counted at their beginning")]
-    commands_timed_out: Annotated[int, _count("times the base stopped because its command had grown too old")]
-    stale_dropped: Annotated[int, _count("commands that were too old on arrival and not obeyed")]
-    commands_refused: Annotated[int, _count("commands that were malformed or out of bounds")]
+    collisions: Annotated[int, _count("contacts with robots and obstacles, counted at their beginning")] | None
+    commands_timed_out: Annotated[int, _count("times the base stopped because its command had grown too old")] | None
+    stale_dropped: Annotated[int, _count("commands that were too old on arrival and not obeyed")] | None
+    commands_refused: Annotated[int, _count("commands that were malformed or out of bounds")] | None
     messages_lost: Annotated[int, _count("messages of the robot's topics that a process of the fleet missed")]
     samples: Annotated[int, _count("ground-truth samples measured")]
 

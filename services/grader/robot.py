@@ -167,7 +167,7 @@ class RobotMeter:
         self.stops = StopMetrics(halting)
         self.min_distance = math.inf
         self.odometry_error = OdometryError()
-        self._base = BaseStatus()
+        self._base: BaseStatus | None = None
         self._pending: list[Path | GoalStatus] = []
         self._samples = 0
         self._length = 0.0
@@ -236,10 +236,10 @@ class RobotMeter:
             path_length_m=self._length,
             time_s=progress.finished_at,
             min_distance_m=None if math.isinf(self.min_distance) else self.min_distance,
-            collisions=base.collisions,
-            commands_timed_out=base.commands_timed_out,
-            stale_dropped=base.stale_dropped,
-            commands_refused=base.refused,
+            collisions=base.collisions if base else None,
+            commands_timed_out=base.commands_timed_out if base else None,
+            stale_dropped=base.stale_dropped if base else None,
+            commands_refused=base.refused if base else None,
             messages_lost=messages_lost,
             samples=self._samples,
         )

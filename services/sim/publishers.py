@@ -72,7 +72,8 @@ class RobotPublishers:
     ) -> None:
         self._node, self._world, self._model, self._seed = node, world, model, seed
         self._actuation, self.odometer, self._name = actuation, actuation.odometer, entry.name
-        self._motors, self._namespace, self._frame_prefix = motors, namespace, robot_frame_prefix(entry)
+        self._motors, self._namespace = motors, namespace
+        self._frame_prefix = robot_frame_prefix(entry)
         self._body = world.body(entry.name)
         self._joints = self._body.joints
         self.joint_state_steps = _steps(model.joint_rate or model.odometry_rate)

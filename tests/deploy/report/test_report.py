@@ -221,18 +221,43 @@ def test_without_bounds_points_collisions_and_losses_are_checked(measured: Measu
 
 
 def test_what_was_not_measured_misses_its_bound(measured: Measurements) -> None:
-    """A distance to others is none where a robot drives alone: it is not checked, and does not count as held."""
-    unseen = msgspec.structs.replace(measured.robots["tb3_0"], min_distance_m=None, cross_track_rms_m=None)
-    bounds: Bounds = {"min_distance_m": Bound(min=0.3), "cross_track_rms_m": 0.01}
-    for robots, missed in (
-        ({"tb3_0": unseen}, ["tb3_0.cross_track_rms_m"]),
-        ({**measured.robots, "tb3_0": unseen}, ["tb3_0.min_distance_m", "tb3_0.cross_track_rms_m"]),
+    """Whether one robot did not measure it, or none of the run has it: in JSON, table, verdict and ``ok`` alike."""
+    unseen = msgspec.structs.replace(
+        measured.robots["tb3_0"], min_distance_m=None, cross_track_rms_m=None, collisions=None
+    )
+    for robots, bounds, missed in (
+        ({"tb3_0": unseen}, {"cross_track_rms_m": 0.01}, ["tb3_0.cross_track_rms_m"]),
+        ({"tb3_0": unseen}, {"min_distance_m": Bound(min=0.3)}, ["tb3_0.min_distance_m"]),
+        ({**measured.robots, "tb3_0": unseen}, {"min_distance_m": Bound(min=0.3)}, ["tb3_0.min_distance_m"]),
+        ({"tb3_0": unseen}, {"collisions": 0}, ["tb3_0.collisions"]),
+        (measured.robots, {"step_rise_s": Bound(min=0.1, max=0.2)}, ["step_rise_s", "step_rise_s"]),
+        ({}, {"path_length_m": 9}, ["path_length_m"]),
+        (measured.robots, {"min_distance_m": Bound(min=0.3)}, []),
     ):
         report = build_report(msgspec.structs.replace(measured, robots=robots), FACTS, bounds)
         assert [each.name for each in report.checks if not each.ok] == missed
-        assert all(each.value is not None for each in report.checks if each.ok)
-    alone = build_report(msgspec.structs.replace(measured, robots={"tb3_0": unseen}), FACTS, bounds)
-    assert not [each for each in alone.checks if each.name.endswith("min_distance_m")]
+        assert report.ok == (not missed)
+        assert all((each.value is None) != each.ok for each in report.checks)
+        out = io.StringIO()
+        print_report(report, out)
+        text = out.getvalue()
+        assert all(f"missed: {name} is not measured, should be at" in text for name in missed)
+        held = f"{len(report.checks) - len(missed)} of {len(report.checks)} checks hold"
+        assert text.endswith(f"FAILED: {held}, {len(missed)} not measured\n" if missed else f"passed: {held}\n")
+
+
+def test_a_robot_without_a_plan_or_a_base_has_no_checks_of_them(measured: Measurements) -> None:
+    still = msgspec.structs.replace(
+        measured.robots["tb3_0"], points=0, points_reached=0, collisions=None, commands_timed_out=None
+    )
+    alone = msgspec.structs.replace(measured, robots={"pole": still})
+    assert [each.name for each in build_report(alone, FACTS, {}).checks] == [
+        "pole.samples",
+        "messages_lost",
+        "members_lost",
+    ]
+    bounded = build_report(alone, FACTS, {"points_reached": Bound(min=1)})
+    assert not bounded.ok
 
 
 def test_a_run_that_lockstep_lost_a_member_of_does_not_pass(measured: Measurements) -> None:
