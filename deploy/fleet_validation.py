@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.report.checks import check_bounds
-from deploy.service_catalog import load_service
 from deploy.service_parameters import BUILTIN_SERVICES, robot_parameters_type
 from deploy.toml_source import TomlKey, TomlSource
-from messages.names import BadName, Identity, identify, parse_remap
+from messages.names import BadName, Identity, parse_remap
 from models import MODELS
+from services.catalog import load_service
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.parameters.validation import build
 
@@ -43,7 +43,7 @@ def service_identity(member: ServiceConfig, owner: RobotConfig | None, where: st
     """Namespace and node of a service; raises BadInput for a name that is none."""
     namespace = member.namespace or (f"/{owner.name}" if owner else "/")
     try:
-        return identify(member.name or load_service(member.kind, where).name, namespace, ())
+        return Identity.of(member.name or load_service(member.kind, where).name, namespace)
     except BadName as error:
         raise BadInput(f"{where}: {error}") from None
 
@@ -62,7 +62,7 @@ def all_services(fleet: Fleet) -> Iterator[tuple[tuple[TomlKey, ...], ServiceCon
 def _check_robot(robot: RobotConfig, path: tuple[TomlKey, ...], names: set[str], source: TomlSource) -> None:
     where = source.location(*path, "name")
     try:
-        if identify(robot.name, "/", ()).node in names:
+        if Identity.of(robot.name).node in names:
             raise BadInput(f"{where}: there is already a robot {robot.name!r}: names must be unique")
     except BadName as error:
         raise BadInput(f"{where}: {error}") from None

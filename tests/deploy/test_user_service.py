@@ -12,7 +12,7 @@ from deploy.fleet_file import read_fleet
 from deploy.processes import plan_processes
 from deploy.service_parameters import RunOptions
 from services.runtime.errors import BadInput
-from services.runtime.service_file import load_user_service
+from services.runtime.service import load_user_service
 from tests.docs.readme import blocks, section
 from tests.harness.command_line import CommandLine
 

@@ -11,7 +11,7 @@ import matplotlib.image
 import pytest
 
 from deploy.fleet_file import find_fleet
-from deploy.report.schema import SCHEMA_FILE
+from deploy.report.record import SCHEMA_FILE
 from tests.harness.command_line import CommandLine, CommandResult
 from tests.system.real_time_run import run_in_real_time
 from tests.system.short_fleets import brief_arm

@@ -15,7 +15,7 @@ import matplotlib.image
 import pytest
 
 from deploy.fleet_file import find_fleet
-from deploy.report.schema import SCHEMA_FILE
+from deploy.report.record import SCHEMA_FILE
 from messages.geometry import STOP
 from messages.nav import Odometry
 from messages.topics import CMD_VEL, ODOM, STATUS

@@ -315,3 +315,15 @@ def violations(
 
 def _one_of(concerned: Collection[str] | None, *names: str) -> bool:
     return concerned is None or any(name in concerned for name in names)
+
+
+RENAMED_CHOICES = {"seed": "tutorial"}
+"""Old names and what they are called now, for every parameter that has the new choice and not the old one."""
+
+
+def renamed_choice(value: Any, choices: Collection[str]) -> str | None:
+    """Return what ``value`` is called now, if it is the old name of one of ``choices``; else None."""
+    if not isinstance(value, str) or value in choices:
+        return None
+    new = RENAMED_CHOICES.get(value)
+    return new if new in choices else None

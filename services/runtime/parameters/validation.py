@@ -14,7 +14,6 @@ from msgspec import Meta
 from messages.parameters import ParameterDescription
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.parameters.base import Parameters
-from services.runtime.parameters.renamed_choices import renamed_choice
 from services.runtime.parameters.schema import (
     MAX_NUMBER,
     Field,
@@ -23,6 +22,7 @@ from services.runtime.parameters.schema import (
     fields_of,
     flatten,
     lengths,
+    renamed_choice,
     type_name,
     violations,
 )
