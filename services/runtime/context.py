@@ -18,8 +18,8 @@ from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.pacing import ClockPacer, Instant, LockstepPacer, Pacer
 from services.runtime.parameters.base import Parameters
+from services.runtime.parameters.schema import ALL_LEVELS
 from services.runtime.parameters.subscription import ParameterSubscription
-from services.runtime.parameters.validation import ALL_LEVELS
 from services.runtime.publisher import Publisher
 from services.runtime.requests import DEADLINE_S
 from services.runtime.step import period_of

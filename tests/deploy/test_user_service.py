@@ -21,7 +21,7 @@ from typing import Annotated
 from msgspec import Meta
 from services.runtime import Parameters, Service, main
 
-class Mine(Parameters, frozen=True, kw_only=True):
+class Mine(Parameters):
     speed: Annotated[float, Meta(ge=0, le=1)] = 0.5
 
 def run(ctx):

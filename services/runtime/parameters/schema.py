@@ -13,8 +13,8 @@ from msgspec import Meta
 
 from messages.parameters import ParameterDescription
 
-MAX_NUMBER = 1e12
-"""Largest number in a message; a bound beyond it counts as none."""
+ALL_LEVELS = 2**32 - 1
+"""Every level: that of a set's first values."""
 MAX_TEXT_LENGTH = 60_000
 """Characters of a JSON text; a longer one is cut, since it is only displayed."""
 
