@@ -10,6 +10,7 @@ from pathlib import Path
 
 import msgspec
 
+from deploy import VERSION
 from deploy.fleet import Fleet
 from deploy.instance_lock import check_parameter_file_unused, instance_lock
 from deploy.parameter_sets import SavedParameterNotes, effective_parameters, fleet_values, overridden_parameter_note
@@ -25,7 +26,6 @@ from deploy.supervisor.node import RunMonitor, supervisor_node
 from deploy.supervisor.reaper import Reaper
 from deploy.supervisor.spawner import Spawner
 from deploy.supervisor.supervisor import Outcome, Supervisor
-from deploy.version import VERSION
 from services.runtime.errors import BadInput
 from services.runtime.fleet_instances import FleetInstance
 from services.runtime.process import ROOT

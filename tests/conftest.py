@@ -12,8 +12,7 @@ from dataclasses import asdict
 import pytest
 from hypothesis import HealthCheck, settings
 
-from deploy.bench.figures import Figure
-from deploy.bench.suite import FIGURE_PROPERTY
+from deploy.bench.figures import FIGURE_PROPERTY, Figure
 from tests.tiers import pytest_collection_modifyitems as pytest_collection_modifyitems
 from tests.tiers import pytest_configure as pytest_configure
 from tests.tiers import pytest_runtest_call as pytest_runtest_call
