@@ -117,7 +117,8 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     ``saved`` is the file of what parameters were set to; without one that is known for the run alone. The router
     joins those at ``links``, and listens at ``listen`` as well; ``insecure`` allows addresses beyond this machine.
-    ``tcp_port`` replaces the fleet's port for a fleet that uses TCP.
+    ``overrides`` are the keys of the fleet file that were changed, for the report. ``tcp_port`` replaces the fleet's
+    port for a fleet that uses TCP.
     """
 
     folder: Path
@@ -126,6 +127,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     links: tuple[str, ...] = ()
     listen: tuple[str, ...] = ()
     insecure: bool = False
+    overrides: tuple[str, ...] = ()
     tcp_port: int | None = None
     view: bool = True
     picture: bool = True
