@@ -18,6 +18,7 @@ from deploy.restart_policy import RestartPolicy
 from deploy.service_catalog import is_user_file
 from deploy.toml_source import TomlKey, TomlSource
 from services.runtime.errors import BadInput, unknown_name
+from services.runtime.user_folders import parameters_folder
 
 FLEETS = Path(__file__).resolve().parent / "fleets"
 
@@ -61,7 +62,7 @@ def find_fleet(name: str) -> Path:
 
 def saved_parameters_file(fleet: str) -> Path:
     """Return the file of a fleet's saved parameters: the one under its old name if there is only that."""
-    file = Path("params") / f"{fleet}.db"
+    file = parameters_folder() / f"{fleet}.db"
     if not file.exists():
         for old, new in RENAMED_FLEETS.items():
             if new == fleet and (before := file.with_stem(old)).exists():

@@ -20,6 +20,7 @@ from deploy.service_parameters import (
     arm_parameters,
     fleet_endpoint,
     service_parameters,
+    state_parameters,
 )
 
 _RESTART_MODES: dict[str, RestartMode] = {"router": "always", "grader": "never"}
@@ -98,7 +99,11 @@ def _is_lockstep_member(kind: str) -> bool:
 
 def _process_spec(stated: _PlacedService, fleet: Fleet, options: RunOptions, nodes: NodeGroups) -> ProcessSpec:
     member, kind = stated.service, stated.service.kind
-    told = {**service_parameters(kind, fleet, options, nodes), **arm_parameters(kind, fleet, stated.robot)}
+    told = {
+        **service_parameters(kind, fleet, options, nodes),
+        **arm_parameters(kind, fleet, stated.robot),
+        **state_parameters(kind, stated.robot),
+    }
     parameters = {**told, **_shift_points(stated)}
     match member.restart:
         case None:

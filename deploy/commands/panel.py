@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from deploy.commands.options import json_option, port_option
-from deploy.instance_lock import FleetInstance, running_fleets
+from deploy.commands.options import fleet_option, json_option
 from deploy.network_address import resolve_address, select_fleet
 from services.runtime.errors import EleaError
+from services.runtime.fleet_instances import FleetInstance, running_fleets
 from services.runtime.process import PARENT, ROOT
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ _POLL_PERIOD_S = 0.5
 @click.option("--no-open", is_flag=True, help="Only print the address; do not open a browser.")
 @click.option("--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default.")
 @click.option("--domain", default="", help="Domain of the fleet.")
-@port_option
+@fleet_option
 @json_option
 def command(page_port: int | None, no_open: bool, connect: str, domain: str, port: int | None, as_json: bool) -> None:
     """Print the address of the running fleet's web page, and open it if there is a display.

@@ -12,7 +12,7 @@ import click
 
 from deploy.commands.completion import PARAMETER, SET
 from deploy.commands.lazy_group import LazyCommand, LazyGroup
-from deploy.commands.options import json_option, port_option
+from deploy.commands.options import fleet_option, json_option
 from deploy.network_address import resolve_address
 from services.runtime.errors import BadInput, CallFailed, unknown_name
 
@@ -48,7 +48,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def client_options(function: F) -> F:
     """Adds ``--connect``, ``--domain``, ``--port``, ``--timeout`` and ``--json``."""
-    for option in (
+    options: tuple[Callable[..., Any], ...] = (
         json_option,
         click.option(
             "-t",
@@ -58,12 +58,13 @@ def client_options(function: F) -> F:
             show_default=True,
             help="Time to wait, in seconds.",
         ),
-        port_option,
+        fleet_option,
         click.option("--domain", default="", help="Domain of the fleet."),
         click.option(
             "--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default."
         ),
-    ):
+    )
+    for option in options:
         function = option(function)
     return function
 

@@ -233,13 +233,13 @@ def _add_measurements(told: dict[str, Any], ends: TopicEndpoints, live: CliNode)
     from deploy.live.topic_statistics import RateSample, SampleWindow
     from deploy.live.topics import is_latched
     from messages.names import key as key_of
+    from services.runtime.subscriber import UntypedSubscriber
     from services.runtime.transport.wire import MEMBER_BYTES, member_id, publisher_id
-    from services.runtime.untyped_subscriber import UntypedSubscriber
 
     beats, clock = HeartbeatSubscriber(live), ClockSubscriber(live.transport)
     listener, foreign = UntypedSubscriber(live.transport, ends.name, is_latched(ends)), list[str]()
     windows: dict[bytes, SampleWindow] = {}
-    for _ in live.spin(listener.inlet, _LISTEN_S):
+    for _ in live.spin(listener.raw, _LISTEN_S):
         beats.update()
         clock.update()
         for heard in listener.drain():

@@ -19,7 +19,7 @@ from messages.plain import plain, plain_record
 from services.runtime.errors import EleaError
 from services.runtime.field_path import FieldPath, check_path, format_path, get_field, parse_path
 from services.runtime.graph import snapshot
-from services.runtime.untyped_subscriber import ReceivedSample, UntypedSubscriber
+from services.runtime.subscriber import ReceivedSample, UntypedSubscriber
 
 
 class MessageReader:
@@ -121,7 +121,7 @@ def echo(place: NetworkAddress, asked: EchoRequest, style: EchoFormat) -> int:
         listener, reader = UntypedSubscriber(live.transport, name, latched), MessageReader(name, expected)
         live.declare_subscription(name, expected, "LATCHED" if latched else "SENSOR")
         left = None if deadline is None else max(0.0, deadline - time.monotonic())
-        for _ in live.spin(listener.inlet, left):
+        for _ in live.spin(listener.raw, left):
             for heard in listener.drain():
                 printer.show(heard, reader.read(heard))
                 if printer.shown == asked.count:

@@ -139,7 +139,7 @@ def _wait_for_subscribers(live: CliNode, output: Publisher[Any], name: str, aske
 
 
 def _wait_for_clock(live: CliNode, clock: ClockSubscriber) -> None:
-    for _ in live.spin(clock.inlet, _CLOCK_TIMEOUT_S):
+    for _ in live.spin(clock.raw, _CLOCK_TIMEOUT_S):
         clock.update()
         if clock.now is not None:
             return
@@ -158,7 +158,7 @@ def _send(
     simulated = clock.now is not None and not asked.wall_time
     period = 1.0 / rate if rate else float("inf")
     sent, due, epoch, told = 0, 0.0, clock.epoch, False
-    for _ in live.spin(clock.inlet):
+    for _ in live.spin(clock.raw):
         clock.update()
         if simulated and clock.paused and not told:
             told = True
@@ -195,5 +195,5 @@ def _show(message: Message, show: str, number: int) -> None:
 
 
 def _keep_alive(live: CliNode, clock: ClockSubscriber, seconds: float) -> None:
-    for _ in live.spin(clock.inlet, seconds):
+    for _ in live.spin(clock.raw, seconds):
         clock.update()

@@ -44,7 +44,10 @@ class ArmSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 class GraderParameters(Parameters, frozen=True, kw_only=True):
     """Robots to measure, end of the run, and output folder. The end of the run is live."""
 
-    robots: tuple[str, ...] = param((), text="Namespaces of the robots to measure.", live=False)
+    robots: tuple[str, ...] = param((), text="Names of the robots to measure.", live=False)
+    namespaces: tuple[str, ...] = param(
+        (), text="Namespace of each robot's topics, / for the root; the names themselves if empty.", live=False
+    )
     halting: tuple[BrakingSpec, ...] = param(
         (), text="How each base brakes, to compute the expected stopping distance."
     )

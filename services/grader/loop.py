@@ -6,6 +6,7 @@ from pathlib import Path
 
 import msgspec
 
+from messages.names import absolute_namespace, join
 from messages.parameters import ParameterValues
 from messages.se3 import Pose3
 from messages.std import SECOND
@@ -42,19 +43,25 @@ def run(ctx: Context[GraderParameters]) -> None:
     folder = prepare_folder(Path(p.output))
     robots = [name.strip("/") for name in p.robots]
     arms = {each.name.strip("/"): each for each in p.arms}
-    watched = [ArmStreams(ctx, name, arms[name]) if name in arms else RobotStreams(ctx, name) for name in robots]
+    if len(p.namespaces) not in (0, len(robots)):
+        raise BadInput(f"grader: {len(p.namespaces)} namespaces for {len(robots)} robots: give one for each, or none")
+    namespaces = dict(zip(robots, map(absolute_namespace, p.namespaces or robots), strict=True))
+    watched = [
+        ArmStreams(ctx, name, space, arms[name]) if name in arms else RobotStreams(ctx, name, space)
+        for name, space in namespaces.items()
+    ]
     health, lockstep, markers = ctx.stream(HEALTH), ctx.latest(LOCKSTEP), ctx.latest(WORLD_MARKERS)
     states = ctx.stream(WORLD_STATES)
     halting = {each.name.strip("/"): each for each in p.halting}
     sizes = {each.name.strip("/"): each for each in p.sizes}
     world: World = ()
     shown: MarkerArray | None = None
-    graded = Measurement(robots, p.reach_tolerance, halting, arms, p.readers, sizes)
+    graded = Measurement(robots, p.reach_tolerance, halting, arms, p.readers, namespaces, sizes)
     ended: EndReason = "stopped"
     try:
         for tick in ctx.ticks():
             if tick.reset:
-                graded = Measurement(robots, p.reach_tolerance, halting, arms, p.readers, sizes)
+                graded = Measurement(robots, p.reach_tolerance, halting, arms, p.readers, namespaces, sizes)
             if markers.value is not None and (markers.value is not shown or not graded.clearance.world_known):
                 if markers.value is not shown:
                     shown, world = markers.value, read_world(ctx, markers.value)
@@ -84,14 +91,14 @@ def run(ctx: Context[GraderParameters]) -> None:
 class RobotStreams:
     """The subscriptions of one robot."""
 
-    def __init__(self, ctx: Context[GraderParameters], robot: str) -> None:
+    def __init__(self, ctx: Context[GraderParameters], robot: str, namespace: str) -> None:
         self._robot = robot
-        self._plan = ctx.stream(PLAN.of(robot))
-        self._status = ctx.stream(STATUS.of(robot))
-        self._odometry = ctx.stream(ODOM.of(robot))
-        self._truth = ctx.stream(GROUND_TRUTH.of(robot))
-        self._base = ctx.stream(BASE_STATUS.of(robot))
-        self._parameter_updates = ctx.stream(UPDATES.of(f"{robot}/base"))
+        self._plan = ctx.stream(PLAN.of(namespace))
+        self._status = ctx.stream(STATUS.of(namespace))
+        self._odometry = ctx.stream(ODOM.of(namespace))
+        self._truth = ctx.stream(GROUND_TRUTH.of(namespace))
+        self._base = ctx.stream(BASE_STATUS.of(namespace))
+        self._parameter_updates = ctx.stream(UPDATES.of(join(namespace, "base")))
 
     def forward(self, graded: Measurement, now: int, halting: dict[str, BrakingSpec]) -> None:
         """Forward the messages received by ``now`` [ns]; ``halting`` is kept up to date with the base's parameters."""
@@ -109,9 +116,9 @@ class RobotStreams:
 class ArmStreams:
     """The subscriptions of one arm, with its controller's largest effort from the parameter set next to its state."""
 
-    def __init__(self, ctx: Context[GraderParameters], robot: str, arm: ArmSpec) -> None:
+    def __init__(self, ctx: Context[GraderParameters], robot: str, namespace: str, arm: ArmSpec) -> None:
         self._robot, self._arm = robot, arm
-        self._joints = ctx.stream(JOINT_STATES.of(robot))
+        self._joints = ctx.stream(JOINT_STATES.of(namespace))
         self._control = ctx.stream(CONTROL_STATE.named(arm.state))
         self._parameter_updates = ctx.stream(UPDATES.of(arm.state.rpartition("/")[0]))
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from messages.records import unknown_record
 from messages.topics import TOPICS, Topic
 from services.bag.channel import RAW, Channel
-from services.bag.reader import record_type, unknown_record
+from services.bag.reader import record_type
 from services.player.playback import TimedMessage
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
