@@ -13,6 +13,7 @@ from deploy.run_folder import BAG_FOLDER, RECORDING_FILE, SCHEDULE_FILE, STOPS_F
 from messages.names import join
 from messages.topics import CONTROL_STATE
 from models.dynamics import read_pendulum
+from models.extent import vertical_extent
 from models.model import read_model
 from models.urdf import read_joint_limits
 from services.arm import ArmParameters
@@ -117,7 +118,8 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     ``saved`` is the file of what parameters were set to; without one that is known for the run alone. The router
     joins those at ``links``, and listens at ``listen`` as well; ``insecure`` allows addresses beyond this machine.
-    ``tcp_port`` replaces the fleet's port for a fleet that uses TCP.
+    ``overrides`` are the keys of the fleet file that were changed, for the report. ``tcp_port`` replaces the fleet's
+    port for a fleet that uses TCP.
     """
 
     folder: Path
@@ -126,6 +128,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     links: tuple[str, ...] = ()
     listen: tuple[str, ...] = ()
     insecure: bool = False
+    overrides: tuple[str, ...] = ()
     tcp_port: int | None = None
     view: bool = True
     picture: bool = True
@@ -189,6 +192,7 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
                 "robots": [each.name for each in robots],
                 "namespaces": [robot_namespace(each) for each in robots],
                 "halting": [_braking_spec(each) for each in robots if read_model(each.model).wheels],
+                "sizes": [_size_spec(each) for each in robots if not is_arm(each)],
                 "arms": grader_arms(fleet),
                 "ends": run.ends,
                 "not_before": earliest_end(fleet),
@@ -243,6 +247,13 @@ def robot_parameter_set(robot: RobotConfig) -> str:
 def robot_parameters_type(model: str) -> type[Parameters]:
     """What a robot of this model takes for parameters."""
     return BaseParameters if read_model(model).wheels else JointParameters
+
+
+def _size_spec(robot: RobotConfig) -> dict[str, Any]:
+    """The room that a robot takes; without a top where its URDF does not tell how high it is."""
+    bottom, top = vertical_extent(robot.model)
+    size = {"name": robot.name, "radius": read_model(robot.model).radius, "bottom": bottom}
+    return size if math.isinf(top) else {**size, "top": top}
 
 
 def _braking_spec(robot: RobotConfig) -> dict[str, Any]:

@@ -170,7 +170,7 @@ def _type_or_values(ctx: click.Context, begun: str) -> Iterable[str]:
 
 
 def _fields(ctx: click.Context, begun: str) -> Iterable[str]:
-    from deploy.live.message_types import known_topic
+    from deploy.interfaces import known_topic
     from deploy.live.topics import absolute_name
     from services.runtime.field_path import complete_path
 

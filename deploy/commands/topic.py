@@ -136,7 +136,7 @@ def _foreign_topics(live: LightNode, seconds: float) -> dict[str, list[str]]:
 
 
 def _empty_row(name: str) -> dict[str, Any]:
-    from deploy.live.message_types import known_topic
+    from deploy.interfaces import known_topic
 
     known = known_topic(name)
     return {
@@ -207,7 +207,7 @@ def info_command(topic: str, verbose: bool, place: NetworkAddress, as_json: bool
 
 
 def _describe_topic(ends: TopicEndpoints, live: LightNode, verbose: bool) -> dict[str, Any]:
-    from deploy.live.message_types import known_topic
+    from deploy.interfaces import known_topic
 
     known = known_topic(ends.name)
     told: dict[str, Any] = {
@@ -320,7 +320,7 @@ def _format_subscriber(row: dict[str, Any]) -> str:
 @json_option
 def find_command(type_name: str, count_topics: bool, place: NetworkAddress, as_json: bool) -> None:
     """List the topics of TYPE, e.g. geometry_msgs/Twist. The exit status is 1 if there are none."""
-    from deploy.live.message_types import canonical_type, record_by_type
+    from deploy.interfaces import canonical_type, record_by_type
     from deploy.live.output import write_json, write_note, write_text
     from deploy.live.topics import group_by_topic
     from services.runtime.graph import snapshot

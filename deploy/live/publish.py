@@ -7,11 +7,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from deploy.interfaces import known_topic, record_by_type
 from deploy.live.connect import cli_node, spin, user_and_host
 from deploy.live.measure import INTERRUPTED
 from deploy.live.message_builder import MessageBuilder, split_type
 from deploy.live.message_format import to_flow_yaml, truncate
-from deploy.live.message_types import known_topic, record_by_type
 from deploy.live.output import write_json, write_note, write_text
 from deploy.live.subscribers import ClockSubscriber
 from deploy.live.topics import TopicEndpoints, absolute_name, group_by_topic, is_hidden

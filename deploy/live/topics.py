@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
+from deploy.interfaces import known_topic
 from deploy.live.connect import spin
-from deploy.live.message_types import known_topic
 from deploy.live.output import write_note
 from messages.names import BadName, resolve
 from messages.topics import Quality
