@@ -1,9 +1,10 @@
-"""Reads YAML that people write: values on the command line and files of parameters."""
+"""Reads YAML that people write: values on the command line, files of parameters and of controllers."""
 
 from __future__ import annotations
 
 import re
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from services.runtime.errors import BadInput
@@ -50,3 +51,29 @@ def _loader() -> type[yaml.SafeLoader]:
         "tag:yaml.org,2002:float", re.compile(r"[-+]?\d+(?:\.\d*)?[eE][-+]?\d+$"), list("-+0123456789")
     )
     return Loader
+
+
+class YamlSource:
+    """A YAML text and the name of its file, for errors that name the line of a key, as ``TomlSource`` does for TOML."""
+
+    def __init__(self, path: Path, text: str) -> None:
+        self.path, self._text = path, text
+
+    def location(self, *keys: str | int) -> str:
+        """``file:line`` of the key at ``keys`` in a valid text, or of the nearest key around it."""
+        import yaml
+
+        node, line = yaml.compose(self._text, _loader()), 0
+        for key in keys:
+            if isinstance(node, yaml.MappingNode):
+                pairs = [(name, value) for name, value in node.value if getattr(name, "value", None) == str(key)]
+                if not pairs:
+                    break
+                name, node = pairs[0]
+                line = name.start_mark.line
+            elif isinstance(node, yaml.SequenceNode) and isinstance(key, int) and key < len(node.value):
+                node = node.value[key]
+                line = node.start_mark.line
+            else:
+                break
+        return f"{self.path}:{line + 1}"
