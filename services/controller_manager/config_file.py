@@ -32,10 +32,10 @@ from services.runtime.yaml_reader import YamlSource, read_yaml
 
 MAX_BYTES = 1 << 18
 """Size of the file; those that people write have a few thousand bytes."""
-MAX_DEPTH = 8
-"""Namespaces around a controller."""
-MAX_TABLES = 2000
-"""Tables that are looked into for controllers; more make an alias of YAML, not a person."""
+MAX_DEPTH = 12
+"""Tables within tables."""
+MAX_VALUES = 20_000
+"""Values in all tables; more, or deeper ones, are made by aliases of YAML, not by a person."""
 MAX_CONTROLLERS = 100
 
 _ROS_2 = "ros__parameters"
@@ -120,6 +120,7 @@ def parse_config(path: Path, text: str, namespace: str) -> ManagerConfig:
     tree = read_yaml(text, str(path))
     if not isinstance(tree, dict):
         raise BadInput(f"{path}:1: expected a table of controllers, by their names")
+    _check_size(tree, path)
     return _Reader(YamlSource(path, text), namespace.strip("/")).read(tree)
 
 
@@ -129,7 +130,6 @@ class _Reader:
     def __init__(self, source: YamlSource, namespace: str) -> None:
         self._source, self._namespace = source, namespace
         self._notes: list[str] = []
-        self._tables = 0
 
     def read(self, tree: dict[Any, Any]) -> ManagerConfig:
         """The controllers of the file."""
@@ -154,9 +154,6 @@ class _Reader:
 
     def _walk(self, table: dict[Any, Any], path: Path_) -> Iterator[_Found]:
         """The tables that are controllers, controller managers or gains of the hardware, at any depth."""
-        self._tables += 1
-        if self._tables > MAX_TABLES or len(path) > MAX_DEPTH:
-            raise BadInput(f"{self._source.location(*path)}: too many tables, or tables in tables, for controllers")
         for key, value in table.items():
             if not isinstance(value, dict):
                 continue
@@ -396,6 +393,23 @@ class _Reader:
             raise BadInput(f"{self._source.location(*path, *below)}: {'.'.join(names)}: {what}") from None
 
 
+def _check_size(tree: Any, path: Path) -> None:
+    """Raise BadInput for what aliases blow up, or loop through themselves."""
+    level, count = [tree], 0
+    for _ in range(MAX_DEPTH):
+        level = [
+            inner
+            for each in level
+            if isinstance(each, dict | list)
+            for inner in (each.values() if isinstance(each, dict) else each)
+        ]
+        count += len(level)
+        if not level or count > MAX_VALUES:
+            break
+    if level:
+        raise BadInput(f"{path}: more than {MAX_VALUES} values, or tables more than {MAX_DEPTH} deep")
+
+
 def _nest(table: dict[Any, Any]) -> dict[str, Any]:
     """ROS 2's dotted names (``gains.joint1.p``) as tables in tables."""
     made: dict[str, Any] = {}
@@ -403,10 +417,11 @@ def _nest(table: dict[Any, Any]) -> dict[str, Any]:
         *above, last = str(key).split(".")
         inner = made
         for name in above:
-            inner = inner.setdefault(name, {})
-            if not isinstance(inner, dict):
-                inner = {}
-        inner[last] = value
+            below = inner.setdefault(name, {})
+            inner = below if isinstance(below, dict) else inner
+        value = _nest(value) if isinstance(value, dict) else value
+        there = inner.get(last)
+        inner[last] = {**there, **value} if isinstance(there, dict) and isinstance(value, dict) else value
     return made
 
 

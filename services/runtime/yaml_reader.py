@@ -60,20 +60,22 @@ class YamlSource:
         self.path, self._text = path, text
 
     def location(self, *keys: str | int) -> str:
-        """``file:line`` of the key at ``keys`` in a valid text, or of the nearest key around it."""
+        """``file:line`` of the key at ``keys`` in a valid text, or of the nearest key around it.
+
+        Keys may be written as one with dots between them, as ROS 2 takes them.
+        """
         import yaml
 
-        node, line = yaml.compose(self._text, _loader()), 0
-        for key in keys:
+        node, line, rest = yaml.compose(self._text, _loader()), 0, list(map(str, keys))
+        while rest:
+            entries: dict[str, tuple[Any, Any]] = {}
             if isinstance(node, yaml.MappingNode):
-                pairs = [(name, value) for name, value in node.value if getattr(name, "value", None) == str(key)]
-                if not pairs:
-                    break
-                name, node = pairs[0]
-                line = name.start_mark.line
-            elif isinstance(node, yaml.SequenceNode) and isinstance(key, int) and key < len(node.value):
-                node = node.value[key]
-                line = node.start_mark.line
-            else:
+                entries = {str(name.value): (name, value) for name, value in node.value}
+            elif isinstance(node, yaml.SequenceNode):
+                entries = {str(index): (value, value) for index, value in enumerate(node.value)}
+            found = next((n for n in range(1, len(rest) + 1) if ".".join(rest[:n]) in entries), None)
+            if found is None:
                 break
+            at, node = entries[".".join(rest[:found])]
+            line, rest = at.start_mark.line, rest[found:]
         return f"{self.path}:{line + 1}"
