@@ -395,19 +395,15 @@ class _Reader:
 
 def _check_size(tree: Any, path: Path) -> None:
     """Raise BadInput for what aliases blow up, or loop through themselves."""
-    level, count = [tree], 0
-    for _ in range(MAX_DEPTH):
-        level = [
-            inner
-            for each in level
-            if isinstance(each, dict | list)
-            for inner in (each.values() if isinstance(each, dict) else each)
-        ]
-        count += len(level)
-        if not level or count > MAX_VALUES:
-            break
-    if level:
-        raise BadInput(f"{path}: more than {MAX_VALUES} values, or tables more than {MAX_DEPTH} deep")
+    pending, count = [(tree, 0)], 0
+    while pending:
+        each, depth = pending.pop()
+        if not isinstance(each, dict | list):
+            continue
+        count += len(each)
+        if count > MAX_VALUES or depth > MAX_DEPTH:
+            raise BadInput(f"{path}: more than {MAX_VALUES} values, or tables more than {MAX_DEPTH} deep")
+        pending += [(inner, depth + 1) for inner in (each.values() if isinstance(each, dict) else each)]
 
 
 def _nest(table: dict[Any, Any]) -> dict[str, Any]:

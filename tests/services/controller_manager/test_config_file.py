@@ -157,7 +157,7 @@ def test_mistakes_are_told_with_their_line() -> None:
         ("a: {b: 1}", r"c\.yaml:1: there is no controller in this file"),
         ("- a", r"c\.yaml:1: expected a table of controllers"),
         ("a: [", r"c\.yaml: while parsing"),
-        ("a: " + "{b: " * 12 + "1" + "}" * 12, r"c\.yaml: more than 20000 values, or tables more than 12 deep"),
+        ("a: " + "{b: " * 13 + "1" + "}" * 13, r"c\.yaml: more than 20000 values, or tables more than 12 deep"),
         ("a: &a {b: 1, c: *a}", r"c\.yaml: more than 20000 values"),
         (laughs, r"c\.yaml: more than 20000 values"),
     ):
