@@ -17,9 +17,9 @@ from deploy.fleet_validation import validate_fleet
 from deploy.parameter_sets import check_changes
 from deploy.report.checks import KEYS, Bound
 from deploy.restart_policy import RestartPolicy
-from deploy.service_catalog import is_user_file
 from deploy.toml_source import TomlKey, TomlSource
 from models.world import read_world
+from services.catalog import is_user_file
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.user_folders import parameters_folder
 from services.sim import SimParameters

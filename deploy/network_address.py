@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from deploy.instance_lock import FleetInstance, running_fleets
 from services.runtime.errors import BadInput, unknown_name
+from services.runtime.fleet_instances import FleetInstance, running_fleets
 from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.zenoh_config import PORT, endpoint, is_local
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import msgspec
 
-from deploy.instance_lock import latest
 from deploy.report.record import PICTURE_FILE, REPORT_FILE
 from messages.elea import FleetState
 from services.grader.records import MEASUREMENTS_FILE, TRAJECTORIES_FILE
@@ -17,6 +16,7 @@ from services.logger.file_rotation import rotated
 from services.panel.address import ADDRESS_FILE as PANEL_FILE
 from services.runtime.atomic_file import write_atomic
 from services.runtime.errors import BadInput
+from services.runtime.fleet_instances import latest
 from services.runtime.user_folders import runs_folder
 from services.square import LOG_FILE
 

@@ -112,7 +112,8 @@ OBSERVER_SERVICES = ("panel",)
 
 
 class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What the command line adds to a fleet file: where results go, the network, whether to open a viewer.
+    """What the command line adds to a fleet file: where results go, the network, whether to open a viewer and to draw
+    the report's picture.
 
     ``saved`` is the file of what parameters were set to; without one that is known for the run alone. The router
     joins those at ``links``, and listens at ``listen`` as well; ``insecure`` allows addresses beyond this machine.
@@ -129,6 +130,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     overrides: tuple[str, ...] = ()
     tcp_port: int | None = None
     view: bool = True
+    picture: bool = True
 
 
 def fleet_endpoint(fleet: Fleet) -> str:

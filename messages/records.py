@@ -1,5 +1,7 @@
 """The table of all records by the name of their ROS type."""
 
+import msgspec
+
 from messages import (
     actionlib,
     control,
@@ -55,6 +57,13 @@ RECORDS: dict[str, type[Message]] = {
 
 class UnknownRecord(BadInput, LookupError):
     """No record has this ROS type; the text names the nearest one, or all."""
+
+
+def unknown_record(ros_type: str) -> type[Message]:
+    """A record without fields that stands for a type that this project does not know."""
+    made = msgspec.defstruct("Unknown", [], bases=(Message,), namespace={"ROS_TYPE": ros_type}, frozen=True)
+    assert issubclass(made, Message)
+    return made
 
 
 def record(type_name: str) -> type[Message]:

@@ -190,7 +190,7 @@ def _parse_size(text: str) -> int:
 
 def _exec_service(service: str, parameters: dict[str, Any], arguments: list[str]) -> None:
     """Replace this process by a service, after checking its parameters."""
-    from deploy.service_catalog import load_service
+    from services.catalog import load_service
     from services.runtime.parameters.validation import build
 
     build(

@@ -112,7 +112,7 @@ def _chosen_port(ctx: click.Context) -> int | None:
 
 
 def _running_fleets(_: click.Context, begun: str) -> Iterable[str]:
-    from deploy.instance_lock import running_fleets
+    from services.runtime.fleet_instances import running_fleets
 
     return [each.fleet for each in running_fleets()]
 
@@ -170,7 +170,7 @@ def _type_or_values(ctx: click.Context, begun: str) -> Iterable[str]:
 
 
 def _fields(ctx: click.Context, begun: str) -> Iterable[str]:
-    from deploy.live.message_types import known_topic
+    from deploy.interfaces import known_topic
     from deploy.live.topics import absolute_name
     from services.runtime.field_path import complete_path
 
@@ -194,8 +194,8 @@ def _kinds(_: click.Context, begun: str) -> Iterable[str]:
 def _processes(ctx: click.Context, begun: str) -> Iterable[str]:
     from pathlib import Path
 
-    from deploy.instance_lock import running_fleets
     from deploy.run_folder import read_state
+    from services.runtime.fleet_instances import running_fleets
 
     port = _chosen_port(ctx)
     states = [read_state(Path(each.folder)) for each in running_fleets() if port in (None, each.port)]

@@ -16,12 +16,12 @@ import click
 
 from deploy.commands.completion import PROCESS
 from deploy.commands.options import fleet_option, json_option
-from deploy.instance_lock import FleetInstance, running_fleets
 from deploy.live.output import printable
 from deploy.network_address import fleet_router, select_fleet
 from deploy.run_folder import latest_run_folder, read_state
 from deploy.supervisor.log_file import log_name
 from services.runtime.errors import BadInput, unknown_name
+from services.runtime.fleet_instances import FleetInstance, running_fleets
 
 STOP_TIMEOUT_S = 60.0
 """Wall time for a fleet to stop on SIGINT and write its report, before its supervisor is killed. The supervisor needs

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 import click
 
 from deploy.commands.options import fleet_option, json_option
-from deploy.instance_lock import FleetInstance, running_fleets
 from deploy.network_address import resolve_address, select_fleet
 from services.runtime.errors import EleaError
+from services.runtime.fleet_instances import FleetInstance, running_fleets
 from services.runtime.process import PARENT, ROOT
 
 if TYPE_CHECKING:

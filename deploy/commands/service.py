@@ -74,8 +74,8 @@ def type_command(service: str, place: NetworkAddress, as_json: bool) -> None:
 @json_option
 def find_command(type_name: str, count_services: bool, place: NetworkAddress, as_json: bool) -> None:
     """List the services with request or response TYPE, e.g. elea_msgs/Name. The exit status is 1 if there are none."""
+    from deploy.interfaces import canonical_type, record_by_type
     from deploy.live.connect import connect
-    from deploy.live.message_types import canonical_type, record_by_type
     from deploy.live.output import write_json, write_note, write_text
     from deploy.live.services import list_services
 

@@ -60,7 +60,7 @@ def command(namespace: str, fixed: bool, stamped: bool, place: NetworkAddress, *
     """
     from deploy.live.connect import connect
     from services.runtime.graph import snapshot
-    from services.teleop.bases import choose_base, find_bases
+    from services.teleop.robot import choose_base, find_bases
 
     parameters = {name: values[name] for name in _TELEOP_PARAMETERS if values[name] is not None}
     parameters |= {"adaptive": False} if fixed else {}

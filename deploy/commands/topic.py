@@ -135,7 +135,7 @@ def _foreign_topics(live: CliNode, seconds: float) -> dict[str, list[str]]:
 
 
 def _empty_row(name: str) -> dict[str, Any]:
-    from deploy.live.message_types import known_topic
+    from deploy.interfaces import known_topic
 
     known = known_topic(name)
     return {
@@ -206,7 +206,7 @@ def info_command(topic: str, verbose: bool, place: NetworkAddress, as_json: bool
 
 
 def _describe_topic(ends: TopicEndpoints, live: CliNode, verbose: bool) -> dict[str, Any]:
-    from deploy.live.message_types import known_topic
+    from deploy.interfaces import known_topic
 
     known = known_topic(ends.name)
     told: dict[str, Any] = {
@@ -233,13 +233,13 @@ def _add_measurements(told: dict[str, Any], ends: TopicEndpoints, live: CliNode)
     from deploy.live.topic_statistics import RateSample, SampleWindow
     from deploy.live.topics import is_latched
     from messages.names import key as key_of
+    from services.runtime.subscriber import UntypedSubscriber
     from services.runtime.transport.wire import MEMBER_BYTES, member_id, publisher_id
-    from services.runtime.untyped_subscriber import UntypedSubscriber
 
     beats, clock = HeartbeatSubscriber(live), ClockSubscriber(live.transport)
     listener, foreign = UntypedSubscriber(live.transport, ends.name, is_latched(ends)), list[str]()
     windows: dict[bytes, SampleWindow] = {}
-    for _ in live.spin(listener.inlet, _LISTEN_S):
+    for _ in live.spin(listener.raw, _LISTEN_S):
         beats.update()
         clock.update()
         for heard in listener.drain():
@@ -319,8 +319,8 @@ def _format_subscriber(row: dict[str, Any]) -> str:
 @json_option
 def find_command(type_name: str, count_topics: bool, place: NetworkAddress, as_json: bool) -> None:
     """List the topics of TYPE, e.g. geometry_msgs/Twist. The exit status is 1 if there are none."""
+    from deploy.interfaces import canonical_type, record_by_type
     from deploy.live.connect import connect
-    from deploy.live.message_types import canonical_type, record_by_type
     from deploy.live.output import write_json, write_note, write_text
     from deploy.live.topics import group_by_topic
     from services.runtime.graph import snapshot

@@ -51,6 +51,7 @@ class _Mode(click.Choice[str]):
 @click.option("--no-saved", is_flag=True, help="Neither use nor save saved parameters.")
 @click.option("--record", is_flag=True, help="Record all topics into a bag next to the report.")
 @click.option("--no-view", is_flag=True, help="Do not open a viewer, nor serve the run to one.")
+@click.option("--no-picture", is_flag=True, help="Write no report.png; drawing it takes half a second.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
 def command(
     fleet: str, detach: bool, report: str, runs: str, as_json: bool, overrides: tuple[str, ...], **options: Any
@@ -113,6 +114,7 @@ def _run(
         tcp_port=tcp_port,
         view=not options["no_view"],
         overrides=overrides,
+        picture=not options["no_picture"],
     )
     with open_display() as shown:
         if tcp_port not in (None, fleet.run.port):

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator, Sequence
 
 from deploy.doctor import Finding, fail, ok, warn
 from deploy.doctor.fleet import OBSERVATION_S, check_fleet, observe_fleet, why_lost
-from deploy.instance_lock import FleetInstance, running_fleets
 from deploy.network_address import NetworkAddress, fleet_router
 from messages.elea import Health
 from services.runtime.errors import BadInput
+from services.runtime.fleet_instances import FleetInstance, running_fleets
 from services.runtime.graph import Entity
 from services.runtime.ports import port_in_use
 from services.runtime.transport.unix_sockets import is_listening, is_unix, make_private, path_of, remove_stale

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from deploy.interfaces import canonical_type, known_record, record_by_type
 from deploy.live.connect import CliNode, cli_node
 from deploy.live.measure import INTERRUPTED
 from deploy.live.message_format import MAX_ELEMENTS, csv_cells, csv_row, to_flow_yaml, to_yaml, truncate
-from deploy.live.message_types import canonical_type, known_record, record_by_type
 from deploy.live.output import write_json, write_note, write_text
 from deploy.live.topics import absolute_name, group_by_topic, is_latched, topic_type, wait_for_topic
 from deploy.network_address import NetworkAddress
@@ -19,7 +19,7 @@ from messages.plain import plain, plain_record
 from services.runtime.errors import EleaError
 from services.runtime.field_path import FieldPath, check_path, format_path, get_field, parse_path
 from services.runtime.graph import snapshot
-from services.runtime.untyped_subscriber import ReceivedSample, UntypedSubscriber
+from services.runtime.subscriber import ReceivedSample, UntypedSubscriber
 
 
 class MessageReader:
@@ -121,7 +121,7 @@ def echo(place: NetworkAddress, asked: EchoRequest, style: EchoFormat) -> int:
         listener, reader = UntypedSubscriber(live.transport, name, latched), MessageReader(name, expected)
         live.declare_subscription(name, expected, "LATCHED" if latched else "SENSOR")
         left = None if deadline is None else max(0.0, deadline - time.monotonic())
-        for _ in live.spin(listener.inlet, left):
+        for _ in live.spin(listener.raw, left):
             for heard in listener.drain():
                 printer.show(heard, reader.read(heard))
                 if printer.shown == asked.count:

@@ -15,7 +15,7 @@ from deploy.live.topics import TopicEndpoints, absolute_name, group_by_topic, is
 from deploy.network_address import NetworkAddress
 from services.runtime.errors import EleaError
 from services.runtime.graph import snapshot
-from services.runtime.untyped_subscriber import ReceivedSample, UntypedSubscriber
+from services.runtime.subscriber import ReceivedSample, UntypedSubscriber
 
 REPORT_PERIOD_S = 1.0
 """Wall time between two reports."""
@@ -114,7 +114,7 @@ def measure(
         clock = ClockSubscriber(live.transport)
         channels = [_MeasuredTopic(live, name, make(name), terms, graph) for name in wanted]
         epoch, due = None, time.monotonic() + REPORT_PERIOD_S
-        for _ in live.spin(channels[0].listener.inlet, terms.timeout):
+        for _ in live.spin(channels[0].listener.raw, terms.timeout):
             clock.update()
             if clock.now is not None and clock.epoch != epoch:
                 if epoch is not None:

@@ -8,11 +8,11 @@ from typing import Any
 
 from msgspec import inspect
 
-from deploy.yaml_reader import read_yaml
 from messages.base import Message, WrongPayload, decoder, encode
 from messages.std import Header, Time
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.field_path import element_type, field_types, nested_record
+from services.runtime.yaml_reader import read_yaml
 
 _TYPE = re.compile(r"[A-Za-z]\w*/(?:(?:msg|srv)/)?[A-Za-z]\w*")
 _OPTION = re.compile(r"--?[A-Za-z]")

@@ -7,11 +7,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from deploy.interfaces import known_topic, record_by_type
 from deploy.live.connect import CliNode, cli_node, user_and_host
 from deploy.live.measure import INTERRUPTED
 from deploy.live.message_builder import MessageBuilder, split_type
 from deploy.live.message_format import to_flow_yaml, truncate
-from deploy.live.message_types import known_topic, record_by_type
 from deploy.live.output import write_json, write_note, write_text
 from deploy.live.subscribers import ClockSubscriber
 from deploy.live.topics import TopicEndpoints, absolute_name, group_by_topic, is_hidden
@@ -139,7 +139,7 @@ def _wait_for_subscribers(live: CliNode, output: Publisher[Any], name: str, aske
 
 
 def _wait_for_clock(live: CliNode, clock: ClockSubscriber) -> None:
-    for _ in live.spin(clock.inlet, _CLOCK_TIMEOUT_S):
+    for _ in live.spin(clock.raw, _CLOCK_TIMEOUT_S):
         clock.update()
         if clock.now is not None:
             return
@@ -158,7 +158,7 @@ def _send(
     simulated = clock.now is not None and not asked.wall_time
     period = 1.0 / rate if rate else float("inf")
     sent, due, epoch, told = 0, 0.0, clock.epoch, False
-    for _ in live.spin(clock.inlet):
+    for _ in live.spin(clock.raw):
         clock.update()
         if simulated and clock.paused and not told:
             told = True
@@ -195,5 +195,5 @@ def _show(message: Message, show: str, number: int) -> None:
 
 
 def _keep_alive(live: CliNode, clock: ClockSubscriber, seconds: float) -> None:
-    for _ in live.spin(clock.inlet, seconds):
+    for _ in live.spin(clock.raw, seconds):
         clock.update()

@@ -12,8 +12,8 @@ from messages.rosgraph import Clock
 from messages.std import Header, Time, stamp_of
 from messages.topics import CLOCK, HEALTH
 from services.runtime.clock_map import ClockMap
+from services.runtime.subscriber import ReceivedSample, UntypedSubscriber
 from services.runtime.transport.api import Transport
-from services.runtime.untyped_subscriber import ReceivedSample, UntypedSubscriber
 
 _MAX_CLOCKS = 4096
 """Clock messages that are remembered; at 50 Hz more than a minute."""
@@ -53,7 +53,7 @@ class ClockSubscriber:
 
     def __init__(self, transport: Transport) -> None:
         self._listener = UntypedSubscriber(transport, CLOCK.name)
-        self.inlet = self._listener.inlet
+        self.raw = self._listener.raw
         self.now: int | None = None
         self.epoch = 0
         self.since = 0
@@ -106,7 +106,7 @@ class HeartbeatSubscriber:
 
     def __init__(self, live: CliNode) -> None:
         self._listener = UntypedSubscriber(live.transport, HEALTH.name)
-        self.inlet = self._listener.inlet
+        self.raw = self._listener.raw
         self.latest: dict[str, Health] = {}
         self._inputs: dict[str, dict[str, InputHealth]] = {}
         self._outputs: dict[str, dict[str, OutputHealth]] = {}
@@ -147,7 +147,7 @@ def collect_heartbeats(live: CliNode, nodes: Collection[str]) -> HeartbeatSubscr
     Of nodes with very many topics, as many beats as it takes until each was listed, at most MOST_BEATS.
     """
     beats, begun = HeartbeatSubscriber(live), time.monotonic()
-    for _ in live.spin(beats.inlet, HEARTBEAT_TIMEOUT_S * MAX_HEARTBEATS):
+    for _ in live.spin(beats.raw, HEARTBEAT_TIMEOUT_S * MAX_HEARTBEATS):
         beats.update()
         heard = beats.latest.keys() & set(nodes)
         if all(map(beats.is_complete, heard)) and (

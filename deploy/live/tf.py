@@ -208,7 +208,7 @@ def echo_transform(place: NetworkAddress, source: str, target: str, terms: TfEch
         watch = TfMonitor(live)
         patience = time.monotonic() + terms.timeout
         said = ""
-        for _ in live.spin(watch.clock.inlet):
+        for _ in live.spin(watch.clock.raw):
             watch.update()
             # Without a clock, as where only fixed frames are told, the wall's serves.
             now = time.monotonic_ns() if watch.clock.now is None else watch.clock.now

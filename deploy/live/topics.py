@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
+from deploy.interfaces import known_topic
 from deploy.live.connect import CliNode
-from deploy.live.message_types import known_topic
 from deploy.live.output import write_note
 from messages.names import BadName, resolve
 from messages.topics import Quality
 from services.runtime.errors import BadInput, did_you_mean
 from services.runtime.graph import Entity, snapshot
-from services.runtime.untyped_subscriber import UntypedSubscriber
+from services.runtime.subscriber import UntypedSubscriber
 
 
 class TopicEndpoints(NamedTuple):
@@ -96,7 +96,7 @@ def find_topic(live: CliNode, name: str, graph: Mapping[str, TopicEndpoints] | N
     if name in known:
         return known[name]
     listener = UntypedSubscriber(live.transport, name)
-    for _ in live.spin(listener.inlet, _LISTEN_S):
+    for _ in live.spin(listener.raw, _LISTEN_S):
         if any(True for _ in listener.drain()):
             listener.close()
             return TopicEndpoints(name)

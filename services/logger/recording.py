@@ -63,7 +63,9 @@ def _connect(stream: rr.RecordingStream, layout: Blueprint, *sinks: rr.GrpcServe
 def _port_error(port: int) -> str:
     """Why the port is not free; empty if it is. Checked first, since rerun's server fails later and silently."""
     why = bind_error(port)
-    return f"no live view: port {port} of {HOST} is not free ({why}); is another logger running?" if why else ""
+    return (
+        f"no live view: port {port} of {HOST} is not free ({why.strerror}); is another logger running?" if why else ""
+    )
 
 
 Floats = NDArray[np.float64]

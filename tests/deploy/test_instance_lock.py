@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from deploy.instance_lock import FleetInstance, instance_lock, running_fleets
+from deploy.instance_lock import instance_lock
 from services.runtime.errors import BadInput
+from services.runtime.fleet_instances import FleetInstance, running_fleets
 from services.runtime.process import ROOT
 from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.zenoh import ZenohTransport
@@ -21,7 +22,8 @@ from services.runtime.user_folders import instances_folder
 
 HOLDER = """
 import sys, time
-from deploy.instance_lock import FleetInstance, instance_lock
+from deploy.instance_lock import instance_lock
+from services.runtime.fleet_instances import FleetInstance
 entry = FleetInstance(fleet="other", mode="real", port=int(sys.argv[1]), pid=0, folder="/x", started="today")
 with instance_lock(entry):
     print("held", flush=True)

@@ -58,10 +58,13 @@ class CommandLine:
             text=True,
         )
 
-    def run_fleet(self, fleet: str | Path, results: Path, *options: str) -> CommandResult:
+    def run_fleet(self, fleet: str | Path, results: Path, *options: str, picture: bool = False) -> CommandResult:
         """Run a fleet to its end."""
-        return self.finish(self.start_fleet(fleet, results, *options))
+        return self.finish(self.start_fleet(fleet, results, *options, picture=picture))
 
-    def start_fleet(self, fleet: str | Path, results: Path, *options: str) -> subprocess.Popen[str]:
+    def start_fleet(
+        self, fleet: str | Path, results: Path, *options: str, picture: bool = False
+    ) -> subprocess.Popen[str]:
         """Begin to run a fleet, for a test that does something meanwhile."""
-        return self.start("up", str(fleet), "--port", str(self.port), "--report", str(results), "--no-view", *options)
+        at = ("--port", str(self.port), "--report", str(results), "--no-view")
+        return self.start("up", str(fleet), *at, *(() if picture else ("--no-picture",)), *options)

@@ -147,7 +147,17 @@ def run(
     """A run with a stranger in it: exit status, report, and all logs."""
     (terminal.folder / "fleet.toml").write_text(FLEET.replace("goals = [[", f"laps = {laps}, goals = [["))
     results = terminal.folder / name
-    arguments = ["up", "fleet.toml", "--port", str(terminal.port), "--report", str(results), "--no-view", "--no-saved"]
+    arguments = [
+        "up",
+        "fleet.toml",
+        "--port",
+        str(terminal.port),
+        "--report",
+        str(results),
+        "--no-view",
+        "--no-picture",
+        "--no-saved",
+    ]
     up = terminal.start(*arguments, "--json")
     try:
         wait_until(lambda: up.poll() is not None or _listens(terminal.port), START_S, "the router")

@@ -39,7 +39,7 @@ def test_down_after_a_stopped_process_a_hung_one_and_two_starts_at_once(tmp_path
     (tmp_path / "hung.py").write_text(HUNG)
     fleet = Path(desk.fleet("real", "never", ""))
     fleet.write_text(fleet.read_text() + '[[service]]\nkind = "hung.py"\n')
-    up = desk.start("up", str(fleet), "--report", str(desk.results), "--no-view", "--no-saved")
+    up = desk.start("up", str(fleet), "--report", str(desk.results), "--no-view", "--no-picture", "--no-saved")
     try:
         wait_until(lambda: (tmp_path / "results" / "processes.json").exists(), 60, "a run")
         before = desk.wait_until_ready("r/waypoint", 0)
