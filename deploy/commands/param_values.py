@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 from deploy.live.output import printable
-from deploy.yaml_reader import read_yaml
 from messages.base import LARGEST
 from messages.parameters import (
     Announcement,
@@ -26,6 +25,7 @@ from messages.parameters import (
     Value,
 )
 from services.runtime.errors import BadInput, unknown_name
+from services.runtime.yaml_reader import read_yaml
 
 Format = Literal["yaml", "toml"]
 MAX_FILE_BYTES = 8 << 20

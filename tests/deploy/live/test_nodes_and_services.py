@@ -14,9 +14,9 @@ import click
 import pytest
 
 from deploy.commands.completion import PARAMETER, SET
-from deploy.yaml_reader import read_yaml
 from messages.requests import SIM_REQUESTS
 from services.runtime.process import ROOT
+from services.runtime.yaml_reader import read_yaml
 from tests.harness.background_fleet import BackgroundFleet, background_fleet, interrupt
 from tests.harness.waiting import wait_until
 

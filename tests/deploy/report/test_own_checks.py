@@ -10,9 +10,9 @@ import pytest
 from deploy.report.checks import service_checks
 from messages.base import decoder, encode
 from messages.elea import MOST_CHECKS, Check, Checks
+from services.runtime.context import ServiceChecks
 from services.runtime.errors import BadInput
 from services.runtime.process import ROOT
-from services.runtime.service_checks import ServiceChecks
 from tests.deploy.test_run import FleetCommandLine
 
 STUDENT = """
