@@ -1,5 +1,7 @@
 """The table of all records by the name of their ROS type."""
 
+import msgspec
+
 from messages import (
     actionlib,
     control,
@@ -18,6 +20,7 @@ from messages import (
     std,
     tf,
     trajectory,
+    visualization,
 )
 from messages.base import Message
 from messages.errors import BadInput, nearest
@@ -39,6 +42,7 @@ _MODULES = (
     joints,
     parameters,
     simulation,
+    visualization,
     requests,
 )
 
@@ -53,6 +57,13 @@ RECORDS: dict[str, type[Message]] = {
 
 class UnknownRecord(BadInput, LookupError):
     """No record has this ROS type; the text names the nearest one, or all."""
+
+
+def unknown_record(ros_type: str) -> type[Message]:
+    """A record without fields that stands for a type that this project does not know."""
+    made = msgspec.defstruct("Unknown", [], bases=(Message,), namespace={"ROS_TYPE": ros_type}, frozen=True)
+    assert issubclass(made, Message)
+    return made
 
 
 def record(type_name: str) -> type[Message]:

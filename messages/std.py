@@ -9,6 +9,8 @@ from messages.base import LARGEST, Finite, Message, NameStr
 SECOND = 1_000_000_000
 """Nanoseconds in a second."""
 
+Shade = Annotated[float, Meta(ge=0, le=1)]
+
 
 class Time(Message, frozen=True, kw_only=True):
     """A point in simulation time."""
@@ -93,6 +95,16 @@ class Float64(Message, frozen=True, kw_only=True):
 
     ROS_TYPE: ClassVar[str] = "std_msgs/Float64"
     data: Annotated[float, Meta(ge=-LARGEST, le=LARGEST)] = 0.0
+
+
+class ColorRGBA(Message, frozen=True, kw_only=True):
+    """A colour and its opacity, each from 0 to 1."""
+
+    ROS_TYPE: ClassVar[str] = "std_msgs/ColorRGBA"
+    r: Shade = 0.0
+    g: Shade = 0.0
+    b: Shade = 0.0
+    a: Shade = 0.0
 
 
 class MultiArrayDimension(Message, frozen=True, kw_only=True):

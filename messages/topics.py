@@ -7,7 +7,7 @@ from typing import Generic, Self, TypeVar
 from messages.base import Message
 from messages.control import JointControllerState
 from messages.elea import BaseStatus, Checks, EmergencyStops, FleetState, GoalStatus, Health, LockstepState
-from messages.gazebo import LinkStates, ModelStates
+from messages.gazebo import LinkStates, ModelStates, WorldStates
 from messages.geometry import PoseStamped, Twist, TwistStamped
 from messages.joints import JointCommand, JointEffort
 from messages.names import BadName
@@ -18,6 +18,7 @@ from messages.sensor import CameraInfo, Image, Imu, JointState, LaserScan, Point
 from messages.simulation import SimStatus
 from messages.std import Bool, Float32, String
 from messages.tf import TFMessage
+from messages.visualization import MarkerArray
 
 M_co = TypeVar("M_co", bound=Message, covariant=True)
 
@@ -116,6 +117,17 @@ LINK_STATES = Topic(
     "poses and twists of all links, while there are subscribers",
     1 << 22,
 )
+WORLD_MARKERS = Topic(
+    "/world/markers", MarkerArray, 0, Quality.LATCHED, "the world's ground and bodies, as they start", 1 << 23, "/sim"
+)
+WORLD_STATES = Topic(
+    "/world/states",
+    WorldStates,
+    10,
+    Quality.SENSOR,
+    "poses and twists of the world's movable and moving bodies, if it has any",
+    1 << 21,
+)
 ROBOT_DESCRIPTION = Topic("robot_description", String, 0, Quality.LATCHED, "URDF of a robot", 1 << 20)
 JOINT_EFFORT = Topic("joint_effort", JointEffort, 100, Quality.COMMAND, "effort to apply to a joint for some time")
 JOINT_COMMAND = Topic(
@@ -203,6 +215,8 @@ TOPICS: tuple[Topic[Message], ...] = (
     TF_STATIC,
     MODEL_STATES,
     LINK_STATES,
+    WORLD_MARKERS,
+    WORLD_STATES,
     ROBOT_DESCRIPTION,
     JOINT_EFFORT,
     JOINT_COMMAND,

@@ -1,4 +1,4 @@
-"""Reads YAML that people write: values on the command line, files of parameters and of controllers."""
+"""Reads YAML: values on the command line, files of parameters and controllers, and the metadata of bags."""
 
 from __future__ import annotations
 
@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 def read_yaml(text: str, where: str = "") -> Any:
     """One YAML or JSON value. ``1e-3`` is a number, as everywhere but in YAML 1.1, and no key may be given twice.
 
+    It uses PyYAML's parser in Python. The one in C is five times as fast (0.06 s, not 0.3 s, for the metadata of a bag
+    with 1,000 topics), but crashes the process on a text that is nested a million levels deep.
+
     Args:
         text: The value.
         where: The file it is from, for errors; by default they quote the text.
@@ -27,7 +30,7 @@ def read_yaml(text: str, where: str = "") -> Any:
 
     try:
         return yaml.load(text, _loader())
-    except (yaml.YAMLError, RecursionError, TypeError, ValueError) as error:
+    except (yaml.YAMLError, RecursionError, TypeError, ValueError, OverflowError) as error:
         why = " ".join(str(error).split())[:300]
         raise BadInput(f"{where}: {why}" if where else f"{text[:80]!r} is not YAML: {why}") from None
 
@@ -40,11 +43,12 @@ def _loader() -> type[yaml.SafeLoader]:
         """As ``yaml.SafeLoader``, with the numbers of JSON; refuses a key that is given twice."""
 
         def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-            keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-            for index, key in enumerate(keys):
-                if key in keys[:index]:
-                    line = node.value[index][0].start_mark.line + 1
-                    raise yaml.YAMLError(f"line {line}: {key} is given twice")
+            seen = set()
+            for given, _ in node.value:
+                key = self.construct_object(given, deep=True)
+                if key in seen:
+                    raise yaml.YAMLError(f"line {given.start_mark.line + 1}: {key} is given twice")
+                seen.add(key)
             return super().construct_mapping(node, deep)
 
     Loader.add_implicit_resolver(

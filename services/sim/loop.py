@@ -12,7 +12,7 @@ import msgspec
 from messages.requests import PAUSE, RESET, RESET_WORLD, RESUME, STEP
 from messages.se3 import Pose3
 from messages.simulation import SimStatus, SimTime, Steps
-from messages.topics import FLEET_STATE, SIM_STATUS
+from messages.topics import FLEET_STATE, SIM_STATUS, WORLD_MARKERS
 from models import UnknownModel
 from models.world import read_world
 from services.runtime.context import Context
@@ -27,6 +27,7 @@ from services.sim.physics.bullet import BulletWorld
 from services.sim.services import JointServices, PropertyServices, SimulationServices
 from services.sim.simulation import Simulation
 from services.sim.time_modes import Lockstep, RealTime, TimeMode
+from services.sim.world_markers import world_markers
 
 STEPS_PER_SECOND = 1_000_000_000 // STEP_NS
 """Physics steps in a second."""
@@ -43,6 +44,7 @@ def run(ctx: Context[SimParameters]) -> None:
             node.log.now = lambda: simulation.now
             for entry in params.robots:
                 simulation.spawn(entry, Pose3.planar(entry.x, entry.y, entry.yaw), wait=True)
+            node.advertise(WORLD_MARKERS).publish(world_markers(world_description))
             status_publisher = _StatusPublisher(node)
             time_mode = _time_mode(ctx, simulation, status_publisher)
             ParameterClient.of(node).watermarks = time_mode.watermarks

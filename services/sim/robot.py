@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from messages.elea import ModelState
+from messages.names import join
 from messages.se3 import Pose3
 from messages.topics import E_STOP, JOINT_COMMAND
 from models.model import read_model
@@ -18,11 +19,15 @@ from services.sim.joints.motors import JointMotors
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import World
 from services.sim.publishers import RobotPublishers
+from services.sim.robot_names import ROOT_NAMESPACE, robot_frame_prefix, robot_namespace
 from services.sim.transit_delay import TransitDelayEstimator
 
 
 class Robot:
-    """A model in the world as ``entry.name``; its topics are in its namespace, its frames begin with its name."""
+    """A model in the world as ``entry.name``; its topics are in its namespace, its frames begin with its frame prefix.
+
+    In the root namespace it has no ``e_stop`` of its own: the stop of all robots is its stop.
+    """
 
     def __init__(
         self,
@@ -36,18 +41,20 @@ class Robot:
         wait: bool = False,
     ) -> None:
         self.entry, self.name, self.model = entry, entry.name, read_model(entry.model)
-        self.namespace = "/" + (entry.namespace or entry.name).strip("/")
+        self.namespace, self.frame_prefix = robot_namespace(entry), robot_frame_prefix(entry)
         self.actuation = spawn_actuation(
             node, world, entry, self.model, self.namespace, pose, command_sources, delays, wait
         )
         self._node, self._world, self._body = node, world, world.body(entry.name)
         commands = self.actuation.command_topic
-        self._command_subscriber: Subscriber[Any] = node.subscribe(commands, f"{self.namespace}/{commands.name}")
+        self._command_subscriber: Subscriber[Any] = node.subscribe(commands, join(self.namespace, commands.name))
         self.motors = JointMotors(self._body, entry.name, read_joint_limits(entry.model), delays, node.log)
         self._motor_subscriber: Subscriber[Any] | None = None
         if self.motors.joints:
-            self._motor_subscriber = node.subscribe(JOINT_COMMAND, f"{self.namespace}/{JOINT_COMMAND.name}")
-        self.e_stop_subscriber: Subscriber[Any] = node.subscribe(E_STOP, f"{self.namespace}/e_stop")
+            self._motor_subscriber = node.subscribe(JOINT_COMMAND, join(self.namespace, JOINT_COMMAND.name))
+        self.e_stop_subscriber: Subscriber[Any] | None = (
+            None if self.namespace == ROOT_NAMESPACE else node.subscribe(E_STOP, join(self.namespace, E_STOP.name))
+        )
         self._stopped_by: tuple[str, ...] = ()
         self._contacts: frozenset[str] = frozenset()
         self._collisions = 0
@@ -58,9 +65,9 @@ class Robot:
     def close(self) -> None:
         """Leave the world and the network."""
         self.actuation.close()
-        self._node.unregister(self._command_subscriber, self.e_stop_subscriber)
-        if self._motor_subscriber is not None:
-            self._node.unregister(self._motor_subscriber)
+        for each in (self._command_subscriber, self._motor_subscriber, self.e_stop_subscriber):
+            if each is not None:
+                self._node.unregister(each)
         self.publishers.close()
         self._world.delete(self.name)
 

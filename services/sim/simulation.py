@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from messages.elea import EmergencyStops as EmergencyStopList
-from messages.names import BadName, validate
 from messages.rosgraph import Clock
 from messages.se3 import Pose3
 from messages.std import Time
 from messages.topics import CLOCK, E_STOP, STOPS, TF, TF_STATIC
-from services.runtime.errors import BadInput, unknown_name
+from services.runtime.errors import unknown_name
 from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
@@ -24,6 +23,7 @@ from services.sim.parameters import RobotEntry
 from services.sim.physics.world import World
 from services.sim.publishers import GazeboStatesPublisher
 from services.sim.robot import Robot
+from services.sim.robot_names import check_robot_names
 from services.sim.tf import dynamic_transforms, static_transforms
 from services.sim.transit_delay import TransitDelayEstimator
 
@@ -82,18 +82,13 @@ class Simulation:
         return self._robots[name][0]
 
     def spawn(self, entry: RobotEntry, pose: Pose3, wait: bool = False) -> Robot:
-        """Add a robot; raises BadInput when its name is taken or wrong, or it would overlap with something.
+        """Add a robot; raises BadInput when its name, namespace or frames are taken or wrong, or it would overlap
+        with something.
 
         What is stopped by its name, or while all are, is so from the start. With ``wait`` it starts on the parameters
         that the parameter service has for it, else they come a moment later.
         """
-        try:
-            validate(entry.name)
-            validate(entry.namespace or entry.name)
-        except BadName as error:
-            raise BadInput(f"a robot cannot have this name: {error}") from None
-        if entry.name in self._robots:
-            raise BadInput(f"a robot {entry.name!r} is already there")
+        check_robot_names(entry, [robot.entry for robot in self.robots])
         robot = Robot(self._node, self.world, entry, pose, self._seed, self._command_sources, self._delays, wait)
         self._robots[entry.name] = robot, pose
         robot.stop(self.stops.holders(entry.name))
@@ -187,9 +182,9 @@ class Simulation:
 
     def read_stops(self, watermarks: Watermarks | None) -> None:
         """Take the emergency stops that have come, and nothing else: they count also while time is paused."""
-        # Robots may share one.
-        for each in dict.fromkeys((self._e_stop_subscriber, *(robot.e_stop_subscriber for robot in self.robots))):
-            each.update(watermarks)
+        for each in (self._e_stop_subscriber, *(robot.e_stop_subscriber for robot in self.robots)):
+            if each is not None:
+                each.update(watermarks)
         # For their names; that they are gone counts with their last commands.
         self._lost_publishers += self._command_sources.lost_publishers()
         self._apply_stops()
@@ -213,7 +208,8 @@ class Simulation:
         """Stop first, then write, then publish: nothing moves meanwhile, and what is published is kept."""
         stop_for_all = self.stops.process(ALL_ROBOTS, self._e_stop_subscriber.name, self._e_stop_subscriber.messages)
         for robot in self.robots:
-            new_stop = self.stops.process(robot.name, robot.e_stop_subscriber.name, robot.e_stop_subscriber.messages)
+            own = robot.e_stop_subscriber
+            new_stop = own is not None and self.stops.process(robot.name, own.name, own.messages)
             if new_stop or stop_for_all:
                 robot.stop(self.stops.holders(robot.name), new_stop=True)
         self._save_stops()

@@ -10,9 +10,9 @@ import pytest
 from deploy.report.checks import service_checks
 from messages.base import decoder, encode
 from messages.elea import MOST_CHECKS, Check, Checks
+from services.runtime.context import ServiceChecks
 from services.runtime.errors import BadInput
 from services.runtime.process import ROOT
-from services.runtime.service_checks import ServiceChecks
 from tests.deploy.test_run import FleetCommandLine
 
 STUDENT = """
@@ -48,7 +48,7 @@ def test_checks_of_services_count_in_every_mode(tmp_path: Path, mode: str) -> No
     text, own = fleet.read_text(), '{ kind = "judge.py" }'
     assert "goals = [[0.3, 0]] } }]" in text
     fleet.write_text(text.replace("[[0.3, 0]] } }]", f"[[0.3, 0]] }} }}, {own}]"))
-    arguments = ("up", str(fleet), "--report", str(desk.results), "--no-view", "--no-saved")
+    arguments = ("up", str(fleet), "--report", str(desk.results), "--no-view", "--no-picture", "--no-saved")
     out = desk.run(*arguments)
     assert desk.report()["ok"] is True
     assert re.search(r"holds: /r/judge.farthest_m is 0\.[23]\d*, should be at most 1: the wall is at x = 1 m\n", out)

@@ -209,7 +209,9 @@ def driven(folder: Path, watched: bool) -> str:
     (folder / "starter.py").write_text(STARTER.format(signal=str(begin)))
     file.write_text(LOCKSTEP + ('[[service]]\nkind = "panel"\nparameters = { port = 0 }\n' if watched else ""))
     command = ["-m", "deploy", "up", str(file), "--report", str(folder / "run"), "--port", str(free_port())]
-    with Process([*command, "--no-view", "--json"], folder / "up.log", {"XDG_STATE_HOME": str(folder)}) as up:
+    with Process(
+        [*command, "--no-view", "--no-picture", "--json"], folder / "up.log", {"XDG_STATE_HOME": str(folder)}
+    ) as up:
         if watched:
             wait_until(lambda: read_address(folder / "run" / ADDRESS_FILE), 40.0, "the panel's address")
             address = read_address(folder / "run" / ADDRESS_FILE)
