@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
+from deploy.controller_files import with_controllers_found
 from deploy.fleet import MODES, REMOVED_MODES, ChangeConfig, Fleet, RobotConfig, RunConfig, ServiceConfig, StartPose
 from deploy.fleet_overrides import apply_overrides
 from deploy.fleet_validation import validate_fleet
@@ -155,11 +156,14 @@ def _place_robots(tree: dict[str, Any], source: TomlSource) -> dict[str, Any]:
 
 
 def _resolve_user_files(fleet: Fleet, folder: Path) -> Fleet:
-    """The fleet with the Python files among its kinds found: a relative one counts from the fleet file's folder."""
+    """The fleet with the files that it names found, Python files among its kinds and those of controllers: a relative
+    one counts from the fleet file's folder."""
 
     def found(members: tuple[ServiceConfig, ...]) -> tuple[ServiceConfig, ...]:
         return tuple(
-            replace(each, kind=str((folder / each.kind).resolve())) if is_user_file(each.kind) else each
+            replace(each, kind=str((folder / each.kind).resolve()))
+            if is_user_file(each.kind)
+            else with_controllers_found(each, folder)
             for each in members
         )
 

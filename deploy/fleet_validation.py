@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from deploy.controller_files import check_controllers
 from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.report.checks import check_bounds
 from deploy.service_parameters import BUILTIN_SERVICES, robot_parameter_set, robot_parameters_type
@@ -97,6 +98,7 @@ def _check_member(
     record = load_service(member.kind, source.location(*path, "kind")).parameters
     for name, value in member.parameters.items():
         build(record, {name: value}, source.location(*path, "parameters", name))
+    check_controllers(member, path, owner, source)
     for name in member.from_start:
         place = source.location(*path, "from_start")
         if owner is None:

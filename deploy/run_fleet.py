@@ -100,8 +100,12 @@ def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> Run
             screen.print_line(f"the fleet ended: {outcome.reason}")
         for name in outcome.failed_on_stop:
             screen.print_line(f"{name} ended with an error: {_last_line(options.folder / 'logs' / log_name(name))}")
-        found = overrides_note(options.overrides) + fleet_notes(fleet)
-        found += overridden_parameter_note(told, own, fleet) + unknown_node_notes(bus.unknown_nodes)
+        found = (
+            overrides_note(options.overrides)
+            + fleet_notes(fleet)
+            + overridden_parameter_note(told, own, fleet)
+            + unknown_node_notes(bus.unknown_nodes)
+        )
         return _write_report(fleet, options, outcome, started, found, effective_parameters(told, own), monitor, checks)
 
 

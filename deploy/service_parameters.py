@@ -8,11 +8,13 @@ from typing import Any
 
 import msgspec
 
+from deploy.controller_files import KIND as CONTROLLER_MANAGER
 from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.run_folder import BAG_FOLDER, RECORDING_FILE, SCHEDULE_FILE, STOPS_FILE
 from messages.names import join
 from messages.topics import CONTROL_STATE
 from models.dynamics import read_pendulum
+from models.extent import vertical_extent
 from models.model import read_model
 from models.urdf import read_joint_limits
 from services.arm import ArmParameters
@@ -68,8 +70,15 @@ def state_parameters(kind: str, robot: RobotConfig | None) -> dict[str, Any]:
 
 
 def grader_arms(fleet: Fleet) -> list[dict[str, Any]]:
-    """The arms of a fleet as the grader knows them."""
-    return [_grader_arm(fleet, each) for each in fleet.robot if is_arm(each)]
+    """The arms of a fleet as the grader knows them: those that are not left to a controller manager."""
+    return [
+        _grader_arm(fleet, each) for each in fleet.robot if is_arm(each) and not _has_controller_manager(fleet, each)
+    ]
+
+
+def _has_controller_manager(fleet: Fleet, robot: RobotConfig) -> bool:
+    members = (*robot.services, *(each for _, each in fleet.shared_services(robot)))
+    return any(each.kind == CONTROLLER_MANAGER for each in members)
 
 
 def control_state_topics(fleet: Fleet) -> list[str]:
@@ -191,6 +200,7 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
                 "robots": [each.name for each in robots],
                 "namespaces": [robot_namespace(each) for each in robots],
                 "halting": [_braking_spec(each) for each in robots if read_model(each.model).wheels],
+                "sizes": [_size_spec(each) for each in robots if not is_arm(each)],
                 "arms": grader_arms(fleet),
                 "ends": run.ends,
                 "not_before": earliest_end(fleet),
@@ -245,6 +255,13 @@ def robot_parameter_set(robot: RobotConfig) -> str:
 def robot_parameters_type(model: str) -> type[Parameters]:
     """What a robot of this model takes for parameters."""
     return BaseParameters if read_model(model).wheels else JointParameters
+
+
+def _size_spec(robot: RobotConfig) -> dict[str, Any]:
+    """The room that a robot takes; without a top where its URDF does not tell how high it is."""
+    bottom, top = vertical_extent(robot.model)
+    size = {"name": robot.name, "radius": read_model(robot.model).radius, "bottom": bottom}
+    return size if math.isinf(top) else {**size, "top": top}
 
 
 def _braking_spec(robot: RobotConfig) -> dict[str, Any]:

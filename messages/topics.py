@@ -7,7 +7,7 @@ from typing import Generic, Self, TypeVar
 from messages.base import Message
 from messages.control import JointControllerState
 from messages.elea import BaseStatus, Checks, EmergencyStops, FleetState, GoalStatus, Health, LockstepState
-from messages.gazebo import LinkStates, ModelStates
+from messages.gazebo import LinkStates, ModelStates, WorldStates
 from messages.geometry import PoseStamped, Twist, TwistStamped
 from messages.joints import JointCommand, JointEffort
 from messages.names import BadName
@@ -122,7 +122,7 @@ WORLD_MARKERS = Topic(
 )
 WORLD_STATES = Topic(
     "/world/states",
-    ModelStates,
+    WorldStates,
     10,
     Quality.SENSOR,
     "poses and twists of the world's movable and moving bodies, if it has any",

@@ -113,8 +113,8 @@ def _run(
         insecure=options["insecure"],
         tcp_port=tcp_port,
         view=not options["no_view"],
-        overrides=overrides,
         picture=not options["no_picture"],
+        overrides=overrides,
     )
     with open_display() as shown:
         if tcp_port not in (None, fleet.run.port):

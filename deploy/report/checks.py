@@ -33,9 +33,12 @@ LOCKSTEP_DEFAULT_BOUNDS: Bounds = {"members_lost": 0}
 _FAULT_COUNTS = ("changes_missed", "nodes_absent")
 """Counts of the run that are 0 unless something went wrong: a check of its own is missed where one is not."""
 
-_LISTS = ("points_reached", "points_reached_at", "points_closest_m", "corners", "steps")
+_NOT_BOUNDED = (
+    *("points_reached", "points_reached_at", "points_closest_m", "corners", "steps", "min_clearance_at_s"),
+    "min_clearance_to",
+)
 _FIELDS = (*msgspec.structs.fields(RobotFigures), *msgspec.structs.fields(ArmFigures))
-ROBOT_KEYS = tuple(dict.fromkeys(each.name for each in _FIELDS if each.name not in _LISTS))
+ROBOT_KEYS = tuple(dict.fromkeys(each.name for each in _FIELDS if each.name not in _NOT_BOUNDED))
 RUN_KEYS = (
     *("sim_seconds", "wall_seconds", "real_time_factor", "messages_lost", "restarts"),
     *("members_lost", "members_left", "changes_missed", "nodes_absent", "lag_s"),

@@ -125,55 +125,91 @@ def _near_the_edge(points: Floats) -> Floats:
     return kept
 
 
-class BodyDistances:
-    """The planar distances of points to bodies, each of one or several footprints.
+def triangle_footprints(pose: Pose3, triangles: Floats) -> list[Footprint]:
+    """What triangles cover, each by itself; shape (n, 3, 3) [m] in the frame that has the pose ``pose``."""
+    moved = transformed(pose, triangles.reshape(-1, 3)).reshape(-1, 3, 3)
+    (ax, ay), (bx, by) = (moved[:, 1] - moved[:, 0])[:, :2].T, (moved[:, 2] - moved[:, 0])[:, :2].T
+    clockwise = ax * by - ay * bx < 0
+    moved[clockwise] = moved[clockwise, ::-1]
+    bottoms, tops = moved[:, :, 2].min(axis=1).tolist(), moved[:, :, 2].max(axis=1).tolist()
+    return [
+        Footprint(corners, 0.0, bottom, top)
+        for corners, bottom, top in zip(moved[:, :, :2], bottoms, tops, strict=True)
+    ]
 
-    Exact for polygons and circles. 100 points and 200 boxes take 2 ms.
+
+class NearestBody:
+    """Finds the nearest of several bodies, each with one footprint or several, and how far it is.
+
+    Distances are planar, and exact for polygons and circles. 100 points among 200 boxes take 3 ms at most.
     """
 
     def __init__(self, bodies: Sequence[Sequence[Footprint]]) -> None:
         parts = [part for body in bodies for part in body]
-        self._count = len(bodies)
-        self._body_starts = _starts([len(body) for body in bodies])
-        self._part_starts = _starts([len(part.corners) for part in parts])
-        self._radius = np.array([part.radius for part in parts])
-        self._encloses = np.array([_area(part.corners) > FLAT for part in parts], bool)
         corners = [part.corners for part in parts]
-        self._from = np.concatenate(corners) if parts else np.empty((0, 2))
-        self._along = (
-            np.concatenate([np.roll(each, -1, axis=0) for each in corners]) if parts else self._from
-        ) - self._from
+        self._owner = np.repeat(np.arange(len(bodies)), [len(body) for body in bodies])
+        self._counts = np.array([len(each) for each in corners], np.intp)
+        self._from = np.concatenate([np.empty((0, 2)), *corners])
+        ends = [np.roll(each, -1, axis=0) for each in corners]
+        self._along = np.concatenate([np.empty((0, 2)), *ends]) - self._from
         square = (self._along**2).sum(axis=1)
         self._per_square = np.divide(1.0, square, out=np.zeros_like(square), where=square > 0)
+        self._radius = np.array([part.radius for part in parts])
+        self._encloses = np.array([_area(each) > FLAT for each in corners], bool)
+        self._bottom, self._top = np.array([part.bottom for part in parts]), np.array([part.top for part in parts])
+        self._centre = np.array([each.mean(axis=0) for each in corners]).reshape(-1, 2)
+        self._reach = self._radius + [
+            float(np.hypot(*(each - centre).T).max()) for each, centre in zip(corners, self._centre, strict=True)
+        ]
 
-    def to(self, points: Floats) -> Floats:
-        """The distances of ``points``, shape (n, 2) [m], to each body, shape (n, bodies) [m]; below 0 inside one."""
-        if not self._count:
-            return np.empty((len(points), 0))
-        block = max(1, LARGEST_BLOCK // max(1, len(self._from)))
-        return np.concatenate([self._block(points[at : at + block]) for at in range(0, max(1, len(points)), block)])
+    def find(
+        self, points: Floats, low: Floats, high: Floats, within: Floats | None = None
+    ) -> tuple[Floats, NDArray[np.intp]]:
+        """The distance of each point to the nearest body, and which one that is.
 
-    def _block(self, points: Floats) -> Floats:
-        dx = points[:, :1] - self._from[:, 0]
-        dy = points[:, 1:] - self._from[:, 1]
-        ex, ey = self._along[:, 0], self._along[:, 1]
-        share = np.clip((dx * ex + dy * ey) * self._per_square, 0, 1)
-        beside = ex * dy - ey * dx
-        distance = np.sqrt(
-            np.minimum.reduceat((dx - share * ex) ** 2 + (dy - share * ey) ** 2, self._part_starts, axis=1)
-        )
-        inside = (np.minimum.reduceat(beside, self._part_starts, axis=1) >= 0) & self._encloses
-        distance = np.where(inside, -distance, distance) - self._radius
-        nearest: Floats = np.minimum.reduceat(distance, self._body_starts, axis=1)
-        return nearest
+        Args:
+            points: shape (n, 2) [m].
+            low: what ends at or below this height [m] does not count; shape (n,).
+            high: nor what begins at or above this one; shape (n,).
+            within: what is farther [m] is not looked for, shape (n,); anything by default.
 
+        Returns:
+            Distances [m], below 0 within a body and infinite where there is none, and the places of the bodies in the
+            list given; both of shape (n,).
+        """
+        distances, nearest = np.full(len(points), math.inf), np.zeros(len(points), np.intp)
+        if not len(self._counts):
+            return distances, nearest
+        limit = np.full(len(points), math.inf) if within is None else within
+        block = max(1, LARGEST_BLOCK // len(self._from))
+        for at in range(0, len(points), block):
+            rows = slice(at, at + block)
+            distances[rows], nearest[rows] = self._find(points[rows], low[rows], high[rows], limit[rows])
+        return distances, nearest
 
-def _starts(counts: Sequence[int]) -> NDArray[np.intp]:
-    if not all(counts):
-        raise ValueError("a body without a footprint has no distance")
-    return (
-        np.concatenate(([0], np.cumsum(counts, dtype=np.intp)[:-1])).astype(np.intp) if counts else np.empty(0, np.intp)
-    )
+    def _find(self, points: Floats, low: Floats, high: Floats, within: Floats) -> tuple[Floats, NDArray[np.intp]]:
+        away = np.hypot(points[:, :1] - self._centre[:, 0], points[:, 1:] - self._centre[:, 1]) - self._reach
+        counts = (away <= within[:, None]) & (self._top > low[:, None]) & (self._bottom < high[:, None])
+        chosen = counts.any(axis=0)
+        if not chosen.any():
+            return np.full(len(points), math.inf), np.zeros(len(points), np.intp)
+        every = np.where(counts[:, chosen], self._distances(points, chosen), math.inf)
+        nearest = every.argmin(axis=1)
+        distance = every[np.arange(len(points)), nearest]
+        return np.where(distance <= within, distance, math.inf), self._owner[chosen][nearest]
+
+    def _distances(self, points: Floats, chosen: NDArray[np.bool_]) -> Floats:
+        """The distances of points to the chosen parts, shape (n, parts) [m]."""
+        edges = np.repeat(chosen, self._counts)
+        starts = np.concatenate(([0], np.cumsum(self._counts[chosen])[:-1]))
+        dx, dy = points[:, :1] - self._from[edges, 0], points[:, 1:] - self._from[edges, 1]
+        ex, ey = self._along[edges].T
+        share = np.clip((dx * ex + dy * ey) * self._per_square[edges], 0, 1)
+        square = (dx - share * ex) ** 2 + (dy - share * ey) ** 2
+        distance = np.sqrt(np.minimum.reduceat(square, starts, axis=1))
+        inside = np.minimum.reduceat(ex * dy - ey * dx, starts, axis=1) >= 0
+        signed: Floats = np.where(inside & self._encloses[chosen], -distance, distance) - self._radius[chosen]
+        return signed
 
 
 def _area(corners: Floats) -> float:

@@ -8,6 +8,7 @@ import msgspec
 
 from messages.names import absolute_namespace, join
 from messages.parameters import ParameterValues
+from messages.se3 import Pose3
 from messages.std import SECOND
 from messages.topics import (
     BASE_STATUS,
@@ -20,11 +21,15 @@ from messages.topics import (
     PLAN,
     STATUS,
     UPDATES,
+    WORLD_MARKERS,
+    WORLD_STATES,
 )
+from messages.visualization import MarkerArray
+from services.driving.world_bodies import World, world_bodies
 from services.grader import ArmSpec, BrakingSpec, GraderParameters
 from services.grader.measurement import Measurement, MessageKind
 from services.grader.records import EndReason
-from services.grader.results import prepare_folder, write_results
+from services.grader.results import prepare_folder, world_arrays, write_results
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 
@@ -45,16 +50,27 @@ def run(ctx: Context[GraderParameters]) -> None:
         ArmStreams(ctx, name, space, arms[name]) if name in arms else RobotStreams(ctx, name, space)
         for name, space in namespaces.items()
     ]
-    health, lockstep = ctx.stream(HEALTH), ctx.latest(LOCKSTEP)
+    health, lockstep, markers = ctx.stream(HEALTH), ctx.latest(LOCKSTEP), ctx.latest(WORLD_MARKERS)
+    states = ctx.stream(WORLD_STATES)
     halting = {each.name.strip("/"): each for each in p.halting}
-    graded = Measurement(robots, p.reach_tolerance, halting, arms, p.readers, namespaces)
+    sizes = {each.name.strip("/"): each for each in p.sizes}
+    world: World = ()
+    shown: MarkerArray | None = None
+    graded = Measurement(robots, p.reach_tolerance, halting, arms, p.readers, namespaces, sizes)
     ended: EndReason = "stopped"
     try:
         for tick in ctx.ticks():
             if tick.reset:
-                graded = Measurement(robots, p.reach_tolerance, halting, arms, p.readers, namespaces)
+                graded = Measurement(robots, p.reach_tolerance, halting, arms, p.readers, namespaces, sizes)
+            if markers.value is not None and (markers.value is not shown or not graded.clearance.world_known):
+                if markers.value is not shown:
+                    shown, world = markers.value, read_world(ctx, markers.value)
+                graded.clearance.set_world(world)
             for robot in watched:
                 robot.forward(graded, tick.time, halting)
+            for state in states.drain():
+                poses = dict(zip(state.name, map(Pose3.from_msg, state.pose), strict=False))
+                graded.clearance.add_states(state.header.stamp.ns, poses)
             graded.add_heartbeats(health.drain())
             p = ctx.params
             last = round(p.duration * SECOND)
@@ -67,7 +83,8 @@ def run(ctx: Context[GraderParameters]) -> None:
                 ended = "duration"
                 break
     finally:
-        write_results(folder, graded.measurements(ended, lockstep.value), graded.robots)
+        measured = graded.measurements(ended, lockstep.value)
+        write_results(folder, measured, graded.robots, world_arrays(world, graded.clearance.paths))
         ctx.log.info(f"run ended ({ended}), figures in {folder}")
 
 
@@ -114,6 +131,17 @@ class ArmStreams:
                 graded.set_arm(now, self._robot, self._arm)
         graded.add_messages(MessageKind.JOINTS, self._robot, self._joints.drain())
         graded.add_messages(MessageKind.CONTROL, self._robot, self._control.drain())
+
+
+def read_world(ctx: Context[GraderParameters], array: MarkerArray) -> World:
+    """The bodies among the markers with their footprints; those whose shape cannot be read are warned of."""
+    found = []
+    for body in world_bodies(array):
+        try:
+            found.append((body, body.footprints()))
+        except BadInput as error:
+            ctx.log.warn(f"the clearance from {body.name} is not measured: {error}")
+    return tuple(found)
 
 
 def braking_from_parameters(robot: str, values: ParameterValues) -> BrakingSpec | None:

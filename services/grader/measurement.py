@@ -15,9 +15,10 @@ from messages.nav import Odometry, Path
 from messages.sensor import JointState
 from messages.std import SECOND
 from messages.topics import TOPICS
-from services.grader import ArmSpec, BrakingSpec
+from services.grader import ArmSpec, BrakingSpec, SizeSpec
 from services.grader.arm import ArmMeter
-from services.grader.records import EndReason, Measurements
+from services.grader.clearance import ClearanceMeter
+from services.grader.records import EndReason, Figures, Measurements
 from services.grader.robot import Point, RobotMeter
 from services.grader.trajectory import trajectory_hash
 
@@ -141,6 +142,7 @@ class Measurement:
         arms: Mapping[str, ArmSpec] | None = None,
         readers: Collection[str] = (),
         namespaces: Mapping[str, str] | None = None,
+        sizes: Mapping[str, SizeSpec] | None = None,
     ) -> None:
         bases, jointed = halting or {}, arms or {}
         self.robots: dict[str, RobotMeter | ArmMeter] = {
@@ -148,6 +150,7 @@ class Measurement:
             for name in sorted(robots)
         }
         self.losses, self._namespaces = MessageLosses(readers), dict(namespaces or {})
+        self.clearance = ClearanceMeter(sizes or {})
         self._pending: list[tuple[int, MessageKind, str, GradedMessage]] = []
         self._end = 0
         self._distance_stamp = -1
@@ -180,6 +183,7 @@ class Measurement:
         ready.sort(key=lambda each: each[:3])
         for each in ready:
             self._process(*each)
+        self.clearance.update()
 
     @property
     def finished(self) -> bool:
@@ -188,6 +192,7 @@ class Measurement:
 
     def measurements(self, ended: EndReason, lockstep: LockstepState | None = None) -> Measurements:
         """Return all figures up to the last ``advance``; ``lockstep`` is the last state of the members."""
+        self.clearance.update(final=True)
         return Measurements(
             ended=ended,
             sim_seconds=self._end / SECOND,
@@ -197,8 +202,14 @@ class Measurement:
             members_lost=lockstep.lost if lockstep is not None else None,
             members_left=lockstep.left if lockstep is not None else (),
             ticks_missed=self.losses.missed_ticks(),
-            robots={name: meter.result(self._messages_lost(name)) for name, meter in self.robots.items()},
+            robots={name: self._result(name, meter) for name, meter in self.robots.items()},
         )
+
+    def _result(self, name: str, meter: RobotMeter | ArmMeter) -> Figures:
+        lost = self._messages_lost(name)
+        if isinstance(meter, ArmMeter):
+            return meter.result(lost)
+        return meter.result(lost, self.clearance.least.get(name))
 
     def _messages_lost(self, name: str) -> int:
         jointed = isinstance(self.robots[name], ArmMeter)
@@ -210,6 +221,8 @@ class Measurement:
         match self.robots[name], kind, message:
             case RobotMeter() as meter, MessageKind.TRUTH, Odometry():
                 self._update_distances(stamp, name, meter.add_truth(message))
+                place = message.pose.pose.position
+                self.clearance.add_position(stamp, name, (place.x, place.y, place.z))
             case RobotMeter() as meter, MessageKind.ODOMETRY, Odometry():
                 meter.odometry_error.add_odometry(message)
             case RobotMeter() as meter, MessageKind.PLAN, Path():

@@ -13,12 +13,12 @@ from messages.base import Packed36, covariance
 from models import model_config_path, urdf_path
 from models.model import OdometryErrorConfig, RobotModel, WheelConfig, read_model
 from models.urdf import NoWheels, WheelPair, read_wheels
+from services.driving.pid import PidGains
 from services.runtime.errors import BadInput
 from services.runtime.parameters.validation import build
 from services.sim.drive.driver import Drive
 from services.sim.drive.kinematics import WheelGeometry, describe_mismatch
 from services.sim.drive.limiter import NO_RAMP, UNLIMITED, AxisLimits, WheelRamp, braking_limits
-from services.sim.drive.pid import PidGains
 from services.sim.parameters import AxisParameters, BaseParameters, PidParameters
 
 

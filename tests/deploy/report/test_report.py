@@ -185,6 +185,8 @@ def test_reports_and_measurements_of_earlier_versions_are_read(measured: Measure
         del tree["run"][name]
     jsonschema.Draft202012Validator(report_schema()).validate(tree)
     assert msgspec.convert(tree, Report).run.mode == "free"
+    del tree["robots"]["tb3_0"]["min_clearance_m"]
+    assert msgspec.convert(tree, Report).robots["tb3_0"].min_clearance_m is None
     old = msgspec.to_builtins(measured)
     del old["ticks_missed"]
     assert msgspec.convert(old, Measurements).ticks_missed == {}
@@ -243,6 +245,26 @@ def test_what_was_not_measured_misses_its_bound(measured: Measurements) -> None:
         assert all(f"missed: {name} is not measured, should be at" in text for name in missed)
         held = f"{len(report.checks) - len(missed)} of {len(report.checks)} checks hold"
         assert text.endswith(f"FAILED: {held}, {len(missed)} not measured\n" if missed else f"passed: {held}\n")
+
+
+def test_a_clearance_below_its_bound_is_told_with_the_body_and_the_time(measured: Measurements) -> None:
+    near = msgspec.structs.replace(
+        measured.robots["tb3_0"], min_clearance_m=0.05, min_clearance_at_s=12.3, min_clearance_to="red_box"
+    )
+    run = msgspec.structs.replace(measured, robots={"tb3_0": near})
+    report = build_report(run, FACTS, {"min_clearance_m": Bound(min=0.1)})
+    out = io.StringIO()
+    print_report(report, out)
+    assert (
+        "missed: tb3_0.min_clearance_m is 0.05, should be at least 0.1\n  nearest to red_box at 12.30 s\n"
+        in out.getvalue()
+    )
+    assert build_report(run, FACTS, {"min_clearance_m": Bound(min=0.01)}).ok
+    nowhere = build_report(measured, FACTS, {"min_clearance_m": Bound(min=0.01)})
+    assert [(each.name, each.value) for each in nowhere.checks if not each.ok] == [
+        ("tb3_0.min_clearance_m", None),
+        ("tb3_1.min_clearance_m", None),
+    ]
 
 
 def test_a_robot_without_a_plan_or_a_base_has_no_checks_of_them(measured: Measurements) -> None:
