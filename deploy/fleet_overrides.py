@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import tomllib
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
@@ -48,7 +49,7 @@ def _apply(tree: dict[str, Any], text: str) -> Iterator[Override]:
         raise BadInput(f"--set {text!r} is no assignment: write KEY=VALUE, as model=waffle or run.seed=3")
     paths = list(_paths(tree, keys, text))
     for path in paths:
-        _assign(tree, path, _value(value.strip()), text)
+        _assign(tree, path, _value(value.strip(), path), text)
         yield Override(path, text)
 
 
@@ -113,12 +114,17 @@ def _tables(tree: dict[str, Any], name: str) -> list[dict[str, Any]]:
     return found if isinstance(found, list) and all(isinstance(each, dict) for each in found) else []
 
 
-def _value(text: str) -> Any:
-    """A value as TOML has it; anything else is text."""
+def _value(text: str, path: Sequence[TomlKey]) -> Any:
+    """A value as TOML has it; anything else is text. The file of a model counts from the working directory."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
-        return text
+        value = text
+    if path[0] == "robot" and path[-1] == "model" and isinstance(value, str):
+        from models.robot_source import names_file  # it loads what reads meshes, which no --help is to wait for
+
+        return str(Path(value).expanduser().absolute()) if names_file(value) else value
+    return value
 
 
 def _assign(tree: dict[str, Any], path: Sequence[TomlKey], value: Any, text: str) -> None:

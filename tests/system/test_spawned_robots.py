@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from messages.geometry import Pose, Twist
+from messages.parameters import Assignment
 from messages.requests import DELETE, SPAWN, Name
 from messages.se3 import rotate
 from messages.simulation import SpawnModel
@@ -47,7 +48,9 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TwoRobotSimula
     """A world with a waffle, a waffle_pi and a Pioneer beside its burgers."""
     with two_robot_simulation(tmp_path_factory.mktemp("spawned")) as made:
         for model, (x, y) in PLACES.items():
-            state = made.node.call(SPAWN, SpawnModel(name=model, model=model, pose=Pose.planar(x, y, 1.0)))
+            exact = () if model == "p3dx" else (Assignment(name="odometry", value="world"),)
+            asked = SpawnModel(name=model, model=model, pose=Pose.planar(x, y, 1.0), parameters=exact)
+            state = made.node.call(SPAWN, asked)
             assert (state.name, state.model) == (model, model)
             assert state.pose.orientation.yaw == pytest.approx(1.0, abs=1e-9)
         yield made
