@@ -16,7 +16,9 @@ from deploy.parameter_sets import check_changes
 from deploy.report.checks import KEYS, Bound
 from deploy.restart_policy import RestartPolicy
 from deploy.service_catalog import is_user_file
-from deploy.toml_source import TomlKey, TomlSource
+from models import is_world_file
+from models.toml_source import TomlSource, key_path
+from models.world import BadWorld, find_world
 from services.runtime.errors import BadInput, unknown_name
 
 FLEETS = Path(__file__).resolve().parent / "fleets"
@@ -96,7 +98,10 @@ def parse_fleet(path: Path, text: str) -> Fleet:
         fleet = msgspec.convert(_split_bounds(tree, source), Fleet)
     except msgspec.ValidationError as error:
         raise _locate_error(source, str(error)) from None
-    fleet = _resolve_user_files(fleet, path.parent)
+    try:
+        fleet = _resolve_user_files(fleet, path.parent)
+    except BadWorld as error:
+        raise BadInput(f"{source.location('world')}: {error}") from None
     validate_fleet(fleet, source)
     check_changes(fleet, source)
     return fleet
@@ -124,7 +129,8 @@ def _split_bounds(tree: dict[str, Any], source: TomlSource) -> dict[str, Any]:
 
 
 def _resolve_user_files(fleet: Fleet, folder: Path) -> Fleet:
-    """The fleet with the Python files among its kinds found: a relative one counts from the fleet file's folder."""
+    """The fleet with its world's file and the Python files among its kinds found: a relative path counts from the fleet
+    file's folder."""
 
     def found(members: tuple[ServiceConfig, ...]) -> tuple[ServiceConfig, ...]:
         return tuple(
@@ -133,13 +139,14 @@ def _resolve_user_files(fleet: Fleet, folder: Path) -> Fleet:
         )
 
     robots = tuple(replace(each, services=found(each.services)) for each in fleet.robot)
-    return replace(fleet, robot=robots, every_robot=found(fleet.every_robot), service=found(fleet.service))
+    world = str(find_world(fleet.world, folder)) if is_world_file(fleet.world) else fleet.world
+    return replace(fleet, world=world, robot=robots, every_robot=found(fleet.every_robot), service=found(fleet.service))
 
 
 def _locate_error(source: TomlSource, error: str) -> BadInput:
     """msgspec's error with the line of its path, and the alternatives when a key is unknown."""
     text, _, where = error.partition(" - at `$")
-    path = _parse_error_path(where.rstrip("`"))
+    path = key_path(where.rstrip("`"))
     if path[:1] == (_BY_MODE,):
         path = ("bounds", *path[1:])
     if found := re.search(r"unknown field `(.*?)`", text):
@@ -149,13 +156,3 @@ def _locate_error(source: TomlSource, error: str) -> BadInput:
         return unknown_name("key", found[1], known, source.location(*path, found[1]))
     shown = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).lstrip(".")
     return BadInput(f"{source.location(*path)}: {f'{shown}: ' if shown else ''}{text}")
-
-
-def _parse_error_path(text: str) -> tuple[TomlKey, ...]:
-    """``.robot[2].pose.x`` taken apart; it ends where msgspec no longer names the key."""
-    steps: list[TomlKey] = []
-    for name, index, rest in re.findall(r"\.(\w+)|\[(\d+)\]|(\[\.\.\.\])", text):
-        if rest:
-            break
-        steps.append(name or int(index))
-    return tuple(steps)

@@ -8,9 +8,10 @@ from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.report.checks import check_bounds
 from deploy.service_catalog import load_service
 from deploy.service_parameters import BUILTIN_SERVICES, robot_parameters_type
-from deploy.toml_source import TomlKey, TomlSource
 from messages.names import BadName, Identity, identify, parse_remap
 from models import MODELS
+from models.toml_source import TomlKey, TomlSource
+from models.world import read_world
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.parameters.validation import build
 
@@ -21,6 +22,11 @@ def validate_fleet(fleet: Fleet, source: TomlSource) -> None:
     for index, robot in enumerate(fleet.robot):
         _check_robot(robot, ("robot", index), robots, source)
     _check_models(fleet, source)
+    if fleet.world:
+        try:
+            read_world(fleet.world)
+        except BadInput as error:
+            raise BadInput(f"{source.location('world')}: {error}") from None
     nodes: dict[str, str] = {}
     for path, member, owner in all_services(fleet):
         _check_member(member, path, owner, source)

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from deploy.live.message_types import element_type, field_types, nested_record
-from deploy.yaml_reader import read_yaml
 from messages.base import Message, WrongPayload, decoder, encode
 from messages.std import Header, Time
+from models.yaml_reader import read_yaml
 from services.runtime.errors import BadInput, unknown_name
 
 _TYPE = re.compile(r"[A-Za-z]\w*/(?:(?:msg|srv)/)?[A-Za-z]\w*")

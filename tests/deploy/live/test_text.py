@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from deploy.live.message_format import csv_cells, csv_row, to_flow_yaml, to_yaml, truncate
 from deploy.live.message_types import check_path, complete_path, get_field, parse_path
-from deploy.yaml_reader import read_yaml
 from messages.nav import Odometry
 from messages.plain import plain_record
 from messages.tf import TFMessage
+from models.yaml_reader import read_yaml
 from services.runtime.errors import BadInput
 
 TEXTS = st.text(max_size=20)

@@ -6,7 +6,7 @@ import re
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from services.runtime.errors import BadInput
+from messages.errors import BadInput
 
 if TYPE_CHECKING:
     import yaml
