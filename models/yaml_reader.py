@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from services.runtime.errors import BadInput
+from messages.errors import BadInput
 
 if TYPE_CHECKING:
     import yaml
