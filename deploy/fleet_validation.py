@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from deploy.controller_files import check_controllers
 from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.report.checks import check_bounds
-from deploy.service_catalog import load_service
 from deploy.service_parameters import BUILTIN_SERVICES, robot_parameter_set, robot_parameters_type
 from deploy.toml_source import TomlKey, TomlSource
-from messages.names import BadName, Identity, identify, parse_remap
+from messages.names import BadName, Identity, parse_remap
 from models import MODELS
+from services.catalog import load_service
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.parameters.validation import build
 from services.sim.robot_names import check_robot_names, robot_namespace
@@ -49,7 +50,7 @@ def service_identity(member: ServiceConfig, owner: RobotConfig | None, where: st
     """Namespace and node of a service; raises BadInput for a name that is none."""
     namespace = member.namespace or (robot_namespace(owner) if owner else "/")
     try:
-        return identify(member.name or load_service(member.kind, where).name, namespace, ())
+        return Identity.of(member.name or load_service(member.kind, where).name, namespace)
     except BadName as error:
         raise BadInput(f"{where}: {error}") from None
 
@@ -71,7 +72,7 @@ def _check_robot(fleet: Fleet, index: int, source: TomlSource) -> None:
     if robot.model not in MODELS:
         raise unknown_name("model", robot.model, MODELS, source.location(*path, "model"))
     try:
-        identify(robot.name, "/", ())
+        Identity.of(robot.name)
         check_robot_names(robot, fleet.robot[:index])
     except BadInput as error:
         raise BadInput(f"{where}: {error}") from None
@@ -97,6 +98,7 @@ def _check_member(
     record = load_service(member.kind, source.location(*path, "kind")).parameters
     for name, value in member.parameters.items():
         build(record, {name: value}, source.location(*path, "parameters", name))
+    check_controllers(member, path, owner, source)
     for name in member.from_start:
         place = source.location(*path, "from_start")
         if owner is None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 
+from deploy.controller_files import KIND as CONTROLLER_MANAGER
 from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.run_folder import BAG_FOLDER, RECORDING_FILE, SCHEDULE_FILE, STOPS_FILE
 from messages.names import join
@@ -69,8 +70,15 @@ def state_parameters(kind: str, robot: RobotConfig | None) -> dict[str, Any]:
 
 
 def grader_arms(fleet: Fleet) -> list[dict[str, Any]]:
-    """The arms of a fleet as the grader knows them."""
-    return [_grader_arm(fleet, each) for each in fleet.robot if is_arm(each)]
+    """The arms of a fleet as the grader knows them: those that are not left to a controller manager."""
+    return [
+        _grader_arm(fleet, each) for each in fleet.robot if is_arm(each) and not _has_controller_manager(fleet, each)
+    ]
+
+
+def _has_controller_manager(fleet: Fleet, robot: RobotConfig) -> bool:
+    members = (*robot.services, *(each for _, each in fleet.shared_services(robot)))
+    return any(each.kind == CONTROLLER_MANAGER for each in members)
 
 
 def control_state_topics(fleet: Fleet) -> list[str]:
@@ -118,7 +126,8 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
 
     ``saved`` is the file of what parameters were set to; without one that is known for the run alone. The router
     joins those at ``links``, and listens at ``listen`` as well; ``insecure`` allows addresses beyond this machine.
-    ``tcp_port`` replaces the fleet's port for a fleet that uses TCP.
+    ``overrides`` are the keys of the fleet file that were changed, for the report. ``tcp_port`` replaces the fleet's
+    port for a fleet that uses TCP.
     """
 
     folder: Path
@@ -127,6 +136,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     links: tuple[str, ...] = ()
     listen: tuple[str, ...] = ()
     insecure: bool = False
+    overrides: tuple[str, ...] = ()
     tcp_port: int | None = None
     view: bool = True
     picture: bool = True

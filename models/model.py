@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -10,8 +11,11 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
+from messages.errors import BadInput, unknown_name
 from models import model_config_path, urdf_path
-from models.urdf import NoWheels, read_wheels
+from models.robot_cache import is_made
+from models.robot_facts import read_facts
+from models.urdf import NoWheels, read_robot, read_wheels
 
 Positive = Annotated[float, Meta(gt=0)]
 NonNegative = Annotated[float, Meta(ge=0)]
@@ -137,19 +141,75 @@ class RobotModel(ModelTable, frozen=True, kw_only=True):
     camera: CameraConfig | None = None
 
 
-def read_model(name: str) -> RobotModel:
-    """The figures of the robot ``name``; raises ``models.UnknownModel``."""
-    path = model_config_path(name)
-    return _read(name, path, path.stat().st_mtime_ns)
+def read_model(model: str) -> RobotModel:
+    """The figures of a robot, by its name in this folder or by ``models.robot_source.RobotSource.model``; raises
+    ``models.UnknownModel``, and BadInput for the file of a robot from outside."""
+    path = model_config_path(model)
+    return _read(model, path, path.stat().st_mtime_ns) if path.is_file() else _without_file(model)
 
 
 @lru_cache(64)
-def _read(name: str, path: Path, _: int) -> RobotModel:
+def _read(model: str, path: Path, _: int) -> RobotModel:
     """Its file, read again when that has changed."""
-    table = msgspec.toml.decode(path.read_bytes())
-    if "wheels" in table:
-        _fill_from_urdf(table["wheels"], name)
-    return msgspec.convert(table, RobotModel)
+    where = Path(read_facts(model).origin).with_name("model.toml") if is_made(model) else path
+    text = path.read_text(encoding="utf-8", errors="replace")
+    try:
+        table = msgspec.toml.decode(text)
+        if "wheels" in table:
+            _fill_from_urdf(table["wheels"], model)
+        found = msgspec.convert(table, RobotModel)
+    except NoWheels as error:
+        raise NoWheels(f"{where}: {error}") from None
+    except msgspec.MsgspecError as error:
+        raise BadInput(f"{where}{_line(text, str(error))}: {error}") from None
+    _check_links(found, model, where, text)
+    return found
+
+
+@lru_cache(64)
+def _without_file(model: str) -> RobotModel:
+    """What a URDF tells by itself: a robot whose joints take efforts, held in the world where its root is ``world``."""
+    facts, robot = read_facts(model), read_robot(model)
+    return RobotModel(
+        about=facts.title or facts.name,
+        base_frame=robot.root,
+        radius=max(facts.reach, 0.01),
+        odometry="world",
+        odometry_rate=25.0,
+        joint_rate=50.0,
+        fixed_base=robot.root == "world",
+    )
+
+
+def _check_links(found: RobotModel, model: str, where: Path, text: str) -> None:
+    """Raise BadInput for links that the URDF does not have."""
+    links = [each.name for each in read_robot(model).links]
+    named = {"base_frame": [found.base_frame]}
+    for each in ("laser", "sonar", "imu", "camera"):
+        if (part := getattr(found, each)) is not None:
+            named[f"{each}.link"] = [part.link]
+    if found.sonar is not None:
+        named["sonar.links"] = list(found.sonar.links)
+    for key, wanted in named.items():
+        for link in wanted:
+            if link not in links:
+                raise unknown_name("link", link, links, f"{where}{_line(text, f'$.{key}')}: {key}")
+
+
+def _line(text: str, error: str) -> str:
+    """``:line`` of the key that a decoder's error names; empty where it names none."""
+    if found := re.search(r"line (\d+)", error):
+        return f":{found[1]}"
+    if "end of document" in error:
+        return f":{text.count(chr(10)) + 1}"
+    field, path = re.search(r"field `(\w+)`", error), re.search(r"\$\.([\w.]+)", error)
+    keys = [*(path[1].split(".") if path else ()), *([field[1]] if field else ())]
+    line = 0
+    lines = text.splitlines()
+    for key in keys:
+        pattern = re.compile(rf"\s*(\[\s*{key}\s*\]|{key}\s*=)")
+        line = next((n for n, each in enumerate(lines) if n >= line and pattern.match(each)), line)
+    return f":{line + 1}" if keys else ""
 
 
 def _fill_from_urdf(wheels: dict[str, Any], name: str) -> None:

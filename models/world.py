@@ -24,13 +24,23 @@ class Box(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     colour: tuple[Shade, Shade, Shade, Shade] = (0.6, 0.6, 0.6, 1.0)
 
 
+class Start(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where a robot starts in a world, clear of everything: m, m, rad."""
+
+    x: Coordinate = 0.0
+    y: Coordinate = 0.0
+    yaw: float = 0.0
+
+
 class WorldDescription(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A level ground at z = 0 and obstacles on it.
 
-    ``friction`` is the ground's coefficient; the one of a contact is its product with the wheel's.
+    ``friction`` is the ground's coefficient; the one of a contact is its product with the wheel's. ``start`` is for the
+    robots of a fleet that asks for it, ``pose = "world"``.
     """
 
     about: str = ""
+    start: Start | None = None
     friction: Annotated[float, Meta(ge=0, le=10)] = 1.0
     boxes: tuple[Box, ...] = ()
 

@@ -10,9 +10,9 @@ import click
 
 from deploy.commands.completion import KIND
 from deploy.commands.options import fleet_option
-from deploy.network_address import port_of_fleet, resolve_address
 from services.runtime import process
 from services.runtime.errors import BadInput, unknown_name
+from services.runtime.network_address import port_of_fleet, resolve_address
 from services.runtime.process import ROOT
 
 

@@ -12,6 +12,7 @@ import msgspec
 from deploy.commands.completion import FLEET
 from deploy.fleet import MODES, REMOVED_MODES, Fleet, RunConfig, ServiceConfig
 from deploy.fleet_file import find_fleet, read_fleet, saved_parameters_file
+from deploy.fleet_overrides import HELP
 from services.runtime.errors import BadInput
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ class _Mode(click.Choice[str]):
 
 @click.command("up")
 @click.argument("fleet", default="lab", type=FLEET)
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help=HELP)
 @click.option("--mode", type=_Mode(MODES), help="How time runs; the fleet's by default.")
 @click.option("--factor", type=float, help="Simulated seconds per wall-clock second, in mode real.")
 @click.option("--duration", type=float, metavar="S", help="End after S seconds of simulation time.")
@@ -51,18 +53,20 @@ class _Mode(click.Choice[str]):
 @click.option("--no-view", is_flag=True, help="Do not open a viewer, nor serve the run to one.")
 @click.option("--no-picture", is_flag=True, help="Write no report.png; drawing it takes half a second.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
-def command(fleet: str, detach: bool, report: str, runs: str, as_json: bool, **options: Any) -> None:
+def command(
+    fleet: str, detach: bool, report: str, runs: str, as_json: bool, overrides: tuple[str, ...], **options: Any
+) -> None:
     """Run FLEET, from deploy/fleets or a TOML file (lab by default), and report on it.
 
     Ctrl-C stops the run and reports on it so far, with exit status 130 (0 for a fleet that never ends on its own); a
     second Ctrl-C kills it. The exit status is 0 if every check of the report passes, 1 if not, 2 for bad input.
     """
+    described = override_run(read_fleet(find_fleet(fleet), overrides), options)
     if detach:
         from deploy.detach import start_detached
 
-        described = override_run(read_fleet(find_fleet(fleet)), options)
         raise SystemExit(start_detached(described.name, report, as_json, runs))
-    raise SystemExit(_run(override_run(read_fleet(find_fleet(fleet)), options), report, runs, as_json, options))
+    raise SystemExit(_run(described, report, runs, as_json, overrides, options))
 
 
 def override_run(fleet: Fleet, options: dict[str, Any]) -> Fleet:
@@ -82,7 +86,9 @@ def override_run(fleet: Fleet, options: dict[str, Any]) -> Fleet:
     return msgspec.structs.replace(fleet, run=run)
 
 
-def _run(fleet: Fleet, report: str, runs: str, as_json: bool, options: dict[str, Any]) -> int:
+def _run(
+    fleet: Fleet, report: str, runs: str, as_json: bool, overrides: tuple[str, ...], options: dict[str, Any]
+) -> int:
     from deploy.live.output import ignore_output_errors
     from deploy.progress import open_display
     from deploy.run_fleet import run_fleet
@@ -108,6 +114,7 @@ def _run(fleet: Fleet, report: str, runs: str, as_json: bool, options: dict[str,
         tcp_port=tcp_port,
         view=not options["no_view"],
         picture=not options["no_picture"],
+        overrides=overrides,
     )
     with open_display() as shown:
         if tcp_port not in (None, fleet.run.port):

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from deploy.doctor import Finding, fail, ok, warn
 from deploy.doctor.machine import disk_space
-from deploy.live.message_types import known_topic
+from deploy.interfaces import known_topic
 from messages.elea import BaseStatus, FleetState, Health
 from messages.rosgraph import Clock
 from services.runtime.fleet_instances import running_fleets

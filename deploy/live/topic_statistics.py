@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from deploy.live.message_types import known_topic
+from deploy.interfaces import known_topic
 from deploy.live.subscribers import ClockSubscriber, header_stamp
 from services.runtime.subscriber import ReceivedSample
 

@@ -41,7 +41,7 @@ class ArmSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     state: str = CONTROL_STATE.name
 
 
-class GraderParameters(Parameters, frozen=True, kw_only=True):
+class GraderParameters(Parameters):
     """Robots to measure, end of the run, and output folder. The end of the run is live."""
 
     robots: tuple[str, ...] = param((), text="Names of the robots to measure.", live=False)

@@ -8,7 +8,7 @@ from messages.base import Metres
 from services.runtime import Parameters, Service, param
 
 
-class LoggerParameters(Parameters, frozen=True, kw_only=True):
+class LoggerParameters(Parameters):
     """What to record, where to, and who may look on. Only ``window`` is live."""
 
     robots: tuple[str, ...] = param((), text="Names of the robots, in the order of their colours.", live=False)

@@ -9,6 +9,7 @@ from typing import Any, Protocol, Self, TypeVar
 
 from messages.base import Message
 from messages.elea import Health
+from messages.names import Identity
 from messages.requests import Request
 from messages.rosgraph import Log as LogLine
 from messages.topics import HEALTH, ROSOUT, Topic
@@ -16,14 +17,13 @@ from services.runtime.discovery import ReachabilityCheck, known_nodes
 from services.runtime.errors import Stopped, TryAgain
 from services.runtime.graph import Entity, Kind, ping_key, token_pattern
 from services.runtime.heartbeat import Heartbeat
-from services.runtime.identity import Identity
 from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.log import Log
 from services.runtime.publisher import Publisher, SendBuffer
-from services.runtime.refusal_counter import RefusalCounter
 from services.runtime.requests import DEADLINE_S, DeferredReply, RequestServer, call
 from services.runtime.subscriber import WAIT_BUDGET_S, Subscriber, WaitBudget
 from services.runtime.transport.api import RawSubscriber, Token, Transport
+from services.runtime.transport.sequences import RefusalCounter
 
 M = TypeVar("M", bound=Message)
 Q = TypeVar("Q", bound=Message)

@@ -11,8 +11,8 @@ from deploy.fleet import ChangeConfig, Fleet, RobotConfig, RunConfig, ServiceCon
 from deploy.fleet_file import find_fleet, fleet_names, read_fleet
 from deploy.processes import SUPERVISOR, ProcessSpec, plan_processes
 from deploy.restart_policy import RestartPolicy
-from deploy.service_catalog import load_service
 from deploy.service_parameters import RunOptions
+from services.catalog import load_service
 from services.runtime.parameters.validation import build, read_assignments
 from services.runtime.transport.unix_sockets import router_endpoint
 

@@ -13,8 +13,8 @@ import psutil
 
 from messages.elea import ProcessState
 from messages.geometry import Twist
+from messages.names import Identity
 from messages.std import String
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher

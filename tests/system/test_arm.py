@@ -11,7 +11,7 @@ import matplotlib.image
 import pytest
 
 from deploy.fleet_file import find_fleet
-from deploy.report.schema import SCHEMA_FILE
+from deploy.report.record import SCHEMA_FILE
 from tests.harness.command_line import CommandLine, CommandResult
 
 BRIEF = (("at = 4\n", "at = 2.5\n"), ("at = 20.2 ", "at = 8 "), ("at = 22\n", "at = 9\n"))

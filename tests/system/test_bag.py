@@ -17,10 +17,10 @@ from rerun.chunk import Chunk, RrdReader
 from rosbags.highlevel import AnyReader
 
 from deploy.fleet_file import read_fleet
-from deploy.service_catalog import load_service
 from messages.base import Message
 from messages.cdr.sidecar import split
 from messages.elea import FleetState
+from messages.names import Identity
 from messages.parameters import ParameterValues
 from messages.requests import SUPERVISOR_STOP, Name
 from messages.std import String
@@ -29,9 +29,9 @@ from messages.topics import CLOCK, FLEET_STATE, ROBOT_DESCRIPTION
 from models.palette import colours
 from services.bag.info import BagInfo
 from services.bag.reader import MessageDecoder, open_bag
+from services.catalog import load_service
 from services.logger.viewer import convert_bag
 from services.recorder.urdf_prefix import prefix_links
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.step import STEP_NS

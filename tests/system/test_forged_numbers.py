@@ -14,10 +14,10 @@ import zenoh
 from messages.base import encode
 from messages.elea import BaseStatus, FleetState, Health, InputHealth
 from messages.geometry import Twist
+from messages.names import Identity
 from messages.std import Bool
 from messages.topics import BASE_STATUS, CMD_VEL, E_STOP, FLEET_STATE, HEALTH, Topic
 from services.runtime.graph import snapshot
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher

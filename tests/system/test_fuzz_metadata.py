@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from messages.base import encode
 from messages.elea import BaseStatus, FleetState, Health
 from messages.geometry import Twist
-from messages.names import mangle
+from messages.names import Identity, mangle
 from messages.std import Bool
 from messages.topics import (
     BASE_STATUS,
@@ -38,7 +38,6 @@ from messages.topics import (
     Topic,
 )
 from services.runtime.graph import EVERYTHING, Entity
-from services.runtime.identity import Identity
 from services.runtime.lockstep.protocol import grant_key, report_key
 from services.runtime.log import Log
 from services.runtime.node import Node

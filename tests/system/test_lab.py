@@ -12,7 +12,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-from deploy.report.schema import SCHEMA_FILE
+from deploy.report.record import SCHEMA_FILE
 from models.palette import colours
 from services.logger.screenshots import screenshot
 from services.square import LOG_FILE

@@ -14,7 +14,7 @@ import jsonschema
 import matplotlib.image
 import pytest
 
-from deploy.report.schema import SCHEMA_FILE
+from deploy.report.record import SCHEMA_FILE
 from messages.geometry import STOP
 from messages.nav import Odometry
 from messages.topics import CMD_VEL, ODOM, STATUS

@@ -14,7 +14,7 @@ from typing import Annotated
 from msgspec import Meta
 from services.runtime import Parameters, Service, main
 
-class Late(Parameters, frozen=True, kw_only=True):
+class Late(Parameters):
     speed: Annotated[float, Meta(ge=0, le=1)] = 0.5
 
 def run(ctx):

@@ -13,10 +13,9 @@ import msgspec
 import pytest
 
 from deploy.fleet import ChangeConfig
-from deploy.report import schema
 from deploy.report.checks import Bound, Bounds, check_bounds
 from deploy.report.picture import draw_figure, shorten_name
-from deploy.report.record import PICTURE_FILE, REPORT_FILE, Report, RunFacts
+from deploy.report.record import PICTURE_FILE, REPORT_FILE, SCHEMA_FILE, Report, RunFacts, report_schema, schema_text
 from deploy.report.table import format_fixed, format_number, print_report
 from deploy.report.write import build_report, read_measurements, to_json, write_report
 from deploy.supervisor.node import RunMonitor
@@ -62,7 +61,7 @@ def measured(folder: Path) -> Measurements:
 def test_the_report_of_a_run_fits_its_schema_and_holds_the_promised_keys(folder: Path) -> None:
     report = write_report(folder, FACTS, {})
     tree = json.loads((folder / REPORT_FILE).read_text())
-    jsonschema.Draft202012Validator(schema.schema()).validate(tree)
+    jsonschema.Draft202012Validator(report_schema()).validate(tree)
     assert tree["schema"] == 1
     assert tree["ok"] is report.ok is True
     assert set(ISSUED_RUN.split()) <= set(tree["run"])
@@ -77,14 +76,14 @@ def test_the_schema_refuses_a_report_without_a_key(folder: Path, measured: Measu
     tree = json.loads(to_json(build_report(measured, FACTS, {})))
     del tree["robots"]["tb3_0"]["collisions"]
     with pytest.raises(jsonschema.ValidationError) as refused:
-        jsonschema.Draft202012Validator(schema.schema()).validate(tree)
+        jsonschema.Draft202012Validator(report_schema()).validate(tree)
     assert any("collisions" in each.message for each in refused.value.context or ())
 
 
 def test_the_schema_file_is_that_of_the_records_and_every_key_is_documented() -> None:
-    assert schema.SCHEMA_FILE.read_text() == schema.text()
-    text = schema.SCHEMA_FILE.with_name("README.md").read_text()
-    definitions = schema.schema()["$defs"]
+    assert SCHEMA_FILE.read_text() == schema_text()
+    text = SCHEMA_FILE.with_name("README.md").read_text()
+    definitions = report_schema()["$defs"]
     records = {"RunFigures": "run.", "RobotFigures": "robots.*.", "CornerFigures": "robots.*.corners.*."}
     records |= {"ArmFigures": "robots.*.", "StepFigures": "robots.*.steps.*."}
     for record, prefix in {
@@ -184,7 +183,7 @@ def test_reports_and_measurements_of_earlier_versions_are_read(measured: Measure
     del tree["changes"]
     for name in ("changes_missed", "nodes_absent", "absent", "factor", "lag_s", "ticks_missed"):
         del tree["run"][name]
-    jsonschema.Draft202012Validator(schema.schema()).validate(tree)
+    jsonschema.Draft202012Validator(report_schema()).validate(tree)
     assert msgspec.convert(tree, Report).run.mode == "free"
     del tree["robots"]["tb3_0"]["min_clearance_m"]
     assert msgspec.convert(tree, Report).robots["tb3_0"].min_clearance_m is None

@@ -10,7 +10,7 @@ from typing import Any
 
 from messages.elea import BaseStatus
 from messages.geometry import Pose, PoseWithCovariance, Quaternion, Transform, TransformStamped, Vector3
-from messages.names import join
+from messages.names import Identity, join
 from messages.nav import Odometry
 from messages.rosgraph import Clock
 from messages.std import Header, Time
@@ -20,7 +20,6 @@ from services.panel import PanelParameters
 from services.panel.hub import Hub
 from services.panel.pages import Page, PageRegistry
 from services.panel.protocol import ClientMessage
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.transport.memory import MemoryBus, MemoryTransport

@@ -8,7 +8,7 @@ from messages.geometry import Twist, TwistStamped
 from messages.nav import Odometry
 from services.runtime.errors import BadInput
 from services.runtime.graph import Entity
-from services.teleop.bases import BaseInfo, choose_base, find_bases
+from services.teleop.robot import BaseInfo, choose_base, find_bases
 
 TWIST = Twist.ROS_TYPE
 
