@@ -44,10 +44,12 @@ def controlled_joint(robot: RobotConfig) -> str:
 
 def arm_parameters(kind: str, fleet: Fleet, robot: RobotConfig | None) -> dict[str, Any]:
     """The parameters of an arm's controller or reference; outside any robot, those of the fleet's only arm."""
+    if kind not in ("arm", "reference"):
+        return {}
     arms = [each for each in fleet.robot if is_arm(each)]
     if robot is None and len(arms) == 1:
         robot = arms[0]
-    if kind not in ("arm", "reference") or robot is None or not is_arm(robot):
+    if robot is None or not is_arm(robot):
         return {}
     joint = controlled_joint(robot)
     lower, upper = _limited_joints(robot)[joint]
