@@ -10,7 +10,7 @@ from deploy.service_catalog import load_service
 from deploy.service_parameters import BUILTIN_SERVICES, robot_parameters_type
 from deploy.toml_source import TomlKey, TomlSource
 from messages.names import BadName, Identity, identify, parse_remap
-from models import MODELS
+from models import display_name
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.parameters.validation import build
 
@@ -67,15 +67,13 @@ def _check_robot(robot: RobotConfig, path: tuple[TomlKey, ...], names: set[str],
     except BadName as error:
         raise BadInput(f"{where}: {error}") from None
     names.add(f"/{robot.name}")
-    if robot.model not in MODELS:
-        raise unknown_name("model", robot.model, MODELS, source.location(*path, "model"))
     for name, value in robot.parameters.items():
         build(robot_parameters_type(robot.model), {name: value}, source.location(*path, "parameters", name))
 
 
 def _check_models(fleet: Fleet, source: TomlSource) -> None:
     """Models are stated for those of every robot alone, and each of them has a robot of them."""
-    own = {robot.model for robot in fleet.robot}
+    own = {display_name(robot.model) for robot in fleet.robot}
     for index, member in enumerate(fleet.every_robot):
         for name in member.models:
             if name not in own:

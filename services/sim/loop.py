@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -24,6 +24,7 @@ from services.runtime.requests import DeferredReply
 from services.runtime.step import STEP_NS
 from services.sim import SimParameters
 from services.sim.physics.bullet import BulletWorld
+from services.sim.robot_loader import RobotLoader, with_own_files
 from services.sim.services import JointServices, PropertyServices, SimulationServices
 from services.sim.simulation import Simulation
 from services.sim.time_modes import Lockstep, RealTime, TimeMode
@@ -42,12 +43,13 @@ def run(ctx: Context[SimParameters]) -> None:
             simulation = Simulation(node, world, params.seed, params.mode == "real", stops_file)
             node.log.now = lambda: simulation.now
             for entry in params.robots:
-                simulation.spawn(entry, Pose3.planar(entry.x, entry.y, entry.yaw), wait=True)
+                place = Pose3.planar(entry.x, entry.y, entry.yaw)._replace(position=(entry.x, entry.y, entry.z))
+                simulation.spawn(with_own_files(entry), place, wait=True)
             status_publisher = _StatusPublisher(node)
             time_mode = _time_mode(ctx, simulation, status_publisher)
             ParameterClient.of(node).watermarks = time_mode.watermarks
             loop = SimulationLoop(simulation, time_mode, node)
-            SimulationServices(simulation, node)
+            SimulationServices(simulation, node, RobotLoader(params.model_folders, loop.answer_between_ticks))
             JointServices(simulation, node)
             PropertyServices(simulation, time_mode, node, params, world_description)
 
@@ -101,7 +103,7 @@ class SimulationLoop:
 
     def __init__(self, simulation: Simulation, time_mode: TimeMode, node: Node) -> None:
         self.simulation, self.time_mode, self._node = simulation, time_mode, node
-        self._requests: deque[tuple[DeferredReply[SimTime], Callable[[], SimTime | DeferredReply[SimTime]]]] = deque()
+        self._requests: deque[tuple[DeferredReply[Any], Callable[[], Any]]] = deque()
         self._steps: _Steps | None = None
         node.serve(PAUSE, lambda _: self._between_ticks(lambda: self._set_paused(True)))
         node.serve(RESUME, lambda _: self._between_ticks(lambda: self._set_paused(False)))
@@ -152,6 +154,11 @@ class SimulationLoop:
         while self._requests:
             reply, act = self._requests.popleft()
             reply.answer(act)
+
+    def answer_between_ticks(self, reply: DeferredReply[Any], act: Callable[[], Any]) -> None:
+        """Answer a deferred reply between two ticks; may be called from any thread."""
+        self._requests.append((reply, act))
+        self._node.transport.wake()
 
     def _between_ticks(self, act: Callable[[], SimTime | DeferredReply[SimTime]]) -> DeferredReply[SimTime]:
         reply: DeferredReply[SimTime] = DeferredReply()

@@ -7,6 +7,7 @@ from typing import Any
 from messages.elea import ModelState
 from messages.se3 import Pose3
 from messages.topics import E_STOP
+from models import display_name
 from models.model import read_model
 from services.runtime.node import Node
 from services.runtime.subscriber import Subscriber
@@ -90,7 +91,9 @@ class Robot:
     def state(self) -> ModelState:
         """Pose and twist, as requests report them."""
         body = self._body.state()
-        return ModelState(name=self.name, model=self.entry.model, pose=body_pose(body), twist=body_twist(body))
+        return ModelState(
+            name=self.name, model=display_name(self.entry.model), pose=body_pose(body), twist=body_twist(body)
+        )
 
     @property
     def pose(self) -> Pose3:

@@ -116,6 +116,10 @@ class BodyHandle(Protocol):
     def links(self) -> tuple[str, ...]:
         """The links, the root first."""
 
+    @property
+    def limited_damping(self) -> Mapping[str, float]:
+        """Joints whose damping is less than what was asked for, since a step carries no more; and how much it is."""
+
     def state(self) -> BodyState:
         """Pose and velocity of the root frame; about 6 us."""
 
