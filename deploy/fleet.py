@@ -82,11 +82,14 @@ class RobotConfig(FleetTable, frozen=True, kw_only=True):
 
     ``model`` is a name of ``models/`` or, in the file, a path; once the file is read, that is the robot's
     ``models.robot_source.RobotSource.model``. ``xacro_args`` are the arguments of a xacro.
+    ``namespace`` is its name when empty, the root when ``/``; ``frame_prefix`` its name and a slash when None.
     """
 
     name: str
     model: str
     xacro_args: dict[str, str | float | int | bool] = {}
+    namespace: str = ""
+    frame_prefix: str | None = None
     pose: StartPose = StartPose()
     parameters: dict[str, Any] = {}
     services: tuple[ServiceConfig, ...] = ()
@@ -101,7 +104,9 @@ class ChangeConfig(FleetTable, frozen=True, kw_only=True):
 
 
 class Fleet(FleetTable, frozen=True, kw_only=True):
-    """A fleet. ``every_robot`` are services that each robot gets beside its own.
+    """A fleet. ``world`` is a name of models/worlds, or the path of a file; by default it is empty.
+
+    ``every_robot`` are services that each robot gets beside its own.
 
     ``mode_bounds`` are the tables ``[bounds.real]`` and ``[bounds.lockstep]`` of the file. ``folder`` is that of the
     file, from which its paths count.
@@ -109,6 +114,7 @@ class Fleet(FleetTable, frozen=True, kw_only=True):
 
     name: FleetName
     description: str = ""
+    world: Annotated[str, Meta(max_length=4096)] = ""
     run: RunConfig = RunConfig()
     robot: tuple[RobotConfig, ...] = ()
     every_robot: tuple[ServiceConfig, ...] = ()

@@ -1,7 +1,11 @@
 """The table of all records by the name of their ROS type."""
 
+import msgspec
+
 from messages import (
+    actionlib,
     control,
+    controllers,
     diagnostic,
     elea,
     gazebo,
@@ -15,6 +19,8 @@ from messages import (
     simulation,
     std,
     tf,
+    trajectory,
+    visualization,
 )
 from messages.base import Message
 from messages.errors import BadInput, nearest
@@ -27,12 +33,16 @@ _MODULES = (
     tf,
     rosgraph,
     diagnostic,
+    trajectory,
+    actionlib,
     control,
+    controllers,
     elea,
     gazebo,
     joints,
     parameters,
     simulation,
+    visualization,
     requests,
 )
 
@@ -47,6 +57,13 @@ RECORDS: dict[str, type[Message]] = {
 
 class UnknownRecord(BadInput, LookupError):
     """No record has this ROS type; the text names the nearest one, or all."""
+
+
+def unknown_record(ros_type: str) -> type[Message]:
+    """A record without fields that stands for a type that this project does not know."""
+    made = msgspec.defstruct("Unknown", [], bases=(Message,), namespace={"ROS_TYPE": ros_type}, frozen=True)
+    assert issubclass(made, Message)
+    return made
 
 
 def record(type_name: str) -> type[Message]:

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 from deploy.live.output import printable
-from deploy.yaml_reader import read_yaml
 from messages.base import LARGEST
 from messages.parameters import (
     Announcement,
@@ -25,6 +24,7 @@ from messages.parameters import (
     SetParameters,
     Value,
 )
+from models.yaml_reader import read_yaml
 from services.runtime.errors import BadInput, unknown_name
 
 Format = Literal["yaml", "toml"]

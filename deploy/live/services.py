@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from deploy.interfaces import known_record, known_request, record_by_type
 from deploy.live.message_builder import MessageBuilder, split_type
-from deploy.live.message_types import known_record, known_request, record_by_type
 from deploy.live.output import write_note
 from deploy.live.topics import not_found
-from deploy.yaml_reader import read_yaml
 from messages.base import encode
 from messages.names import key as key_of
 from messages.plain import plain
 from messages.requests import Request
+from models.yaml_reader import read_yaml
 from services.runtime.errors import BadInput
 from services.runtime.graph import Entity, token_pattern
 from services.runtime.requests import call

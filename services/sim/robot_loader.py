@@ -113,15 +113,15 @@ class RobotLoader:
         return resolve_robot(request.model, base, packages, access=FileAccess(folders, run_xacro=False)).model
 
 
-def on_the_ground(model: str, pose: Pose3) -> Pose3:
-    """The pose of a robot's root, raised so far that an upright robot from outside does not reach below the ground.
+def on_the_ground(model: str, pose: Pose3, ground: float = 0.0) -> Pose3:
+    """The pose of a robot's root, raised so far that an upright robot from outside does not reach below ``ground`` [m].
 
     The root of a robot of ``models/`` is on the ground; the roots of others often are at the height of their axles.
     """
     if not is_made(model) or read_model(model).fixed_base or max(map(abs, pose.rpy[:2])) > UPRIGHT:
         return pose
     x, y, z = pose.position
-    return pose._replace(position=(x, y, max(z, -read_facts(model).lowest)))
+    return pose._replace(position=(x, y, max(z, ground - read_facts(model).lowest)))
 
 
 def _label(model: str) -> str:

@@ -14,8 +14,8 @@ import click
 import pytest
 
 from deploy.commands.completion import PARAMETER, SET
-from deploy.yaml_reader import read_yaml
 from messages.requests import SIM_REQUESTS
+from models.yaml_reader import read_yaml
 from services.runtime.process import ROOT
 from tests.harness.background_fleet import BackgroundFleet, background_fleet, interrupt
 from tests.harness.waiting import wait_until

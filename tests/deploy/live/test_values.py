@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from deploy.live.message_builder import MessageBuilder
-from deploy.yaml_reader import read_yaml
 from messages.base import Message
 from messages.geometry import PoseStamped, Twist, Vector3
 from messages.sensor import Image, JointState, LaserScan
 from messages.std import Bool, Empty, Float32, Header, String, Time
 from messages.tf import TFMessage
+from models.yaml_reader import read_yaml
 from services.runtime.errors import BadInput
 
 NOW = 1_500_000_000

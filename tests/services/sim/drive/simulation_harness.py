@@ -11,12 +11,12 @@ from typing import Any, TypeVar
 from messages.base import Message
 from messages.elea import BaseStatus
 from messages.geometry import Twist
+from messages.names import Identity
 from messages.nav import Odometry
 from messages.requests import Request
 from messages.se3 import Pose3
 from messages.topics import BASE_STATUS, CMD_VEL, GROUND_TRUTH, ODOM, Topic
 from models.world import WorldDescription
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.parameters.validation import build
@@ -147,14 +147,16 @@ class SimulationHarness:
 
 
 @contextmanager
-def run_simulation(model: str = "p3dx", at: Pose3 | None = None, **parameters: object) -> Iterator[SimulationHarness]:
+def run_simulation(
+    model: str = "p3dx", at: Pose3 | None = None, seed: int = 0, **parameters: object
+) -> Iterator[SimulationHarness]:
     """A robot ``p3dx`` of some model alone in an empty world."""
     bus, log, identity = MemoryBus(), io.StringIO(), Identity.of("sim", "/")
     with (
         BulletWorld(WorldDescription(), STEP_NS) as world,
         Node(MemoryTransport(bus), identity, "sim", Log(identity.node, out=log)) as node,
     ):
-        stage = Simulation(node, world, 0)
+        stage = Simulation(node, world, seed)
         SimulationServices(stage, node)
         stage.spawn(RobotEntry(name=NAME, model=model, parameters=base_parameters(**parameters)), at or Pose3())
         yield SimulationHarness(SimulationLoop(stage, RealTime(stage, node, 1000), node), bus, node, log)

@@ -1,0 +1,125 @@
+"""Where a key stands in a TOML text: the line to name when its value is refused."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+TomlKey = str | int
+"""A key, or the index of an element in an array."""
+
+
+class TomlSource:
+    """A TOML text and the name of its file.
+
+    ``set_elsewhere`` are keys whose values are not the file's, with what is named in place of its line.
+    """
+
+    def __init__(self, path: Path, text: str, set_elsewhere: Sequence[tuple[tuple[TomlKey, ...], str]] = ()) -> None:
+        self.path, self._text, self._set_elsewhere = path, text, set_elsewhere
+
+    def location(self, *path: TomlKey) -> str:
+        """``file:line`` of the key at ``path``, or of the nearest table around it; or where else it was set."""
+        for own, where in reversed(self._set_elsewhere):
+            if path[: len(own)] == own:
+                return where
+        return f"{self.path}:{line_of(self._text, path)}"
+
+
+def key_path(text: str) -> tuple[TomlKey, ...]:
+    """The path that ends msgspec's errors, ``.robot[2].pose.x``, taken apart, as far as keys are named."""
+    steps: list[TomlKey] = []
+    for name, index, rest in re.findall(r"\.(\w+)|\[(\d+)\]|(\[\.\.\.\])", text):
+        if rest:
+            break
+        steps.append(name or int(index))
+    return tuple(steps)
+
+
+def line_of(text: str, path: Sequence[TomlKey]) -> int:
+    """The line, from 1, of the key at ``path`` in a valid TOML text; of the nearest part that exists, if it does not.
+
+    A table of an array is written as its index: ``("robot", 2, "pose", "x")``.
+    """
+    best, line = 0, 1
+    here: tuple[TomlKey, ...] = ()
+    counts: dict[tuple[TomlKey, ...], int] = {}
+    for number, chunk, parsed in _statements(text):
+        if chunk.lstrip().startswith("["):
+            keys = here = _header(parsed, counts)
+        else:
+            keys = here + tuple(_keys(parsed))
+        shared = _common_prefix(keys, path)
+        if shared == len(keys) and shared > best:
+            best, line = shared, number + _inline_offset(chunk, path[shared:])
+        elif shared == len(path) and shared > best:
+            best, line = shared, number
+    return line
+
+
+@lru_cache(1)
+def _statements(text: str) -> tuple[tuple[int, str, dict[str, Any]], ...]:
+    """Line, text and content of each statement: the shortest run of lines that is valid TOML by itself.
+
+    A file is asked for every robot in it: of 300, reading it anew each time took minutes.
+    """
+    return tuple(_split(text))
+
+
+def _split(text: str) -> Iterator[tuple[int, str, dict[str, Any]]]:
+    lines = text.splitlines()
+    start = 0
+    while start < len(lines):
+        for end in range(start + 1, len(lines) + 1):
+            chunk = "\n".join(lines[start:end])
+            try:
+                parsed = tomllib.loads(chunk)
+            except tomllib.TOMLDecodeError:
+                continue
+            if parsed:
+                yield start + 1, chunk, parsed
+            break
+        start = end
+
+
+def _header(parsed: dict[str, Any], counts: dict[tuple[TomlKey, ...], int]) -> tuple[TomlKey, ...]:
+    """The path of ``[a.b]`` or ``[[a.b]]``, with the indices of the arrays that it lies in."""
+    path: tuple[TomlKey, ...] = ()
+    value: Any = parsed
+    while value:
+        if isinstance(value, list):
+            counts[path] = counts.get(path, -1) + 1
+            path, value = (*path, counts[path]), value[0]
+            continue
+        if path in counts:
+            path = (*path, counts[path])
+        name = next(iter(value))
+        path, value = (*path, name), value[name]
+    return path
+
+
+def _keys(parsed: dict[str, Any]) -> Iterator[str]:
+    """The keys of an assignment; dotted ones are nested tables with one entry each."""
+    (name, value), *_ = parsed.items()
+    yield name
+    if isinstance(value, dict) and len(value) == 1:
+        yield from _keys(value)
+
+
+def _common_prefix(left: Sequence[TomlKey], right: Sequence[TomlKey]) -> int:
+    """How many leading parts are equal."""
+    return next((i for i, (a, b) in enumerate(zip(left, right, strict=False)) if a != b), min(len(left), len(right)))
+
+
+def _inline_offset(chunk: str, rest: Sequence[TomlKey]) -> int:
+    """Lines from the start of a statement to the innermost key of ``rest`` in its inline tables."""
+    lines = chunk.splitlines()
+    for name in reversed([step for step in rest if isinstance(step, str)]):
+        for offset, line in enumerate(lines):
+            if re.search(rf"(?<![\w-]){re.escape(name)}\b[\"']?\s*=", line):
+                return offset
+    return 0
