@@ -197,6 +197,7 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
                 "awaits": [each for each in nodes.awaits if each not in nodes.members],
                 "requires": list(nodes.requires),
                 "stops_file": str(options.folder / STOPS_FILE),
+                "model_folders": [fleet.folder, *run.packages] if fleet.folder else [],
             }
         case "grader":
             return {
@@ -240,7 +241,7 @@ def _live_view_port(router: int) -> dict[str, int]:
 
 
 def _sim_robot(robot: RobotConfig) -> dict[str, Any]:
-    pose = {"x": robot.pose.x, "y": robot.pose.y, "yaw": robot.pose.yaw}
+    pose = {"x": robot.pose.x, "y": robot.pose.y, "z": robot.pose.z, "yaw": robot.pose.yaw}
     table = "parameters" if read_model(robot.model).wheels else "joint_parameters"
     names: dict[str, Any] = {"name": robot.name, "model": robot.model}
     if robot.namespace:

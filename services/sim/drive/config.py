@@ -10,7 +10,7 @@ from typing import Any, Literal
 import msgspec
 
 from messages.base import Packed36, covariance
-from models import model_config_path, urdf_path
+from models import model_config_path, physics_urdf_path
 from models.model import OdometryErrorConfig, RobotModel, WheelConfig, read_model
 from models.urdf import NoWheels, WheelPair, read_wheels
 from services.driving.pid import PidGains
@@ -190,7 +190,7 @@ def drive_config(name: str, model: RobotModel, wheels: WheelConfig, parameters: 
         stamped=bool(parameters.use_stamped_vel),
         publish_cmd=bool(parameters.publish_cmd),
         warnings=(
-            *_check_against_urdf(urdf_path(name), left, right, turned.geometry, parameters),
+            *_check_against_urdf(physics_urdf_path(name), left, right, turned.geometry, parameters),
             *idle,
             *([] if parameters.cmd_vel_timeout else [NO_TIMEOUT]),
         ),
