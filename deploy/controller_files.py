@@ -8,8 +8,8 @@ from typing import Any
 from msgspec.structs import replace
 
 from deploy.fleet import RobotConfig, ServiceConfig
-from deploy.toml_source import TomlKey, TomlSource
 from models.model import read_model
+from models.toml_source import TomlKey, TomlSource
 from models.urdf import read_joint_limits
 from services.controller_manager.config import ManagerConfig
 from services.controller_manager.config_file import read_config

@@ -11,10 +11,10 @@ from deploy.fleet_validation import all_services, service_identity
 from deploy.processes import ProcessSpec
 from deploy.report.record import EffectiveParameter
 from deploy.service_parameters import BUILTIN_SERVICES, robot_parameter_set
-from deploy.toml_source import TomlSource
 from messages.names import resolve
 from messages.parameters import Parameter, ParameterValues
 from models.model import read_model
+from models.toml_source import TomlSource
 from services.catalog import load_service
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.parameters.base import Parameters
