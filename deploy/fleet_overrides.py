@@ -12,7 +12,8 @@ import msgspec
 
 from deploy.fleet import RobotConfig, RunConfig
 from deploy.service_parameters import BUILTIN_SERVICES
-from deploy.toml_source import TomlKey
+from models import is_world_file
+from models.toml_source import TomlKey
 from services.runtime.errors import BadInput, unknown_name
 
 HELP = (
@@ -61,7 +62,10 @@ def _paths(tree: dict[str, Any], keys: list[str], text: str) -> Iterator[tuple[T
     if first == "run" and rest:
         yield ("run", *rest)
     elif first == "world" and not rest:
-        yield (*_builtin(tree, "sim"), "parameters", "world")
+        for each in _tables(tree, "service"):
+            if each.get("kind") == "sim" and isinstance(each.get("parameters"), dict):
+                each["parameters"].pop("world", None)  # it would win over the fleet's
+        yield ("world",)
     elif first == "model" and not rest:
         if len(robots) != 1:
             raise BadInput(
@@ -115,7 +119,7 @@ def _tables(tree: dict[str, Any], name: str) -> list[dict[str, Any]]:
 
 
 def _value(text: str, path: Sequence[TomlKey]) -> Any:
-    """A value as TOML has it; anything else is text. The file of a model counts from the working directory."""
+    """A value as TOML has it; anything else is text. Files of models and worlds count from the working directory."""
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -124,6 +128,8 @@ def _value(text: str, path: Sequence[TomlKey]) -> Any:
         from models.robot_source import names_file  # it loads what reads meshes, which no --help is to wait for
 
         return str(Path(value).expanduser().absolute()) if names_file(value) else value
+    if tuple(path) == ("world",) and isinstance(value, str) and is_world_file(value):
+        return str(Path(value).expanduser().absolute())
     return value
 
 
