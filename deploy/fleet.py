@@ -75,10 +75,15 @@ class ServiceConfig(FleetTable, frozen=True, kw_only=True):
 
 
 class RobotConfig(FleetTable, frozen=True, kw_only=True):
-    """One robot, the parameters of its base or joints, and the services in its namespace."""
+    """One robot, the parameters of its base or joints, and the services in its namespace.
+
+    ``namespace`` is its name when empty, the root when ``/``; ``frame_prefix`` its name and a slash when None.
+    """
 
     name: str
     model: str
+    namespace: str = ""
+    frame_prefix: str | None = None
     pose: StartPose = StartPose()
     parameters: dict[str, Any] = {}
     services: tuple[ServiceConfig, ...] = ()

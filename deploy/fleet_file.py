@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import msgspec
 from msgspec.structs import replace
 
+from deploy.controller_files import with_controllers_found
 from deploy.fleet import MODES, REMOVED_MODES, ChangeConfig, Fleet, RobotConfig, RunConfig, ServiceConfig, StartPose
+from deploy.fleet_overrides import apply_overrides
 from deploy.fleet_validation import validate_fleet
 from deploy.parameter_sets import check_changes
 from deploy.report.checks import KEYS, Bound
 from deploy.restart_policy import RestartPolicy
-from deploy.service_catalog import is_user_file
 from models import is_world_file
 from models.toml_source import TomlSource, key_path
-from models.world import BadWorld, find_world
+from models.world import find_world, read_world
+from services.catalog import is_user_file
 from services.runtime.errors import BadInput, unknown_name
+from services.runtime.user_folders import parameters_folder
+from services.sim import SimParameters
 
 FLEETS = Path(__file__).resolve().parent / "fleets"
 
@@ -63,7 +68,7 @@ def find_fleet(name: str) -> Path:
 
 def saved_parameters_file(fleet: str) -> Path:
     """Return the file of a fleet's saved parameters: the one under its old name if there is only that."""
-    file = Path("params") / f"{fleet}.db"
+    file = parameters_folder() / f"{fleet}.db"
     if not file.exists():
         for old, new in RENAMED_FLEETS.items():
             if new == fleet and (before := file.with_stem(old)).exists():
@@ -71,16 +76,19 @@ def saved_parameters_file(fleet: str) -> Path:
     return file
 
 
-def read_fleet(path: Path) -> Fleet:
-    """The fleet in a file, checked as far as it can be without starting anything; raises BadInput."""
+def read_fleet(path: Path, overrides: Sequence[str] = ()) -> Fleet:
+    """The fleet in a file, checked as far as it can be without starting anything; raises BadInput.
+
+    ``overrides`` are assignments that change keys of the file, as ``model=waffle``.
+    """
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"the fleet file {path} cannot be read: {error}") from None
-    return parse_fleet(path, text)
+    return parse_fleet(path, text, overrides)
 
 
-def parse_fleet(path: Path, text: str) -> Fleet:
+def parse_fleet(path: Path, text: str, overrides: Sequence[str] = ()) -> Fleet:
     """The fleet in ``text``; ``path`` is named in errors. Raises BadInput."""
     try:
         tree = tomllib.loads(text)
@@ -88,20 +96,18 @@ def parse_fleet(path: Path, text: str) -> Fleet:
         found = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         place = f"{path}:{found[1]}" if found else f"{path}:{text.count(chr(10)) + 1}"
         raise BadInput(f"{place}: this is not TOML: {error}") from None
-    source = TomlSource(path, text)
+    tree, changed = apply_overrides(tree, overrides)
+    source = TomlSource(path, text, [(each.path, f"--set {each.text}") for each in changed])
     _check_mode(tree, source)
     if _BY_MODE in tree:
         raise unknown_name(
             "key", _BY_MODE, [each.name for each in msgspec.structs.fields(Fleet)], source.location(_BY_MODE)
         )
     try:
-        fleet = msgspec.convert(_split_bounds(tree, source), Fleet)
+        fleet = msgspec.convert(_place_in_world(_split_bounds(tree, source), source, path.parent), Fleet)
     except msgspec.ValidationError as error:
         raise _locate_error(source, str(error)) from None
-    try:
-        fleet = _resolve_user_files(fleet, path.parent)
-    except BadWorld as error:
-        raise BadInput(f"{source.location('world')}: {error}") from None
+    fleet = _resolve_user_files(fleet, path.parent)
     validate_fleet(fleet, source)
     check_changes(fleet, source)
     return fleet
@@ -128,19 +134,53 @@ def _split_bounds(tree: dict[str, Any], source: TomlSource) -> dict[str, Any]:
     return {**tree, "bounds": rest, _BY_MODE: by_mode}
 
 
+def _place_in_world(tree: dict[str, Any], source: TomlSource, folder: Path) -> dict[str, Any]:
+    """The content with the fleet's world read, its path counted from ``folder``, and with its start for each robot that
+    has ``pose = "world"``; raises BadInput."""
+    name, where, of_sim = tree.get("world", SimParameters().world), source.location("world"), None
+    services, robots = tree.get("service", []), tree.get("robot")
+    for index, each in enumerate(services if isinstance(services, list) else ()):
+        of_each = each.get("parameters") if isinstance(each, dict) and each.get("kind") == "sim" else None
+        if isinstance(of_each, dict) and "world" in of_each:
+            name, of_sim = of_each["world"], index
+            where = source.location("service", index, "parameters", "world")
+    if not isinstance(name, str):
+        return tree  # the record refuses it
+    try:
+        name = str(find_world(name, folder)) if is_world_file(name) else name
+        start = read_world(name).start
+    except BadInput as error:
+        raise BadInput(f"{where}: {error}") from None
+    tree = {**tree, "world": name}
+    if of_sim is not None:
+        sim = {**services[of_sim], "parameters": {**services[of_sim]["parameters"], "world": name}}
+        tree["service"] = [sim if index == of_sim else each for index, each in enumerate(services)]
+    placed = [
+        isinstance(each, dict) and each.get("pose") == "world" for each in (robots if isinstance(robots, list) else ())
+    ]
+    if not any(placed):
+        return tree
+    if start is None:
+        raise BadInput(f"{where}: the world {name} has no start for a robot: give the robots a pose")
+    pose = msgspec.to_builtins(start)
+    rows = [{**each, "pose": pose} if own else each for each, own in zip(tree["robot"], placed, strict=True)]
+    return {**tree, "robot": rows}
+
+
 def _resolve_user_files(fleet: Fleet, folder: Path) -> Fleet:
-    """The fleet with its world's file and the Python files among its kinds found: a relative path counts from the fleet
-    file's folder."""
+    """The fleet with the files that it names found, Python files among its kinds and those of controllers: a relative
+    one counts from the fleet file's folder."""
 
     def found(members: tuple[ServiceConfig, ...]) -> tuple[ServiceConfig, ...]:
         return tuple(
-            replace(each, kind=str((folder / each.kind).resolve())) if is_user_file(each.kind) else each
+            replace(each, kind=str((folder / each.kind).resolve()))
+            if is_user_file(each.kind)
+            else with_controllers_found(each, folder)
             for each in members
         )
 
     robots = tuple(replace(each, services=found(each.services)) for each in fleet.robot)
-    world = str(find_world(fleet.world, folder)) if is_world_file(fleet.world) else fleet.world
-    return replace(fleet, world=world, robot=robots, every_robot=found(fleet.every_robot), service=found(fleet.service))
+    return replace(fleet, robot=robots, every_robot=found(fleet.every_robot), service=found(fleet.service))
 
 
 def _locate_error(source: TomlSource, error: str) -> BadInput:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
-import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,10 +13,10 @@ from pathlib import Path
 import msgspec
 
 from services.runtime.errors import BadInput
-from services.runtime.fleet_instances import FleetInstance, instances_folder, is_locked, latest, running_fleets
+from services.runtime.fleet_instances import FleetInstance, is_locked, running_fleets
+from services.runtime.ports import bind_error
 from services.runtime.transport import unix_sockets
-
-__all__ = ["FleetInstance", "instance_lock", "instances_folder", "is_locked", "latest", "running_fleets"]
+from services.runtime.user_folders import instances_folder
 
 _LOCK_TIMEOUT_S = 1.0
 """Others look at a lock for a moment; a claim waits so long [s] for them."""
@@ -36,9 +35,7 @@ def instance_lock(entry: FleetInstance) -> Iterator[None]:
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
     except OSError as error:
-        raise BadInput(
-            f"{path} cannot be written ({error.strerror}): set XDG_STATE_HOME to a folder of yours"
-        ) from None
+        raise BadInput(f"{path} cannot be written ({error.strerror}): set ELEA_HOME to a folder of yours") from None
     with os.fdopen(descriptor, "r+b") as file:
         if not _lock(file.fileno()):
             raise _port_in_use(entry.port)
@@ -81,18 +78,12 @@ def _check_free(entry: FleetInstance, meeting: Path) -> None:
         )
     for each in entry.listen:
         host, _, port = each.partition("/")[2].rpartition(":")
-        try:
-            family, kind, protocol, _, address = socket.getaddrinfo(
-                host.strip("[]"), int(port), type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
-            )[0]
-            with socket.socket(family, kind, protocol) as probe:
-                probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-                probe.bind(address)
-        except OSError as error:
-            if error.errno == errno.EADDRINUSE:
-                why = f"port {port} of {host} is held by another program: take another one with"
-                raise BadInput(f"{why} {'--port' if int(port) == entry.port else '--listen'}") from None
-            raise BadInput(f"the router cannot listen on {each}: {error.strerror or error}") from None
+        if (error := bind_error(int(port), host.strip("[]"))) is None:
+            continue
+        if error.errno == errno.EADDRINUSE:
+            flag = "--port" if int(port) == entry.port else "--listen"
+            raise BadInput(f"port {port} of {host} is held by another program: choose another one with {flag}")
+        raise BadInput(f"the router cannot listen on {each}: {error.strerror or error}")
 
 
 def _port_in_use(port: int) -> BadInput:

@@ -1,4 +1,4 @@
-"""The types of messages and requests as a person reads them: fields, types, units, bounds and texts."""
+"""Topics, requests and message types by name, and types described: fields, units, bounds and texts."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any, ClassVar, NamedTuple, get_origin, get_type_hints
 from msgspec import inspect as shapes
 
 from messages.base import LARGEST, Array, Message
-from messages.records import RECORDS
+from messages.records import RECORDS, UnknownRecord, record
 from messages.requests import REQUESTS, Request
-from messages.topics import TOPICS
+from messages.topics import TOPICS, Topic
 from services.runtime.errors import BadInput, nearest
 
 
@@ -163,3 +163,37 @@ def _bounds(kind: shapes.IntType | shapes.FloatType) -> str:
 def _plain_default(value: Any) -> Any:
     """A default as it may be written; None where there is none to write."""
     return value if isinstance(value, bool | int | float | str) else None
+
+
+def known_topic(name: str) -> Topic[Any] | None:
+    """The topic called ``name`` in some namespace; of several, the one with the longest name."""
+    found = [each for each in TOPICS if name == each.name or name.endswith("/" + each.name.lstrip("~/"))]
+    fitting = [each for each in found if not each.name.startswith("/") or each.name == name]
+    return max(fitting, key=lambda each: len(each.name), default=None)
+
+
+def known_request(name: str) -> Request[Any, Any] | None:
+    """The request of an absolute name; a node's own (``~name``) is below the name of any node."""
+    for each in REQUESTS:
+        if each.name == name or (each.name.startswith("~") and name.endswith(f"/{each.name[1:]}")):
+            return each
+    return None
+
+
+def known_record(type_name: str) -> type[Message] | None:
+    """The record of a ROS type in either spelling, or None when this project has none."""
+    return RECORDS.get(canonical_type(type_name))
+
+
+def record_by_type(type_name: str) -> type[Message]:
+    """The record of a ROS type in either spelling; raises BadInput with the nearest name."""
+    try:
+        return record(canonical_type(type_name))
+    except UnknownRecord as error:
+        raise BadInput(str(error)) from None
+
+
+def canonical_type(type_name: str) -> str:
+    """``geometry_msgs/Twist``, however it is written: ROS 2 puts ``msg`` or ``srv`` in the middle."""
+    parts = type_name.split("/")
+    return "/".join((parts[0], parts[2])) if len(parts) == 3 and parts[1] in ("msg", "srv") else type_name

@@ -9,12 +9,12 @@ from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.fleet_validation import all_services, service_identity
 from deploy.processes import ProcessSpec
 from deploy.report.record import EffectiveParameter
-from deploy.service_catalog import load_service
-from deploy.service_parameters import BUILTIN_SERVICES
+from deploy.service_parameters import BUILTIN_SERVICES, robot_parameter_set
 from messages.names import resolve
 from messages.parameters import Parameter, ParameterValues
 from models.model import read_model
 from models.toml_source import TomlSource
+from services.catalog import load_service
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.schema import fields_of, flatten
@@ -39,7 +39,7 @@ def parameter_sets(fleet: Fleet) -> dict[str, list[type[Parameters]]]:
             sets.setdefault(name, []).append(service.parameters)
     for robot in fleet.robot:
         wheeled = read_model(robot.model).wheels is not None
-        sets[_robot_set(robot, wheeled)] = [BaseParameters if wheeled else JointParameters]
+        sets[robot_parameter_set(robot)] = [BaseParameters if wheeled else JointParameters]
     return sets
 
 
@@ -59,7 +59,7 @@ def fleet_values(fleet: Fleet, plan: Sequence[ProcessSpec]) -> dict[str, dict[st
             if wheeled
             else with_urdf_defaults(robot.model, build(JointParameters, robot.parameters))
         )
-        values[_robot_set(robot, wheeled)] = _live_values(made)
+        values[robot_parameter_set(robot)] = _live_values(made)
     return values
 
 
@@ -77,11 +77,6 @@ def check_changes(fleet: Fleet, source: TomlSource) -> None:
             knowing = [each for each in records if any(leaf.name == name for leaf in fields_of(each))]
             for record in knowing or records[:1]:
                 check_value(record, name, value, source.location("change", index, "values", name))
-
-
-def _robot_set(robot: RobotConfig, wheeled: bool) -> str:
-    """The set of a robot in the simulation: of its base, or of its joints."""
-    return f"/{robot.name}/{'base' if wheeled else 'joints'}"
 
 
 def _service_set(service: Service, node: str) -> str | None:

@@ -11,7 +11,6 @@ import msgspec
 from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.fleet_validation import service_identity
 from deploy.restart_policy import RestartMode, RestartPolicy
-from deploy.service_catalog import is_user_file, load_service
 from deploy.service_parameters import (
     BUILTIN_SERVICES,
     OBSERVER_SERVICES,
@@ -20,7 +19,9 @@ from deploy.service_parameters import (
     arm_parameters,
     fleet_endpoint,
     service_parameters,
+    state_parameters,
 )
+from services.catalog import is_user_file, load_service
 
 _RESTART_MODES: dict[str, RestartMode] = {"router": "always", "grader": "never"}
 """A router has no work that could be done; a grader that comes back has lost what it measured."""
@@ -98,7 +99,11 @@ def _is_lockstep_member(kind: str) -> bool:
 
 def _process_spec(stated: _PlacedService, fleet: Fleet, options: RunOptions, nodes: NodeGroups) -> ProcessSpec:
     member, kind = stated.service, stated.service.kind
-    told = {**service_parameters(kind, fleet, options, nodes), **arm_parameters(kind, fleet, stated.robot)}
+    told = {
+        **service_parameters(kind, fleet, options, nodes),
+        **arm_parameters(kind, fleet, stated.robot),
+        **state_parameters(kind, stated.robot),
+    }
     parameters = {**told, **_shift_points(stated)}
     match member.restart:
         case None:
@@ -128,13 +133,13 @@ def _arguments(
     stated: _PlacedService, fleet: Fleet, options: RunOptions, nodes: NodeGroups, parameters: dict[str, Any]
 ) -> list[str]:
     member = stated.service
-    namespace, node = service_identity(member, stated.robot)
-    arguments = ["--namespace", namespace, "--name", node.rpartition("/")[2]]
+    identity = service_identity(member, stated.robot)
+    arguments = ["--namespace", identity.namespace, "--name", identity.node.rpartition("/")[2]]
     if member.kind != "router":
         arguments += ["--connect", fleet_endpoint(fleet), "--topology", fleet.run.topology]
     if options.domain:
         arguments += ["--domain", options.domain]
-    if fleet.run.mode == "lockstep" and (node in nodes.members or member.kind == "sim"):
+    if fleet.run.mode == "lockstep" and (identity.node in nodes.members or member.kind == "sim"):
         arguments.append("--lockstep")
     if "params" in _DEPENDENCIES.get(member.kind, ("params",)):
         arguments.append("--await-params")

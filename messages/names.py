@@ -7,7 +7,8 @@ checks (rmw_validate_full_topic_name, rmw_validate_namespace and rmw_validate_no
 
 import re
 from collections.abc import Iterable
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple, Self
 
 from messages.errors import BadInput
 
@@ -35,13 +36,6 @@ class Remap(NamedTuple):
 
     origin: str
     target: str
-
-
-class Identity(NamedTuple):
-    """Who a node is: its namespace (``/`` or ``/tb3_0``) and its absolute name."""
-
-    namespace: str
-    node: str
 
 
 NODE_RULES = ("__node", "__name")
@@ -81,8 +75,8 @@ def resolve(name: str, namespace: str, node: str) -> str:
     if name.startswith("~"):
         inner = name[1:].removeprefix("/")
         owner = _absolute_node(node, namespace)
-        return validate(_join(owner, inner) if inner else owner)
-    return validate(_join(absolute_namespace(namespace), name))
+        return validate(join(owner, inner) if inner else owner)
+    return validate(join(absolute_namespace(namespace), name))
 
 
 def absolute_namespace(namespace: str) -> str:
@@ -95,6 +89,11 @@ def absolute_namespace(namespace: str) -> str:
     _measure(absolute, LONGEST_NAMESPACE, "a namespace")
     validate(namespace)
     return absolute
+
+
+def join(namespace: str, name: str) -> str:
+    """The relative ``name`` in an absolute namespace: ``/odom`` in ``/``, ``/tb3_0/odom`` in ``/tb3_0``."""
+    return f"{namespace.rstrip('/')}/{name}"
 
 
 def key(absolute: str) -> str:
@@ -140,13 +139,30 @@ def parse_remap(text: str) -> Remap:
     return Remap(origin, target)
 
 
-def identify(name: str, namespace: str, rules: Iterable[Remap]) -> Identity:
-    """Who a node is after the rules ``__node``, ``__name`` and ``__ns``; of each kind the first one counts."""
-    rules = tuple(rules)
-    name = next((rule.target for rule in rules if rule.origin in NODE_RULES), name)
-    namespace = next((rule.target for rule in rules if rule.origin == NAMESPACE_RULE), namespace)
-    namespace = absolute_namespace(namespace)
-    return Identity(namespace, _absolute_node(_node_name(name), namespace))
+@dataclass(frozen=True)
+class Identity:
+    """Namespace (``/`` or ``/tb3_0``), absolute name (``/tb3_0/waypoint``) and remapping rules of a node."""
+
+    namespace: str
+    node: str
+    rules: tuple[Remap, ...] = ()
+
+    @classmethod
+    def of(cls, name: str, namespace: str = "/", rules: Iterable[Remap] = ()) -> Self:
+        """The identity after the rules ``__node``, ``__name`` and ``__ns``, of each kind the first; raises BadName."""
+        rules = tuple(rules)
+        name = next((rule.target for rule in rules if rule.origin in NODE_RULES), name)
+        namespace = next((rule.target for rule in rules if rule.origin == NAMESPACE_RULE), namespace)
+        namespace = absolute_namespace(namespace)
+        return cls(namespace, _absolute_node(_node_name(name), namespace), rules)
+
+    def resolve(self, name: str) -> str:
+        """The absolute name behind ``name`` after remapping; raises BadName."""
+        return remap(name, self.namespace, self.node, self.rules)
+
+    def key(self, name: str) -> str:
+        """The Zenoh key behind ``name``."""
+        return key(self.resolve(name))
 
 
 def remap(name: str, namespace: str, node: str, rules: Iterable[Remap]) -> str:
@@ -177,15 +193,11 @@ def unmangle(chunk: str) -> str:
     return chunk.replace("%", "/")
 
 
-def _join(above: str, name: str) -> str:
-    return f"{above.rstrip('/')}/{name}"
-
-
 def _absolute_node(node: str, namespace: str) -> str:
     """The absolute name of a node, which may be absolute already."""
     if node.startswith("/"):
         return validate(node, _LONGEST_ABSOLUTE)
-    return _join(absolute_namespace(namespace), _node_name(node))
+    return join(absolute_namespace(namespace), _node_name(node))
 
 
 def _node_name(name: str) -> str:

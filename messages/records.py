@@ -1,7 +1,11 @@
 """The table of all records by the name of their ROS type."""
 
+import msgspec
+
 from messages import (
+    actionlib,
     control,
+    controllers,
     diagnostic,
     elea,
     gazebo,
@@ -15,6 +19,7 @@ from messages import (
     simulation,
     std,
     tf,
+    trajectory,
     visualization,
 )
 from messages.base import Message
@@ -28,7 +33,10 @@ _MODULES = (
     tf,
     rosgraph,
     diagnostic,
+    trajectory,
+    actionlib,
     control,
+    controllers,
     elea,
     gazebo,
     joints,
@@ -49,6 +57,13 @@ RECORDS: dict[str, type[Message]] = {
 
 class UnknownRecord(BadInput, LookupError):
     """No record has this ROS type; the text names the nearest one, or all."""
+
+
+def unknown_record(ros_type: str) -> type[Message]:
+    """A record without fields that stands for a type that this project does not know."""
+    made = msgspec.defstruct("Unknown", [], bases=(Message,), namespace={"ROS_TYPE": ros_type}, frozen=True)
+    assert issubclass(made, Message)
+    return made
 
 
 def record(type_name: str) -> type[Message]:

@@ -17,7 +17,7 @@ ARMS = ("arm", "arm_corrected")
 MODELS = (*WHEELED, *ARMS)
 """Every robot of this folder; each has a ``robot.urdf``, a ``model.toml`` and a ``README.md``."""
 
-WORLDS = ("arena", "empty")
+WORLDS = ("arena", "empty", "house")
 """Every world of ``worlds/``."""
 
 _HERE = Path(__file__).resolve().parent

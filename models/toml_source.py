@@ -14,13 +14,19 @@ TomlKey = str | int
 
 
 class TomlSource:
-    """A TOML text and the name of its file."""
+    """A TOML text and the name of its file.
 
-    def __init__(self, path: Path, text: str) -> None:
-        self.path, self._text = path, text
+    ``set_elsewhere`` are keys whose values are not the file's, with what is named in place of its line.
+    """
+
+    def __init__(self, path: Path, text: str, set_elsewhere: Sequence[tuple[tuple[TomlKey, ...], str]] = ()) -> None:
+        self.path, self._text, self._set_elsewhere = path, text, set_elsewhere
 
     def location(self, *path: TomlKey) -> str:
-        """``file:line`` of the key at ``path``, or of the nearest table around it."""
+        """``file:line`` of the key at ``path``, or of the nearest table around it; or where else it was set."""
+        for own, where in reversed(self._set_elsewhere):
+            if path[: len(own)] == own:
+                return where
         return f"{self.path}:{line_of(self._text, path)}"
 
 

@@ -14,12 +14,7 @@ from msgspec import Meta
 
 from messages.errors import BadInput, unknown_name
 from messages.se3 import IDENTITY, Pose3, quaternion_from_rpy
-from models.floor_plan import PlanKeys, plan_body, read_map_yaml, read_plan
-from models.height_map import read_height_map
-from models.input_file import read_limited
-from models.mesh import read_mesh
-from models.toml_source import TomlSource, key_path
-from models.world import (
+from models.bodies import (
     GREY,
     MAX_MOVABLE,
     MAX_PARTS,
@@ -39,9 +34,15 @@ from models.world import (
     Shade,
     Shape,
     SphereShape,
+    Start,
     WorldBody,
     WorldDescription,
 )
+from models.floor_plan import PlanKeys, plan_body, read_map_yaml, read_plan
+from models.height_map import read_height_map
+from models.input_file import read_limited
+from models.mesh import read_mesh
+from models.toml_source import TomlSource, key_path
 
 MAX_BYTES = 8 << 20
 """Of a world's TOML file; a box takes about 100."""
@@ -156,6 +157,7 @@ class WorldFile(PlanKeys, frozen=True, kw_only=True, forbid_unknown_fields=True)
     """A world's TOML file."""
 
     about: str = ""
+    start: Start | None = None
     friction: Friction = 1.0
     boxes: tuple[Box, ...] = ()
     bodies: tuple[AnyBody, ...] = ()
@@ -237,6 +239,7 @@ class _TomlWorld:
             raise BadWorld(f"{self._source.path}: the paths have more than {MAX_POINTS} points")
         return WorldDescription(
             about=file.about,
+            start=file.start,
             friction=file.friction,
             boxes=file.boxes,
             bodies=tuple(bodies),

@@ -1,9 +1,10 @@
-"""Reads YAML that people write: values on the command line and files of parameters."""
+"""Reads YAML: values on the command line, files of parameters and of controllers, and the metadata of bags."""
 
 from __future__ import annotations
 
 import re
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from messages.errors import BadInput
@@ -14,6 +15,9 @@ if TYPE_CHECKING:
 
 def read_yaml(text: str, where: str = "") -> Any:
     """One YAML or JSON value. ``1e-3`` is a number, as everywhere but in YAML 1.1, and no key may be given twice.
+
+    It uses PyYAML's parser in Python. The one in C is five times as fast (0.06 s, not 0.3 s, for the metadata of a bag
+    with 1,000 topics), but crashes the process on a text that is nested a million levels deep.
 
     Args:
         text: The value.
@@ -26,7 +30,7 @@ def read_yaml(text: str, where: str = "") -> Any:
 
     try:
         return yaml.load(text, _loader())
-    except (yaml.YAMLError, RecursionError, TypeError, ValueError) as error:
+    except (yaml.YAMLError, RecursionError, TypeError, ValueError, OverflowError) as error:
         why = " ".join(str(error).split())[:300]
         raise BadInput(f"{where}: {why}" if where else f"{text[:80]!r} is not YAML: {why}") from None
 
@@ -39,14 +43,43 @@ def _loader() -> type[yaml.SafeLoader]:
         """As ``yaml.SafeLoader``, with the numbers of JSON; refuses a key that is given twice."""
 
         def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-            keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-            for index, key in enumerate(keys):
-                if key in keys[:index]:
-                    line = node.value[index][0].start_mark.line + 1
-                    raise yaml.YAMLError(f"line {line}: {key} is given twice")
+            seen = set()
+            for given, _ in node.value:
+                key = self.construct_object(given, deep=True)
+                if key in seen:
+                    raise yaml.YAMLError(f"line {given.start_mark.line + 1}: {key} is given twice")
+                seen.add(key)
             return super().construct_mapping(node, deep)
 
     Loader.add_implicit_resolver(
         "tag:yaml.org,2002:float", re.compile(r"[-+]?\d+(?:\.\d*)?[eE][-+]?\d+$"), list("-+0123456789")
     )
     return Loader
+
+
+class YamlSource:
+    """A YAML text and the name of its file, for errors that name the line of a key, as ``TomlSource`` does for TOML."""
+
+    def __init__(self, path: Path, text: str) -> None:
+        self.path, self._text = path, text
+
+    def location(self, *keys: str | int) -> str:
+        """``file:line`` of the key at ``keys`` in a valid text, or of the nearest key around it.
+
+        Keys may be written as one with dots between them, as ROS 2 takes them.
+        """
+        import yaml
+
+        node, line, rest = yaml.compose(self._text, _loader()), 0, list(map(str, keys))
+        while rest:
+            entries: dict[str, tuple[Any, Any]] = {}
+            if isinstance(node, yaml.MappingNode):
+                entries = {str(name.value): (name, value) for name, value in node.value}
+            elif isinstance(node, yaml.SequenceNode):
+                entries = {str(index): (value, value) for index, value in enumerate(node.value)}
+            found = next((n for n in range(1, len(rest) + 1) if ".".join(rest[:n]) in entries), None)
+            if found is None:
+                break
+            at, node = entries[".".join(rest[:found])]
+            line, rest = at.start_mark.line, rest[found:]
+        return f"{self.path}:{line + 1}"

@@ -1,12 +1,12 @@
-"""The services that exist: their names and declarations, without running them."""
+"""The declarations of services, without running them: of this folder, and of Python files of the user."""
 
 from __future__ import annotations
 
 import importlib
 from pathlib import Path
 
-from services.runtime.errors import unknown_name
-from services.runtime.service import Service
+from services.runtime.errors import BadInput, unknown_name
+from services.runtime.service import Service, load_user_service
 
 _FOLDER = Path(__file__).parent
 
@@ -24,3 +24,21 @@ def load_named_service(kind: str, where: str = "") -> Service:
     if not isinstance(service, Service):
         raise TypeError(f"services.{kind}.SERVICE is not a Service")
     return service
+
+
+def is_user_file(kind: str) -> bool:
+    """Whether a fleet's ``kind`` is a file instead of a name."""
+    return kind.endswith(".py")
+
+
+def load_service(kind: str, where: str = "") -> Service:
+    """The declaration of a service, or of that in a Python file of the user's own.
+
+    Raises BadInput, with the nearest name, behind the place ``where``.
+    """
+    if is_user_file(kind):
+        try:
+            return load_user_service(kind)
+        except BadInput as error:
+            raise BadInput(f"{where}: {error}" if where else str(error)) from None
+    return load_named_service(kind, where)

@@ -12,7 +12,7 @@ from deploy.bench.figures import Figure
 
 def bench(rounds: int, as_json: bool) -> int:
     """Measure everything and show it; status 1 when a bound is missed or a test that measures fails."""
-    from deploy.bench.suite import run_bench_tests
+    from deploy.bench.figures import run_bench_tests
 
     figures = measure(rounds)
     with tempfile.TemporaryDirectory() as folder:

@@ -1,9 +1,17 @@
-"""What the bench says: one figure a line, each with its rounds."""
+"""The figures of a benchmark, and those that the tests marked ``bench`` measure."""
 
 from __future__ import annotations
 
+import json
 import statistics
+import subprocess
+import sys
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+from services.runtime.process import ROOT
 
 
 @dataclass(frozen=True)
@@ -40,3 +48,24 @@ class Figure:
 def ratios(ours: list[float], floor: list[float]) -> tuple[float, ...]:
     """Ours over the floor, round by round: both ran one after the other, under the same load."""
     return tuple(a / b for a, b in zip(ours, floor, strict=True))
+
+
+FIGURE_PROPERTY = "figure"
+"""Name of the property of a test's result that holds a figure as JSON."""
+
+
+def run_bench_tests(folder: Path, say: Callable[[str], None]) -> tuple[list[Figure], bool]:
+    """Run the tests marked ``bench``, one after the other; their figures, and whether all passed."""
+    say("tests that measure: help, panel, page, supervisor")
+    results = folder / "results.xml"
+    command = [sys.executable, "-P", "-m", "pytest", "-n", "0", "-m", "bench"]
+    command += [f"--junitxml={results}", "-o", "junit_family=xunit1"]
+    ran = subprocess.run(command, cwd=ROOT, stdout=sys.stderr, stderr=sys.stderr, check=False)
+    return (read_figures(results) if results.exists() else []), ran.returncode == 0
+
+
+def read_figures(results: Path) -> list[Figure]:
+    """The figures in a file of results that pytest wrote in the format of JUnit."""
+    found = ElementTree.parse(results).iter("property")
+    values = [json.loads(each.attrib["value"]) for each in found if each.get("name") == FIGURE_PROPERTY]
+    return [Figure(**{**each, "rounds": tuple(each["rounds"])}) for each in values]

@@ -18,13 +18,13 @@ import zenoh
 
 from messages.base import Float32Array, covariance
 from messages.geometry import Pose, PoseWithCovariance, Twist, TwistWithCovariance
+from messages.names import Identity
 from messages.nav import Odometry
 from messages.sensor import LaserScan
 from messages.std import Header, Time
 from messages.topics import Quality, Topic
 from services.runtime import Service, main
 from services.runtime.context import Context
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.transport.zenoh import ZenohTransport, limit_threads

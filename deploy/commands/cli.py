@@ -7,9 +7,9 @@ import sys
 
 import click
 
+from deploy import VERSION
 from deploy.commands.lazy_group import LazyCommand, LazyGroup
 from deploy.live.output import printable
-from deploy.version import VERSION
 from services.runtime.errors import BadInput, EleaError
 from services.runtime.process import lossy_stderr
 

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 from deploy.doctor import Finding, fail, ok, warn
 from deploy.doctor.machine import disk_space
-from deploy.instance_lock import running_fleets
-from deploy.live.message_types import known_topic
+from deploy.interfaces import known_topic
 from messages.elea import BaseStatus, FleetState, Health
 from messages.rosgraph import Clock
+from services.runtime.fleet_instances import running_fleets
 from services.runtime.graph import Entity
 from services.runtime.transport.api import Transport
 
@@ -106,7 +106,7 @@ def processes(state: FleetState | None) -> Iterator[Finding]:
 def commands(bases: Mapping[str, BaseStatus], entities: Collection[Entity]) -> Iterator[Finding]:
     """Bases whose commands come too late, or are refused."""
     for robot, base in sorted(bases.items()):
-        topic = f"{robot}/cmd_vel"
+        topic = f"{robot.rstrip('/')}/cmd_vel"
         senders = sorted({each.node for each in entities if each.kind == "pub" and each.name == topic})
         who = f"from {', '.join(senders)}" if senders else "from a program that shows no publication"
         offered = base.commands + base.stale_dropped
@@ -189,9 +189,8 @@ def observe_fleet(link: Transport, entities: Sequence[Entity], seconds: float = 
     from messages.base import WrongPayload, decoder
     from messages.names import key as key_of
     from messages.topics import BASE_STATUS, CLOCK, FLEET_STATE, HEALTH
-    from services.runtime.subscriber import Subscriber
+    from services.runtime.subscriber import Subscriber, UntypedSubscriber
     from services.runtime.transport.wire import publisher_id
-    from services.runtime.untyped_subscriber import UntypedSubscriber
 
     nodes = {
         publisher_id(each.node, each.session, key_of(each.name)): each.node for each in entities if each.kind == "pub"
@@ -204,7 +203,7 @@ def observe_fleet(link: Transport, entities: Sequence[Entity], seconds: float = 
     seen, times = FleetObservation(), []
     began = time.monotonic()
     while (seen_for := time.monotonic() - began) < seconds:
-        link.wait(clock.inlet)
+        link.wait(clock.raw)
         for each in listeners:
             for heard in each.drain():
                 node = "a foreign program" if heard.origin is None else nodes.get(heard.origin.publisher, "")
@@ -216,7 +215,7 @@ def observe_fleet(link: Transport, entities: Sequence[Entity], seconds: float = 
                     counted.last = max(counted.last, heard.origin.sequence)
                 if each.name.endswith(f"/{BASE_STATUS.name}"):
                     try:
-                        seen.bases[each.name.removesuffix(f"/{BASE_STATUS.name}")] = read_base(heard.payload)
+                        seen.bases[each.name.removesuffix(f"/{BASE_STATUS.name}") or "/"] = read_base(heard.payload)
                     except WrongPayload:
                         continue
         for heard in clock.drain():

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 
+from deploy import VERSION
 from deploy.doctor import Finding, fail, ok, warn
-from deploy.version import VERSION
 from services.runtime.errors import BadInput
 from services.runtime.process import ROOT, check_import_roots
 

@@ -6,11 +6,13 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from deploy.live.message_types import element_type, field_types, nested_record
+from msgspec import inspect
+
 from messages.base import Message, WrongPayload, decoder, encode
 from messages.std import Header, Time
 from models.yaml_reader import read_yaml
 from services.runtime.errors import BadInput, unknown_name
+from services.runtime.field_path import element_type, field_types, nested_record
 
 _TYPE = re.compile(r"[A-Za-z]\w*/(?:(?:msg|srv)/)?[A-Za-z]\w*")
 _OPTION = re.compile(r"--?[A-Za-z]")
@@ -96,14 +98,14 @@ def _arrange_record(record: type[Message], value: Any, path: str, stamped: bool)
     return tree
 
 
-def _arrange_field(kind: Any, value: Any, path: str, stamped: bool) -> Any:
+def _arrange_field(kind: inspect.Type, value: Any, path: str, stamped: bool) -> Any:
     record = nested_record(kind)
     if record is not None:
         return _arrange_record(record, value, path, stamped)
     element = element_type(kind)
     if isinstance(value, list) and element is not None:
         return [_arrange_field(element, each, f"{path}[{number}]", stamped) for number, each in enumerate(value)]
-    if kind is bytes and isinstance(value, list):
+    if isinstance(kind, inspect.BytesType) and isinstance(value, list):
         try:
             return bytes(value)
         except (TypeError, ValueError) as error:

@@ -9,6 +9,8 @@ import math
 import re
 from typing import Any
 
+from services.runtime.field_path import leaves
+
 _PLAIN = re.compile(r"[A-Za-z_/][A-Za-z0-9_/.+-]*")
 _RESERVED_WORDS = {"null", "true", "false", "yes", "no", "on", "off"}
 """What YAML takes for something else than text."""
@@ -56,13 +58,15 @@ def to_flow_yaml(value: Any) -> str:
     return _scalar(value)
 
 
-def csv_cells(value: Any, name: str = "") -> list[tuple[str, str]]:
+def csv_cells(value: Any) -> list[tuple[str, str]]:
     """The columns of one row: the path of each single value, and the value."""
-    if isinstance(value, dict):
-        return [cell for inner, each in value.items() for cell in csv_cells(each, f"{name}.{inner}" if name else inner)]
-    if isinstance(value, list | bytes):
-        return [cell for number, each in enumerate(value) for cell in csv_cells(each, f"{name}[{number}]")]
-    return [(name or "data", value if isinstance(value, str) else _scalar(value).lstrip("."))]
+    cells = []
+    for path, leaf in leaves(value):
+        elements = leaves(list(leaf), path) if isinstance(leaf, bytes) else [(path, leaf)]
+        cells += [
+            (place or "data", each if isinstance(each, str) else _scalar(each).lstrip(".")) for place, each in elements
+        ]
+    return cells
 
 
 def csv_row(values: list[str]) -> str:

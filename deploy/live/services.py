@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from deploy.interfaces import known_record, known_request, record_by_type
 from deploy.live.message_builder import MessageBuilder, split_type
-from deploy.live.message_types import known_record, known_request, record_by_type
 from deploy.live.output import write_note
 from deploy.live.topics import not_found
 from messages.base import encode

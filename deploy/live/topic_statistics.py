@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from deploy.live.message_types import known_topic
+from deploy.interfaces import known_topic
 from deploy.live.subscribers import ClockSubscriber, header_stamp
-from services.runtime.untyped_subscriber import ReceivedSample
+from services.runtime.subscriber import ReceivedSample
 
 NS_PER_S = 1e9
 

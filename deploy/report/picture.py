@@ -361,7 +361,7 @@ def _draw_header(figure: Any, report: Report) -> None:
         *((f"{reached} of {points} points reached",) if points else ()),
         f"{run.sim_seconds:.1f} s simulated",
         f"{run.mode}, {run.real_time_factor:.1f} x real time",
-        *((f"{sum(each.collisions for each in driving)} collisions",) if driving else ()),
+        *((f"{sum(each.collisions or 0 for each in driving)} collisions",) if driving else ()),
         f"{run.messages_lost} messages lost",
         f"seed {run.seed}",
         f"trajectory hash {run.trajectory_hash[:12]}",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+import json
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
@@ -170,3 +172,25 @@ def member_notes(measured: Measurements) -> tuple[str, ...]:
     if measured.members_left:
         found.append(f"{', '.join(measured.members_left)} left lockstep before the end")
     return tuple(found)
+
+
+SCHEMA_FILE = Path(__file__).with_name("schema.json")
+"""What ``python -m deploy.report.record`` prints."""
+
+
+def report_schema() -> dict[str, Any]:
+    """JSON Schema 2020-12 of a report."""
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "Elea run report",
+        **msgspec.json.schema(Report),
+    }
+
+
+def schema_text() -> str:
+    """The contents of schema.json."""
+    return json.dumps(report_schema(), indent=2) + "\n"
+
+
+if __name__ == "__main__":
+    print(schema_text(), end="")

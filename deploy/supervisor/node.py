@@ -11,13 +11,13 @@ from deploy.fleet import ChangeConfig
 from deploy.report.record import ChangeFigures
 from deploy.supervisor.supervisor import ActionHandler, ProcessAction
 from messages.elea import Check, FleetState, Health
+from messages.names import Identity
 from messages.parameters import ParameterValues, ScheduledChange, ScheduledChanges
 from messages.requests import SUPERVISOR_RESTART, SUPERVISOR_START, SUPERVISOR_STOP, Done, Name
 from messages.simulation import SimStatus
 from messages.topics import CHECKS, FLEET_STATE, HEALTH, SCHEDULE, SIM_STATUS, UPDATES
 from services.runtime.discovery import DIRECTORY_KEY
 from services.runtime.graph import Entity, token_pattern
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.subscriber import QUEUE_SIZE

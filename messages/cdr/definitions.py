@@ -195,6 +195,9 @@ def _minimum_size(name: str, definitions: Definitions, known: dict[str, int]) ->
 
 
 STANDARD: dict[str, str] = {
+    "actionlib_msgs/GoalID": "builtin_interfaces/Time stamp; string id",
+    "actionlib_msgs/GoalStatus": "actionlib_msgs/GoalID goal_id; uint8 status; string text",
+    "actionlib_msgs/GoalStatusArray": "std_msgs/Header header; actionlib_msgs/GoalStatus[] status_list",
     "builtin_interfaces/Duration": "int32 sec; uint32 nanosec",
     "builtin_interfaces/Time": "int32 sec; uint32 nanosec",
     "diagnostic_msgs/DiagnosticArray": "std_msgs/Header header; diagnostic_msgs/DiagnosticStatus[] status",
@@ -262,7 +265,10 @@ STANDARD: dict[str, str] = {
     "std_msgs/Empty": "",
     "std_msgs/Float32": "float32 data",
     "std_msgs/Float64": "float64 data",
+    "std_msgs/Float64MultiArray": "std_msgs/MultiArrayLayout layout; float64[] data",
     "std_msgs/Header": "builtin_interfaces/Time stamp; string frame_id",
+    "std_msgs/MultiArrayDimension": "string label; uint32 size; uint32 stride",
+    "std_msgs/MultiArrayLayout": "std_msgs/MultiArrayDimension[] dim; uint32 data_offset",
     "std_msgs/String": "string data",
     "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
     "visualization_msgs/Marker": (
@@ -275,6 +281,13 @@ STANDARD: dict[str, str] = {
     "visualization_msgs/MarkerArray": "visualization_msgs/Marker[] markers",
     "visualization_msgs/MeshFile": "string filename; uint8[] data",
     "visualization_msgs/UVCoordinate": "float32 u; float32 v",
+    "trajectory_msgs/JointTrajectory": (
+        "std_msgs/Header header; string[] joint_names; trajectory_msgs/JointTrajectoryPoint[] points"
+    ),
+    "trajectory_msgs/JointTrajectoryPoint": (
+        "float64[] positions; float64[] velocities; float64[] accelerations; float64[] effort; "
+        "builtin_interfaces/Duration time_from_start"
+    ),
 }
 """Fields of each type, separated by semicolons; constants are left out, as they are not part of a message."""
 

@@ -10,7 +10,7 @@ from messages.joints import LowerEnd, UpperEnd
 from services.runtime import Parameters, Service, param
 
 
-class ArmParameters(Parameters, frozen=True, kw_only=True):
+class ArmParameters(Parameters):
     """Parameters of the arm controller. Errors are in degrees and efforts in N m, so gains are in N m per degree."""
 
     controller_type: Literal["ss", "tr"] = param(

@@ -13,6 +13,7 @@ from messages.base import WrongPayload
 from services.bag.channel import Channel
 from services.bag.reader import Bag, plain_decoder
 from services.runtime.errors import BadInput
+from services.runtime.field_path import leaves
 
 MAX_LIST_COLUMNS = 1024
 """Maximum columns for one list; of longer ones, images for instance, only the length is written."""
@@ -122,15 +123,6 @@ def _file_names(channels: Iterable[Channel]) -> dict[Channel, str]:
     return names
 
 
-def flatten(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """The leaves of nested dicts and lists with their paths: ``pose.position.x``, ``ranges[3]``."""
-    if isinstance(value, dict):
-        for name, each in value.items():
-            yield from flatten(each, f"{path}.{name}" if path else name)
-    elif isinstance(value, list) and len(value) > MAX_LIST_COLUMNS:
-        yield f"{path}.length", len(value)
-    elif isinstance(value, list):
-        for index, each in enumerate(value):
-            yield from flatten(each, f"{path}[{index}]")
-    else:
-        yield path, value
+def flatten(value: Any) -> Iterator[tuple[str, Any]]:
+    """The leaves of a message with their paths; of a list too long for columns, its length alone."""
+    return leaves(value, max_elements=MAX_LIST_COLUMNS, lengths=True)

@@ -8,13 +8,14 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from models.yaml_reader import read_yaml
 from services.bag.channel import Channel, qos_text
+from services.runtime.errors import BadInput
 
 METADATA_FILE = "metadata.yaml"
 VERSION = 9
-MAX_METADATA_SIZE = 1 << 24
-"""Maximum bytes of a metadata.yaml; a topic takes about 500."""
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+MAX_METADATA_SIZE = 1 << 22
+"""Maximum bytes of a metadata.yaml; a topic takes about 500, and 0.3 ms to read."""
 
 
 class FileStats(NamedTuple):
@@ -76,12 +77,14 @@ def read_file_list(folder: Path) -> FileList:
     try:
         if file.stat().st_size > MAX_METADATA_SIZE:
             return FileList(None, f"{file} has {file.stat().st_size} bytes, the limit is {MAX_METADATA_SIZE}")
-        tree: Any = yaml.load(file.read_text(encoding="utf-8"), _LOADER)
+        tree: Any = read_yaml(file.read_text(encoding="utf-8"), f"{file} is damaged")
         names = tree["rosbag2_bagfile_information"]["relative_file_paths"]
     except OSError as error:
         return FileList(None, f"{file} cannot be read: {error.strerror}")
-    except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
-        return FileList(None, f"{file} is damaged: {' '.join(str(error).split())[:200]}")
+    except BadInput as error:
+        return FileList(None, str(error))
+    except ValueError as error:
+        return FileList(None, f"{file} is damaged: {error}")
     except (KeyError, TypeError):
         return FileList(None, f"{file} is cut or damaged: it does not say which files the bag has")
     if not isinstance(names, list) or not all(isinstance(each, str) for each in names):
@@ -96,7 +99,7 @@ def _topic_entry(channel: Channel, count: int) -> dict[str, Any]:
             "name": channel.topic,
             "type": channel.stored.ros_type,
             "serialization_format": channel.stored.encoding,
-            "offered_qos_profiles": yaml.safe_load(qos_text(channel.quality)),
+            "offered_qos_profiles": read_yaml(qos_text(channel.quality)),
             "type_description_hash": "",
         },
         "message_count": count,

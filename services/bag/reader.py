@@ -8,8 +8,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import msgspec
-
 from messages.base import Message, WrongPayload
 from messages.cdr.definitions import BadDefinition, Definitions, parse
 from messages.cdr.read import plain_reader, record_reader
@@ -182,13 +180,6 @@ Decoder = Callable[[bytes], Any]
 def record_type(channel: Channel) -> type[Message] | None:
     """The record for the messages of a channel; None for types that Elea does not know."""
     return _RECORDS_BY_ROS_TYPE.get(channel.type) or RECORDS.get(channel.type)
-
-
-def unknown_record(ros_type: str) -> type[Message]:
-    """A record without fields that stands for a type that Elea does not know."""
-    made = msgspec.defstruct("Unknown", [], bases=(Message,), namespace={"ROS_TYPE": ros_type}, frozen=True)
-    assert issubclass(made, Message)
-    return made
 
 
 def is_sidecar(channel: Channel) -> bool:

@@ -8,10 +8,16 @@ from messages.base import Metres
 from services.runtime import Parameters, Service, param
 
 
-class LoggerParameters(Parameters, frozen=True, kw_only=True):
+class LoggerParameters(Parameters):
     """What to record, where to, and who may look on. Only ``window`` is live."""
 
     robots: tuple[str, ...] = param((), text="Names of the robots, in the order of their colours.", live=False)
+    namespaces: tuple[str, ...] = param(
+        (), text="Namespace of each robot's topics, / for the root; the names themselves if empty.", live=False
+    )
+    frame_prefixes: tuple[str, ...] = param(
+        (), text="Prefix of each robot's frames; its name and a slash if empty.", live=False
+    )
     models: tuple[str, ...] = param(("burger",), text="Model of each robot; a single one applies to all.", live=False)
     states: tuple[str, ...] = param(
         (), text="Topic of each robot's joint controller state; empty for robots without one.", live=False

@@ -5,7 +5,7 @@ from __future__ import annotations
 from services.runtime import Parameters, Service, param
 
 
-class PanelParameters(Parameters, frozen=True, kw_only=True):
+class PanelParameters(Parameters):
     """Where the page is, and what those who look at it may do."""
 
     port: int = param(

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from messages.std import stamp_of
 from services.panel.clock import SimTimeMap
-from services.panel.fields import field_unit, list_fields, parse_path, read_number
+from services.panel.fields import field_unit, list_fields, read_number
 from services.panel.graph import NodeGraph
 from services.panel.pages import Page
 from services.panel.protocol import Samples, Subscribe, as_json, pack_samples
 from services.panel.subscriptions import SharedSubscriptions, SubscriptionGroup
+from services.runtime.field_path import FieldPath, parse_path
 
 LIST_PERIOD_S = 0.4
 """Wall time between two lists of a topic's fields."""
@@ -27,7 +28,7 @@ class Plots:
         self._reconciled: tuple[int, int] = (-1, -1)
         self._changes = 0
         self._samples: dict[tuple[str, str], Samples] = {}
-        self._steps: dict[str, dict[str, tuple[str | int, ...]]] = {}
+        self._steps: dict[str, dict[str, FieldPath]] = {}
         self._units: dict[tuple[str, str], str] = {}
         self._sent_units: dict[Page, dict[int, str]] = {}
 

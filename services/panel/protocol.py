@@ -19,8 +19,8 @@ from msgspec import Meta
 from messages.names import BadName
 from messages.names import key as absolute
 from messages.parameters import SetName, Value
-from services.panel.fields import parse_path
 from services.runtime.errors import BadInput
+from services.runtime.field_path import parse_path
 
 MAX_MESSAGE_SIZE = 1 << 16
 """Bytes of what a page sends; more ends the connection."""

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from messages.base import Message, encode
+from messages.names import Identity
 from messages.parameters import Assignment, HistoryOf, ResetParameters, SetParameters, UndoParameters
 from messages.requests import (
     PARAMS_HISTORY,
@@ -30,7 +31,6 @@ from messages.std import Empty
 from services.panel.pages import Page, send_reply
 from services.panel.protocol import ClientRequest, History, Pause, Process, Reset, Resume, Set, Step, Undo, Unset
 from services.runtime.errors import BadInput, CallFailed
-from services.runtime.identity import Identity
 from services.runtime.requests import read_replies
 from services.runtime.transport.api import PendingReplies, Transport
 

@@ -1,19 +1,21 @@
-"""The topics that are read at present: one subscription each, for as long as somebody wants it."""
+"""The panel's subscriptions: one for each topic that a page shows, closed when none shows it any more."""
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import Any
 
-from messages.base import DECODE_ERRORS, Message, raw_decoder
-from messages.records import RECORDS
+from messages.base import raw_decoder
+from messages.records import RECORDS, unknown_record
 from messages.topics import TOPICS, Quality, Topic
 from services.runtime.node import Node
-from services.runtime.subscriber import Subscriber, queue_size
+from services.runtime.subscriber import Subscriber
 from services.runtime.transport.wire import SampleInfo
-from services.runtime.untyped_subscriber import UntypedSubscriber
 
 MAX_UNTYPED_SIZE = 1 << 20
-"""Bytes of a message of unknown type that are read."""
+"""Maximum bytes of a message of unknown type."""
+_read_map: Callable[[bytes], Any] = raw_decoder(dict)
+"""Reads a message of unknown type."""
 
 Received = list[tuple[Any, SampleInfo | None]]
 
@@ -22,62 +24,24 @@ for _topic in TOPICS:
     _MAX_SIZES[_topic.record.ROS_TYPE] = max(_topic.largest, _MAX_SIZES.get(_topic.record.ROS_TYPE, 0))
 
 
-class SharedSubscription(Protocol):
-    """One subscription; ``messages`` is what came with the last turn."""
-
-    @property
-    def messages(self) -> Received: ...
-
-
-class UntypedSubscription:
-    """A topic whose type is not known here, read as MessagePack."""
-
-    def __init__(self, node: Node, name: str, latched: bool) -> None:
-        self.messages: Received = []
-        self.rejected = 0
-        self._subscriber = UntypedSubscriber(node.transport, name, latched, queue_size(MAX_UNTYPED_SIZE))
-        self._read = raw_decoder(dict)
-
-    def update(self) -> None:
-        """Read what has come."""
-        self.messages = []
-        for sample in self._subscriber.drain():
-            try:
-                if len(sample.payload) > MAX_UNTYPED_SIZE:
-                    raise ValueError("too large")
-                self.messages.append((self._read(sample.payload), sample.origin))
-            except DECODE_ERRORS:
-                self.rejected += 1
-
-    def close(self) -> None:
-        """End the subscription."""
-        self._subscriber.close()
-
-
 class SharedSubscriptions:
     """Opens and closes subscriptions by how many want them. Used by the loop alone."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._open: dict[tuple[str, str], tuple[Subscriber[Any] | UntypedSubscription, int]] = {}
+        self._open: dict[tuple[str, str], tuple[Subscriber[Any], int]] = {}
         self._owned_by_node: set[tuple[str, str]] = set()
 
-    def acquire(self, name: str, record: str, quality: str = "SENSOR") -> SharedSubscription:
-        """The feed of an absolute topic with a ROS type; each call wants its own ``close``."""
+    def acquire(self, name: str, record: str, quality: str = "SENSOR") -> Subscriber[Any]:
+        """The subscription to an absolute topic with a ROS type; each call needs its own ``release``."""
         feed, users = self._open.get((name, record), (None, 0))
         if feed is None:
-            kind = Quality.__members__.get(quality, Quality.SENSOR)
-            known = RECORDS.get(record)
-            feed = (
-                self._subscribe(name, known, kind)
-                if known
-                else UntypedSubscription(self._node, name, kind is Quality.LATCHED)
-            )
+            feed = self._subscribe(name, record, Quality.__members__.get(quality, Quality.SENSOR))
         self._open[name, record] = feed, users + 1
         return feed
 
     def release(self, name: str, record: str) -> None:
-        """One who wanted it does no more."""
+        """End one use of a subscription; the last one closes it."""
         feed, users = self._open[name, record]
         if users > 1:
             self._open[name, record] = feed, users - 1
@@ -85,23 +49,21 @@ class SharedSubscriptions:
         del self._open[name, record]
         if (name, record) in self._owned_by_node:
             self._owned_by_node.discard((name, record))
-        elif isinstance(feed, UntypedSubscription):
-            feed.close()
         else:
             self._node.unregister(feed)
 
     def update(self) -> None:
-        """Take what has come on all of them."""
+        """Read the new messages of all of them."""
         self._node.update_subscribers()
-        for feed, _ in self._open.values():
-            if isinstance(feed, UntypedSubscription):
-                feed.update()
 
-    def _subscribe(self, name: str, record: type[Message], quality: Quality) -> Subscriber[Any]:
+    def _subscribe(self, name: str, ros_type: str, quality: Quality) -> Subscriber[Any]:
+        record, decode = RECORDS.get(ros_type), None
+        if record is None:
+            record, decode = unknown_record(ros_type), _read_map
         if any(each.name == name and each.topic.record is record for each in self._node.subscribers):
-            self._owned_by_node.add((name, record.ROS_TYPE))  # the node itself reads it, and goes on
-        largest = _MAX_SIZES.get(record.ROS_TYPE, MAX_UNTYPED_SIZE)
-        return self._node.subscribe(Topic(name, record, 0, quality, "", largest), name)
+            self._owned_by_node.add((name, ros_type))  # the node itself reads it, and goes on
+        largest = _MAX_SIZES.get(ros_type, MAX_UNTYPED_SIZE)
+        return self._node.subscribe(Topic(name, record, 0, quality, "", largest), name, decode)
 
 
 class SubscriptionGroup:
@@ -109,7 +71,7 @@ class SubscriptionGroup:
 
     def __init__(self, feeds: SharedSubscriptions) -> None:
         self._shared = feeds
-        self._held: dict[tuple[str, str], SharedSubscription] = {}
+        self._held: dict[tuple[str, str], Subscriber[Any]] = {}
 
     def set_topics(self, wanted: dict[tuple[str, str], str]) -> None:
         """From now on these topics, by name and type, each with its quality."""

@@ -21,7 +21,7 @@ class Scheduled(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     values: dict[str, Value]
 
 
-class ParamsParameters(Parameters, frozen=True, kw_only=True):
+class ParamsParameters(Parameters):
     """Where values are saved, and which changes are made at given times."""
 
     file: str = param(

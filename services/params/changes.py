@@ -10,8 +10,7 @@ from messages.parameters import Announcement, ParameterDescription, ResetParamet
 from services.params.schema import Schema, SetState, same_value
 from services.params.value_check import fit, format_value, parse_type
 from services.runtime.errors import BadInput, nearest, unknown_name
-from services.runtime.parameters.renamed_choices import renamed_choice
-from services.runtime.parameters.schema import violations
+from services.runtime.parameters.schema import renamed_choice, violations
 
 _MAX_HINTS = 10
 """Unknown saved values for which a similar name is looked up: each is compared with all names."""

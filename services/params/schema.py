@@ -23,6 +23,7 @@ from messages.parameters import (
 )
 from services.params.value_check import fit, format_value, parse_type
 from services.runtime.errors import BadInput, unknown_name
+from services.runtime.parameters.schema import ALL_LEVELS
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(\.[A-Za-z0-9_]+)*")
 
@@ -194,8 +195,6 @@ def _check_agreement(new: Announcement, old: Announcement) -> None:
 
 MOST_NOTES = 20
 """Notes about clamped, converted and dropped values in one message."""
-ALL_LEVELS = 2**32 - 1
-"""The level of a set's first message."""
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 from messages.base import LARGEST
 from messages.parameters import ParameterDescription, Value
 from services.runtime.errors import BadInput
-from services.runtime.parameters.renamed_choices import renamed_choice
-from services.runtime.parameters.schema import describe_length, describe_range
+from services.runtime.parameters.schema import describe_length, describe_range, renamed_choice
 
 _TYPE = re.compile(r"(bool|int|float|str)((?:\[\]){0,2})")
 _INT_LIMIT = 2**63

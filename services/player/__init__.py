@@ -9,7 +9,7 @@ from msgspec import Meta
 from services.runtime import Parameters, Service, param
 
 
-class PlayerParameters(Parameters, frozen=True, kw_only=True):
+class PlayerParameters(Parameters):
     """What to play, and how."""
 
     bag: str = param("", text="MCAP file to play, or a folder of them.")

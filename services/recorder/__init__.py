@@ -5,7 +5,7 @@ from __future__ import annotations
 from services.runtime import Parameters, Service, param
 
 
-class RecorderParameters(Parameters, frozen=True, kw_only=True):
+class RecorderParameters(Parameters):
     """What to record, and where to."""
 
     output: str = param("bag", text="Folder of the bag; it must not exist yet.")

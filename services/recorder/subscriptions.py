@@ -8,9 +8,8 @@ from typing import Any
 
 from messages.base import Message
 from messages.names import BadName
-from messages.records import RECORDS
+from messages.records import RECORDS, unknown_record
 from messages.topics import CLOCK, TOPICS, Quality, Topic
-from services.bag.reader import unknown_record
 from services.recorder import RecorderParameters
 from services.runtime.errors import BadInput
 from services.runtime.graph import Entity, Kind, token_pattern
@@ -99,7 +98,7 @@ class Subscriptions:
             self.raw.add(topic)
             self._node.log.warn(f"{topic} is {entity.record}, which is unknown here: it is kept as MessagePack")
         described = _topic(topic, record or unknown_record(entity.record), entity.detail)
-        self.by_topic[topic] = self._node.subscribe(described, topic, raw=record is None)
+        self.by_topic[topic] = self._node.subscribe(described, topic, bytes if record is None else None)
         self._node.spin_once()  # a hundred subscriptions on a busy machine take longer than a heartbeat may
 
 

@@ -8,7 +8,7 @@ from messages.joints import LowerEnd, UpperEnd
 from services.runtime import Parameters, Service, param
 
 
-class ReferenceParameters(Parameters, frozen=True, kw_only=True):
+class ReferenceParameters(Parameters):
     """Parameters of the reference, named as in the tutorial, whose reference_type 0 is step here and 1 is sine."""
 
     reference_type: Literal["step", "sine", "ramp", "square", "chirp", "csv"] = param(

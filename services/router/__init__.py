@@ -3,7 +3,7 @@
 from services.runtime import Parameters, Service, param
 
 
-class RouterParameters(Parameters, frozen=True, kw_only=True):
+class RouterParameters(Parameters):
     """Where the router listens and which other routers it joins."""
 
     listen: str = param(

@@ -1,13 +1,16 @@
-"""What a service's loop works with: inputs, outputs, ticks, requests, parameters and the log."""
+"""The context of a service's loop: topics, ticks, requests, transforms, parameters, checks and the log."""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from typing import Any, Generic, NamedTuple, TypeVar
 
+import msgspec
+
 from messages.base import Message
-from messages.elea import Checks
+from messages.elea import MOST_CHECKS, Check, Checks
 from messages.requests import Request
 from messages.topics import CHECKS, Topic
 from services.runtime.errors import BadInput
@@ -15,16 +18,52 @@ from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.pacing import ClockPacer, Instant, LockstepPacer, Pacer
 from services.runtime.parameters.base import Parameters
+from services.runtime.parameters.schema import ALL_LEVELS
 from services.runtime.parameters.subscription import ParameterSubscription
-from services.runtime.parameters.validation import ALL_LEVELS
 from services.runtime.publisher import Publisher
 from services.runtime.requests import DEADLINE_S
-from services.runtime.service_checks import ServiceChecks
 from services.runtime.step import period_of
 from services.runtime.subscriber import Latest, Stream
 from services.runtime.tf.buffer import CACHE_S
 from services.runtime.tf.listener import TransformListener
 from services.runtime.transport.api import RawSubscriber, idle_subscriber
+
+
+class ServiceChecks:
+    """The checks that a node has stated, by name; the last statement of each counts."""
+
+    def __init__(self) -> None:
+        self._stated: dict[str, Check] = {}
+
+    def state(
+        self, name: str, value: float | bool | None, least: float | None, most: float | None, reason: str
+    ) -> tuple[Check, ...] | None:
+        """State one; all of them, or None when nothing has changed. Raises BadInput."""
+        if isinstance(value, bool):
+            least = 1.0 if least is None and most is None else least
+        if least is None and most is None:
+            raise BadInput(f"the check {name!r} needs a bound: give min, max or both (a bool needs none)")
+        number = None if value is None or not math.isfinite(value) else float(value)
+        try:
+            made = msgspec.convert(
+                {"name": name, "value": number, "min": least, "max": most, "reason": reason}, Check, strict=True
+            )
+        except msgspec.ValidationError as error:
+            raise BadInput(f"the check {name!r} cannot be stated: {error}") from None
+        if self._stated.get(name) == made:
+            return None
+        if name not in self._stated and len(self._stated) == MOST_CHECKS:
+            raise BadInput(f"the check {name!r} is one too many: a node states {MOST_CHECKS} at most")
+        self._stated[name] = made
+        return tuple(self._stated.values())
+
+    def holds(self, name: str) -> bool:
+        """Whether the value of a check keeps to its bounds; what was not measured does not."""
+        known = self._stated[name]
+        if known.value is None:
+            return False
+        return (known.min is None or known.value >= known.min) and (known.max is None or known.value <= known.max)
+
 
 M = TypeVar("M", bound=Message)
 Q = TypeVar("Q", bound=Message)

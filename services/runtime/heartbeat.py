@@ -11,9 +11,9 @@ from messages.base import MOST_COUNTED, encode
 from messages.elea import Health
 from services.runtime.log import Log
 from services.runtime.publisher import Publisher
-from services.runtime.refusal_counter import RefusalCounter
 from services.runtime.subscriber import Subscriber
 from services.runtime.transport.request_queue import Refusals
+from services.runtime.transport.sequences import RefusalCounter
 
 PERIOD_S = 1.0
 """Wall time between two heartbeats. With half of it, a machine with eight busy processes on two cores made healthy

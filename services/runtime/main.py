@@ -14,8 +14,7 @@ from services.runtime.errors import TRY_AGAIN, BadInput, EleaError, Stopped, Try
 from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.schema import describe_range, describe_relations
 from services.runtime.parameters.validation import build, describe_parameters, read_assignments, stated
-from services.runtime.service import Role, Run, Service
-from services.runtime.service_file import capture
+from services.runtime.service import Role, Run, Service, capture
 
 
 @overload
@@ -100,8 +99,7 @@ def _command(service: Service) -> click.Command:
     """The click command; its callback returns the options, checked as far as they can be without the network."""
 
     def check(param: tuple[str, ...], fleet_param: tuple[str, ...], **options: Any) -> dict[str, Any] | None:
-        from messages.names import BadName, parse_assignment, parse_remap
-        from services.runtime.identity import Identity
+        from messages.names import BadName, Identity, parse_assignment, parse_remap
 
         remap = options.pop("remap")
         private = [assigned for each in remap if (assigned := parse_assignment(each)) is not None]

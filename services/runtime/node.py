@@ -9,6 +9,7 @@ from typing import Any, Protocol, Self, TypeVar
 
 from messages.base import Message
 from messages.elea import Health
+from messages.names import Identity
 from messages.requests import Request
 from messages.rosgraph import Log as LogLine
 from messages.topics import HEALTH, ROSOUT, Topic
@@ -16,14 +17,13 @@ from services.runtime.discovery import ReachabilityCheck, known_nodes
 from services.runtime.errors import Stopped, TryAgain
 from services.runtime.graph import Entity, Kind, ping_key, token_pattern
 from services.runtime.heartbeat import Heartbeat
-from services.runtime.identity import Identity
 from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.log import Log
 from services.runtime.publisher import Publisher, SendBuffer
-from services.runtime.refusal_counter import RefusalCounter
 from services.runtime.requests import DEADLINE_S, DeferredReply, RequestServer, call
 from services.runtime.subscriber import WAIT_BUDGET_S, Subscriber, WaitBudget
 from services.runtime.transport.api import RawSubscriber, Token, Transport
+from services.runtime.transport.sequences import RefusalCounter
 
 M = TypeVar("M", bound=Message)
 Q = TypeVar("Q", bound=Message)
@@ -65,7 +65,7 @@ class Node:
         """Served by the loop along with the node's own work, as the client of the parameter service."""
         self.clock_patience_s = CLOCK_PATIENCE_S
         self.stopping = self.calling = False
-        self._tokens: dict[tuple[Kind, str], Token] = {}
+        self._tokens: dict[tuple[Kind, str, str], Token] = {}
         self._numbers: dict[str, int] = {}
         self._reachability = ReachabilityCheck(transport, log)
 
@@ -84,16 +84,18 @@ class Node:
         self.request_server.close()
         self.log.publish = None
 
-    def subscribe(self, topic: Topic[M], name: str | None = None, raw: bool = False) -> Subscriber[M]:
+    def subscribe(
+        self, topic: Topic[M], name: str | None = None, decode: Callable[[bytes], Any] | None = None
+    ) -> Subscriber[M]:
         """Subscribe to a topic, under another name if one is given; one subscription serves all its readers.
 
-        A ``raw`` input gives the payloads themselves.
+        ``decode`` reads the payloads of a type that this project does not know.
         """
         absolute = self.identity.resolve(name or topic.name)
         for known in self.subscribers:
             if known.name == absolute and known.topic.record is topic.record:
                 return known
-        made = Subscriber(topic, absolute, self.identity.key(name or topic.name), self.transport, raw)
+        made = Subscriber(topic, absolute, self.identity.key(name or topic.name), self.transport, decode)
         self.subscribers.append(made)
         self._declare("sub", absolute, topic.record.ROS_TYPE, topic.quality.name)
         return made
@@ -121,10 +123,10 @@ class Node:
         for end in ends:
             if isinstance(end, Subscriber):
                 self.subscribers.remove(end)
-                self._tokens.pop(("sub", end.name)).close()
+                self._tokens.pop(("sub", end.name, end.topic.record.ROS_TYPE)).close()
             else:
                 self.publishers.remove(end)
-                self._tokens.pop(("pub", end.name)).close()
+                self._tokens.pop(("pub", end.name, end.topic.record.ROS_TYPE)).close()
                 self._numbers[end.name] = end.sent
                 if len(self._numbers) > MAX_KEPT_NUMBERS:
                     del self._numbers[next(iter(self._numbers))]
@@ -155,13 +157,13 @@ class Node:
     def declare_stepping(self, period_ns: int) -> None:
         """Show that the node's ticks may begin: its inputs are declared."""
         entity = Entity(self.transport.session, "step", self.identity.node, detail=str(period_ns))
-        self._tokens["step", self.identity.node] = self.transport.declare_token(entity.key)
+        self._tokens["step", self.identity.node, ""] = self.transport.declare_token(entity.key)
 
     def declare_ready(self) -> None:
         """Show, once, that the node is at work, for a node without ticks."""
-        if ("ready", self.identity.node) not in self._tokens and ("step", self.identity.node) not in self._tokens:
+        if not any((kind, self.identity.node, "") in self._tokens for kind in ("ready", "step")):
             entity = Entity(self.transport.session, "ready", self.identity.node)
-            self._tokens["ready", self.identity.node] = self.transport.declare_token(entity.key)
+            self._tokens["ready", self.identity.node, ""] = self.transport.declare_token(entity.key)
 
     def spin_once(self) -> None:
         """What every loop does all the time: end when asked, answer requests, send the heartbeat."""
@@ -213,7 +215,7 @@ class Node:
     def _claim_name(self) -> None:
         """Take the node's name; raises TryAgain when another process holds it and does not go."""
         mine = Entity(self.transport.session, "node", self.identity.node, self.kind)
-        self._tokens["node", self.identity.node] = self.transport.declare_token(mine.key)
+        self._tokens["node", self.identity.node, ""] = self.transport.declare_token(mine.key)
         settle = self.transport.settle_s
         if self._sees_everybody():
             if not self._sessions("node") - {mine.session}:
@@ -254,4 +256,4 @@ class Node:
 
     def _declare(self, kind: Kind, name: str, record: str, detail: str) -> None:
         entity = Entity(self.transport.session, kind, self.identity.node, name, record, detail)
-        self._tokens[kind, name] = self.transport.declare_token(entity.key)
+        self._tokens[kind, name, record] = self.transport.declare_token(entity.key)

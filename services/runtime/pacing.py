@@ -17,8 +17,8 @@ from services.runtime.lockstep.protocol import SIMULATION, StepGrant, last_repor
 from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.log import Log
 from services.runtime.node import Node
-from services.runtime.refusal_counter import RefusalCounter
 from services.runtime.transport.api import RawSubscriber
+from services.runtime.transport.sequences import RefusalCounter
 from services.runtime.transport.wire import encoding, publisher_id, unpack_attachment
 
 SILENCE_S = 0.5

@@ -1,4 +1,4 @@
-"""TCP ports of the loopback: a free one, whether one is in use, and why one cannot be bound."""
+"""TCP ports: a free one, whether one is in use, and why a server cannot listen on one."""
 
 from __future__ import annotations
 
@@ -14,6 +14,11 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
+def first_free_port(port: int) -> int:
+    """``port`` if a server can listen on it, else the first free one of the next 99; ``port`` if there is none."""
+    return next((each for each in range(port, min(port + 100, 65536)) if not bind_error(each)), port)
+
+
 def port_in_use(port: int, timeout: float = 0.5) -> bool:
     """Whether a program accepts connections on a port within ``timeout`` [s]."""
     with socket.socket() as probe:
@@ -21,12 +26,15 @@ def port_in_use(port: int, timeout: float = 0.5) -> bool:
         return probe.connect_ex((LOOPBACK, port)) == 0
 
 
-def bind_error(port: int) -> str:
-    """Why a server could not listen on a port; empty when it could."""
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((LOOPBACK, port))
-        except OSError as error:
-            return error.strerror or str(error)
-    return ""
+def bind_error(port: int, host: str = LOOPBACK) -> OSError | None:
+    """Why a server could not listen on a port of a name or address, or None when it could."""
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+        with socket.socket(family, kind, protocol) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(address)
+    except OSError as error:
+        return error
+    return None

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from messages.names import Identity
 from services.runtime.context import Context
 from services.runtime.errors import Stopped
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.parameters.client import ParameterClient

@@ -1,15 +1,16 @@
-"""Subscribers: samples checked, counted and snapshotted at the start of a tick, and what a loop sees of them."""
+"""Subscribers: samples are checked, counted and snapshotted at the start of a tick; the latest value, or a stream."""
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from itertools import islice
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from messages.base import DECODE_ERRORS, Message, raw_decoder, saturating_add
 from messages.elea import InputHealth
+from messages.names import key as key_of
 from messages.std import Header
 from messages.topics import Quality, Topic
 from services.runtime.lockstep.watermarks import Watermarks
@@ -17,6 +18,7 @@ from services.runtime.transport.api import RawSubscriber, Sample, Transport
 from services.runtime.transport.sequences import MAX_GAP, SequenceTracker, Verdict
 from services.runtime.transport.wire import (
     ATTACHMENT_SIZE,
+    FORMAT,
     MEMBER_BYTES,
     NODE_BYTES,
     SampleInfo,
@@ -25,6 +27,7 @@ from services.runtime.transport.wire import (
     publisher_id,
     unpack_attachment,
 )
+from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
 
 M = TypeVar("M", bound=Message)
 
@@ -34,7 +37,7 @@ EVENT_QUEUE_SIZE = 8192
 """The same for events, of which a reader of bursts may lag behind by as many."""
 QUEUE_BYTES = 1 << 26
 """What waits on one subscription at most [bytes]: large messages get shorter rings."""
-MIN_QUEUE_SIZE, MIN_RAW_QUEUE_SIZE = 4, 64
+MIN_QUEUE_SIZE, MIN_UNTYPED_QUEUE_SIZE = 4, 64
 LARGEST_ATTACHMENT = 256
 """Bytes of an attachment that is not ours; with a longer one, a sample is refused."""
 
@@ -65,13 +68,13 @@ class WaitBudget:
         return True
 
 
-def queue_size(largest: int, event: bool = False, raw: bool = False) -> int:
+def queue_size(largest: int, event: bool = False, untyped: bool = False) -> int:
     """How many samples of at most ``largest`` bytes wait for a reader; of more, the oldest are overwritten.
 
-    A ``raw`` reader does not know its messages: they are hardly ever as large as they may be.
+    Messages of an unknown type are rarely as large as they may be, so an ``untyped`` reader has a longer ring.
     """
     return max(
-        MIN_RAW_QUEUE_SIZE if raw else MIN_QUEUE_SIZE,
+        MIN_UNTYPED_QUEUE_SIZE if untyped else MIN_QUEUE_SIZE,
         min(EVENT_QUEUE_SIZE if event else QUEUE_SIZE, QUEUE_BYTES // largest),
     )
 
@@ -81,13 +84,32 @@ class Subscriber(Generic[M]):
 
     Refused (wrong type, undecodable, too large, numbered absurdly), repeated and lost samples (gaps in the numbers) are
     counted, never passed on; ``SequenceTracker`` says by which rule. A sample without our attachment is foreign: it is
-    taken if it decodes. A ``raw`` input gives bare payloads.
+    accepted if it decodes.
     """
 
-    def __init__(self, topic: Topic[M], name: str, key: str, transport: Transport, raw: bool = False) -> None:
+    def __init__(
+        self,
+        topic: Topic[M],
+        name: str,
+        key: str,
+        transport: Transport,
+        decode: Callable[[bytes], Any] | None = None,
+        capacity: int | None = None,
+    ) -> None:
+        """Subscribe.
+
+        Args:
+            topic: Says type, quality and size.
+            name: The absolute name, for counts and texts.
+            key: The key on the network.
+            transport: The network.
+            decode: Reads a payload of a type that this project does not know, ``bytes`` to keep it as it is; by default
+                the decoder of the topic's record.
+            capacity: Samples in the ring, by default what ``queue_size`` says.
+        """
         self.topic, self.name, self.key = topic, name, key
         self.encoding = encoding(topic.record.ROS_TYPE)
-        self._capacity = queue_size(topic.largest, topic.quality is Quality.EVENT, raw)
+        self._capacity = capacity or queue_size(topic.largest, topic.quality is Quality.EVENT, decode is not None)
         self.raw: RawSubscriber = transport.subscribe(key, self._capacity, topic.quality is Quality.LATCHED)
         self.messages: list[tuple[M, SampleInfo | None]] = []
         self.received = self.lost = self.refused = self.foreign = self.repeated = self.resynced = 0
@@ -95,7 +117,7 @@ class Subscriber(Generic[M]):
         self._largest = topic.largest
         self._only = member_id(topic.only, "")[:NODE_BYTES] if topic.only else b""
         self._strict = topic.quality in (Quality.COMMAND, Quality.LATCHED)
-        self._decode: Callable[[bytes], Any] = bytes if raw else raw_decoder(topic.record)
+        self._decode: Callable[[bytes], Any] = decode or raw_decoder(topic.record)
         self._sequences = SequenceTracker()
         self._last, self._stamps = self._sequences.last, self._sequences.stamps
         self._deferred: dict[bytes, deque[tuple[M, SampleInfo]]] = {}
@@ -304,6 +326,48 @@ def _order(entry: tuple[Message, SampleInfo | None]) -> tuple[bytes, bytes, int]
     if origin is None:
         return b"", b"", 0
     return origin.publisher[:NODE_BYTES], origin.publisher[MEMBER_BYTES:], origin.sequence
+
+
+class ReceivedSample(NamedTuple):
+    """One sample of any type; ``type`` is the ROS type that its sender states, or empty; times in ns of the wall clock.
+
+    ``lost`` samples of its publisher are missing before it.
+    """
+
+    payload: bytes
+    origin: SampleInfo | None
+    type: str
+    received_ns: int
+    lost: int
+
+    @property
+    def sent_ns(self) -> int:
+        """When it was sent by the sender's clock; for a foreign sender, when it arrived."""
+        return self.received_ns if self.origin is None else self.origin.source_ns
+
+
+class UntypedSubscriber(Subscriber[Message]):
+    """A subscription outside a node, to a topic whose type is not known in advance; ``drain`` gives its samples."""
+
+    def __init__(
+        self, transport: Transport, name: str, latched: bool = False, capacity: int = EVENT_QUEUE_SIZE
+    ) -> None:
+        topic = Topic(name, Message, 0, Quality.LATCHED if latched else Quality.SENSOR, "", LARGEST_MESSAGE)
+        super().__init__(topic, name, key_of(name), transport, bytes, capacity)
+
+    def drain(self) -> Iterator[ReceivedSample]:
+        """The new samples, oldest first."""
+        while (sample := self.raw.recv()) is not None:
+            lost = self.lost
+            entry: tuple[Any, SampleInfo | None] | None = self._decode_sample(sample)
+            if entry is not None:
+                form, _, type_name = self.raw.encoding(sample[2]).partition(";")
+                stated = type_name if form == FORMAT else ""
+                yield ReceivedSample(*entry, stated, time.time_ns(), self.lost - lost)
+
+    def _accept(self, source: Any, origin: SampleInfo | None) -> bool:
+        """Samples of every type are accepted."""
+        return True
 
 
 class Latest(Generic[M]):

@@ -20,19 +20,18 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from messages.base import Message, decoder
+from messages.names import Identity
 from messages.rosgraph import Clock
 from messages.std import Time
 from messages.topics import CLOCK, Topic
 from services.runtime.context import Context
 from services.runtime.errors import Stopped
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.validation import build
 from services.runtime.publisher import Publisher
-from services.runtime.service import Run, Service
-from services.runtime.service_file import load_user_service
+from services.runtime.service import Run, Service, load_user_service
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.wire import unpack_attachment
 

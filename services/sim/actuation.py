@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 from messages.elea import BaseStatus
 from messages.geometry import TwistStamped
+from messages.names import join
 from messages.se3 import Pose3
 from messages.simulation import DriveSettings
 from messages.topics import BASE_STATUS, CMD_VEL, CMD_VEL_OUT, JOINT_EFFORT, Topic
@@ -24,6 +25,7 @@ from services.sim.joints.config import check_positions
 from services.sim.joints.effort_controller import JointEffortController
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import Body, BodyHandle, JointFriction, JointReadings, Motor, World
+from services.sim.robot_names import robot_namespace
 from services.sim.robot_parameters import BaseParameterSet, JointParameterSet
 from services.sim.transit_delay import TransitDelayEstimator
 
@@ -215,9 +217,8 @@ class WheelActuation:
         return self._body.joint_readings()
 
     def effort_controller(self, joint: str) -> JointEffortController:
-        name = self._entry.name
-        namespace = (self._entry.namespace or name).strip("/")
-        raise BadInput(f"{name}::{joint} is a wheel, which its base drives: command /{namespace}/cmd_vel instead")
+        name, topic = self._entry.name, join(robot_namespace(self._entry), CMD_VEL.name)
+        raise BadInput(f"{name}::{joint} is a wheel, which its base drives: command {topic} instead")
 
     def job_count(self, joint: str) -> int:
         return 0

@@ -274,7 +274,8 @@ class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """A robot and where it is spawned.
 
     ``parameters`` are those of a model with wheels, ``joint_parameters`` those of one without. ``joints`` are positions
-    to start from, rad or m, 0 where none is stated.
+    to start from, rad or m, 0 where none is stated. Its topics are in ``namespace``, its name when that is empty and
+    the root for ``/``; its frames begin with ``frame_prefix``, its name and a slash when that is None.
     """
 
     name: str
@@ -283,6 +284,7 @@ class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     y: Coordinate = 0.0
     yaw: float = 0.0
     namespace: str = ""
+    frame_prefix: str | None = None
     parameters: BaseParameters = BaseParameters()
     joint_parameters: JointParameters = JointParameters()
     joints: dict[str, float] = {}

@@ -101,6 +101,7 @@ class SimulationServices:
                 name=request.name,
                 model=request.model,
                 namespace=request.namespace,
+                frame_prefix=request.frame_prefix,
                 parameters=build(BaseParameters, values if wheeled else {}, request.name),
                 joint_parameters=build(JointParameters, {} if wheeled else values, request.name),
                 joints=joints,

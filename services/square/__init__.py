@@ -16,7 +16,7 @@ _FIXED = {"live": False}
 """Law, size and log do not change while the square is driven."""
 
 
-class SquareParameters(Parameters, frozen=True, kw_only=True):
+class SquareParameters(Parameters):
     """Parameters of the square. Defaults suit a Pioneer 3-DX; bounds keep the control laws stable at 50 Hz."""
 
     law: Annotated[

@@ -17,7 +17,7 @@ RATE_HZ = 50
 """Loop rate in Hz of simulation time, and the maximum rate of each transform."""
 
 
-class StateParameters(Parameters, frozen=True, kw_only=True):
+class StateParameters(Parameters):
     """Robots, and the sources of their URDFs and joint states; names as in ROS."""
 
     robots: tuple[str, ...] = param((), text="Namespaces of the robots to serve; the node's own if empty.", live=False)

@@ -9,7 +9,7 @@ MIN_SPEED = 1e-3
 """Minimum speed [m/s, rad/s] that scaling can reach, so that it can always scale up again."""
 
 
-class TeleopParameters(Parameters, frozen=True, kw_only=True):
+class TeleopParameters(Parameters):
     """Parameters of teleop. The first eight are those of teleop_twist_keyboard."""
 
     speed: float = param(0.5, MIN_SPEED, FASTEST_LINEAR, "m/s", "Initial linear speed.")

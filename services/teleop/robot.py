@@ -1,23 +1,23 @@
-"""The robot that teleop drives: the commands sent to it, and its state and clock as received."""
+"""The robot that teleop drives: found in the graph, commanded, and observed."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, NamedTuple
 
 from messages.elea import BaseStatus
 from messages.geometry import Twist, TwistStamped, Vector3
+from messages.names import BadName, absolute_namespace
 from messages.std import Header, Time
 from messages.topics import BASE_STATUS, CLOCK, CMD_VEL, ODOM, Quality, Topic
 from services.driving.command_repeater import CommandRepeater
 from services.runtime.context import Context
-from services.runtime.errors import BadInput
-from services.runtime.graph import snapshot
+from services.runtime.errors import BadInput, did_you_mean
+from services.runtime.graph import Entity, snapshot
 from services.runtime.heartbeat import State
 from services.runtime.subscriber import Latest
 from services.runtime.transport.wire import SampleInfo
 from services.teleop import TeleopParameters
-from services.teleop.bases import find_bases
 from services.teleop.keys import ZERO_VELOCITY, Velocity
 
 STAMPED = Topic(CMD_VEL.name, TwistStamped, CMD_VEL.rate, Quality.COMMAND, CMD_VEL.about)
@@ -142,3 +142,52 @@ class RobotMonitor:
 
     def _is_silent(self, index: int) -> bool:
         return self._wall - self._last_received[index] > SILENCE_TIMEOUT_S
+
+
+_SUFFIX = f"/{CMD_VEL.name}"
+
+
+class BaseInfo(NamedTuple):
+    """Namespace of a base, and topic and ROS type of its commands."""
+
+    namespace: str
+    topic: str
+    type_name: str
+
+
+def find_bases(entities: Iterable[Entity]) -> dict[str, BaseInfo]:
+    """Return the bases by namespace: nodes that subscribe to ``cmd_vel`` and publish there, unlike observers."""
+    known = tuple(entities)
+    found = {}
+    for each in known:
+        if each.kind != "sub" or not each.name.endswith(_SUFFIX):
+            continue
+        above = each.name.removesuffix(_SUFFIX)
+        if any(e.kind == "pub" and e.node == each.node and e.name.rpartition("/")[0] == above for e in known):
+            found[above or "/"] = BaseInfo(above or "/", each.name, each.record)
+    return dict(sorted(found.items()))
+
+
+def choose_base(asked: str, found: Mapping[str, BaseInfo], where: str) -> BaseInfo:
+    """Return the base to drive; raises BadInput if there is none or the choice is ambiguous.
+
+    Args:
+        bases: The bases by namespace.
+        asked: Namespace of the base; the only base if empty.
+        where: Name of the network, for errors.
+    """
+    if not found:
+        raise BadInput(f"no robot takes commands at {where}: is a fleet up that has one? (./elea ps lists them)")
+    listed = ", ".join(found)
+    if not asked:
+        if len(found) > 1:
+            raise BadInput(f"there are several robots, say which one: {listed}")
+        return next(iter(found.values()))
+    try:
+        namespace = absolute_namespace(asked.rstrip("/"))
+    except BadName as error:
+        raise BadInput(str(error)) from None
+    if namespace not in found:
+        hint = did_you_mean(namespace, found)
+        raise BadInput(f"no robot takes commands on {namespace.rstrip('/')}{_SUFFIX}{hint} (known: {listed})")
+    return found[namespace]

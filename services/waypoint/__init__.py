@@ -13,7 +13,7 @@ PLAN_LEVEL = 2
 """Bit of ``Context.params_changed`` for changes of the plan."""
 
 
-class WaypointParameters(Parameters, frozen=True, kw_only=True):
+class WaypointParameters(Parameters):
     """Parameters of the waypoint controller. Defaults suit a TurtleBot3 burger; bounds keep each law stable at 25 Hz.
 
     All are live: changing goals, laps or the final heading starts a new plan; others take effect at the next tick.

@@ -30,7 +30,7 @@ BAGS = "MCAP stands behind the bags alone"
 WEB = "The web server stands behind the panel alone"
 
 PLANTED = [
-    (LAYERS, "services/waypoint/controller.py", "from deploy.version import VERSION"),
+    (LAYERS, "services/waypoint/controller.py", "from deploy import VERSION"),
     (LAYERS, "messages/names.py", "from services.runtime.errors import BadInput"),
     (LAYERS, "models/urdf.py", "from services.runtime.errors import BadInput"),
     (LAYERS, "messages/std.py", "from models import model_path"),

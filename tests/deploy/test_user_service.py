@@ -12,7 +12,7 @@ from deploy.fleet_file import read_fleet
 from deploy.processes import plan_processes
 from deploy.service_parameters import RunOptions
 from services.runtime.errors import BadInput
-from services.runtime.service_file import load_user_service
+from services.runtime.service import load_user_service
 from tests.docs.readme import blocks, section
 from tests.harness.command_line import CommandLine
 
@@ -21,7 +21,7 @@ from typing import Annotated
 from msgspec import Meta
 from services.runtime import Parameters, Service, main
 
-class Mine(Parameters, frozen=True, kw_only=True):
+class Mine(Parameters):
     speed: Annotated[float, Meta(ge=0, le=1)] = 0.5
 
 def run(ctx):

@@ -9,11 +9,10 @@ from collections.abc import Callable, Iterable
 
 from deploy.commands.cli import COMMANDS
 from deploy.fleet_file import find_fleet, fleet_names, read_fleet
-from deploy.service_catalog import load_service
 from messages.base import Message
 from messages.requests import REQUESTS, Request
 from messages.topics import TOPICS, Quality, Topic
-from services.catalog import service_kinds
+from services.catalog import load_service, service_kinds
 from tests.docs.readme import DOCS
 
 

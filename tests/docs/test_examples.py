@@ -9,10 +9,10 @@ from typing import ClassVar
 import pytest
 
 import messages.topics
-from deploy.service_catalog import load_user_service
 from messages.base import Finite, Message
 from messages.std import Float32, Header
 from messages.topics import CMD_VEL
+from services.catalog import load_user_service
 from services.runtime.parameters.validation import describe_parameters
 from services.runtime.testing import run_service
 from tests.docs.readme import DOCS, blocks

@@ -8,7 +8,7 @@ import tomllib
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from deploy.version import VERSION
+from deploy import VERSION
 from services.runtime.process import ROOT
 from tests.harness.project_files import project_files
 

@@ -13,8 +13,8 @@ import psutil
 
 from messages.elea import ProcessState
 from messages.geometry import Twist
+from messages.names import Identity
 from messages.std import String
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
@@ -52,7 +52,7 @@ class SupervisedFleet:
         file = self.folder / "fleet.toml"
         file.write_text(self._description)
         command = ["-m", "tests.faults.up_with_faults", "up", str(file), "--report", str(self.folder / "run")]
-        command += ["--port", str(self.port), "--no-view"]
+        command += ["--port", str(self.port), "--no-view", "--no-picture"]
         environment = {"XDG_STATE_HOME": str(self.folder.parent / "state")}
         self._stack.callback(self._assert_no_survivors)
         self.supervisor = self._stack.enter_context(Process(command, self.folder / "up.log", environment))

@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from messages.base import encode
+from messages.names import Identity
 from messages.rosgraph import Clock
 from messages.std import Time
 from messages.topics import CLOCK, Quality
 from services.runtime.errors import Stopped
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.transport.api import Transport

@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Self
 
-from services.runtime.identity import Identity
+from messages.names import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.process import PARENT, ROOT

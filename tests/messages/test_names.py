@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from messages.names import BadName, absolute_namespace, identify, key, mangle, name_of, resolve, unmangle, validate
+from messages.names import BadName, Identity, absolute_namespace, key, mangle, name_of, resolve, unmangle, validate
 from tests.messages.strategies import DETERMINISTIC
 
 PART = st.from_regex(r"[A-Za-z_][A-Za-z0-9_]{0,8}", fullmatch=True)
@@ -152,13 +152,13 @@ def test_a_name_is_measured_after_it_is_resolved() -> None:
 def test_namespaces_and_nodes_have_the_lengths_of_rmw() -> None:
     """RMW_NAMESPACE_MAX_LENGTH is 245 and RMW_NODE_NAME_MAX_NAME_LENGTH is 255, each for itself."""
     namespace, name = "/" + "n" * 244, "m" * 255
-    identity = identify(name, namespace, ())
-    assert identity == (namespace, f"{namespace}/{name}")
+    identity = Identity.of(name, namespace)
+    assert (identity.namespace, identity.node) == (namespace, f"{namespace}/{name}")
     assert key(identity.node) == identity.node[1:]
     with pytest.raises(BadName, match="246 characters; a namespace has at most 245"):
         absolute_namespace("n" * 245)
     with pytest.raises(BadName, match="256 characters; a node's name has at most 255"):
-        identify("m" * 256, "/", ())
+        Identity.of("m" * 256)
     with pytest.raises(BadName, match="501 characters; a name has at most 247"):
         resolve("~", namespace, name)
 

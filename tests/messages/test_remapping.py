@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from messages.names import BadName, Identity, Remap, identify, parse_assignment, parse_remap, remap, resolve
+from messages.names import BadName, Identity, Remap, parse_assignment, parse_remap, remap, resolve
 from tests.messages.strategies import DETERMINISTIC
 from tests.messages.test_names import ABSOLUTE, PART, PRIVATE, RELATIVE
 
@@ -74,7 +74,8 @@ def test_rules_read_as_written() -> None:
     ],
 )
 def test_special_rules_say_who_a_node_is(rules: tuple[str, ...], identity: tuple[str, str]) -> None:
-    assert identify("waypoint", "tb3_0", map(parse_remap, rules)) == Identity(*identity)
+    found = Identity.of("waypoint", "tb3_0", map(parse_remap, rules))
+    assert (found.namespace, found.node) == identity
 
 
 @pytest.mark.parametrize(
@@ -105,4 +106,4 @@ def test_what_is_no_rule_is_refused(text: str, says: str) -> None:
 @pytest.mark.parametrize("name", ["a/b", "/a", "~a", "", "a b"])
 def test_a_node_has_a_single_name(name: str) -> None:
     with pytest.raises(BadName):
-        identify(name, "/tb3_0", ())
+        Identity.of(name, "/tb3_0")

@@ -20,7 +20,7 @@ HANGS = "waits for its end in the middle of a tick"
 End = Literal["hangs", "falls silent", "stops"]
 
 
-class CommanderParameters(Parameters, frozen=True, kw_only=True):
+class CommanderParameters(Parameters):
     """How it ends: it waits for a signal, it commands no more, or it commands on after an emergency stop of all."""
 
     end: End = "hangs"

@@ -23,7 +23,7 @@ TICK_REACHED = "has taken the tick of which it is to tell"
 """What it prints at the tick at which it is to tell."""
 
 
-class LockstepRecorderParameters(Parameters, frozen=True, kw_only=True):
+class LockstepRecorderParameters(Parameters):
     """What it looks at, the times [s] of its tick to tell of and of having seen enough, and where it writes what."""
 
     robots: tuple[str, ...] = ()

@@ -8,11 +8,11 @@ from contextlib import contextmanager
 from typing import Any
 
 from messages.elea import Health
+from messages.names import Identity
 from messages.parameters import Assignment, ParameterSet, ParameterValues, SetParameters
 from messages.requests import PARAMS_GET, PARAMS_SET
 from messages.topics import CLOCK, CMD_VEL, HEALTH
 from services.runtime.errors import CallFailed
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.transport.unix_sockets import router_endpoint

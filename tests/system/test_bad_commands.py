@@ -89,7 +89,7 @@ def test_port_of_another_program(terminal: CommandLine) -> None:
     with socket.create_server(("127.0.0.1", terminal.port)):
         ended = terminal.run_fleet("bare", terminal.folder / "results", "--duration", "1")
     assert (ended.status, ended.out) == (2, "")
-    assert f"port {terminal.port} of 127.0.0.1 is held by another program: take another one with --port" in ended.err
+    assert f"port {terminal.port} of 127.0.0.1 is held by another program: choose another one with --port" in ended.err
     assert list((terminal.folder / "results" / "logs").iterdir()) == []
 
 

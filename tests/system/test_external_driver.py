@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 
 from messages.elea import BaseStatus
+from messages.names import Identity
 from messages.nav import Odometry
 from messages.requests import RESET_WORLD
 from messages.std import Empty
 from messages.topics import BASE_STATUS
 from models.model import read_model
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.transport.unix_sockets import router_endpoint

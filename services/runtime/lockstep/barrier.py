@@ -34,8 +34,8 @@ from services.runtime.lockstep.protocol import (
 from services.runtime.lockstep.watermarks import Numbers, Watermarks, merge_numbers
 from services.runtime.log import Log
 from services.runtime.publisher import Publisher, SendBuffer
-from services.runtime.refusal_counter import RefusalCounter
 from services.runtime.transport.api import RawSubscriber, Transport
+from services.runtime.transport.sequences import RefusalCounter
 from services.runtime.transport.wire import member_id, publisher_id, unpack_attachment
 
 RETRY_S = 2.0

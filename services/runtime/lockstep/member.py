@@ -27,8 +27,8 @@ from services.runtime.lockstep.protocol import (
     report_key,
 )
 from services.runtime.lockstep.watermarks import MAX_JUMP, Numbers, Watermarks
-from services.runtime.refusal_counter import RefusalCounter
 from services.runtime.transport.api import RawPublisher, RawSubscriber, Token, Transport
+from services.runtime.transport.sequences import RefusalCounter
 
 LINK_S = 10.0
 """Wall time that a member may take to see its fellows before it goes on without them."""

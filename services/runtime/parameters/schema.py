@@ -13,8 +13,8 @@ from msgspec import Meta
 
 from messages.parameters import ParameterDescription
 
-MAX_NUMBER = 1e12
-"""Largest number in a message; a bound beyond it counts as none."""
+ALL_LEVELS = 2**32 - 1
+"""Every level: that of a set's first values."""
 MAX_TEXT_LENGTH = 60_000
 """Characters of a JSON text; a longer one is cut, since it is only displayed."""
 
@@ -315,3 +315,15 @@ def violations(
 
 def _one_of(concerned: Collection[str] | None, *names: str) -> bool:
     return concerned is None or any(name in concerned for name in names)
+
+
+RENAMED_CHOICES = {"seed": "tutorial"}
+"""Old names and what they are called now, for every parameter that has the new choice and not the old one."""
+
+
+def renamed_choice(value: Any, choices: Collection[str]) -> str | None:
+    """Return what ``value`` is called now, if it is the old name of one of ``choices``; else None."""
+    if not isinstance(value, str) or value in choices:
+        return None
+    new = RENAMED_CHOICES.get(value)
+    return new if new in choices else None

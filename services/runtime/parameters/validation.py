@@ -11,18 +11,18 @@ from typing import Any, TypeVar
 import msgspec
 from msgspec import Meta
 
+from messages.base import LARGEST
 from messages.parameters import ParameterDescription
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.parameters.base import Parameters
-from services.runtime.parameters.renamed_choices import renamed_choice
 from services.runtime.parameters.schema import (
-    MAX_NUMBER,
     Field,
     all_metas,
     constraints_of,
     fields_of,
     flatten,
     lengths,
+    renamed_choice,
     type_name,
     violations,
 )
@@ -31,8 +31,6 @@ P = TypeVar("P", bound=Parameters)
 
 
 _NOTHING = object()
-ALL_LEVELS = 2**32 - 1
-"""Every level: what listeners get at first."""
 
 
 def describe_parameters(record: type[Parameters], defaults: Parameters | None = None) -> Iterator[ParameterDescription]:
@@ -159,7 +157,7 @@ def _bound(metas: Iterable[Meta], inclusive: str, exclusive: str) -> tuple[float
         for name in (inclusive, exclusive):
             value = getattr(meta, name)
             if value is not None:
-                return (float(value), name == exclusive) if abs(value) < MAX_NUMBER else (None, False)
+                return (float(value), name == exclusive) if abs(value) < LARGEST else (None, False)
     return None, False
 
 

@@ -1,10 +1,11 @@
-"""The sequence numbers of publishers: which sample is new, which was lost, which is a repetition or a forgery."""
+"""Judges samples by their sequence numbers: which are new, lost, repeated or forged; and counts refused ones."""
 
 from __future__ import annotations
 
 from enum import Enum
 from time import monotonic, time_ns
 
+from messages.elea import InputHealth
 from services.runtime.transport.wire import SampleInfo
 
 MAX_PUBLISHERS = 4096
@@ -117,3 +118,30 @@ class SequenceTracker:
         del self.stamps[publisher]
         self._seen.pop(publisher, None)
         self._rivals.pop(publisher, None)
+
+
+_REASON = 200
+"""Characters of a reason that are kept."""
+
+
+class RefusalCounter:
+    """Counts the refused samples of a key without a subscriber: of lockstep's messages, and of the clock that paces.
+
+    The node's health lists it under ``name`` once something was refused.
+    """
+
+    lost = repeated = resynced = foreign = 0
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.received = self.refused = 0
+        self.reason = ""
+
+    def reject(self, reason: str) -> None:
+        """Count a sample as refused."""
+        self.refused += 1
+        self.reason = "".join(each if each.isprintable() else "?" for each in reason[:_REASON])
+
+    def health(self) -> InputHealth:
+        """The counts, as they are shown."""
+        return InputHealth(topic=self.name, received=self.received, refused=self.refused, reason=self.reason)

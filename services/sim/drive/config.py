@@ -13,12 +13,12 @@ from messages.base import Packed36, covariance
 from models import model_config_path, urdf_path
 from models.model import RobotModel, WheelConfig, read_model
 from models.urdf import NoWheels, WheelPair, read_wheels
+from services.driving.pid import PidGains
 from services.runtime.errors import BadInput
 from services.runtime.parameters.validation import build
 from services.sim.drive.driver import Drive
 from services.sim.drive.kinematics import WheelGeometry, describe_mismatch
 from services.sim.drive.limiter import NO_RAMP, UNLIMITED, AxisLimits, WheelRamp, braking_limits
-from services.sim.drive.pid import PidGains
 from services.sim.parameters import AxisParameters, BaseParameters, PidParameters
 
 
@@ -39,6 +39,13 @@ class LiveParameters:
 
 DEFAULT_WINDOW = 2
 """Control ticks in the mean of odometry's speed: 2 as in the tutorials; ROS's default of 10 lags by 0.1 s."""
+
+
+NO_TIMEOUT = (
+    "cmd_vel_timeout = 0: a command holds until the next one, or until its sender has left the network; a sender that "
+    "hangs does not stop the robot. A zero command or an emergency stop does"
+)
+"""The warning about a base without a time-out."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +175,11 @@ def drive_config(name: str, model: RobotModel, wheels: WheelConfig, parameters: 
         exclusive=parameters.allow_multiple_cmd_vel_publishers is False,
         stamped=bool(parameters.use_stamped_vel),
         publish_cmd=bool(parameters.publish_cmd),
-        warnings=(*_check_against_urdf(urdf_path(name), left, right, turned.geometry, parameters), *idle),
+        warnings=(
+            *_check_against_urdf(urdf_path(name), left, right, turned.geometry, parameters),
+            *idle,
+            *([] if parameters.cmd_vel_timeout else [NO_TIMEOUT]),
+        ),
     )
 
 

@@ -11,9 +11,8 @@ import pytest
 
 import deploy.bench
 from deploy.bench import fleet, lockstep, wire
-from deploy.bench.figures import Figure, ratios
+from deploy.bench.figures import FIGURE_PROPERTY, Figure, ratios, read_figures
 from deploy.bench.lockstep import Span, build_schedule, lab_robots, raw_factor
-from deploy.bench.suite import FIGURE_PROPERTY, read_figures
 from messages.geometry import Twist
 from messages.joints import JointEffort
 from services.runtime.step import STEP_NS

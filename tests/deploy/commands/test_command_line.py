@@ -66,7 +66,7 @@ def test_taken_port_is_told_before_anything_starts(state: dict[str, str], tmp_pa
         port = str(other.getsockname()[1])
         done = elea(state, "up", "bare", "--port", port, "--report", str(tmp_path / "run"))
     assert done.returncode == 2
-    assert f"port {port} of 127.0.0.1 is held by another program: take another one with --port" in done.stderr
+    assert f"port {port} of 127.0.0.1 is held by another program: choose another one with --port" in done.stderr
     assert list((tmp_path / "run" / "logs").iterdir()) == []
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from deploy.live.message_types import known_topic
+from deploy.interfaces import known_topic
 from tests.harness.background_fleet import BackgroundFleet, background_fleet
 
 LOCKSTEP = """

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import pytest
 
+from messages.names import Identity
 from messages.topics import BASE_STATUS, CLOCK, CMD_VEL, E_STOP, GOAL_POSE
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.transport.zenoh import ZenohTransport

@@ -1,4 +1,4 @@
-"""Messages as text: YAML that reads back, cut lists, rows of CSV; and paths into them."""
+"""Messages as text: YAML that reads back, cut lists, rows of CSV."""
 
 from __future__ import annotations
 
@@ -11,12 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deploy.live.message_format import csv_cells, csv_row, to_flow_yaml, to_yaml, truncate
-from deploy.live.message_types import check_path, complete_path, get_field, parse_path
 from messages.nav import Odometry
 from messages.plain import plain_record
-from messages.tf import TFMessage
 from models.yaml_reader import read_yaml
-from services.runtime.errors import BadInput
 
 TEXTS = st.text(max_size=20)
 SCALARS = st.none() | st.booleans() | st.integers(-(2**63), 2**63) | st.floats(allow_nan=False) | TEXTS
@@ -67,51 +64,3 @@ def test_rows() -> None:
     names, values = zip(*csv_cells(value), strict=True)
     assert names == ("a[0]", "a[1]", "b.c", "d")
     assert next(csv.reader(io.StringIO(csv_row(list(values))))) == ["1.5", "inf", 'x,"y', "true"]
-
-
-@pytest.mark.parametrize(
-    ("path", "value"),
-    [
-        ("pose.pose.position", {"x": 0.0, "y": 0.0, "z": 0.0}),
-        ("pose/pose/position/x", 0.0),
-        ("pose.covariance[35]", 0.0),
-        ("pose.covariance.-1", 0.0),
-    ],
-)
-def test_paths(path: str, value: object) -> None:
-    steps = parse_path(path)
-    check_path(Odometry, steps)
-    assert get_field(ODOMETRY, steps) == value
-
-
-@pytest.mark.parametrize(
-    ("path", "said"),
-    [
-        ("pose.poze", "unknown field 'poze'; did you mean 'pose'"),
-        ("pose.pose.position.x.y", "a single value has no element"),
-        ("pose.covariance.x", "selected by its index"),
-        ("pose..x", "is not a field path"),
-        ("", "is not a field path"),
-        ("a[", "is not a field path"),
-    ],
-)
-def test_bad_paths(path: str, said: str) -> None:
-    with pytest.raises(BadInput, match=said.replace("[", r"\[")):
-        check_path(Odometry, parse_path(path))
-
-
-def test_bad_paths_in_messages_of_unknown_types() -> None:
-    for path, said in (
-        ("b", "unknown field 'b'"),
-        ("a[3]", "there are 2 elements"),
-        ("a[0].x", "a single value has no element"),
-    ):
-        with pytest.raises(BadInput, match=said):
-            get_field({"a": [1, 2]}, parse_path(path))
-
-
-def test_paths_are_completed_a_step_at_a_time() -> None:
-    assert complete_path(Odometry, "") == ["header", "child_frame_id", "pose", "twist"]
-    assert complete_path(Odometry, "pose.pose.p") == ["pose.pose.position", "pose.pose.orientation"]
-    assert "transforms.0.header" in complete_path(TFMessage, "transforms.0.")
-    assert complete_path(Odometry, "nothing.x") == []

@@ -13,10 +13,9 @@ import msgspec
 import pytest
 
 from deploy.fleet import ChangeConfig
-from deploy.report import schema
 from deploy.report.checks import Bound, Bounds, check_bounds
 from deploy.report.picture import draw_figure, shorten_name
-from deploy.report.record import PICTURE_FILE, REPORT_FILE, Report, RunFacts
+from deploy.report.record import PICTURE_FILE, REPORT_FILE, SCHEMA_FILE, Report, RunFacts, report_schema, schema_text
 from deploy.report.table import format_fixed, format_number, print_report
 from deploy.report.write import build_report, read_measurements, to_json, write_report
 from deploy.supervisor.node import RunMonitor
@@ -62,7 +61,7 @@ def measured(folder: Path) -> Measurements:
 def test_the_report_of_a_run_fits_its_schema_and_holds_the_promised_keys(folder: Path) -> None:
     report = write_report(folder, FACTS, {})
     tree = json.loads((folder / REPORT_FILE).read_text())
-    jsonschema.Draft202012Validator(schema.schema()).validate(tree)
+    jsonschema.Draft202012Validator(report_schema()).validate(tree)
     assert tree["schema"] == 1
     assert tree["ok"] is report.ok is True
     assert set(ISSUED_RUN.split()) <= set(tree["run"])
@@ -77,14 +76,14 @@ def test_the_schema_refuses_a_report_without_a_key(folder: Path, measured: Measu
     tree = json.loads(to_json(build_report(measured, FACTS, {})))
     del tree["robots"]["tb3_0"]["collisions"]
     with pytest.raises(jsonschema.ValidationError) as refused:
-        jsonschema.Draft202012Validator(schema.schema()).validate(tree)
+        jsonschema.Draft202012Validator(report_schema()).validate(tree)
     assert any("collisions" in each.message for each in refused.value.context or ())
 
 
 def test_the_schema_file_is_that_of_the_records_and_every_key_is_documented() -> None:
-    assert schema.SCHEMA_FILE.read_text() == schema.text()
-    text = schema.SCHEMA_FILE.with_name("README.md").read_text()
-    definitions = schema.schema()["$defs"]
+    assert SCHEMA_FILE.read_text() == schema_text()
+    text = SCHEMA_FILE.with_name("README.md").read_text()
+    definitions = report_schema()["$defs"]
     records = {"RunFigures": "run.", "RobotFigures": "robots.*.", "CornerFigures": "robots.*.corners.*."}
     records |= {"ArmFigures": "robots.*.", "StepFigures": "robots.*.steps.*."}
     for record, prefix in {
@@ -184,8 +183,10 @@ def test_reports_and_measurements_of_earlier_versions_are_read(measured: Measure
     del tree["changes"]
     for name in ("changes_missed", "nodes_absent", "absent", "factor", "lag_s", "ticks_missed"):
         del tree["run"][name]
-    jsonschema.Draft202012Validator(schema.schema()).validate(tree)
+    jsonschema.Draft202012Validator(report_schema()).validate(tree)
     assert msgspec.convert(tree, Report).run.mode == "free"
+    del tree["robots"]["tb3_0"]["min_clearance_m"]
+    assert msgspec.convert(tree, Report).robots["tb3_0"].min_clearance_m is None
     old = msgspec.to_builtins(measured)
     del old["ticks_missed"]
     assert msgspec.convert(old, Measurements).ticks_missed == {}
@@ -221,18 +222,63 @@ def test_without_bounds_points_collisions_and_losses_are_checked(measured: Measu
 
 
 def test_what_was_not_measured_misses_its_bound(measured: Measurements) -> None:
-    """A distance to others is none where a robot drives alone: it is not checked, and does not count as held."""
-    unseen = msgspec.structs.replace(measured.robots["tb3_0"], min_distance_m=None, cross_track_rms_m=None)
-    bounds: Bounds = {"min_distance_m": Bound(min=0.3), "cross_track_rms_m": 0.01}
-    for robots, missed in (
-        ({"tb3_0": unseen}, ["tb3_0.cross_track_rms_m"]),
-        ({**measured.robots, "tb3_0": unseen}, ["tb3_0.min_distance_m", "tb3_0.cross_track_rms_m"]),
+    """Whether one robot did not measure it, or none of the run has it: in JSON, table, verdict and ``ok`` alike."""
+    unseen = msgspec.structs.replace(
+        measured.robots["tb3_0"], min_distance_m=None, cross_track_rms_m=None, collisions=None
+    )
+    for robots, bounds, missed in (
+        ({"tb3_0": unseen}, {"cross_track_rms_m": 0.01}, ["tb3_0.cross_track_rms_m"]),
+        ({"tb3_0": unseen}, {"min_distance_m": Bound(min=0.3)}, ["tb3_0.min_distance_m"]),
+        ({**measured.robots, "tb3_0": unseen}, {"min_distance_m": Bound(min=0.3)}, ["tb3_0.min_distance_m"]),
+        ({"tb3_0": unseen}, {"collisions": 0}, ["tb3_0.collisions"]),
+        (measured.robots, {"step_rise_s": Bound(min=0.1, max=0.2)}, ["step_rise_s", "step_rise_s"]),
+        ({}, {"path_length_m": 9}, ["path_length_m"]),
+        (measured.robots, {"min_distance_m": Bound(min=0.3)}, []),
     ):
         report = build_report(msgspec.structs.replace(measured, robots=robots), FACTS, bounds)
         assert [each.name for each in report.checks if not each.ok] == missed
-        assert all(each.value is not None for each in report.checks if each.ok)
-    alone = build_report(msgspec.structs.replace(measured, robots={"tb3_0": unseen}), FACTS, bounds)
-    assert not [each for each in alone.checks if each.name.endswith("min_distance_m")]
+        assert report.ok == (not missed)
+        assert all((each.value is None) != each.ok for each in report.checks)
+        out = io.StringIO()
+        print_report(report, out)
+        text = out.getvalue()
+        assert all(f"missed: {name} is not measured, should be at" in text for name in missed)
+        held = f"{len(report.checks) - len(missed)} of {len(report.checks)} checks hold"
+        assert text.endswith(f"FAILED: {held}, {len(missed)} not measured\n" if missed else f"passed: {held}\n")
+
+
+def test_a_clearance_below_its_bound_is_told_with_the_body_and_the_time(measured: Measurements) -> None:
+    near = msgspec.structs.replace(
+        measured.robots["tb3_0"], min_clearance_m=0.05, min_clearance_at_s=12.3, min_clearance_to="red_box"
+    )
+    run = msgspec.structs.replace(measured, robots={"tb3_0": near})
+    report = build_report(run, FACTS, {"min_clearance_m": Bound(min=0.1)})
+    out = io.StringIO()
+    print_report(report, out)
+    assert (
+        "missed: tb3_0.min_clearance_m is 0.05, should be at least 0.1\n  nearest to red_box at 12.30 s\n"
+        in out.getvalue()
+    )
+    assert build_report(run, FACTS, {"min_clearance_m": Bound(min=0.01)}).ok
+    nowhere = build_report(measured, FACTS, {"min_clearance_m": Bound(min=0.01)})
+    assert [(each.name, each.value) for each in nowhere.checks if not each.ok] == [
+        ("tb3_0.min_clearance_m", None),
+        ("tb3_1.min_clearance_m", None),
+    ]
+
+
+def test_a_robot_without_a_plan_or_a_base_has_no_checks_of_them(measured: Measurements) -> None:
+    still = msgspec.structs.replace(
+        measured.robots["tb3_0"], points=0, points_reached=0, collisions=None, commands_timed_out=None
+    )
+    alone = msgspec.structs.replace(measured, robots={"pole": still})
+    assert [each.name for each in build_report(alone, FACTS, {}).checks] == [
+        "pole.samples",
+        "messages_lost",
+        "members_lost",
+    ]
+    bounded = build_report(alone, FACTS, {"points_reached": Bound(min=1)})
+    assert not bounded.ok
 
 
 def test_a_run_that_lockstep_lost_a_member_of_does_not_pass(measured: Measurements) -> None:

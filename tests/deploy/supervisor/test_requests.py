@@ -12,11 +12,10 @@ from deploy.supervisor.node import SupervisorNode
 from deploy.supervisor.supervisor import ActionHandler, ProcessAction, Supervisor
 from messages.base import encode
 from messages.elea import FleetState, Health
-from messages.names import key
+from messages.names import Identity, key
 from messages.requests import SUPERVISOR_START, Done, Name
 from services.runtime.errors import CallFailed
 from services.runtime.graph import token_pattern
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.requests import read_replies

@@ -12,6 +12,7 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from messages.elea import BaseStatus, FleetState, ProcessState
 from messages.geometry import Pose, PoseStamped
+from messages.names import Identity
 from messages.nav import Odometry
 from messages.requests import RESET_WORLD
 from messages.std import Empty, Header
@@ -20,7 +21,6 @@ from services.panel.address import Address, read_address
 from services.panel.auth import Authenticator
 from services.panel.pages import PageRegistry
 from services.panel.server import Server, create_app, listen
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.transport.unix_sockets import router_endpoint
@@ -65,7 +65,9 @@ class PanelFleet:
             str(self.port),
         ]
         state = {"XDG_STATE_HOME": str(self.folder / "state")}
-        self.up = self._stack.enter_context(Process([*command, "--no-view"], self.folder / "up.log", state))
+        self.up = self._stack.enter_context(
+            Process([*command, "--no-view", "--no-picture"], self.folder / "up.log", state)
+        )
         self.node = self._stack.enter_context(self.join("tester"))
         self._state = self.node.subscribe(FLEET_STATE)
         self._truth = {robot: self.node.subscribe(GROUND_TRUTH, f"{robot}/ground_truth") for robot in self._robots}

@@ -15,7 +15,7 @@ from messages.simulation import SimTime
 from messages.std import Bool
 from messages.topics import E_STOP, PLAN, STOPS
 from services.panel.pages import Page
-from services.panel.protocol import MAGIC, Estop, Goal, Pause, PlotSeries, Subscribe
+from services.panel.protocol import MAGIC, Drive, Estop, Goal, Pause, PlotSeries, Subscribe
 from services.runtime.publisher import Publisher
 from services.runtime.transport.memory import MemoryTransport
 from services.runtime.transport.wire import node_id
@@ -236,3 +236,33 @@ def test_a_panel_that_returns_takes_its_stops_up_and_resets_them(at: HubHarness)
     assert [each.data for each in at.robot.received("stops")] == [False], "what is told may be older than the reset"
     sim.tell(at)
     assert seen(at, page) == (False, False, [])
+
+
+def test_a_robot_in_the_root_namespace_is_shown_driven_sent_and_stopped(at: HubHarness) -> None:
+    """Its own emergency stop is that of all robots."""
+    at.robot.node.transport.close()
+    at.robot = robot = FakeRobot(memory_node(at.bus, "tb3"), "/", "odom")
+    page, sim = at.page(), Held(at)
+    at.send(page, Subscribe(channels=("poses", "robots")))
+    at.spin(0.2, tell=True)
+    [shown] = at.messages_to(page, "robots")[-1]["robots"]
+    assert (shown["ns"], shown["drives"], shown["stops"], shown["goals"]) == ("/", True, True, True)
+    robot.publish(10**9, x=3.0)
+    at.spin(0.1)
+    assert at.messages_to(page, "poses")[-1]["at"]["/"][3:5] == pytest.approx([1.0, 5.0], abs=1e-3)
+
+    at.send(page, Drive(robot="/", v=0.2, w=0.0))
+    at.spin(0.1, tell=True)
+    assert robot.received("commands")[-1].linear.x == 0.2
+    at.send(page, Goal(id=1, robot="/", x=1.0, y=5.0, yaw=pi / 2))
+    at.spin(tell=True)
+    assert robot.received("goals")[-1].header.frame_id == "odom"
+
+    at.send(page, Estop(id=2, robot="/", on=True))
+    at.spin(0.1, tell=True)
+    assert [each.data for each in robot.received("all_stops")] == [True]
+    sim.tell(at, ("/e_stop", "/panel"))
+    assert seen(at, page) == (True, True, [])
+    at.send(page, Estop(id=3, robot="/", on=False))
+    at.spin(0.1, tell=True)
+    assert [each.data for each in robot.received("all_stops")] == [False]

@@ -10,6 +10,7 @@ from playwright.sync_api import Page, expect
 from messages.requests import WORLD_PROPERTIES
 from messages.std import Empty
 from messages.topics import GOAL_POSE, ODOM
+from tests.harness.cases import case
 from tests.harness.waiting import wait_until
 from tests.services.panel.conftest import WITHIN_S, PageOpener, PanelFleet
 
@@ -141,16 +142,16 @@ def test_on_a_phone_the_chosen_robot_is_in_sight(pages: PageOpener) -> None:
         expect(page.locator(f"[data-robot='{robot}']")).to_be_in_viewport(ratio=0.95)
 
 
-@pytest.mark.parametrize("size", [(390, 844), (800, 600), (1024, 768), (1280, 720)])
-def test_what_stops_robots_is_whole_on_every_screen_also_when_they_are_stopped(
-    pages: PageOpener, size: tuple[int, int]
-) -> None:
-    page = pages.open("robots", *size)
+def test_what_stops_robots_is_whole_on_every_screen_also_when_they_are_stopped(pages: PageOpener) -> None:
+    page = pages.open("robots")
     page.click("[data-robot='/tb3_1'] .stop")
     for text in ("STOPPED 1/3", "STOPPED"):
         expect(page.locator("#stop")).to_have_text(text)
-        for button in ("#stop", "#stop-reset", "#pause", "#stick"):
-            expect(page.locator(button)).to_be_in_viewport(ratio=1)
+        for width, height in ((390, 844), (800, 600), (1024, 768), (1280, 720)):
+            page.set_viewport_size({"width": width, "height": height})
+            for button in ("#stop", "#stop-reset", "#pause", "#stick"):
+                with case(width, height, button):
+                    expect(page.locator(button)).to_be_in_viewport(ratio=1)
         page.click("#stop")
     page.click("#stop-reset")
     expect(page.locator("#stop")).to_have_text("STOP")

@@ -27,7 +27,7 @@ WRONG = [
     '{"k":"explode"}',
     '{"k":"want","channels":["secrets"]}',
     '{"k":"want","more":1}',
-    json.dumps({"k": "want", "series": [{"id": 1, "topic": "/a", "path": "__class__"}]}),
+    json.dumps({"k": "want", "series": [{"id": 1, "topic": "/a", "path": "a..b"}]}),
     json.dumps({"k": "want", "series": [{"id": 1, "topic": "no slash", "path": "x"}]}),
     json.dumps({"k": "want", "series": [{"id": n, "topic": "/a", "path": "x"} for n in range(33)]}),
     json.dumps({"k": "want", "fields": ["/a/*"]}),

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Browser, Page
 
-from tests.services.panel.conftest import PageOpener
+from tests.services.panel.conftest import PageOpener, PanelFleet
 
 
-@pytest.fixture
-def page(pages: PageOpener) -> Page:
-    return pages.open("log")
+@pytest.fixture(scope="module")
+def page(browser: Browser, fleet: PanelFleet) -> Iterator[Page]:
+    """One for all tests: none of them changes what it shows for good."""
+    pages = PageOpener(browser, fleet)
+    opened = pages.open("log")
+    yield opened
+    opened.context.close()
+    assert pages.errors == []
 
 
 def test_a_history_is_bounded_and_rises(page: Page) -> None:

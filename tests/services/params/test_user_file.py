@@ -21,7 +21,7 @@ from messages.topics import CMD_VEL
 from services.runtime import Parameters, Service, main
 
 
-class Mine(Parameters, frozen=True, kw_only=True):
+class Mine(Parameters):
     """How I drive."""
 
     speed: Annotated[float, Meta(ge=0, le=0.5, description="how fast", extra={"unit": "m/s"})] = 0.1

@@ -10,12 +10,13 @@ from mcap.writer import Writer as McapWriter
 
 from messages.geometry import Twist
 from messages.parameters import Parameter, ParameterValues
+from messages.records import unknown_record
 from messages.requests import PAUSE, RESUME
 from messages.rosgraph import Clock
 from messages.std import Empty, String, Time
 from messages.topics import CLOCK, CMD_VEL, ODOM, ROBOT_DESCRIPTION, Quality, Topic
 from services.bag.channel import raw_channel
-from services.bag.reader import open_bag, unknown_record
+from services.bag.reader import open_bag
 from services.bag.writer import BagWriter
 from services.player.playback import SIM_PARAMETER_UPDATES, recorded_latency
 from services.runtime.graph import token_pattern
@@ -130,7 +131,7 @@ def test_unknown_types_come_back_as_they_travelled(network: Network, node: Node,
         for number in range(5):
             channel = raw_channel("/thing", "my_msgs/Thing", Quality.EVENT)
             made.write(channel, number + 1, START + number, number, b"\x81\xa1a" + bytes([number]))
-    thing = node.subscribe(Topic("/thing", unknown_record("my_msgs/Thing"), 0, Quality.EVENT, ""), "/thing", raw=True)
+    thing = node.subscribe(Topic("/thing", unknown_record("my_msgs/Thing"), 0, Quality.EVENT, ""), "/thing", bytes)
     assert play(network, tmp_path / "bag").status == 0
     assert drained(thing)[0] == [b"\x81\xa1a" + bytes([number]) for number in range(5)]
     node.unregister(thing)

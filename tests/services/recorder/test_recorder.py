@@ -10,10 +10,11 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from messages.geometry import Twist
+from messages.records import unknown_record
 from messages.rosgraph import Clock
 from messages.std import String, Time
 from messages.topics import CLOCK, CMD_VEL, ODOM, ROBOT_DESCRIPTION, Quality, Topic
-from services.bag.reader import Entry, MessageDecoder, open_bag, unknown_record
+from services.bag.reader import Entry, MessageDecoder, open_bag
 from services.recorder import RecorderParameters
 from services.recorder.bag_recorder import PublishTimes, receive_time
 from services.recorder.subscriptions import TopicFilter

@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 
+from messages.names import Identity
 from messages.topics import ODOM
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.transport.unix_sockets import path_of

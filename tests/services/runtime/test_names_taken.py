@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from messages.names import Identity
 from services.runtime.discovery import DIRECTORY_KEY, known_nodes
 from services.runtime.errors import TryAgain
 from services.runtime.graph import snapshot
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.transport.zenoh import ZenohTransport

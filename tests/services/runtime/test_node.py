@@ -8,9 +8,10 @@ import threading
 import pytest
 
 from messages.nav import Odometry
+from messages.records import unknown_record
 from messages.requests import GET_STATE, STEP, Name
 from messages.simulation import SimTime, Steps
-from messages.topics import CMD_VEL, HEALTH, ODOM, ROSOUT
+from messages.topics import CMD_VEL, HEALTH, ODOM, ROSOUT, Quality, Topic
 from services.runtime.errors import BadInput, CallFailed
 from services.runtime.graph import Entity, snapshot
 from services.runtime.log import Log
@@ -53,6 +54,16 @@ def test_what_is_forgotten_leaves_the_graph(bus: MemoryBus) -> None:
         made.unregister(made.subscribe(ODOM), made.advertise(CMD_VEL))
         assert {e.name for e in snapshot(made.transport) if e.kind in ("pub", "sub")} == {"/health", "/rosout"}
         assert made.subscribers == []
+
+
+def test_two_types_under_one_name_are_two_subscriptions(bus: MemoryBus) -> None:
+    with memory_node(bus, "a") as made:
+        topics = [Topic("/x", unknown_record(name), 0, Quality.SENSOR, "") for name in ("my_msgs/A", "my_msgs/B")]
+        first, second = [made.subscribe(each, decode=bytes) for each in topics]
+        made.unregister(first)
+        assert {e.record for e in snapshot(made.transport) if e.kind == "sub"} == {"my_msgs/B"}
+        made.unregister(second)
+        assert not [e for e in snapshot(made.transport) if e.kind == "sub"]
 
 
 def test_hostile_tokens_are_not_entities(bus: MemoryBus) -> None:

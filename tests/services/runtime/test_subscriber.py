@@ -12,7 +12,7 @@ from messages.geometry import Twist
 from messages.std import String
 from messages.topics import CMD_VEL, HEALTH, Quality
 from services.runtime.lockstep.watermarks import Watermarks
-from services.runtime.subscriber import QUEUE_SIZE, Subscriber
+from services.runtime.subscriber import QUEUE_SIZE, Subscriber, UntypedSubscriber
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.wire import SampleInfo, encoding, pack_attachment, publisher_id
 from tests.harness.memory_node import memory_node
@@ -242,3 +242,23 @@ def test_all_inputs_of_a_tick_share_one_patience_and_the_heart_beats_meanwhile(
         late.put(encode(Twist.planar(1, 0)), attachment=pack_attachment(1, publisher_id("/other", "0", sources[0].key)))
         made.update_subscribers(marks)
         assert _speeds(sources[0]) == [1.0]
+
+
+def test_an_untyped_subscription_counts_as_others_do_and_shows_each_senders_type(bus: MemoryBus) -> None:
+    source = UntypedSubscriber(MemoryTransport(bus), "/tb3_0/cmd_vel")
+    one, other = Sender(bus), Sender(bus, "/b", "application/msgpack;my_msgs/Thing")
+    foreign = Sender(bus, "/c", "text/plain")
+    for number in (1, 2, 2, 5):
+        one.put(b"not MessagePack", number)
+    other.put(b"x", 7)
+    foreign.put(b"y", None)
+    heard = [(each.payload[:1], each.type, each.lost, each.origin is None) for each in source.drain()]
+    twist = Twist.ROS_TYPE
+    assert heard == [
+        (b"n", twist, 0, False),
+        (b"n", twist, 0, False),
+        (b"n", twist, 2, False),
+        (b"x", "my_msgs/Thing", 0, False),
+        (b"y", "", 0, True),
+    ]
+    assert (source.received, source.lost, source.repeated, source.foreign) == (5, 2, 1, 1)

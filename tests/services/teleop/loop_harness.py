@@ -12,12 +12,12 @@ from typing import Any, Self
 
 from messages.elea import BaseStatus
 from messages.geometry import Twist, TwistStamped
+from messages.names import Identity
 from messages.rosgraph import Clock
 from messages.std import Time
 from messages.topics import BASE_STATUS, CLOCK, CMD_VEL, ODOM, Topic
 from services.runtime.context import Context
 from services.runtime.errors import EleaError, Stopped
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.transport.memory import MemoryBus, MemoryTransport

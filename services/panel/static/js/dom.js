@@ -23,6 +23,9 @@ export function svg(tag, attributes = {}, ...children) {
   return made;
 }
 
+// A robot as people call it, by its namespace; that of the root is "/".
+export const robotName = (ns) => ns.slice(1) || ns;
+
 export const byId = (id) => document.getElementById(id);
 
 // Set text only when it differs: a write costs layout.

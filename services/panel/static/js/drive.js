@@ -1,7 +1,7 @@
 // The hand: a stick on the screen and keys, each for as long as it is held. The panel stops the robot when this page
 // falls silent; here everything that could leave a key stuck lets go as well.
 
-import { el, memory, note, say, show } from "./dom.js";
+import { el, memory, note, robotName, say, show } from "./dom.js";
 
 const PERIOD = 50; // ms between two words while the hand is there
 const KEYS = {
@@ -119,8 +119,8 @@ export function startDrive(link, chosen) {
     release,
     enable(on) { enabled = on; if (!on) release(); },
     choose(robot) {
-      say(title, robot ? `Drive ${robot.ns.slice(1)}` : "Drive");
-      const reason = !robot ? "Choose a robot first." : robot.drives ? "" : `${robot.ns.slice(1)} has no wheels to drive: it takes no cmd_vel.`;
+      say(title, robot ? `Drive ${robotName(robot.ns)}` : "Drive");
+      const reason = !robot ? "Choose a robot first." : robot.drives ? "" : `${robotName(robot.ns)} has no wheels to drive: it takes no cmd_vel.`;
       say(why, reason);
       show(why, Boolean(reason));
       speed.disabled = turn.disabled = Boolean(reason);

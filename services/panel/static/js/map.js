@@ -1,7 +1,7 @@
 // The map from above: grid, trails, plans, robots as they are and as they believe to be, and the goal under the hand.
 
 import { Camera } from "./camera.js";
-import { el } from "./dom.js";
+import { el, robotName } from "./dom.js";
 import { drawGrid } from "./map_grid.js";
 import { colour, onTheme, paint } from "./theme.js";
 
@@ -169,7 +169,7 @@ export class GroundMap {
     }
     context.fillStyle = this.colours.text;
     context.font = "12px system-ui, sans-serif";
-    context.fillText(ns.slice(1), px + size + 6, py - size * 0.6);
+    context.fillText(robotName(ns), px + size + 6, py - size * 0.6);
   }
 
   // A drop that points where the robot looks.

@@ -1,6 +1,6 @@
 // The view of robots: the map, the list of robots with their stops, goals, and the stick.
 
-import { allow, el, note, say, show, whileAsking } from "./dom.js";
+import { allow, el, note, robotName, say, show, whileAsking } from "./dom.js";
 import { startDrive } from "./drive.js";
 import { GroundMap } from "./map.js";
 
@@ -47,9 +47,9 @@ export function startRobots(link) {
   function row(ns) {
     const parts = { pose: el("span", { class: "num quiet" }), state: el("span", { class: "state" }) };
     parts.swatch = el("i", { class: "swatch" });
-    parts.stop = el("button", { class: "stop small", title: "Stop this robot until it is reset", "aria-label": `Stop ${ns.slice(1)}`, onclick: (event) => { event.stopPropagation(); order(ns, true); } }, "Stop");
-    parts.reset = el("button", { class: "small", title: "Let this robot move again", "aria-label": `Reset ${ns.slice(1)}`, onclick: (event) => { event.stopPropagation(); order(ns, false); } }, "Reset");
-    parts.name = el("button", { class: "bare pick", title: "Choose this robot to drive and to send" }, ns.slice(1));
+    parts.stop = el("button", { class: "stop small", title: ns === "/" ? "Stop all robots until they are reset: /e_stop is theirs, too" : "Stop this robot until it is reset", "aria-label": `Stop ${robotName(ns)}`, onclick: (event) => { event.stopPropagation(); order(ns, true); } }, "Stop");
+    parts.reset = el("button", { class: "small", title: "Let this robot move again", "aria-label": `Reset ${robotName(ns)}`, onclick: (event) => { event.stopPropagation(); order(ns, false); } }, "Reset");
+    parts.name = el("button", { class: "bare pick", title: "Choose this robot to drive and to send" }, robotName(ns));
     parts.row = el("div", { class: "robot", onclick: () => select(ns) },
       el("div", { class: "line" }, parts.swatch, parts.name, parts.model = el("small", { class: "quiet" }), el("span", { class: "fill" }), parts.reset, parts.stop),
       el("div", { class: "line" }, parts.state, el("span", { class: "fill" }), parts.pose));
@@ -83,8 +83,8 @@ export function startRobots(link) {
     if (!robots.length && !list.children.length) list.append(el("p", { class: "hint" }, "No robots are in sight."));
     if (robots.length) list.querySelector(".hint")?.remove();
     const robot = robots.find((each) => each.ns === selected);
-    say(hint, aiming ? `Click where ${selected.slice(1)} is to go; drag to turn it.` : "");
-    allow(goalButton, robot?.goals ? "" : robot ? `${selected.slice(1)} takes no goals: no waypoint service runs for it` : "Choose a robot first");
+    say(hint, aiming ? `Click where ${robotName(selected)} is to go; drag to turn it.` : "");
+    allow(goalButton, robot?.goals ? "" : robot ? `${robotName(selected)} takes no goals: no waypoint service runs for it` : "Choose a robot first");
     drive.choose(robot);
   }
 

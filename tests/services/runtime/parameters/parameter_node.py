@@ -19,7 +19,7 @@ from tests.harness.memory_node import memory_node
 SET = "/tb3_0/pilot"
 
 
-class Gains(Parameters, frozen=True, kw_only=True):
+class Gains(Parameters):
     p: Annotated[float, Meta(ge=0, le=5)] = 1.0
     d: Annotated[float, Meta(ge=0, le=5, extra={"level": 4})] = 0.1
     law: Annotated[Literal["pd", "pid"], Meta(extra={"level": 2})] = "pd"

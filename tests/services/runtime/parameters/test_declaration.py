@@ -21,7 +21,7 @@ class Declared(Parameters):
     yaw: float | None = param(None, -3.2, 3.2, "rad", "Heading.")
 
 
-class Annotations(Parameters, frozen=True, kw_only=True):
+class Annotations(Parameters):
     slow: Annotated[float, Meta(ge=0.0, le=1.0, description="Low speed.", extra={"unit": "m/s", "at_most": "fast"})] = (
         0.1
     )

@@ -31,7 +31,7 @@ CHANGES = {200_000_000: 2.0, 300_000_000: 3.0, 400_000_000: 0.5}
 """Values of ``gain`` by the simulation time [ns] at which the parameter service sends them."""
 
 
-class Gain(Parameters, frozen=True, kw_only=True):
+class Gain(Parameters):
     gain: Annotated[float, Meta(ge=0, le=5)] = 1.0
 
 

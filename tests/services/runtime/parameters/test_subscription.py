@@ -12,7 +12,7 @@ from messages.parameters import ParameterValues
 from messages.topics import UPDATES, Quality
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
-from services.runtime.parameters.validation import ALL_LEVELS
+from services.runtime.parameters.schema import ALL_LEVELS
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.wire import encoding
 from tests.harness.fake_parameter_service import FakeParameterService, parameter_values

@@ -24,7 +24,7 @@ from services.runtime.parameters.validation import (
 )
 
 
-class Gains(Parameters, frozen=True, kw_only=True):
+class Gains(Parameters):
     gain: Annotated[float, Meta(ge=0, le=5, description="how hard", extra={"unit": "1/s"})] = 1.0
     steps: Annotated[int, Meta(ge=1)] = 3
     points: tuple[tuple[float, float], ...] = ()
@@ -81,7 +81,7 @@ def test_what_is_wrong_is_refused_with_name_value_and_bound(values: dict[str, An
     assert str(caught.value).startswith("fleet.toml: ")
 
 
-class Limits(Parameters, frozen=True, kw_only=True):
+class Limits(Parameters):
     top: Annotated[float, Meta(gt=0, lt=2, extra={"unit": "m/s"})] | None = None
     must: Annotated[int, Meta(ge=1)]
 
@@ -91,7 +91,7 @@ class Entry(msgspec.Struct, frozen=True):
     at: float | None = None
 
 
-class All(Parameters, frozen=True, kw_only=True):
+class All(Parameters):
     limits: Annotated[Limits, Meta(extra={"level": 8})] | None = None
     law: Annotated[Literal["a", "b"] | None, Meta(description="which", extra={"level": 2})] = None
     path: tuple[tuple[Annotated[float, Meta(ge=-1, le=1)], float], ...] = ((0.5, 0.5),)
@@ -121,12 +121,12 @@ def test_descriptions_of_tables_choices_lists_and_what_is_fixed() -> None:
         assert decoder(ParameterDescription)(encode(each)) == each
 
 
-class Band(Parameters, frozen=True, kw_only=True):
+class Band(Parameters):
     low: Annotated[float | None, Meta(extra={"at_most": "high"})] = None
     high: float = 1.0
 
 
-class Bands(Parameters, frozen=True, kw_only=True):
+class Bands(Parameters):
     band: Band = Band()
     slow: Annotated[float, Meta(extra={"at_most": "fast"})] = 1.0
     fast: float = 2.0

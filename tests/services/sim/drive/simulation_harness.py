@@ -11,12 +11,12 @@ from typing import Any, TypeVar
 from messages.base import Message
 from messages.elea import BaseStatus
 from messages.geometry import Twist
+from messages.names import Identity
 from messages.nav import Odometry
 from messages.requests import Request
 from messages.se3 import Pose3
 from messages.topics import BASE_STATUS, CMD_VEL, GROUND_TRUTH, ODOM, Topic
 from models.world import WorldDescription
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.parameters.validation import build

@@ -11,12 +11,12 @@ import pytest
 
 from models import WHEELED, model_config_path
 from models.model import RobotModel, read_model
+from services.driving.pid import PidGains
 from services.runtime.errors import BadInput
 from services.sim.drive.config import DriveConfig, drive_config, effective_parameters, odometry_config
 from services.sim.drive.driver import Drive
 from services.sim.drive.kinematics import WheelGeometry
 from services.sim.drive.limiter import AxisLimits
-from services.sim.drive.pid import PidGains
 from tests.services.sim.drive.simulation_harness import base_parameters, run_simulation
 
 

@@ -7,6 +7,7 @@ import math
 import pytest
 
 from messages.geometry import Pose, Twist
+from messages.names import Identity
 from messages.requests import DELETE, LIST_STOPS, RELEASE_STOP, RESET, SPAWN, Name
 from messages.simulation import ReleaseStop, SpawnModel
 from messages.std import Bool, Empty
@@ -14,7 +15,6 @@ from messages.topics import CMD_VEL, E_STOP, GROUND_TRUTH
 from models.dynamics import StopPrediction, predict_stop
 from models.model import read_model
 from services.runtime.errors import CallFailed
-from services.runtime.identity import Identity
 from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.log import Log
 from services.runtime.node import Node

@@ -11,12 +11,12 @@ from typing import Any, TypeVar
 from messages.base import Message
 from messages.gazebo import ApplyEffort, JointName
 from messages.joints import JointEffort, JointProperties
+from messages.names import Identity
 from messages.requests import JOINT_PROPERTIES, Request
 from messages.se3 import Pose3
 from messages.std import Time
 from messages.topics import JOINT_EFFORT, Topic
 from models.world import Box, WorldDescription
-from services.runtime.identity import Identity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.parameters.validation import build

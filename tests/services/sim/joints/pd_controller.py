@@ -14,7 +14,7 @@ from services.runtime import Parameters, Service, main
 from services.runtime.context import Context
 
 
-class PdParameters(Parameters, frozen=True, kw_only=True):
+class PdParameters(Parameters):
     """How long its jobs last."""
 
     job: Annotated[float, Meta(description="duration of a job, s")] = 0.1
