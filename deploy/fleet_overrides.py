@@ -50,10 +50,7 @@ def _apply(tree: dict[str, Any], text: str) -> Iterator[Override]:
         raise BadInput(f"--set {text!r} is no assignment: write KEY=VALUE, as model=waffle or run.seed=3")
     paths = list(_paths(tree, keys, text))
     for path in paths:
-        given = _value(value.strip())
-        if path[-1] == "world" and isinstance(given, str) and is_world_file(given):
-            given = str(Path(given).expanduser().resolve())  # on the command line it counts from the working folder
-        _assign(tree, path, given, text)
+        _assign(tree, path, _value(value.strip(), path), text)
         yield Override(path, text)
 
 
@@ -121,12 +118,20 @@ def _tables(tree: dict[str, Any], name: str) -> list[dict[str, Any]]:
     return found if isinstance(found, list) and all(isinstance(each, dict) for each in found) else []
 
 
-def _value(text: str) -> Any:
-    """A value as TOML has it; anything else is text."""
+def _value(text: str, path: Sequence[TomlKey]) -> Any:
+    """A value as TOML has it; anything else is text. The file of a model or world counts from the working
+    directory."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
-        return text
+        value = text
+    if path[0] == "robot" and path[-1] == "model" and isinstance(value, str):
+        from models.robot_source import names_file  # it loads what reads meshes, which no --help is to wait for
+
+        return str(Path(value).expanduser().absolute()) if names_file(value) else value
+    if path[-1] == "world" and isinstance(value, str) and is_world_file(value):
+        return str(Path(value).expanduser().absolute())
+    return value
 
 
 def _assign(tree: dict[str, Any], path: Sequence[TomlKey], value: Any, text: str) -> None:

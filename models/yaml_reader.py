@@ -1,4 +1,4 @@
-"""Reads YAML: values on the command line, files of parameters and of controllers, and the metadata of bags."""
+"""Reads YAML: values on the command line, files of parameters and controllers, and the metadata of bags."""
 
 from __future__ import annotations
 
