@@ -102,19 +102,19 @@ class JointSimulation:
 
 
 @contextmanager
-def run_joint_simulation(*robots: dict[str, Any]) -> Iterator[JointSimulation]:
+def run_joint_simulation(*robots: dict[str, Any], scene: WorldDescription = SCENE) -> Iterator[JointSimulation]:
     """A stage with these robots, an arm of the name ``arm`` when none is stated."""
     bus, log, identity = MemoryBus(), io.StringIO(), Identity.of("sim", "/")
     params = build(SimParameters, {"robots": [*robots] or [{"name": "arm", "model": "arm"}]})
     with (
-        BulletWorld(SCENE, STEP_NS) as world,
+        BulletWorld(scene, STEP_NS) as world,
         Node(MemoryTransport(bus), identity, "sim", Log(identity.node, out=log)) as node,
     ):
         stage = Simulation(node, world, 0)
         timing = RealTime(stage, node, 1000)
         SimulationServices(stage, node)
         JointServices(stage, node)
-        PropertyServices(stage, timing, node, params, SCENE)
+        PropertyServices(stage, timing, node, params, scene)
         for entry in params.robots:
             stage.spawn(entry, Pose3((entry.x, entry.y, 0.0)))
         yield JointSimulation(SimulationLoop(stage, timing, node), bus, node, log)
