@@ -1,4 +1,4 @@
-"""What a fleet file must hold beyond its types: names that exist, are legal and differ, and values within bounds."""
+"""Validates a fleet beyond its types: names exist, are legal and unique, and values are within bounds."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from services.runtime.parameters.validation import build
 
 
 def validate_fleet(fleet: Fleet, source: TomlSource) -> None:
-    """Raise BadInput, with file and line, for the first thing that cannot be run."""
+    """Raise BadInput, with file and line, for the first error."""
     robots: set[str] = set()
     for index, robot in enumerate(fleet.robot):
         _check_robot(robot, ("robot", index), robots, source)

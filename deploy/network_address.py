@@ -1,4 +1,4 @@
-"""The network that a person means: that of the fleet which runs, unless told otherwise."""
+"""The network that the command line's options select: by default that of the running fleet."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def resolve_address(connect: str = "", domain: str = "", port: int | None = None
 
 
 def fleet_router(fleet: FleetInstance) -> str:
-    """Where the router of a running fleet listens, as its supervisor noted it: the environment may differ here."""
+    """The endpoint of a running fleet's router, as its supervisor recorded it: the environment may differ here."""
     return fleet.router or router_endpoint(fleet.port)
 
 
@@ -47,5 +47,5 @@ def select_fleet(port: int | None) -> FleetInstance:
         if each.port == port:
             return each
     listed = ", ".join(f"{each.fleet} (--port {each.port})" for each in fleets)
-    said = "several fleets are running" if port is None else f"no fleet is running on port {port}"
-    raise BadInput(f"{said}: choose one of {listed}")
+    problem = "several fleets are running" if port is None else f"no fleet is running on port {port}"
+    raise BadInput(f"{problem}: choose one of {listed}")

@@ -36,7 +36,7 @@ INTERRUPTED = 130
 
 
 class RunResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What came of a run; ``report`` is None when nothing was measured, ``trouble`` then says why."""
+    """The result of a run; ``report`` is None without measurements, ``trouble`` is then the reason."""
 
     outcome: Outcome
     report: Report | None
@@ -46,7 +46,7 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
         """The exit status of ``up``: 0 when all processes ended as they should and every check holds, else 1 or
         INTERRUPTED.
 
-        A fleet that never ends by itself is meant to be interrupted.
+        A fleet that never ends by itself is expected to be interrupted.
         """
         if self.outcome.ended == "interrupted" and fleet.run.ends != "never":
             return INTERRUPTED
@@ -77,8 +77,8 @@ def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> Run
             check_parameter_file_unused(options.saved)
         screen.print_line(f"{fleet.name}: {len(plan)} processes, {fleet.run.mode}; results in {options.folder}")
         for each in entry.listen:
-            who = "every user of this machine can read everything and drive the robots"
-            screen.print_line(f"listening on {each}: {who if is_local(each) else OPEN_TO_ALL}")
+            access = "every user of this machine can read everything and drive the robots"
+            screen.print_line(f"listening on {each}: {access if is_local(each) else OPEN_TO_ALL}")
         reaper = Reaper()
         try:
             members = [each.node for each in plan]
@@ -91,16 +91,18 @@ def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> Run
                 supervisor = Supervisor(fleet.name, fleet.run.mode, plan, bus, spawner, progress, fleet.run.seed)
                 outcome = asyncio.run(_supervise(supervisor, screen))
                 bus.drain()
-                told, monitor, checks = dict(bus.parameters()), bus.run_monitor(), service_checks(bus.checks())
+                reported, monitor, checks = dict(bus.parameters()), bus.run_monitor(), service_checks(bus.checks())
         finally:
             reaper.close()
         if outcome.ended != "graded":
             screen.print_line(f"the fleet ended: {outcome.reason}")
         for name in outcome.failed_on_stop:
             screen.print_line(f"{name} ended with an error: {_last_line(options.folder / 'logs' / log_name(name))}")
-        found = fleet_notes(fleet) + overridden_parameter_note(told, own, fleet) + unknown_node_notes(bus.unknown_nodes)
+        found = (
+            fleet_notes(fleet) + overridden_parameter_note(reported, own, fleet) + unknown_node_notes(bus.unknown_nodes)
+        )
         return _write_report(
-            fleet, options.folder, outcome, started, found, effective_parameters(told, own), monitor, checks
+            fleet, options.folder, outcome, started, found, effective_parameters(reported, own), monitor, checks
         )
 
 
@@ -118,7 +120,7 @@ async def _supervise(supervisor: Supervisor, screen: ProgressDisplay) -> Outcome
 
 
 def _last_line(log: Path) -> str:
-    """What a process said last, else where to look."""
+    """The last line of a process, else the path of its log."""
     try:
         lines = log.read_text(errors="replace").splitlines()
     except OSError:

@@ -23,15 +23,15 @@ from services.square import LOG_FILE
 RUNS = ROOT / "runs"
 RECORDING_FILE = "run.rrd"
 BAG_FOLDER = "bag"
-"""Where a run's recorder writes, in the folder of the run."""
+"""The recorder's folder in the folder of the run."""
 METADATA_FILE = "metadata.yaml"
 STATE_FILE = "processes.json"
 STOPS_FILE = "stops.json"
-"""Where a run's simulation keeps the emergency stops, which outlive it. A new run begins without any."""
+"""The simulation's file of emergency stops, which outlive it. A new run begins without any."""
 SCHEDULE_FILE = "schedule.json"
 """Which scheduled parameter changes of the run were made, for a restart of its parameter service."""
 SUPERVISOR_LOG = "supervisor.log"
-"""What a supervisor in the background writes, in the folder of the run."""
+"""The log of a supervisor in the background, in the folder of the run."""
 
 MIN_FREE_BYTES = 1 << 20
 """Bytes that a run needs at least: logs, figures, report and picture."""
@@ -52,8 +52,8 @@ _FILES = (
 def make_run_folder(fleet: str, report: str = "", now: datetime | None = None) -> Path:
     """The folder of a new run, ``runs/<time>-<fleet>`` or ``report``; raises BadInput when it cannot be written.
 
-    What an earlier run left in ``report`` is removed, lest it be taken for this one's. Links are not followed: others
-    may be able to write in that folder.
+    The files of an earlier run in ``report`` are removed, so that they are not mistaken for this run's. Links are not
+    followed: other users may be able to write in that folder.
     """
     moment = f"{now or datetime.now():%Y%m%d-%H%M%S}-{fleet}"
     path = Path(report).absolute() if report else _unused(RUNS / moment)

@@ -20,7 +20,7 @@ from services.runtime.transport.api import RawSubscriber, Token, Transport
 
 @contextmanager
 def connect(router: str, domain: str = "", patience: float = 2.0) -> Iterator[Transport]:
-    """A transport through the router at an endpoint; raises BadInput when nobody listens there for ``patience`` [s]."""
+    """A transport through the router at an endpoint; raises BadInput if none listens there within ``patience`` [s]."""
     from services.runtime.transport.unix_sockets import is_listening
     from services.runtime.transport.zenoh import ZenohTransport
     from services.runtime.transport.zenoh_config import configuration, endpoint
@@ -36,10 +36,10 @@ def connect(router: str, domain: str = "", patience: float = 2.0) -> Iterator[Tr
 
 
 class CliNode:
-    """A light node: a name of its own that nobody else can have, tokens for what it reads and writes, no heartbeat.
+    """A light node of a command: a unique name, tokens for its topics, no heartbeat.
 
-    Its name begins with an underscore, which hides it in lists, as in ROS 2. With ``owner`` it is the same in every
-    stay, and in several at once: what one of them says, another can take back.
+    Its name begins with an underscore, which hides it in lists, as in ROS 2. With ``owner`` the name is the same each
+    time, also of several at once, so that one can release a stop that another requested.
     """
 
     def __init__(self, transport: Transport, role: str, owner: str = "") -> None:
@@ -89,7 +89,7 @@ def user_and_host() -> str:
 
 @contextmanager
 def cli_node(place: NetworkAddress, role: str, owner: str = "") -> Iterator[CliNode]:
-    """Join the network for a while; raises BadInput when nobody is there. SIGINT and SIGTERM stop it."""
+    """Join the network; raises BadInput without a router. SIGINT and SIGTERM stop it."""
     with connect(place.router, place.domain) as transport:
         made = CliNode(transport, role, owner)
         install_signal_handlers(made.stop)

@@ -53,10 +53,10 @@ def check_bounds(bounds: Bounds, where: str) -> None:
 
 
 def check_figures(run: RunFigures, robots: Mapping[str, Figures], bounds: Bounds) -> tuple[Check, ...]:
-    """Every figure that has a bound, against it; ``points_reached`` must be ``points`` unless bounded.
+    """Check every bounded figure; ``points_reached`` must be ``points`` unless bounded.
 
-    A bound on a figure that one kind of robot does not have is none for it, and neither is one on the distance to
-    others for a robot that drives alone. What was not measured misses its bound.
+    A bound on a figure that a kind of robot does not have does not apply to it, nor does one on the distance to others
+    to a robot that drives alone. A figure that was not measured misses its bound.
     """
     found: list[Check] = []
     faults = {name: 0 for name in _FAULT_COUNTS if getattr(run, name)}
@@ -95,12 +95,12 @@ def _holds(value: Value, kind: Literal["min", "max"], bound: float | int) -> boo
     return value >= bound if kind == "min" else value <= bound
 
 
-def service_checks(told: Mapping[str, Iterable[Stated]]) -> tuple[Check, ...]:
+def service_checks(stated_by_node: Mapping[str, Iterable[Stated]]) -> tuple[Check, ...]:
     """One check for each bound, node after node in the order of their names; named ``NODE.name``."""
     return tuple(
         made
-        for node in sorted(told)
-        for stated in told[node]
+        for node in sorted(stated_by_node)
+        for stated in stated_by_node[node]
         for made in _service_check(f"{node}.{stated.name}", stated)
     )
 

@@ -1,4 +1,4 @@
-"""Making the report: measurements and facts in; report.json and report.png out."""
+"""Makes the report: measurements and facts in, report.json and report.png out."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ def build_report(measured: Measurements, facts: RunFacts, bounds: Bounds) -> Rep
 
 
 def write_report(folder: Path, facts: RunFacts, bounds: Bounds) -> Report:
-    """Grade the run whose measurements lie in ``folder``, and put report.json and report.png beside them.
+    """Grade the run with the measurements in ``folder``, and write report.json and report.png there.
 
-    Raises BadInput when the folder cannot be written, or when the grader left nothing.
+    Raises BadInput if the folder cannot be written, or has no measurements.
     """
     report = build_report(read_measurements(folder), facts, bounds)
     write_atomic(folder / REPORT_FILE, to_json(report))

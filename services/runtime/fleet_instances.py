@@ -34,7 +34,7 @@ class FleetInstance(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def instances_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """Where the files lie: ``elea`` in the user's state folder (XDG base directory specification)."""
+    """The folder of the files: ``elea`` in the user's state folder (XDG base directory specification)."""
     base = environment.get("XDG_STATE_HOME", "")
     return (Path(base) if base else Path.home() / ".local" / "state") / "elea"
 
