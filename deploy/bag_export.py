@@ -111,7 +111,7 @@ def export_rrd(bag: Bag, output: Path, names: frozenset[str]) -> ExportResult:
             if message is not None:
                 rebuild.add(channel.name, message, entry.publish_time)
     troubles += bag.problems + ([f"{unread} messages were not of their type"] if unread else [])
-    robots = ", ".join(f"{namespace.strip('/')} ({model})" for namespace, model in found.robots)
+    robots = ", ".join(f"{namespace or '/'} ({model})" for namespace, model in found.robots)
     return ExportResult(output, f"{output}: {robots}", troubles)
 
 

@@ -29,10 +29,10 @@ def _open_private(path: str, flags: int) -> int:
     return os.open(path, flags, 0o600)
 
 
-def start_detached(fleet: str, report: str, as_json: bool, argv: list[str] | None = None) -> int:
+def start_detached(fleet: str, report: str, as_json: bool, runs: str = "", argv: list[str] | None = None) -> int:
     """Run this command line again without ``--detach``; the exit status, once all is ready or the run is over."""
     arguments = [each for each in (argv if argv is not None else sys.argv[1:]) if each not in ("--detach", "--json")]
-    folder = make_run_folder(fleet, report)
+    folder = make_run_folder(fleet, report, runs)
     command = [sys.executable, "-P", "-m", "deploy", *arguments, "--report", str(folder)]
     log = folder / SUPERVISOR_LOG
     log.unlink(missing_ok=True)

@@ -75,10 +75,15 @@ class ServiceConfig(FleetTable, frozen=True, kw_only=True):
 
 
 class RobotConfig(FleetTable, frozen=True, kw_only=True):
-    """One robot, the parameters of its base or joints, and the services in its namespace."""
+    """One robot, the parameters of its base or joints, and the services in its namespace.
+
+    ``namespace`` is its name when empty, the root when ``/``; ``frame_prefix`` its name and a slash when None.
+    """
 
     name: str
     model: str
+    namespace: str = ""
+    frame_prefix: str | None = None
     pose: StartPose = StartPose()
     parameters: dict[str, Any] = {}
     services: tuple[ServiceConfig, ...] = ()
@@ -93,13 +98,16 @@ class ChangeConfig(FleetTable, frozen=True, kw_only=True):
 
 
 class Fleet(FleetTable, frozen=True, kw_only=True):
-    """A fleet. ``every_robot`` are services that each robot gets beside its own.
+    """A fleet. ``world`` is a name of models/worlds, or the path of a file; by default it is empty.
+
+    ``every_robot`` are services that each robot gets beside its own.
 
     ``mode_bounds`` are the tables ``[bounds.real]`` and ``[bounds.lockstep]`` of the file.
     """
 
     name: FleetName
     description: str = ""
+    world: Annotated[str, Meta(max_length=4096)] = ""
     run: RunConfig = RunConfig()
     robot: tuple[RobotConfig, ...] = ()
     every_robot: tuple[ServiceConfig, ...] = ()

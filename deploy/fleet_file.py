@@ -4,20 +4,27 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import msgspec
 from msgspec.structs import replace
 
+from deploy.controller_files import with_controllers_found
 from deploy.fleet import MODES, REMOVED_MODES, ChangeConfig, Fleet, RobotConfig, RunConfig, ServiceConfig, StartPose
+from deploy.fleet_overrides import apply_overrides
 from deploy.fleet_validation import validate_fleet
 from deploy.parameter_sets import check_changes
 from deploy.report.checks import KEYS, Bound
 from deploy.restart_policy import RestartPolicy
-from deploy.toml_source import TomlKey, TomlSource
+from models import is_world_file
+from models.toml_source import TomlSource, key_path
+from models.world import BadWorld, find_world, read_world
 from services.catalog import is_user_file
 from services.runtime.errors import BadInput, unknown_name
+from services.runtime.user_folders import parameters_folder
+from services.sim import SimParameters
 
 FLEETS = Path(__file__).resolve().parent / "fleets"
 
@@ -61,7 +68,7 @@ def find_fleet(name: str) -> Path:
 
 def saved_parameters_file(fleet: str) -> Path:
     """Return the file of a fleet's saved parameters: the one under its old name if there is only that."""
-    file = Path("params") / f"{fleet}.db"
+    file = parameters_folder() / f"{fleet}.db"
     if not file.exists():
         for old, new in RENAMED_FLEETS.items():
             if new == fleet and (before := file.with_stem(old)).exists():
@@ -69,16 +76,19 @@ def saved_parameters_file(fleet: str) -> Path:
     return file
 
 
-def read_fleet(path: Path) -> Fleet:
-    """The fleet in a file, checked as far as it can be without starting anything; raises BadInput."""
+def read_fleet(path: Path, overrides: Sequence[str] = ()) -> Fleet:
+    """The fleet in a file, checked as far as it can be without starting anything; raises BadInput.
+
+    ``overrides`` are assignments that change keys of the file, as ``model=waffle``.
+    """
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"the fleet file {path} cannot be read: {error}") from None
-    return parse_fleet(path, text)
+    return parse_fleet(path, text, overrides)
 
 
-def parse_fleet(path: Path, text: str) -> Fleet:
+def parse_fleet(path: Path, text: str, overrides: Sequence[str] = ()) -> Fleet:
     """The fleet in ``text``; ``path`` is named in errors. Raises BadInput."""
     try:
         tree = tomllib.loads(text)
@@ -86,17 +96,21 @@ def parse_fleet(path: Path, text: str) -> Fleet:
         found = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         place = f"{path}:{found[1]}" if found else f"{path}:{text.count(chr(10)) + 1}"
         raise BadInput(f"{place}: this is not TOML: {error}") from None
-    source = TomlSource(path, text)
+    tree, changed = apply_overrides(tree, overrides)
+    source = TomlSource(path, text, [(each.path, f"--set {each.text}") for each in changed])
     _check_mode(tree, source)
     if _BY_MODE in tree:
         raise unknown_name(
             "key", _BY_MODE, [each.name for each in msgspec.structs.fields(Fleet)], source.location(_BY_MODE)
         )
     try:
-        fleet = msgspec.convert(_split_bounds(tree, source), Fleet)
+        fleet = msgspec.convert(_place_robots(_split_bounds(tree, source), source), Fleet)
     except msgspec.ValidationError as error:
         raise _locate_error(source, str(error)) from None
-    fleet = _resolve_user_files(fleet, path.parent)
+    try:
+        fleet = _resolve_user_files(fleet, path.parent)
+    except BadWorld as error:
+        raise BadInput(f"{source.location('world')}: {error}") from None
     validate_fleet(fleet, source)
     check_changes(fleet, source)
     return fleet
@@ -123,23 +137,53 @@ def _split_bounds(tree: dict[str, Any], source: TomlSource) -> dict[str, Any]:
     return {**tree, "bounds": rest, _BY_MODE: by_mode}
 
 
+def _place_robots(tree: dict[str, Any], source: TomlSource) -> dict[str, Any]:
+    """The content with the start of the fleet's world for each robot that has ``pose = "world"``."""
+    robots, services = tree.get("robot"), tree.get("service", [])
+    if not isinstance(robots, list) or all(
+        not isinstance(each, dict) or each.get("pose") != "world" for each in robots
+    ):
+        return tree
+    name, where = SimParameters().world, source.location("robot", 0, "pose")
+    if isinstance(tree.get("world"), str):
+        name, where = tree["world"], source.location("world")
+    for index, each in enumerate(services if isinstance(services, list) else ()):
+        if isinstance(each, dict) and each.get("kind") == "sim" and isinstance(each.get("parameters"), dict):
+            name = each["parameters"].get("world", name)
+            where = source.location("service", index, "parameters", "world")
+    try:
+        start = read_world(str(name), source.path.parent).start
+    except BadInput as error:
+        raise BadInput(f"{where}: {error}") from None
+    if start is None:
+        raise BadInput(f"{where}: the world {name} has no start for a robot: give the robots a pose")
+    pose = msgspec.to_builtins(start)
+    return {**tree, "robot": [{**each, "pose": pose} if each.get("pose") == "world" else each for each in robots]}
+
+
 def _resolve_user_files(fleet: Fleet, folder: Path) -> Fleet:
-    """The fleet with the Python files among its kinds found: a relative one counts from the fleet file's folder."""
+    """The fleet with the files that it names found: its world, services in Python, controllers.
+
+    A relative path counts from the fleet file's folder.
+    """
 
     def found(members: tuple[ServiceConfig, ...]) -> tuple[ServiceConfig, ...]:
         return tuple(
-            replace(each, kind=str((folder / each.kind).resolve())) if is_user_file(each.kind) else each
+            replace(each, kind=str((folder / each.kind).resolve()))
+            if is_user_file(each.kind)
+            else with_controllers_found(each, folder)
             for each in members
         )
 
     robots = tuple(replace(each, services=found(each.services)) for each in fleet.robot)
-    return replace(fleet, robot=robots, every_robot=found(fleet.every_robot), service=found(fleet.service))
+    world = str(find_world(fleet.world, folder)) if is_world_file(fleet.world) else fleet.world
+    return replace(fleet, world=world, robot=robots, every_robot=found(fleet.every_robot), service=found(fleet.service))
 
 
 def _locate_error(source: TomlSource, error: str) -> BadInput:
     """msgspec's error with the line of its path, and the alternatives when a key is unknown."""
     text, _, where = error.partition(" - at `$")
-    path = _parse_error_path(where.rstrip("`"))
+    path = key_path(where.rstrip("`"))
     if path[:1] == (_BY_MODE,):
         path = ("bounds", *path[1:])
     if found := re.search(r"unknown field `(.*?)`", text):
@@ -149,13 +193,3 @@ def _locate_error(source: TomlSource, error: str) -> BadInput:
         return unknown_name("key", found[1], known, source.location(*path, found[1]))
     shown = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).lstrip(".")
     return BadInput(f"{source.location(*path)}: {f'{shown}: ' if shown else ''}{text}")
-
-
-def _parse_error_path(text: str) -> tuple[TomlKey, ...]:
-    """``.robot[2].pose.x`` taken apart; it ends where msgspec no longer names the key."""
-    steps: list[TomlKey] = []
-    for name, index, rest in re.findall(r"\.(\w+)|\[(\d+)\]|(\[\.\.\.\])", text):
-        if rest:
-            break
-        steps.append(name or int(index))
-    return tuple(steps)

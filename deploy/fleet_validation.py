@@ -4,23 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from deploy.controller_files import check_controllers
 from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.report.checks import check_bounds
-from deploy.service_parameters import BUILTIN_SERVICES, robot_parameters_type
-from deploy.toml_source import TomlKey, TomlSource
+from deploy.service_parameters import BUILTIN_SERVICES, robot_parameter_set, robot_parameters_type
 from messages.names import BadName, Identity, parse_remap
 from models import MODELS
+from models.toml_source import TomlKey, TomlSource
+from models.world import read_world
 from services.catalog import load_service
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.parameters.validation import build
+from services.sim.robot_names import check_robot_names, robot_namespace
 
 
 def validate_fleet(fleet: Fleet, source: TomlSource) -> None:
-    """Raise BadInput, with file and line, for the first error."""
-    robots: set[str] = set()
-    for index, robot in enumerate(fleet.robot):
-        _check_robot(robot, ("robot", index), robots, source)
+    """Raise BadInput, with file and line, for the first thing that cannot be run."""
+    for index in range(len(fleet.robot)):
+        _check_robot(fleet, index, source)
     _check_models(fleet, source)
+    if fleet.world:
+        try:
+            read_world(fleet.world)
+        except BadInput as error:
+            raise BadInput(f"{source.location('world')}: {error}") from None
+    sets = {robot_parameter_set(robot): robot.name for robot in fleet.robot}
     nodes: dict[str, str] = {}
     for path, member, owner in all_services(fleet):
         _check_member(member, path, owner, source)
@@ -28,6 +36,11 @@ def validate_fleet(fleet: Fleet, source: TomlSource) -> None:
         if node in nodes:
             raise BadInput(
                 f"{source.location(*path)}: a service {node} is already stated at {nodes[node]}: give it a name"
+            )
+        if node in sets:
+            raise BadInput(
+                f"{source.location(*path)}: {node} is the parameter set of the robot {sets[node]}: give the service "
+                "another name"
             )
         nodes[node] = source.location(*path)
     for name in fleet.bounds:
@@ -41,7 +54,7 @@ def validate_fleet(fleet: Fleet, source: TomlSource) -> None:
 
 def service_identity(member: ServiceConfig, owner: RobotConfig | None, where: str = "") -> Identity:
     """Namespace and node of a service; raises BadInput for a name that is none."""
-    namespace = member.namespace or (f"/{owner.name}" if owner else "/")
+    namespace = member.namespace or (robot_namespace(owner) if owner else "/")
     try:
         return Identity.of(member.name or load_service(member.kind, where).name, namespace)
     except BadName as error:
@@ -59,16 +72,16 @@ def all_services(fleet: Fleet) -> Iterator[tuple[tuple[TomlKey, ...], ServiceCon
             yield ("every_robot", index), member, robot
 
 
-def _check_robot(robot: RobotConfig, path: tuple[TomlKey, ...], names: set[str], source: TomlSource) -> None:
+def _check_robot(fleet: Fleet, index: int, source: TomlSource) -> None:
+    robot, path = fleet.robot[index], ("robot", index)
     where = source.location(*path, "name")
-    try:
-        if Identity.of(robot.name).node in names:
-            raise BadInput(f"{where}: there is already a robot {robot.name!r}: names must be unique")
-    except BadName as error:
-        raise BadInput(f"{where}: {error}") from None
-    names.add(f"/{robot.name}")
     if robot.model not in MODELS:
         raise unknown_name("model", robot.model, MODELS, source.location(*path, "model"))
+    try:
+        Identity.of(robot.name)
+        check_robot_names(robot, fleet.robot[:index])
+    except BadInput as error:
+        raise BadInput(f"{where}: {error}") from None
     for name, value in robot.parameters.items():
         build(robot_parameters_type(robot.model), {name: value}, source.location(*path, "parameters", name))
 
@@ -91,6 +104,7 @@ def _check_member(
     record = load_service(member.kind, source.location(*path, "kind")).parameters
     for name, value in member.parameters.items():
         build(record, {name: value}, source.location(*path, "parameters", name))
+    check_controllers(member, path, owner, source)
     for name in member.from_start:
         place = source.location(*path, "from_start")
         if owner is None:

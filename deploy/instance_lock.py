@@ -13,9 +13,10 @@ from pathlib import Path
 import msgspec
 
 from services.runtime.errors import BadInput
-from services.runtime.fleet_instances import FleetInstance, instances_folder, is_locked, running_fleets
+from services.runtime.fleet_instances import FleetInstance, is_locked, running_fleets
 from services.runtime.ports import bind_error
 from services.runtime.transport import unix_sockets
+from services.runtime.user_folders import instances_folder
 
 _LOCK_TIMEOUT_S = 1.0
 """Wall time [s] to wait for a lock, which other processes hold for a moment to test it."""
@@ -33,9 +34,7 @@ def instance_lock(entry: FleetInstance) -> Iterator[None]:
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
     except OSError as error:
-        raise BadInput(
-            f"{path} cannot be written ({error.strerror}): set XDG_STATE_HOME to a folder of yours"
-        ) from None
+        raise BadInput(f"{path} cannot be written ({error.strerror}): set ELEA_HOME to a folder of yours") from None
     with os.fdopen(descriptor, "r+b") as file:
         if not _lock(file.fileno()):
             raise _port_in_use(entry.port)

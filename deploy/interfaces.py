@@ -173,8 +173,11 @@ def known_topic(name: str) -> Topic[Any] | None:
 
 
 def known_request(name: str) -> Request[Any, Any] | None:
-    """The request of an absolute name."""
-    return next((each for each in REQUESTS if each.name == name), None)
+    """The request of an absolute name; a node's own (``~name``) is below the name of any node."""
+    for each in REQUESTS:
+        if each.name == name or (each.name.startswith("~") and name.endswith(f"/{each.name[1:]}")):
+            return each
+    return None
 
 
 def known_record(type_name: str) -> type[Message] | None:

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
+from deploy.controller_files import gain_values
 from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.fleet_validation import all_services, service_identity
 from deploy.processes import ProcessSpec
 from deploy.report.record import EffectiveParameter
-from deploy.service_parameters import BUILTIN_SERVICES
-from deploy.toml_source import TomlSource
+from deploy.service_parameters import BUILTIN_SERVICES, robot_parameter_set
 from messages.names import resolve
 from messages.parameters import Parameter, ParameterValues
 from models.model import read_model
+from models.toml_source import TomlSource
 from services.catalog import load_service
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.parameters.base import Parameters
@@ -37,9 +38,10 @@ def parameter_sets(fleet: Fleet) -> dict[str, list[type[Parameters]]]:
         service = load_service(member.kind)
         if (name := _service_set(service, service_identity(member, owner).node)) is not None:
             sets.setdefault(name, []).append(service.parameters)
+        sets |= {gains: [type(values)] for gains, values in gain_values(member, owner).items()}
     for robot in fleet.robot:
         wheeled = read_model(robot.model).wheels is not None
-        sets[_robot_set(robot, wheeled)] = [BaseParameters if wheeled else JointParameters]
+        sets[robot_parameter_set(robot)] = [BaseParameters if wheeled else JointParameters]
     return sets
 
 
@@ -59,7 +61,9 @@ def fleet_values(fleet: Fleet, plan: Sequence[ProcessSpec]) -> dict[str, dict[st
             if wheeled
             else with_urdf_defaults(robot.model, build(JointParameters, robot.parameters))
         )
-        values[_robot_set(robot, wheeled)] = _live_values(made)
+        values[robot_parameter_set(robot)] = _live_values(made)
+    for _, member, owner in all_services(fleet):
+        values |= {name: _live_values(gains) for name, gains in gain_values(member, owner).items()}
     return values
 
 
@@ -77,11 +81,6 @@ def check_changes(fleet: Fleet, source: TomlSource) -> None:
             knowing = [each for each in records if any(leaf.name == name for leaf in fields_of(each))]
             for record in knowing or records[:1]:
                 check_value(record, name, value, source.location("change", index, "values", name))
-
-
-def _robot_set(robot: RobotConfig, wheeled: bool) -> str:
-    """The set of a robot in the simulation: of its base, or of its joints."""
-    return f"/{robot.name}/{'base' if wheeled else 'joints'}"
 
 
 def _service_set(service: Service, node: str) -> str | None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 
+from deploy.controller_files import manager_parameters
 from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.fleet_validation import service_identity
 from deploy.restart_policy import RestartMode, RestartPolicy
@@ -19,6 +20,7 @@ from deploy.service_parameters import (
     arm_parameters,
     fleet_endpoint,
     service_parameters,
+    state_parameters,
 )
 from services.catalog import is_user_file, load_service
 
@@ -98,8 +100,13 @@ def _is_lockstep_member(kind: str) -> bool:
 
 def _process_spec(stated: _PlacedService, fleet: Fleet, options: RunOptions, nodes: NodeGroups) -> ProcessSpec:
     member, kind = stated.service, stated.service.kind
-    given = {**service_parameters(kind, fleet, options, nodes), **arm_parameters(kind, fleet, stated.robot)}
-    parameters = {**given, **_shift_points(stated)}
+    told = {
+        **service_parameters(kind, fleet, options, nodes),
+        **arm_parameters(kind, fleet, stated.robot),
+        **state_parameters(kind, stated.robot),
+        **manager_parameters(kind, stated.robot),
+    }
+    parameters = {**told, **_shift_points(stated)}
     match member.restart:
         case None:
             policy = RestartPolicy(when=_RESTART_MODES.get(kind, "on-failure"))

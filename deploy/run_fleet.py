@@ -17,7 +17,7 @@ from deploy.parameter_sets import SavedParameterNotes, effective_parameters, fle
 from deploy.processes import plan_processes
 from deploy.progress import ProgressDisplay, ProgressReporter
 from deploy.report.checks import service_checks, unknown_node_notes
-from deploy.report.notes import fleet_notes
+from deploy.report.notes import fleet_notes, overrides_note, start_lines
 from deploy.report.record import Check, EffectiveParameter, Report, RunFacts
 from deploy.report.write import read_measurements, write_report
 from deploy.service_parameters import RunOptions, fleet_endpoint, listen_endpoints
@@ -77,8 +77,10 @@ def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> Run
             check_parameter_file_unused(options.saved)
         screen.print_line(f"{fleet.name}: {len(plan)} processes, {fleet.run.mode}; results in {options.folder}")
         for each in entry.listen:
-            access = "every user of this machine can read everything and drive the robots"
-            screen.print_line(f"listening on {each}: {access if is_local(each) else OPEN_TO_ALL}")
+            who = "every user of this machine can read everything and drive the robots"
+            screen.print_line(f"listening on {each}: {who if is_local(each) else OPEN_TO_ALL}")
+        for each in start_lines(fleet, options.overrides):
+            screen.print_line(each)
         reaper = Reaper()
         try:
             members = [each.node for each in plan]
@@ -99,11 +101,12 @@ def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> Run
         for name in outcome.failed_on_stop:
             screen.print_line(f"{name} ended with an error: {_last_line(options.folder / 'logs' / log_name(name))}")
         found = (
-            fleet_notes(fleet) + overridden_parameter_note(reported, own, fleet) + unknown_node_notes(bus.unknown_nodes)
+            overrides_note(options.overrides)
+            + fleet_notes(fleet)
+            + overridden_parameter_note(told, own, fleet)
+            + unknown_node_notes(bus.unknown_nodes)
         )
-        return _write_report(
-            fleet, options.folder, outcome, started, found, effective_parameters(reported, own), monitor, checks
-        )
+        return _write_report(fleet, options, outcome, started, found, effective_parameters(told, own), monitor, checks)
 
 
 async def _supervise(supervisor: Supervisor, screen: ProgressDisplay) -> Outcome:
@@ -130,7 +133,7 @@ def _last_line(log: Path) -> str:
 
 def _write_report(
     fleet: Fleet,
-    folder: Path,
+    options: RunOptions,
     outcome: Outcome,
     started: str,
     found: tuple[str, ...],
@@ -139,7 +142,7 @@ def _write_report(
     checks: tuple[Check, ...],
 ) -> RunResult:
     try:
-        measured = read_measurements(folder)
+        measured = read_measurements(options.folder)
         facts = RunFacts(
             fleet=fleet.name,
             mode=fleet.run.mode,
@@ -156,6 +159,8 @@ def _write_report(
             parameters=parameters,
             checks=checks,
         )
-        return RunResult(outcome=outcome, report=write_report(folder, facts, fleet.active_bounds()))
+        return RunResult(
+            outcome=outcome, report=write_report(options.folder, facts, fleet.active_bounds(), options.picture)
+        )
     except BadInput as error:
         return RunResult(outcome=outcome, report=None, error=str(error))

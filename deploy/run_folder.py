@@ -17,10 +17,9 @@ from services.panel.address import ADDRESS_FILE as PANEL_FILE
 from services.runtime.atomic_file import write_atomic
 from services.runtime.errors import BadInput
 from services.runtime.fleet_instances import latest
-from services.runtime.process import ROOT
+from services.runtime.user_folders import runs_folder
 from services.square import LOG_FILE
 
-RUNS = ROOT / "runs"
 RECORDING_FILE = "run.rrd"
 BAG_FOLDER = "bag"
 """The recorder's folder in the folder of the run."""
@@ -49,14 +48,15 @@ _FILES = (
 )
 
 
-def make_run_folder(fleet: str, report: str = "", now: datetime | None = None) -> Path:
-    """The folder of a new run, ``runs/<time>-<fleet>`` or ``report``; raises BadInput when it cannot be written.
+def make_run_folder(fleet: str, report: str = "", runs: str = "", now: datetime | None = None) -> Path:
+    """The folder of a new run; raises BadInput when it cannot be written.
 
-    The files of an earlier run in ``report`` are removed, so that they are not mistaken for this run's. Links are not
-    followed: other users may be able to write in that folder.
+    It is ``report``, or else ``<time>-<fleet>`` in ``runs``, or in the user's folder of runs when that is not given.
+    What an earlier run left in ``report`` is removed, lest it be taken for this one's. Links are not followed: others
+    may be able to write in that folder.
     """
     moment = f"{now or datetime.now():%Y%m%d-%H%M%S}-{fleet}"
-    path = Path(report).absolute() if report else _unused(RUNS / moment)
+    path = Path(report).absolute() if report else _unused((Path(runs).absolute() if runs else runs_folder()) / moment)
     try:
         path.mkdir(parents=True, exist_ok=True)
         for name in ("logs", BAG_FOLDER):
@@ -72,7 +72,9 @@ def make_run_folder(fleet: str, report: str = "", now: datetime | None = None) -
         for each in (path / RECORDING_FILE, *rotated(path / RECORDING_FILE), *(path / "logs").glob("*.log*")):
             each.unlink(missing_ok=True)
     except OSError as error:
-        raise BadInput(f"the folder {path} cannot be written: {error.strerror}; choose one with --report") from None
+        raise BadInput(
+            f"the folder {path} cannot be written: {error.strerror}; choose one with --report or --runs"
+        ) from None
     return path
 
 
@@ -85,10 +87,10 @@ def check_free_space(path: Path) -> None:
 
 
 def latest_run_folder() -> Path | None:
-    """The folder of the run that was started last, by this user or in ``runs``; None when there is none."""
+    """The folder of the run that was started last, by this user or in the folder of runs; None when there is none."""
     entry = latest()
     claimed = [Path(entry.folder)] if entry is not None else []
-    folders = [each for each in (*claimed, *RUNS.glob("*")) if (each / "logs").is_dir()]
+    folders = [each for each in (*claimed, *runs_folder().glob("*")) if (each / "logs").is_dir()]
     return max(folders, key=lambda each: (each / "logs").stat().st_mtime_ns, default=None)
 
 

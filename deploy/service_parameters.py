@@ -8,10 +8,13 @@ from typing import Any
 
 import msgspec
 
+from deploy.controller_files import KIND as CONTROLLER_MANAGER
 from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.run_folder import BAG_FOLDER, RECORDING_FILE, SCHEDULE_FILE, STOPS_FILE
+from messages.names import join
 from messages.topics import CONTROL_STATE
 from models.dynamics import read_pendulum
+from models.extent import vertical_extent
 from models.model import read_model
 from models.urdf import read_joint_limits
 from services.arm import ArmParameters
@@ -23,6 +26,7 @@ from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.zenoh_config import PORT
 from services.sim.drive.config import robot_config
 from services.sim.parameters import BaseParameters, JointParameters
+from services.sim.robot_names import robot_frame_prefix, robot_namespace
 
 CHANGE_MARGIN_S = 1.0
 """Minimum time [s] from the last scheduled change to an end by goals, so that its effect is measured."""
@@ -60,9 +64,21 @@ def arm_parameters(kind: str, fleet: Fleet, robot: RobotConfig | None) -> dict[s
     }
 
 
+def state_parameters(kind: str, robot: RobotConfig | None) -> dict[str, Any]:
+    """The parameters of a robot's service ``state``: its frames are those of its robot."""
+    return {"frame_prefix": robot_frame_prefix(robot)} if kind == "state" and robot is not None else {}
+
+
 def grader_arms(fleet: Fleet) -> list[dict[str, Any]]:
-    """The arms of a fleet as the grader knows them."""
-    return [_grader_arm(fleet, each) for each in fleet.robot if is_arm(each)]
+    """The arms of a fleet as the grader knows them: those that are not left to a controller manager."""
+    return [
+        _grader_arm(fleet, each) for each in fleet.robot if is_arm(each) and not _has_controller_manager(fleet, each)
+    ]
+
+
+def _has_controller_manager(fleet: Fleet, robot: RobotConfig) -> bool:
+    members = (*robot.services, *(each for _, each in fleet.shared_services(robot)))
+    return any(each.kind == CONTROLLER_MANAGER for each in members)
 
 
 def control_state_topics(fleet: Fleet) -> list[str]:
@@ -105,10 +121,13 @@ OBSERVER_SERVICES = ("panel",)
 
 
 class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """Options of the command line beside the fleet file: result folder, network, viewer.
+    """What the command line adds to a fleet file: where results go, the network, whether to open a viewer and to draw
+    the report's picture.
 
-    ``saved`` is the file of saved parameters; without one, changes last for the run only. The router joins those at
-    ``links``, and also listens at ``listen``; ``insecure`` allows addresses that other machines can reach.
+    ``saved`` is the file of what parameters were set to; without one that is known for the run alone. The router
+    joins those at ``links``, and listens at ``listen`` as well; ``insecure`` allows addresses beyond this machine.
+    ``overrides`` are the keys of the fleet file that were changed, for the report. ``tcp_port`` replaces the fleet's
+    port for a fleet that uses TCP.
     """
 
     folder: Path
@@ -117,7 +136,10 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     links: tuple[str, ...] = ()
     listen: tuple[str, ...] = ()
     insecure: bool = False
+    overrides: tuple[str, ...] = ()
+    tcp_port: int | None = None
     view: bool = True
+    picture: bool = True
 
 
 def fleet_endpoint(fleet: Fleet) -> str:
@@ -126,8 +148,8 @@ def fleet_endpoint(fleet: Fleet) -> str:
 
 
 def listen_endpoints(fleet: Fleet, options: RunOptions) -> tuple[str, ...]:
-    """The further endpoints of the fleet's router."""
-    own = (f"tcp/127.0.0.1:{fleet.run.port}",) if fleet.run.tcp else ()
+    """Where it listens for others, too."""
+    own = (f"tcp/127.0.0.1:{options.tcp_port or fleet.run.port}",) if fleet.run.tcp else ()
     return (*own, *(each for each in options.listen if each not in own))
 
 
@@ -163,6 +185,7 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
             }
         case "sim":
             return {
+                **({"world": fleet.world} if fleet.world else {}),
                 "robots": [_sim_robot(each) for each in robots],
                 "mode": run.mode,
                 "factor": run.factor,
@@ -176,7 +199,9 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
         case "grader":
             return {
                 "robots": [each.name for each in robots],
+                "namespaces": [robot_namespace(each) for each in robots],
                 "halting": [_braking_spec(each) for each in robots if read_model(each.model).wheels],
+                "sizes": [_size_spec(each) for each in robots if not is_arm(each)],
                 "arms": grader_arms(fleet),
                 "ends": run.ends,
                 "not_before": earliest_end(fleet),
@@ -188,6 +213,8 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
             viewer = {} if options.view else {"view": "never", "serve": False}
             return {
                 "robots": [each.name for each in robots],
+                "namespaces": [robot_namespace(each) for each in robots],
+                "frame_prefixes": [robot_frame_prefix(each) for each in robots],
                 "models": [each.model for each in robots] or ["burger"],
                 "states": control_state_topics(fleet),
                 # In lockstep all wait for the simulation, which in lab needs a tenth more CPU for its lasers.
@@ -213,12 +240,29 @@ def _live_view_port(router: int) -> dict[str, int]:
 def _sim_robot(robot: RobotConfig) -> dict[str, Any]:
     pose = {"x": robot.pose.x, "y": robot.pose.y, "yaw": robot.pose.yaw}
     table = "parameters" if read_model(robot.model).wheels else "joint_parameters"
-    return {"name": robot.name, "model": robot.model, **pose, table: robot.parameters}
+    names: dict[str, Any] = {"name": robot.name, "model": robot.model}
+    if robot.namespace:
+        names["namespace"] = robot.namespace
+    if robot.frame_prefix is not None:
+        names["frame_prefix"] = robot.frame_prefix
+    return {**names, **pose, table: robot.parameters}
+
+
+def robot_parameter_set(robot: RobotConfig) -> str:
+    """The set of a robot in the simulation: of its base, or of its joints."""
+    return join(robot_namespace(robot), "base" if read_model(robot.model).wheels else "joints")
 
 
 def robot_parameters_type(model: str) -> type[Parameters]:
     """The parameter record of a robot of this model."""
     return BaseParameters if read_model(model).wheels else JointParameters
+
+
+def _size_spec(robot: RobotConfig) -> dict[str, Any]:
+    """The room that a robot takes; without a top where its URDF does not tell how high it is."""
+    bottom, top = vertical_extent(robot.model)
+    size = {"name": robot.name, "radius": read_model(robot.model).radius, "bottom": bottom}
+    return size if math.isinf(top) else {**size, "top": top}
 
 
 def _braking_spec(robot: RobotConfig) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from msgspec import Meta
 from messages.base import MOST_ITEMS, Count, Finite, Message, Metres, NameStr, ScopedName
 from messages.geometry import Point, Pose, Twist, Vector3, Wrench
 from messages.joints import JointEffort
-from messages.std import Time
+from messages.std import Header, Time
 
 Duration = Annotated[float, Meta(ge=-1, le=1e9, extra={"unit": "s"})]
 
@@ -137,6 +137,16 @@ class LinkStates(Message, frozen=True, kw_only=True):
     """The same of all links, each named ``model::link``."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/LinkStates"
+    name: tuple[str, ...] = ()
+    pose: tuple[Pose, ...] = ()
+    twist: tuple[Twist, ...] = ()
+
+
+class WorldStates(Message, frozen=True, kw_only=True):
+    """Where bodies of the world are and how they move at the header's time; Gazebo's ModelStates have no time."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/WorldStates"
+    header: Header = Header()
     name: tuple[str, ...] = ()
     pose: tuple[Pose, ...] = ()
     twist: tuple[Twist, ...] = ()

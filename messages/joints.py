@@ -1,11 +1,12 @@
-"""elea_msgs of joints: effort jobs, as Gazebo's ``apply_joint_effort`` took them, and what a joint is and does."""
+"""elea_msgs of joints: effort jobs, as Gazebo's ``apply_joint_effort`` took them, targets of controllers, and what a
+joint is and does."""
 
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta
 
-from messages.base import Finite, Message, NameStr
-from messages.std import Time
+from messages.base import MOST_ITEMS, Finite, Message, NameStr
+from messages.std import Header, Time
 
 Effort = Annotated[float, Meta(ge=-1e6, le=1e6, extra={"unit": "N m"})]
 
@@ -22,6 +23,33 @@ class JointEffort(Message, frozen=True, kw_only=True):
     effort: Effort = 0.0
     start_time: Time = Time()
     duration: Annotated[float, Meta(ge=-1, le=1e9, extra={"unit": "s"})] = 0.0
+
+
+JointInterface = Literal["position", "velocity", "effort"]
+"""What a joint is commanded by, as ros_control names it."""
+
+
+class JointTarget(Message, frozen=True, kw_only=True):
+    """What one joint shall do: be at a position [rad or m], turn at a velocity [rad/s or m/s] or feel an effort [N m or
+    N], as ``interface`` says. ``rate`` [rad/s or m/s] is how fast a position moves on."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/JointTarget"
+    joint_name: NameStr = ""
+    interface: JointInterface = "position"
+    value: Finite = 0.0
+    rate: Finite = 0.0
+
+
+class JointCommand(Message, frozen=True, kw_only=True):
+    """The targets of all joints that a controller manager commands, as of ``header.stamp``, for ``duration`` seconds.
+
+    A joint that is not among the next ones, or whose time is over, is held where it is, or free if it felt an effort.
+    """
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/JointCommand"
+    header: Header = Header()
+    duration: Annotated[float, Meta(ge=0, le=10, extra={"unit": "s"})] = 0.1
+    targets: Annotated[tuple[JointTarget, ...], Meta(max_length=MOST_ITEMS)] = ()
 
 
 class JointProperties(Message, frozen=True, kw_only=True):

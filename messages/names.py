@@ -75,8 +75,8 @@ def resolve(name: str, namespace: str, node: str) -> str:
     if name.startswith("~"):
         inner = name[1:].removeprefix("/")
         owner = _absolute_node(node, namespace)
-        return validate(_join(owner, inner) if inner else owner)
-    return validate(_join(absolute_namespace(namespace), name))
+        return validate(join(owner, inner) if inner else owner)
+    return validate(join(absolute_namespace(namespace), name))
 
 
 def absolute_namespace(namespace: str) -> str:
@@ -89,6 +89,11 @@ def absolute_namespace(namespace: str) -> str:
     _measure(absolute, LONGEST_NAMESPACE, "a namespace")
     validate(namespace)
     return absolute
+
+
+def join(namespace: str, name: str) -> str:
+    """The relative ``name`` in an absolute namespace: ``/odom`` in ``/``, ``/tb3_0/odom`` in ``/tb3_0``."""
+    return f"{namespace.rstrip('/')}/{name}"
 
 
 def key(absolute: str) -> str:
@@ -188,15 +193,11 @@ def unmangle(chunk: str) -> str:
     return chunk.replace("%", "/")
 
 
-def _join(above: str, name: str) -> str:
-    return f"{above.rstrip('/')}/{name}"
-
-
 def _absolute_node(node: str, namespace: str) -> str:
     """The absolute name of a node, which may be absolute already."""
     if node.startswith("/"):
         return validate(node, _LONGEST_ABSOLUTE)
-    return _join(absolute_namespace(namespace), _node_name(node))
+    return join(absolute_namespace(namespace), _node_name(node))
 
 
 def _node_name(name: str) -> str:

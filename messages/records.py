@@ -3,7 +3,9 @@
 import msgspec
 
 from messages import (
+    actionlib,
     control,
+    controllers,
     diagnostic,
     elea,
     gazebo,
@@ -17,6 +19,8 @@ from messages import (
     simulation,
     std,
     tf,
+    trajectory,
+    visualization,
 )
 from messages.base import Message
 from messages.errors import BadInput, nearest
@@ -29,12 +33,16 @@ _MODULES = (
     tf,
     rosgraph,
     diagnostic,
+    trajectory,
+    actionlib,
     control,
+    controllers,
     elea,
     gazebo,
     joints,
     parameters,
     simulation,
+    visualization,
     requests,
 )
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Generic, TypeVar
 
 from messages.base import Message, NameStr
+from messages.controllers import ListControllersResponse, SwitchController, SwitchControllerResponse
 from messages.elea import EmergencyStops, ModelState
 from messages.gazebo import (
     ApplyEffort,
@@ -134,6 +135,13 @@ PARAMS_RESET = Request("/params/reset", ResetParameters, ParameterValues, "reset
 PARAMS_UNDO = Request("/params/undo", UndoParameters, ParameterValues, "undo the last change of a set")
 PARAMS_HISTORY = Request("/params/history", HistoryOf, ParameterHistory, "get the history of changes")
 
+LIST_CONTROLLERS = Request(
+    "~list_controllers", Empty, ListControllersResponse, "list the controllers of a controller manager"
+)
+SWITCH_CONTROLLER = Request(
+    "~switch_controller", SwitchController, SwitchControllerResponse, "start and stop controllers of a manager"
+)
+
 SIM_REQUESTS: tuple[Request[Message, Message], ...] = (
     SPAWN,
     DELETE,
@@ -180,5 +188,13 @@ PARAMS_REQUESTS: tuple[Request[Message, Message], ...] = (
 )
 """What the parameter service serves."""
 
-REQUESTS: tuple[Request[Message, Message], ...] = (*SIM_REQUESTS, *SUPERVISOR_REQUESTS, *PARAMS_REQUESTS)
+CONTROLLER_REQUESTS: tuple[Request[Message, Message], ...] = (LIST_CONTROLLERS, SWITCH_CONTROLLER)
+"""What a controller manager serves, as ``/NAMESPACE/controller_manager/list_controllers``."""
+
+REQUESTS: tuple[Request[Message, Message], ...] = (
+    *SIM_REQUESTS,
+    *SUPERVISOR_REQUESTS,
+    *PARAMS_REQUESTS,
+    *CONTROLLER_REQUESTS,
+)
 """Every request of this project."""

@@ -4,10 +4,12 @@ from typing import Annotated, ClassVar, Self
 
 from msgspec import Meta
 
-from messages.base import LARGEST, Message
+from messages.base import LARGEST, Finite, Message, NameStr
 
 SECOND = 1_000_000_000
 """Nanoseconds in a second."""
+
+Shade = Annotated[float, Meta(ge=0, le=1)]
 
 
 class Time(Message, frozen=True, kw_only=True):
@@ -25,6 +27,24 @@ class Time(Message, frozen=True, kw_only=True):
     @property
     def ns(self) -> int:
         """Nanoseconds since the start of the simulation."""
+        return self.sec * SECOND + self.nanosec
+
+
+class Duration(Message, frozen=True, kw_only=True):
+    """A span of simulation time; a negative one has a negative ``sec`` and counts ``nanosec`` up from it."""
+
+    ROS_TYPE: ClassVar[str] = "builtin_interfaces/Duration"
+    sec: Annotated[int, Meta(ge=-(2**31), le=2**31 - 1, extra={"unit": "s"})] = 0
+    nanosec: Annotated[int, Meta(ge=0, lt=SECOND, extra={"unit": "ns"})] = 0
+
+    @classmethod
+    def of(cls, nanoseconds: int) -> Self:
+        """The span of ``nanoseconds``."""
+        return cls(sec=nanoseconds // SECOND, nanosec=nanoseconds % SECOND)
+
+    @property
+    def ns(self) -> int:
+        """Its length in nanoseconds."""
         return self.sec * SECOND + self.nanosec
 
 
@@ -75,6 +95,41 @@ class Float64(Message, frozen=True, kw_only=True):
 
     ROS_TYPE: ClassVar[str] = "std_msgs/Float64"
     data: Annotated[float, Meta(ge=-LARGEST, le=LARGEST)] = 0.0
+
+
+class ColorRGBA(Message, frozen=True, kw_only=True):
+    """A colour and its opacity, each from 0 to 1."""
+
+    ROS_TYPE: ClassVar[str] = "std_msgs/ColorRGBA"
+    r: Shade = 0.0
+    g: Shade = 0.0
+    b: Shade = 0.0
+    a: Shade = 0.0
+
+
+class MultiArrayDimension(Message, frozen=True, kw_only=True):
+    """One dimension of a multi-array: its label, its extent, and how many values one of its steps skips."""
+
+    ROS_TYPE: ClassVar[str] = "std_msgs/MultiArrayDimension"
+    label: NameStr = ""
+    size: Annotated[int, Meta(ge=0, lt=2**32)] = 0
+    stride: Annotated[int, Meta(ge=0, lt=2**32)] = 0
+
+
+class MultiArrayLayout(Message, frozen=True, kw_only=True):
+    """The dimensions of a multi-array, the outermost first; senders of plain lists leave it empty."""
+
+    ROS_TYPE: ClassVar[str] = "std_msgs/MultiArrayLayout"
+    dim: tuple[MultiArrayDimension, ...] = ()
+    data_offset: Annotated[int, Meta(ge=0, lt=2**32)] = 0
+
+
+class Float64MultiArray(Message, frozen=True, kw_only=True):
+    """A list of numbers; controllers of several joints take one for each joint, in the order of their joints."""
+
+    ROS_TYPE: ClassVar[str] = "std_msgs/Float64MultiArray"
+    layout: MultiArrayLayout = MultiArrayLayout()
+    data: tuple[Finite, ...] = ()
 
 
 class Empty(Message, frozen=True, kw_only=True):

@@ -7,9 +7,9 @@ from typing import Generic, Self, TypeVar
 from messages.base import Message
 from messages.control import JointControllerState
 from messages.elea import BaseStatus, Checks, EmergencyStops, FleetState, GoalStatus, Health, LockstepState
-from messages.gazebo import LinkStates, ModelStates
+from messages.gazebo import LinkStates, ModelStates, WorldStates
 from messages.geometry import PoseStamped, Twist, TwistStamped
-from messages.joints import JointEffort
+from messages.joints import JointCommand, JointEffort
 from messages.names import BadName
 from messages.nav import Odometry, Path
 from messages.parameters import ParameterSchema, ParameterValues, ScheduledChanges
@@ -18,6 +18,7 @@ from messages.sensor import CameraInfo, Image, Imu, JointState, LaserScan, Point
 from messages.simulation import SimStatus
 from messages.std import Bool, Float32, String
 from messages.tf import TFMessage
+from messages.visualization import MarkerArray
 
 M_co = TypeVar("M_co", bound=Message, covariant=True)
 
@@ -116,8 +117,29 @@ LINK_STATES = Topic(
     "poses and twists of all links, while there are subscribers",
     1 << 22,
 )
+WORLD_MARKERS = Topic(
+    "/world/markers", MarkerArray, 0, Quality.LATCHED, "the world's ground and bodies, as they start", 1 << 23, "/sim"
+)
+WORLD_STATES = Topic(
+    "/world/states",
+    WorldStates,
+    10,
+    Quality.SENSOR,
+    "poses and twists of the world's movable and moving bodies, if it has any",
+    1 << 21,
+)
 ROBOT_DESCRIPTION = Topic("robot_description", String, 0, Quality.LATCHED, "URDF of a robot", 1 << 20)
 JOINT_EFFORT = Topic("joint_effort", JointEffort, 100, Quality.COMMAND, "effort to apply to a joint for some time")
+JOINT_COMMAND = Topic(
+    "joint_command", JointCommand, 100, Quality.COMMAND, "targets of joints, from a controller manager"
+)
+JOINT_FEEDBACK = Topic(
+    "joint_feedback",
+    JointState,
+    200,
+    Quality.SENSOR,
+    "as joint_states, at each physics step, once a controller manager commands joints",
+)
 REFERENCE = Topic("/robot_control/reference", Float32, 50, Quality.SENSOR, "set-point of the arm, degrees", unit="deg")
 CONTROL_SIGNAL = Topic(
     "/robot_control/control_signal", Float32, 100, Quality.SENSOR, "effort of the arm, N m", unit="N m"
@@ -193,8 +215,12 @@ TOPICS: tuple[Topic[Message], ...] = (
     TF_STATIC,
     MODEL_STATES,
     LINK_STATES,
+    WORLD_MARKERS,
+    WORLD_STATES,
     ROBOT_DESCRIPTION,
     JOINT_EFFORT,
+    JOINT_COMMAND,
+    JOINT_FEEDBACK,
     REFERENCE,
     CONTROL_SIGNAL,
     JOINT_ANGLE,

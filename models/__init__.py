@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from messages.errors import BadInput, did_you_mean
+from models.robot_cache import display_name as display_name
+from models.robot_cache import is_made
 
 WHEELED = ("burger", "waffle", "waffle_pi", "p3dx")
 """The robots that drive on two wheels."""
@@ -15,7 +17,7 @@ ARMS = ("arm", "arm_corrected")
 MODELS = (*WHEELED, *ARMS)
 """Every robot of this folder; each has a ``robot.urdf``, a ``model.toml`` and a ``README.md``."""
 
-WORLDS = ("arena", "empty")
+WORLDS = ("arena", "empty", "house")
 """Every world of ``worlds/``."""
 
 _HERE = Path(__file__).resolve().parent
@@ -25,19 +27,49 @@ class UnknownModel(BadInput):
     """No model or world has this name; the text lists those that there are."""
 
 
-def urdf_path(name: str) -> Path:
-    """The URDF of a robot; raises UnknownModel with the nearest name and the list."""
-    return _HERE / _checked_name("model", name, MODELS) / "robot.urdf"
+def urdf_path(model: str) -> Path:
+    """The URDF of a robot, here or from outside; raises UnknownModel with the nearest name and the list."""
+    return _model_folder(model) / "robot.urdf"
 
 
-def model_config_path(name: str) -> Path:
-    """The figures of a robot's driver and sensors, see ``models.model``; raises UnknownModel."""
-    return _HERE / _checked_name("model", name, MODELS) / "model.toml"
+def physics_urdf_path(model: str) -> Path:
+    """The URDF as the physics engine takes it; raises UnknownModel."""
+    return _model_folder(model) / ("physics.urdf" if is_made(model) else "robot.urdf")
+
+
+def viewer_urdf_path(model: str) -> Path:
+    """The URDF as the viewer takes it; raises UnknownModel."""
+    return _model_folder(model) / ("viewer.urdf" if is_made(model) else "robot.urdf")
+
+
+def model_config_path(model: str) -> Path:
+    """The figures of a robot's driver and sensors, see ``models.model``; one from outside may have none. Raises
+    UnknownModel."""
+    return _model_folder(model) / "model.toml"
+
+
+WORLD_ENDINGS = (".toml", ".sdf", ".world", ".yaml", ".yml")
+"""What the name of a world's file ends with."""
+
+
+def is_world_file(name: str) -> bool:
+    """Whether a world is given by the path of its file, and not as one of WORLDS."""
+    return "/" in name or name.endswith(WORLD_ENDINGS)
 
 
 def world_path(name: str) -> Path:
-    """The file of a world, see ``models.world``; raises UnknownModel."""
+    """The file of a world of this folder, see ``models.world``; raises UnknownModel."""
     return _HERE / "worlds" / f"{_checked_name('world', name, WORLDS)}.toml"
+
+
+def _model_folder(model: str) -> Path:
+    if not is_made(model):
+        return _HERE / _checked_name("model", model, MODELS)
+    if not (Path(model) / "robot.urdf").is_file():
+        raise UnknownModel(
+            f"the files of the robot {model} are gone: start the fleet or spawn the robot by its own file"
+        )
+    return Path(model)
 
 
 def _checked_name(kind: str, name: str, names: tuple[str, ...]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -10,8 +11,11 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
+from messages.errors import BadInput, unknown_name
 from models import model_config_path, urdf_path
-from models.urdf import NoWheels, read_wheels
+from models.robot_cache import is_made
+from models.robot_facts import read_facts
+from models.urdf import NoWheels, read_robot, read_wheels
 
 Positive = Annotated[float, Meta(gt=0)]
 NonNegative = Annotated[float, Meta(ge=0)]
@@ -114,18 +118,38 @@ class CameraConfig(ModelTable, frozen=True, kw_only=True):
     far: Positive
 
 
+ErrorShare = Annotated[float, Meta(ge=0, le=0.05)]
+
+
+class OdometryErrorConfig(ModelTable, frozen=True, kw_only=True):
+    """How far the wheels of such a robot are from what its odometry takes them for: standard deviations, as shares.
+
+    ``wheel_radius`` is that of the size of both wheels, ``wheel_radius_ratio`` that of the right one by the left one,
+    ``wheel_separation`` that of the distance between the points at which they touch the ground.
+    """
+
+    wheel_radius: ErrorShare = 0.0
+    wheel_radius_ratio: ErrorShare = 0.0
+    wheel_separation: ErrorShare = 0.0
+
+
 class RobotModel(ModelTable, frozen=True, kw_only=True):
     """A robot: ``radius`` [m] of the circle around ``base_frame`` that holds it, and what it carries.
 
     ``odometry_rate`` [Hz] is that of odometry and ground truth, ``joint_rate`` [Hz] that of the joint states, the same
     where it is not stated. ``fixed_base`` holds the root where it is. ``drive`` holds what this model's base driver
     takes for parameters that a fleet leaves open, by the names of ``services.sim.BaseParameters``.
+
+    ``odometry`` is the pose in the world, or what the wheels' encoders tell, with ``odometry_error``; that counts from
+    the robot's pose in the world, or from 0, by ``odometry_origin``.
     """
 
     about: str
     base_frame: str
     radius: Positive
     odometry: Literal["world", "encoder"]
+    odometry_origin: Literal["world", "start"] = "start"
+    odometry_error: OdometryErrorConfig = OdometryErrorConfig()
     odometry_rate: Positive
     joint_rate: Positive | None = None
     fixed_base: bool = False
@@ -137,19 +161,75 @@ class RobotModel(ModelTable, frozen=True, kw_only=True):
     camera: CameraConfig | None = None
 
 
-def read_model(name: str) -> RobotModel:
-    """The figures of the robot ``name``; raises ``models.UnknownModel``."""
-    path = model_config_path(name)
-    return _read(name, path, path.stat().st_mtime_ns)
+def read_model(model: str) -> RobotModel:
+    """The figures of a robot, by its name in this folder or by ``models.robot_source.RobotSource.model``; raises
+    ``models.UnknownModel``, and BadInput for the file of a robot from outside."""
+    path = model_config_path(model)
+    return _read(model, path, path.stat().st_mtime_ns) if path.is_file() else _without_file(model)
 
 
 @lru_cache(64)
-def _read(name: str, path: Path, _: int) -> RobotModel:
+def _read(model: str, path: Path, _: int) -> RobotModel:
     """Its file, read again when that has changed."""
-    table = msgspec.toml.decode(path.read_bytes())
-    if "wheels" in table:
-        _fill_from_urdf(table["wheels"], name)
-    return msgspec.convert(table, RobotModel)
+    where = Path(read_facts(model).origin).with_name("model.toml") if is_made(model) else path
+    text = path.read_text(encoding="utf-8", errors="replace")
+    try:
+        table = msgspec.toml.decode(text)
+        if "wheels" in table:
+            _fill_from_urdf(table["wheels"], model)
+        found = msgspec.convert(table, RobotModel)
+    except NoWheels as error:
+        raise NoWheels(f"{where}: {error}") from None
+    except msgspec.MsgspecError as error:
+        raise BadInput(f"{where}{_line(text, str(error))}: {error}") from None
+    _check_links(found, model, where, text)
+    return found
+
+
+@lru_cache(64)
+def _without_file(model: str) -> RobotModel:
+    """What a URDF tells by itself: a robot whose joints take efforts, held in the world where its root is ``world``."""
+    facts, robot = read_facts(model), read_robot(model)
+    return RobotModel(
+        about=facts.title or facts.name,
+        base_frame=robot.root,
+        radius=max(facts.reach, 0.01),
+        odometry="world",
+        odometry_rate=25.0,
+        joint_rate=50.0,
+        fixed_base=robot.root == "world",
+    )
+
+
+def _check_links(found: RobotModel, model: str, where: Path, text: str) -> None:
+    """Raise BadInput for links that the URDF does not have."""
+    links = [each.name for each in read_robot(model).links]
+    named = {"base_frame": [found.base_frame]}
+    for each in ("laser", "sonar", "imu", "camera"):
+        if (part := getattr(found, each)) is not None:
+            named[f"{each}.link"] = [part.link]
+    if found.sonar is not None:
+        named["sonar.links"] = list(found.sonar.links)
+    for key, wanted in named.items():
+        for link in wanted:
+            if link not in links:
+                raise unknown_name("link", link, links, f"{where}{_line(text, f'$.{key}')}: {key}")
+
+
+def _line(text: str, error: str) -> str:
+    """``:line`` of the key that a decoder's error names; empty where it names none."""
+    if found := re.search(r"line (\d+)", error):
+        return f":{found[1]}"
+    if "end of document" in error:
+        return f":{text.count(chr(10)) + 1}"
+    field, path = re.search(r"field `(\w+)`", error), re.search(r"\$\.([\w.]+)", error)
+    keys = [*(path[1].split(".") if path else ()), *([field[1]] if field else ())]
+    line = 0
+    lines = text.splitlines()
+    for key in keys:
+        pattern = re.compile(rf"\s*(\[\s*{key}\s*\]|{key}\s*=)")
+        line = next((n for n, each in enumerate(lines) if n >= line and pattern.match(each)), line)
+    return f":{line + 1}" if keys else ""
 
 
 def _fill_from_urdf(wheels: dict[str, Any], name: str) -> None:

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import codecs
 import math
+import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, TypeVar
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from messages.errors import BadInput
+from messages.errors import BadInput, did_you_mean
 from messages.se3 import IDENTITY, Pose3, Rotation, Vector, quaternion_from_rpy, quaternion_multiply, rotate
 from models import urdf_path
+from models.input_file import read_limited
+
+T = TypeVar("T")
 
 MAX_CHARACTERS = 1 << 20
 """Characters of a URDF; a longer one is refused unread."""
@@ -33,6 +39,12 @@ SINGLE_DOF = ("revolute", "continuous", "prismatic")
 
 class BadUrdf(BadInput):
     """A URDF is not one, or describes no tree; the text says what and where."""
+
+
+class UrdfElement(ElementTree.Element):
+    """An element that knows its ``line`` in the text."""
+
+    line = 0
 
 
 @dataclass(frozen=True)
@@ -159,7 +171,7 @@ def read_joints(name: str) -> tuple[Joint, ...]:
 
 def read_joint_limits(name: str) -> dict[str, JointLimits]:
     """The limits of the movable joints of the robot ``name``, in the URDF's order; raises ``models.UnknownModel``."""
-    return {each.name: each.limits for each in read_joints(name) if each.kind != "fixed"}
+    return {each.name: each.limits for each in read_joints(name) if each.single_dof}
 
 
 def link_offset(name: str, link: str) -> Vector:
@@ -167,31 +179,85 @@ def link_offset(name: str, link: str) -> Vector:
     return read_robot(name).link_offset(link)
 
 
-def parse_urdf(urdf: str) -> RobotDescription:
-    """The robot that a URDF describes; raises BadUrdf."""
-    robot = parse_xml(urdf)
-    links = tuple(_link(each) for each in robot.findall("link"))
-    joints, warnings = _resolve_mimics(tuple(_joint(each) for each in robot.findall("joint")))
-    root = _root([each.name for each in links], joints)
+def read_urdf(path: Path) -> str:
+    """The text of a URDF file, in the encoding that it declares; raises BadUrdf."""
+    try:
+        content = read_limited(path, 4 * MAX_CHARACTERS, "a URDF")
+    except BadInput as error:
+        raise BadUrdf(str(error)) from None
+    declared = re.match(rb"\s*<\?xml[^>]*\bencoding\s*=\s*[\"']([\w.-]{1,40})", content)
+    encoding = "utf-16" if content[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else "utf-8-sig"
+    if declared and declared[1].lower() not in (b"utf-8", b"utf-16"):
+        encoding = declared[1].decode()
+    try:
+        return content.decode(encoding)
+    except (LookupError, UnicodeError) as error:
+        raise BadUrdf(f"{path}: the text cannot be read as {encoding}: {error}") from None
+
+
+def parse_urdf(urdf: str, file: str = "") -> RobotDescription:
+    """The robot that a URDF describes; raises BadUrdf, whose text begins with ``file`` and the line where one is."""
+    robot = parse_xml(urdf, file)
+    with located(file):
+        links = tuple(_located(_link, each) for each in robot.findall("link"))
+        joints, warnings = _resolve_mimics(tuple(_located(_joint, each) for each in robot.findall("joint")))
+        lines = {(each.tag, each.get("name", "")): line_of(each) for each in robot}
+        root = _root([each.name for each in links], joints, lines)
     return RobotDescription(robot.get("name", ""), root, links, joints, warnings)
 
 
-def parse_xml(urdf: str) -> ElementTree.Element:
-    """The elements of a URDF, at most MAX_DEPTH deep, so that a walk through them may recurse; raises BadUrdf.
+def line_of(element: ElementTree.Element) -> int:
+    """The line of an element in the text that it was parsed from; 0 where nobody knows."""
+    return element.line if isinstance(element, UrdfElement) else 0
+
+
+@contextmanager
+def located(file: str) -> Iterator[None]:
+    """Let errors begin with ``file:line:`` instead of ``line N:``; as they are without a file."""
+    try:
+        yield
+    except BadUrdf as error:
+        if not file:
+            raise
+        raise BadUrdf(
+            re.sub(r"^line (\d+): |^", lambda at: f"{file}:{at[1]}: " if at[1] else f"{file}: ", str(error), count=1)
+        ) from None
+
+
+def _located(read: Callable[[ElementTree.Element], T], element: ElementTree.Element) -> T:
+    try:
+        return read(element)
+    except BadUrdf as error:
+        raise BadUrdf(f"line {line_of(element)}: {error}") from None
+
+
+def parse_xml(urdf: str, file: str = "") -> ElementTree.Element:
+    """The elements of a URDF, at most MAX_DEPTH deep, so that a walk through them may recurse; raises BadUrdf, whose
+    text begins with ``file``.
 
     Prefixes of names (``xacro:property``) are part of them, declared or not, as TinyXML has it.
     """
+    with located(file):
+        return _parse_xml(urdf)
+
+
+def _parse_xml(urdf: str) -> ElementTree.Element:
     if len(urdf) > MAX_CHARACTERS:
         raise BadUrdf(f"the URDF has {len(urdf)} characters, the limit is {MAX_CHARACTERS}")
-    builder, depth = ElementTree.TreeBuilder(), 0
+    builder, depth = ElementTree.TreeBuilder(UrdfElement), 0
+    skipped = urdf[: len(urdf) - len(urdf.lstrip())].count("\n")
     parser = expat.ParserCreate("utf-8")
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal depth
         depth += 1
         if depth > MAX_DEPTH:
-            raise BadUrdf(f"the URDF has elements more than {MAX_DEPTH} deep, at line {parser.CurrentLineNumber}")
-        builder.start(tag, attributes)
+            raise BadUrdf(
+                f"the URDF has elements more than {MAX_DEPTH} deep, at line {parser.CurrentLineNumber + skipped}"
+            )
+        element = builder.start(tag, attributes)
+        assert isinstance(element, UrdfElement)
+        element.line = parser.CurrentLineNumber + skipped
 
     def end(tag: str) -> None:
         nonlocal depth
@@ -199,19 +265,27 @@ def parse_xml(urdf: str) -> ElementTree.Element:
         builder.end(tag)
 
     def refuse(*_: object) -> NoReturn:
-        raise BadUrdf("the URDF declares a document type or entities: a URDF needs none")
+        raise BadUrdf(
+            f"line {parser.CurrentLineNumber + skipped}: the URDF declares a document type or entities: "
+            "a URDF needs none"
+        )
 
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.CharacterDataHandler = builder.data
     parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = refuse
     try:
         parser.Parse(urdf.strip().encode(), True)
-    except (expat.ExpatError, UnicodeEncodeError) as error:
+    except expat.ExpatError as error:
         hint = ": is it a xacro or a path? Convert a xacro with the command xacro" if "<robot" not in urdf else ""
-        raise BadUrdf(f"the URDF is not XML: {error}{hint}") from None
+        reason = expat.ErrorString(error.code)
+        raise BadUrdf(
+            f"line {error.lineno + skipped}: the URDF is not XML: {reason}, column {error.offset}{hint}"
+        ) from None
+    except UnicodeEncodeError as error:
+        raise BadUrdf(f"the URDF is not XML: {error}") from None
     robot = builder.close()
     if robot.tag != "robot":
-        raise BadUrdf(f"the URDF's root is <{robot.tag[:40]}>, not <robot>")
+        raise BadUrdf(f"line {line_of(robot)}: the URDF's root is <{robot.tag[:40]}>, not <robot>")
     return robot
 
 
@@ -241,9 +315,12 @@ def _plain_number(element: ElementTree.Element, attribute: str, where: str) -> f
     """A number of any size, 0 where it is not stated."""
     text = element.get(attribute, "0")
     try:
-        return float(text)
+        value = float(text)
     except ValueError:
-        raise BadUrdf(f"{where}: {attribute}={text[:60]!r} is not a number") from None
+        value = math.nan
+    if not math.isfinite(value):
+        raise BadUrdf(f"{where}: {attribute}={text[:60]!r} is not a number")
+    return value
 
 
 def _joint(element: ElementTree.Element) -> Joint:
@@ -362,7 +439,7 @@ def _limit(element: ElementTree.Element | None, attribute: str, name: str, defau
     return _number(element, attribute, name, default)
 
 
-def _root(links: list[str], joints: tuple[Joint, ...]) -> str:
+def _root(links: list[str], joints: tuple[Joint, ...], lines: Mapping[tuple[str, str], int]) -> str:
     """The one link that no joint moves; raises BadUrdf when the links are no tree."""
     if not links:
         raise BadUrdf("the URDF has no link")
@@ -370,23 +447,32 @@ def _root(links: list[str], joints: tuple[Joint, ...]) -> str:
         raise BadUrdf(f"the URDF has {len(links)} links, the limit is {MAX_LINKS}")
     for kind, names in (("link", links), ("joint", [each.name for each in joints])):
         if twice := sorted(name for name, count in Counter(names).items() if count > 1):
-            raise BadUrdf(f"the {kind} {twice[0]!r} is there twice")
+            raise BadUrdf(f"line {lines[kind, twice[0]]}: the {kind} {twice[0]!r} is there twice")
     above: dict[str, str] = {}
     for each in joints:
         for link in (each.parent, each.child):
             if link not in links:
-                raise BadUrdf(f"joint {each.name!r}: there is no link {link!r} (known: {', '.join(links)})")
+                known = ", ".join(links[:100]) + (f" and {len(links) - 100} more" if len(links) > 100 else "")
+                raise BadUrdf(
+                    f"line {lines['joint', each.name]}: joint {each.name!r}: there is no link {link!r}"
+                    f"{did_you_mean(link, links)} (known: {known})"
+                )
         if each.child in above:
-            raise BadUrdf(f"link {each.child!r} has two parents, {above[each.child]!r} and {each.parent!r}")
+            raise BadUrdf(
+                f"line {lines['joint', each.name]}: link {each.child!r} has two parents, {above[each.child]!r} and "
+                f"{each.parent!r}"
+            )
         above[each.child] = each.parent
     roots = [each for each in links if each not in above]
     if len(roots) > 1:
-        raise BadUrdf(f"the links are no tree: {', '.join(map(repr, roots))} hang on nothing")
+        raise BadUrdf(
+            f"line {lines['link', roots[1]]}: the links are no tree: {', '.join(map(repr, roots))} hang on nothing"
+        )
     for link in links:
         seen = {link}
         while (parent := above.get(link)) is not None:
             if parent in seen:
-                raise BadUrdf(f"the links are in a loop through {parent!r}")
+                raise BadUrdf(f"line {lines['link', parent]}: the links are in a loop through {parent!r}")
             seen.add(parent)
             link = parent
     return roots[0]

@@ -87,13 +87,12 @@ def query_network(ctx: click.Context, question: Question) -> list[str]:
     answer: list[str] = []
 
     def ask() -> None:
-        from deploy.live.connect import connect
-        from deploy.network_address import resolve_address
+        from services.runtime.light_node import open_transport
+        from services.runtime.network_address import resolve_address
 
-        given = {name: ctx.params.get(name) for name in ("connect", "domain", "port")}
         try:
-            place = resolve_address(given["connect"] or "", given["domain"] or "", given["port"])
-            with connect(place.router, place.domain, TIMEOUT_S) as transport:
+            place = resolve_address(ctx.params.get("connect") or "", ctx.params.get("domain") or "", _chosen_port(ctx))
+            with open_transport(place.router, place.domain, TIMEOUT_S) as transport:
                 answer.extend(question(transport, ctx))
         except EleaError:
             return
@@ -102,6 +101,20 @@ def query_network(ctx: click.Context, question: Question) -> list[str]:
     thread.start()
     thread.join(TIMEOUT_S)
     return list(answer)
+
+
+def _chosen_port(ctx: click.Context) -> int | None:
+    """The port that ``--port`` or ``--fleet`` names so far; raises BadInput."""
+    from services.runtime.network_address import port_of_fleet
+
+    port, fleet = ctx.params.get("port"), ctx.params.get("fleet")
+    return port_of_fleet(fleet, port) if fleet else port
+
+
+def _running_fleets(_: click.Context, begun: str) -> Iterable[str]:
+    from services.runtime.fleet_instances import running_fleets
+
+    return [each.fleet for each in running_fleets()]
 
 
 def _topics(transport: Transport, _: click.Context) -> Iterable[str]:
@@ -184,7 +197,7 @@ def _processes(ctx: click.Context, begun: str) -> Iterable[str]:
     from deploy.run_folder import read_state
     from services.runtime.fleet_instances import running_fleets
 
-    port = ctx.params.get("port")
+    port = _chosen_port(ctx)
     states = [read_state(Path(each.folder)) for each in running_fleets() if port in (None, each.port)]
     return [process.name for state in states if state for process in state.processes]
 
@@ -200,3 +213,4 @@ FIELD = CompletingParam("field", _fields)
 FLEET = CompletingParam("fleet", _fleets, files=True)
 KIND = CompletingParam("service", _kinds, files=True)
 PROCESS = CompletingParam("process", _processes)
+RUNNING_FLEET = CompletingParam("name", _running_fleets)

@@ -9,14 +9,14 @@ from pathlib import Path
 
 import click
 
-from deploy.commands.options import json_option, port_option
+from deploy.commands.options import fleet_option, json_option
 from services.runtime.process import ROOT
 
 
 @click.command("doctor")
 @click.option("--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default.")
 @click.option("--domain", default="", help="Domain of the fleet.")
-@port_option
+@fleet_option
 @json_option
 def doctor_command(connect: str, domain: str, port: int | None, as_json: bool) -> None:
     """Check the machine, the installation and the running fleet for problems.

@@ -15,13 +15,13 @@ from typing import Any
 import click
 
 from deploy.commands.completion import PROCESS
-from deploy.commands.options import json_option, port_option
+from deploy.commands.options import fleet_option, json_option
 from deploy.live.output import printable
-from deploy.network_address import fleet_router, select_fleet
 from deploy.run_folder import latest_run_folder, read_state
 from deploy.supervisor.log_file import log_name
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.fleet_instances import FleetInstance, running_fleets
+from services.runtime.network_address import fleet_router, select_fleet
 
 STOP_TIMEOUT_S = 60.0
 """Wall time for a fleet to stop on SIGINT and write its report, before its supervisor is killed. The supervisor needs
@@ -30,7 +30,7 @@ after SIGINT, 3 s after SIGTERM and 2 s after SIGKILL."""
 
 
 @click.command("down")
-@port_option
+@fleet_option
 @click.option("--all", "every", is_flag=True, help="Stop all fleets of this user.")
 def down_command(port: int | None, every: bool) -> None:
     """Stop a running fleet, in reverse start order, and write its report.
@@ -75,7 +75,7 @@ def _wait_for_exit(handle: int, seconds: float) -> bool:
 
 
 @click.command("ps")
-@port_option
+@fleet_option
 @json_option
 def ps_command(port: int | None, as_json: bool) -> None:
     """List the processes of the running fleets, with state, restarts, memory and mean processor load."""
@@ -139,7 +139,7 @@ _TAIL_PERIOD_S = 0.2
 @click.command("logs")
 @click.argument("name", default="", type=PROCESS)
 @click.option("-f", "--follow", is_flag=True, help="Keep printing new lines until Ctrl-C.")
-@port_option
+@fleet_option
 @json_option
 def logs_command(name: str, follow: bool, port: int | None, as_json: bool) -> None:
     """Show the log of process NAME, or all logs, of the running fleet or the latest run.
@@ -206,16 +206,16 @@ def _print_log_line(name: str, line: str, as_json: bool, alone: bool) -> None:
 
 @click.command("restart")
 @click.argument("name", type=PROCESS)
-@port_option
+@fleet_option
 @json_option
 def restart_command(name: str, port: int | None, as_json: bool) -> None:
     """Restart process NAME, as listed by `./elea ps`."""
-    from deploy.live.connect import connect
     from messages.names import key
     from messages.requests import SUPERVISOR_RESTART, Name
+    from services.runtime.light_node import open_transport
     from services.runtime.requests import call
 
     fleet = select_fleet(port)
-    with connect(fleet_router(fleet), fleet.domain) as transport:
+    with open_transport(fleet_router(fleet), fleet.domain) as transport:
         done = call(transport, SUPERVISOR_RESTART, key(SUPERVISOR_RESTART.name), Name(name=name))
     sys.stdout.write(json.dumps({"text": done.text}) + "\n" if as_json else f"{done.text}\n")

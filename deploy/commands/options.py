@@ -8,15 +8,24 @@ from typing import Any, TypeVar
 
 import click
 
-from deploy.network_address import resolve_address
+from deploy.commands.completion import RUNNING_FLEET
+from services.runtime.network_address import port_of_fleet, resolve_address
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 json_option: Callable[[F], F] = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 
-port_option: Callable[[F], F] = click.option(
-    "--port", type=click.IntRange(1, 65535), help="Port of the fleet's router, if several fleets are running."
-)
+
+def fleet_option(verb: Callable[..., Any]) -> Callable[..., Any]:
+    """Add ``--fleet`` and ``--port``, either of which chooses one of several running fleets; the verb gets ``port``."""
+
+    @click.option("--fleet", metavar="NAME", type=RUNNING_FLEET, help="Name of the fleet, if several are running.")
+    @click.option("--port", type=click.IntRange(1, 65535), help="Port of the fleet, if several are running.")
+    @functools.wraps(verb)
+    def chosen(fleet: str | None, port: int | None, **values: Any) -> Any:
+        return verb(port=port if fleet is None else port_of_fleet(fleet, port), **values)
+
+    return chosen
 
 
 def network_options(verb: Callable[..., Any]) -> Callable[..., Any]:
@@ -24,7 +33,7 @@ def network_options(verb: Callable[..., Any]) -> Callable[..., Any]:
 
     @click.option("--connect", metavar="ENDPOINT", default="", help="Router to join; the running fleet's by default.")
     @click.option("--domain", default="", help="Domain of the fleet.")
-    @port_option
+    @fleet_option
     @functools.wraps(verb)
     def placed(connect: str, domain: str, port: int | None, **values: Any) -> Any:
         return verb(place=resolve_address(connect, domain, port), **values)

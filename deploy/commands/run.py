@@ -9,26 +9,26 @@ from pathlib import Path
 import click
 
 from deploy.commands.completion import KIND
-from deploy.commands.options import port_option
-from deploy.network_address import resolve_address
+from deploy.commands.options import fleet_option
 from services.runtime import process
 from services.runtime.errors import BadInput, unknown_name
+from services.runtime.network_address import port_of_fleet, resolve_address
 from services.runtime.process import ROOT
 
 
 @click.command("run", context_settings={"ignore_unknown_options": True, "allow_interspersed_args": False})
-@port_option
+@fleet_option
 @click.argument("target", type=KIND)
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 def command(target: str, arguments: tuple[str, ...], port: int | None) -> None:
     """Run TARGET, the name of a service or a .py file of your own, with the remaining arguments.
 
-    It joins the running fleet (the one on --port if there are several) unless --connect is given.
+    It joins the running fleet (--fleet or --port selects one of several) unless --connect is given.
 
     `./elea run waypoint --help` shows the options that all services have.
     """
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    port, arguments = _extract_port(port, arguments)
+    port, arguments = _extract_fleet(port, arguments)
     if target != "router" and not _states_network(arguments):
         arguments = (*_network_arguments(port, arguments), *arguments)
     if target.endswith(".py"):
@@ -48,19 +48,23 @@ def command(target: str, arguments: tuple[str, ...], port: int | None) -> None:
     os.execve(sys.executable, [sys.executable, "-P", *place, *arguments], environment)
 
 
-def _extract_port(port: int | None, arguments: tuple[str, ...]) -> tuple[int | None, tuple[str, ...]]:
-    """Return the port, if given after TARGET, and the other arguments; raises BadInput."""
-    left = list(arguments)
-    for index, word in enumerate(arguments):
-        name, equals, value = word.partition("=")
-        if name != "--port":
+def _extract_fleet(port: int | None, arguments: tuple[str, ...]) -> tuple[int | None, tuple[str, ...]]:
+    """Return the port that --port or --fleet after TARGET selects, and the other arguments; raises BadInput."""
+    fleet, left = "", list(arguments)
+    for option in ("--port", "--fleet"):
+        index = next((at for at, word in enumerate(left) if word.partition("=")[0] == option), None)
+        if index is None:
             continue
-        value = value if equals else "".join(arguments[index + 1 : index + 2])
-        if not value.isdigit() or not 0 < int(value) <= 65535:
-            raise BadInput(f"--port {value}: give the port of a fleet's router, 1 to 65535")
+        _, equals, value = left[index].partition("=")
+        value = value if equals else "".join(left[index + 1 : index + 2])
         del left[index : index + (1 if equals else 2)]
-        return int(value), tuple(left)
-    return port, arguments
+        if option == "--fleet":
+            fleet = value
+        elif value.isdigit() and 0 < int(value) <= 65535:
+            port = int(value)
+        else:
+            raise BadInput(f"--port {value}: give the port of a fleet's router, 1 to 65535")
+    return (port_of_fleet(fleet, port) if fleet else port), tuple(left)
 
 
 def _states_network(arguments: tuple[str, ...]) -> bool:

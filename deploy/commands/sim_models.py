@@ -52,7 +52,8 @@ def list_(asker: SimulationClient) -> None:
 @click.argument("name")
 @pose_options
 @click.option("--frame", default="", help="Frame of the pose: world (default), a model, or model::link.")
-@click.option("--namespace", default="", help="Namespace of its topics; its name by default.")
+@click.option("--namespace", default="", help="Namespace of its topics, / for the root; its name by default.")
+@click.option("--frame-prefix", help="Prefix of its frames, '' for none; its name and a slash by default.")
 @click.option(
     "-J", "--joint", "joints", multiple=True, metavar="JOINT=POSITION", help="Initial position of a joint, in rad or m."
 )
@@ -64,6 +65,7 @@ def spawn(
     name: str,
     frame: str,
     namespace: str,
+    frame_prefix: str | None,
     joints: tuple[str, ...],
     pairs: tuple[str, ...],
     **place: float | None,
@@ -82,6 +84,7 @@ def spawn(
             model=model,
             pose=_pose({axis: value or 0.0 for axis, value in place.items()}),
             namespace=namespace,
+            frame_prefix=frame_prefix,
             reference_frame=frame,
             joint_names=tuple(at),
             joint_positions=tuple(at.values()),

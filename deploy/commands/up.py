@@ -12,6 +12,7 @@ import msgspec
 from deploy.commands.completion import FLEET
 from deploy.fleet import MODES, REMOVED_MODES, Fleet, RunConfig, ServiceConfig
 from deploy.fleet_file import find_fleet, read_fleet, saved_parameters_file
+from deploy.fleet_overrides import HELP
 from services.runtime.errors import BadInput
 
 if TYPE_CHECKING:
@@ -29,11 +30,13 @@ class _Mode(click.Choice[str]):
 
 @click.command("up")
 @click.argument("fleet", default="lab", type=FLEET)
+@click.option("--set", "overrides", multiple=True, metavar="KEY=VALUE", help=HELP)
 @click.option("--mode", type=_Mode(MODES), help="How time runs; the fleet's by default.")
 @click.option("--factor", type=float, help="Simulated seconds per wall-clock second, in mode real.")
 @click.option("--duration", type=float, metavar="S", help="End after S seconds of simulation time.")
 @click.option("--detach", is_flag=True, help="Return when the fleet is ready; stop it with ./elea down.")
-@click.option("--report", metavar="DIR", default="", help="Folder for the results; runs/TIME-FLEET by default.")
+@click.option("--report", metavar="DIR", default="", help="Folder for the results; TIME-FLEET below --runs by default.")
+@click.option("--runs", metavar="DIR", default="", help="Folder that holds the folders of runs; runs by default.")
 @click.option("--seed", type=int, metavar="N", help="Random seed of the sensor noise.")
 @click.option("--domain", default="", help="Isolate the fleet from others on the same network.")
 @click.option(
@@ -48,19 +51,22 @@ class _Mode(click.Choice[str]):
 @click.option("--no-saved", is_flag=True, help="Neither use nor save saved parameters.")
 @click.option("--record", is_flag=True, help="Record all topics into a bag next to the report.")
 @click.option("--no-view", is_flag=True, help="Do not open a viewer, nor serve the run to one.")
+@click.option("--no-picture", is_flag=True, help="Write no report.png; drawing it takes half a second.")
 @click.option("--json", "as_json", is_flag=True, help="Print the report as JSON.")
-def command(fleet: str, detach: bool, report: str, as_json: bool, **options: Any) -> None:
+def command(
+    fleet: str, detach: bool, report: str, runs: str, as_json: bool, overrides: tuple[str, ...], **options: Any
+) -> None:
     """Run FLEET, from deploy/fleets or a TOML file (lab by default), and report on it.
 
     Ctrl-C stops the run and reports on it so far, with exit status 130 (0 for a fleet that never ends on its own); a
     second Ctrl-C kills it. The exit status is 0 if every check of the report passes, 1 if not, 2 for bad input.
     """
+    described = override_run(read_fleet(find_fleet(fleet), overrides), options)
     if detach:
         from deploy.detach import start_detached
 
-        described = override_run(read_fleet(find_fleet(fleet)), options)
-        raise SystemExit(start_detached(described.name, report, as_json))
-    raise SystemExit(_run(override_run(read_fleet(find_fleet(fleet)), options), report, as_json, options))
+        raise SystemExit(start_detached(described.name, report, as_json, runs))
+    raise SystemExit(_run(described, report, runs, as_json, overrides, options))
 
 
 def override_run(fleet: Fleet, options: dict[str, Any]) -> Fleet:
@@ -80,12 +86,15 @@ def override_run(fleet: Fleet, options: dict[str, Any]) -> Fleet:
     return msgspec.structs.replace(fleet, run=run)
 
 
-def _run(fleet: Fleet, report: str, as_json: bool, options: dict[str, Any]) -> int:
+def _run(
+    fleet: Fleet, report: str, runs: str, as_json: bool, overrides: tuple[str, ...], options: dict[str, Any]
+) -> int:
     from deploy.live.output import ignore_output_errors
     from deploy.progress import open_display
     from deploy.run_fleet import run_fleet
     from deploy.run_folder import make_run_folder
     from deploy.service_parameters import RunOptions
+    from services.runtime.ports import first_free_port
     from services.runtime.transport.zenoh_config import check_listen, endpoint
 
     if options["params"] and options["no_saved"]:
@@ -93,7 +102,8 @@ def _run(fleet: Fleet, report: str, as_json: bool, options: dict[str, Any]) -> i
     saved = None if options["no_saved"] else Path(options["params"] or saved_parameters_file(fleet.name)).absolute()
     links = tuple(endpoint(each) for each in options["connect"])
     listen = check_listen(options["listen"], options["insecure"])
-    folder = make_run_folder(fleet.name, report)
+    tcp_port = None if options["port"] or not fleet.run.tcp else first_free_port(fleet.run.port)
+    folder = make_run_folder(fleet.name, report, runs)
     terms = RunOptions(
         folder=folder,
         saved=saved,
@@ -101,9 +111,14 @@ def _run(fleet: Fleet, report: str, as_json: bool, options: dict[str, Any]) -> i
         links=links,
         listen=listen,
         insecure=options["insecure"],
+        tcp_port=tcp_port,
         view=not options["no_view"],
+        picture=not options["no_picture"],
+        overrides=overrides,
     )
     with open_display() as shown:
+        if tcp_port not in (None, fleet.run.port):
+            shown.print_line(f"TCP port {fleet.run.port} is held by another program; this fleet takes {tcp_port}")
         result = run_fleet(fleet, terms, shown)
     if result.report is None:
         sys.stderr.write(f"elea: no report: {result.error}\n")

@@ -106,7 +106,7 @@ def processes(state: FleetState | None) -> Iterator[Finding]:
 def commands(bases: Mapping[str, BaseStatus], entities: Collection[Entity]) -> Iterator[Finding]:
     """Bases whose commands come too late, or are refused."""
     for robot, base in sorted(bases.items()):
-        topic = f"{robot}/cmd_vel"
+        topic = f"{robot.rstrip('/')}/cmd_vel"
         senders = sorted({each.node for each in entities if each.kind == "pub" and each.name == topic})
         source = f"from {', '.join(senders)}" if senders else "from a program that shows no publication"
         offered = base.commands + base.stale_dropped
@@ -215,7 +215,7 @@ def observe_fleet(link: Transport, entities: Sequence[Entity], seconds: float = 
                     counted.last = max(counted.last, sample.origin.sequence)
                 if each.name.endswith(f"/{BASE_STATUS.name}"):
                     try:
-                        seen.bases[each.name.removesuffix(f"/{BASE_STATUS.name}")] = read_base(sample.payload)
+                        seen.bases[each.name.removesuffix(f"/{BASE_STATUS.name}") or "/"] = read_base(heard.payload)
                     except WrongPayload:
                         continue
         for sample in clock.drain():

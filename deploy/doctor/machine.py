@@ -14,8 +14,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from deploy.doctor import Finding, fail, ok, warn
-from deploy.run_folder import RUNS
-from services.runtime.fleet_instances import instances_folder
+from services.runtime.user_folders import instances_folder, runs_folder
 
 PYTHON_VERSION = (3, 11)
 MIN_CORES = 2
@@ -169,16 +168,16 @@ LOW_DISK_MIB, MIN_DISK_MIB = 2048, 64
 """Free space: an hour of a recorded lab takes about 1 GiB."""
 
 
-def run_folder_writable(runs: Path = RUNS) -> Iterator[Finding]:
+def run_folder_writable(runs: Path | None = None) -> Iterator[Finding]:
     """The folder of the runs can be written, and there is room."""
     yield from _check_writable(
-        "run folder", runs, "choose another with ./elea up --report DIR, or fix its ownership: chown"
+        "run folder", runs or runs_folder(), "choose another with ./elea up --runs DIR, or fix its ownership: chown"
     )
 
 
 def state_folder_writable() -> Iterator[Finding]:
     """The folder that says which fleets run can be written."""
-    yield from _check_writable("state folder", instances_folder(), "set XDG_STATE_HOME to a folder of yours")
+    yield from _check_writable("state folder", instances_folder(), "set ELEA_HOME to a folder of yours")
 
 
 def _check_writable(name: str, path: Path, do: str) -> Iterator[Finding]:

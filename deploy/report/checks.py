@@ -26,16 +26,19 @@ Bounds = Mapping[str, float | int | Bound]
 """By key of a robot (for every robot) or of the run; a bare number is the largest good value."""
 
 DEFAULT_BOUNDS: Bounds = {"collisions": 0, "messages_lost": 0}
-"""Hold in every run unless the fleet states others; beside them, every robot must be seen and reach all its points."""
+"""Apply to every run unless the fleet states others; beside them, every robot must be seen and reach all its points."""
 LOCKSTEP_DEFAULT_BOUNDS: Bounds = {"members_lost": 0}
-"""Hold in every run in lockstep unless the fleet states others."""
+"""Apply to every run in lockstep unless the fleet states others."""
 
 _FAULT_COUNTS = ("changes_missed", "nodes_absent")
 """Counts of the run that are 0 unless something went wrong: a check of its own is missed where one is not."""
 
-_LISTS = ("points_reached", "points_reached_at", "points_closest_m", "corners", "steps")
+_NOT_BOUNDED = (
+    *("points_reached", "points_reached_at", "points_closest_m", "corners", "steps", "min_clearance_at_s"),
+    "min_clearance_to",
+)
 _FIELDS = (*msgspec.structs.fields(RobotFigures), *msgspec.structs.fields(ArmFigures))
-ROBOT_KEYS = tuple(dict.fromkeys(each.name for each in _FIELDS if each.name not in _LISTS))
+ROBOT_KEYS = tuple(dict.fromkeys(each.name for each in _FIELDS if each.name not in _NOT_BOUNDED))
 RUN_KEYS = (
     *("sim_seconds", "wall_seconds", "real_time_factor", "messages_lost", "restarts"),
     *("members_lost", "members_left", "changes_missed", "nodes_absent", "lag_s"),
@@ -53,25 +56,29 @@ def check_bounds(bounds: Bounds, where: str) -> None:
 
 
 def check_figures(run: RunFigures, robots: Mapping[str, Figures], bounds: Bounds) -> tuple[Check, ...]:
-    """Check every bounded figure; ``points_reached`` must be ``points`` unless bounded.
+    """Every figure that has a bound, against it.
 
-    A bound on a figure that a kind of robot does not have does not apply to it, nor does one on the distance to others
-    to a robot that drives alone. A figure that was not measured misses its bound.
+    The fleet's ``bounds`` are checked whatever the run measured: a figure that it did not measure misses its bound, and
+    one that none of its robots has is missed once, under its bare name. A bound on a figure that only another kind of
+    robot has is none for a robot. The default bounds, among them that every point of a plan is reached, are checked
+    where there is something to check.
     """
     found: list[Check] = []
     faults = {name: 0 for name in _FAULT_COUNTS if getattr(run, name)}
-    stated = {**faults, **DEFAULT_BOUNDS, **(LOCKSTEP_DEFAULT_BOUNDS if run.mode == "lockstep" else {}), **bounds}
-    alone = sum(isinstance(figures, RobotFigures) for figures in robots.values()) == 1
+    defaults = {**faults, **DEFAULT_BOUNDS, **(LOCKSTEP_DEFAULT_BOUNDS if run.mode == "lockstep" else {})}
+    of_robots = {name: bound for name, bound in {**defaults, **bounds}.items() if name not in RUN_KEYS}
     for robot, figures in robots.items():
-        own: dict[str, float | int | Bound] = {"samples": Bound(min=1), **stated}
-        if isinstance(figures, RobotFigures):
+        own: dict[str, float | int | Bound] = {"samples": Bound(min=1), **of_robots}
+        if isinstance(figures, RobotFigures) and figures.points:
             own = {"points_reached": Bound(min=figures.points), **own}
         for name, bound in own.items():
-            if alone and name == "min_distance_m":
-                continue
-            if hasattr(figures, name) and name not in RUN_KEYS:
-                found += _check_bound(f"{robot}.{name}", getattr(figures, name), bound)
-    for name, bound in stated.items():
+            value = getattr(figures, name, None)
+            if hasattr(figures, name) and (value is not None or name in bounds):
+                found += _check_bound(f"{robot}.{name}", value, bound)
+    for name in bounds:
+        if name in of_robots and not any(hasattr(figures, name) for figures in robots.values()):
+            found += _check_bound(name, None, bounds[name])
+    for name, bound in {**defaults, **bounds}.items():
         if name in RUN_KEYS:
             found += _check_bound(name, getattr(run, name), bound)
     return tuple(found)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from deploy.fleet import Fleet, RobotConfig
 from deploy.report.record import RunFigures
 from messages.se2 import Twist2
 from services.runtime.errors import BadInput
 from services.runtime.parameters.validation import build
-from services.sim.drive.config import DriveConfig, robot_config
+from services.sim.drive.config import NO_TIMEOUT, DriveConfig, robot_config
 from services.sim.drive.driver import AT_REST, Drive, commanded_velocity, step_drive
 from services.sim.parameters import BaseParameters
 from services.square import SquareParameters
@@ -25,6 +26,19 @@ def fleet_notes(fleet: Fleet) -> tuple[str, ...]:
             if member.kind == "square" and member.parameters.get("law") == "tutorial":
                 found.append(_tutorial_note(robot, build(SquareParameters, member.parameters)))
     return tuple(found)
+
+
+def start_lines(fleet: Fleet, overrides: Sequence[str]) -> tuple[str, ...]:
+    """What a run shows at its start: what was changed in the fleet file, and the robots that no silence stops."""
+    lines = [f"changed on the command line: {', '.join(overrides)}"] if overrides else []
+    for robot in fleet.robot:
+        lines += [each for each in _base_warnings(robot) if each.endswith(NO_TIMEOUT)]
+    return tuple(lines)
+
+
+def overrides_note(overrides: Sequence[str]) -> tuple[str, ...]:
+    """One note with the keys of the fleet file that the command line changed, or none."""
+    return (f"Changed on the command line: {', '.join(overrides)}.",) if overrides else ()
 
 
 def _base_warnings(robot: RobotConfig) -> list[str]:

@@ -25,19 +25,20 @@ def format_number(value: float, scale: float) -> str:
 
 
 _HEADINGS = (
-    ("", "robot"),
-    ("", "points"),
-    ("time", "s"),
-    ("path", "m"),
-    ("track", "rms mm"),
-    ("track", "max mm"),
-    ("odom", "max mm"),
-    ("near", "m"),
-    ("colli-", "sions"),
-    ("timed", "out"),
-    ("msgs", "lost"),
+    ("", "", "robot"),
+    ("", "", "points"),
+    ("", "time", "s"),
+    ("", "path", "m"),
+    ("track", "rms", "mm"),
+    ("track", "max", "mm"),
+    ("odom", "max", "mm"),
+    ("near", "robot", "m"),
+    ("near", "body", "m"),
+    ("col-", "li-", "sions"),
+    ("", "timed", "out"),
+    ("", "msgs", "lost"),
 )
-"""Of two lines each, so that the table fits 80 columns; track is the cross-track error."""
+"""Of three lines each, so that the table fits 80 columns; track is the cross-track error, near a body the clearance."""
 
 
 def print_report(report: Report, out: TextIO | None = None) -> None:
@@ -84,7 +85,11 @@ def service_check_lines(report: Report) -> list[str]:
 
 
 def _cause_lines(check: str, report: Report) -> list[str]:
-    """The hint behind a count that is too high."""
+    """What stands behind a count that is too high."""
+    robot, _, figure = check.rpartition(".")
+    figures = report.robots.get(robot)
+    if figure == "min_clearance_m" and isinstance(figures, RobotFigures) and figures.min_clearance_at_s is not None:
+        return [f"  nearest to {figures.min_clearance_to} at {figures.min_clearance_at_s:.2f} s"]
     if check == "nodes_absent":
         return [f"  time began without {', '.join(report.run.absent)}"]
     if check != "changes_missed":
@@ -183,7 +188,9 @@ def stop_lines(report: Report) -> list[str]:
 def verdict(report: Report) -> str:
     """The number of passed checks."""
     held = sum(each.ok for each in report.checks)
-    return f"{'passed' if report.ok else 'FAILED'}: {held} of {len(report.checks)} checks hold"
+    unmeasured = sum(each.value is None for each in report.checks)
+    missing = f", {unmeasured} not measured" if unmeasured else ""
+    return f"{'passed' if report.ok else 'FAILED'}: {held} of {len(report.checks)} checks hold{missing}"
 
 
 def _row(name: str, figures: RobotFigures) -> tuple[str, ...]:
@@ -195,9 +202,10 @@ def _row(name: str, figures: RobotFigures) -> tuple[str, ...]:
         _number(figures.cross_track_rms_m, 1000, 2),
         _number(figures.cross_track_max_m, 1000, 2),
         _number(figures.odometry_error_max_m, 1000, 1),
-        _number(figures.min_distance_m, 1, 3),
-        str(figures.collisions),
-        str(figures.commands_timed_out),
+        _number(figures.min_distance_m, 1, 2),
+        _number(figures.min_clearance_m, 1, 2),
+        _count(figures.collisions),
+        _count(figures.commands_timed_out),
         str(figures.messages_lost),
     )
 
@@ -208,6 +216,10 @@ def _join_corners(corners: list[CornerFigures], name: str, factor: float, digits
 
 def _number(value: float | None, factor: float, digits: int) -> str:
     return "-" if value is None else format_fixed(value * factor, digits)
+
+
+def _count(value: int | None) -> str:
+    return "-" if value is None else str(value)
 
 
 def _print_plain(report: Report, rows: list[tuple[str, ...]], out: TextIO) -> None:
@@ -226,9 +238,11 @@ def _print_coloured(report: Report, rows: list[tuple[str, ...]], out: TextIO) ->
     from rich.text import Text
 
     console = Console(file=out)
-    table = Table(box=SIMPLE_HEAD, header_style="bold", border_style="dim", collapse_padding=True, pad_edge=False)
+    table = Table(
+        box=SIMPLE_HEAD, header_style="bold", border_style="dim", collapse_padding=True, pad_edge=False, show_edge=False
+    )
     for heading in _HEADINGS:
-        table.add_column("\n".join(heading), justify="left" if heading[1] == "robot" else "right", no_wrap=True)
+        table.add_column("\n".join(heading), justify="left" if heading[-1] == "robot" else "right", no_wrap=True)
     bad = {each.name.partition(".")[0] for each in report.checks if not each.ok}
     for row in rows:
         table.add_row(*row, style="red" if row[0] in bad else None)

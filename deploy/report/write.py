@@ -42,14 +42,14 @@ def build_report(measured: Measurements, facts: RunFacts, bounds: Bounds) -> Rep
     )
 
 
-def write_report(folder: Path, facts: RunFacts, bounds: Bounds) -> Report:
-    """Grade the run with the measurements in ``folder``, and write report.json and report.png there.
+def write_report(folder: Path, facts: RunFacts, bounds: Bounds, picture: bool = True) -> Report:
+    """Grade the run whose measurements lie in ``folder``, and put report.json and the picture report.png beside them.
 
     Raises BadInput if the folder cannot be written, or has no measurements.
     """
     report = build_report(read_measurements(folder), facts, bounds)
     write_atomic(folder / REPORT_FILE, to_json(report))
-    if (folder / TRAJECTORIES_FILE).exists():
+    if picture and (folder / TRAJECTORIES_FILE).exists():
         from deploy.report.picture import render_png
 
         write_atomic(folder / PICTURE_FILE, render_png(report, folder / TRAJECTORIES_FILE))

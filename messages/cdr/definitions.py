@@ -195,6 +195,9 @@ def _minimum_size(name: str, definitions: Definitions, known: dict[str, int]) ->
 
 
 STANDARD: dict[str, str] = {
+    "actionlib_msgs/GoalID": "builtin_interfaces/Time stamp; string id",
+    "actionlib_msgs/GoalStatus": "actionlib_msgs/GoalID goal_id; uint8 status; string text",
+    "actionlib_msgs/GoalStatusArray": "std_msgs/Header header; actionlib_msgs/GoalStatus[] status_list",
     "builtin_interfaces/Duration": "int32 sec; uint32 nanosec",
     "builtin_interfaces/Time": "int32 sec; uint32 nanosec",
     "diagnostic_msgs/DiagnosticArray": "std_msgs/Header header; diagnostic_msgs/DiagnosticStatus[] status",
@@ -256,13 +259,35 @@ STANDARD: dict[str, str] = {
         "float32 max_range; float32 range; float32 variance"
     ),
     "sensor_msgs/RegionOfInterest": "uint32 x_offset; uint32 y_offset; uint32 height; uint32 width; bool do_rectify",
+    "sensor_msgs/CompressedImage": "std_msgs/Header header; string format; uint8[] data",
     "std_msgs/Bool": "bool data",
+    "std_msgs/ColorRGBA": "float32 r; float32 g; float32 b; float32 a",
     "std_msgs/Empty": "",
     "std_msgs/Float32": "float32 data",
     "std_msgs/Float64": "float64 data",
+    "std_msgs/Float64MultiArray": "std_msgs/MultiArrayLayout layout; float64[] data",
     "std_msgs/Header": "builtin_interfaces/Time stamp; string frame_id",
+    "std_msgs/MultiArrayDimension": "string label; uint32 size; uint32 stride",
+    "std_msgs/MultiArrayLayout": "std_msgs/MultiArrayDimension[] dim; uint32 data_offset",
     "std_msgs/String": "string data",
     "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
+    "visualization_msgs/Marker": (
+        "std_msgs/Header header; string ns; int32 id; int32 type; int32 action; geometry_msgs/Pose pose; "
+        "geometry_msgs/Vector3 scale; std_msgs/ColorRGBA color; builtin_interfaces/Duration lifetime; "
+        "bool frame_locked; geometry_msgs/Point[] points; std_msgs/ColorRGBA[] colors; string texture_resource; "
+        "sensor_msgs/CompressedImage texture; visualization_msgs/UVCoordinate[] uv_coordinates; string text; "
+        "string mesh_resource; visualization_msgs/MeshFile mesh_file; bool mesh_use_embedded_materials"
+    ),
+    "visualization_msgs/MarkerArray": "visualization_msgs/Marker[] markers",
+    "visualization_msgs/MeshFile": "string filename; uint8[] data",
+    "visualization_msgs/UVCoordinate": "float32 u; float32 v",
+    "trajectory_msgs/JointTrajectory": (
+        "std_msgs/Header header; string[] joint_names; trajectory_msgs/JointTrajectoryPoint[] points"
+    ),
+    "trajectory_msgs/JointTrajectoryPoint": (
+        "float64[] positions; float64[] velocities; float64[] accelerations; float64[] effort; "
+        "builtin_interfaces/Duration time_from_start"
+    ),
 }
 """Fields of each type, separated by semicolons; constants are left out, as they are not part of a message."""
 

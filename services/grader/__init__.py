@@ -19,6 +19,16 @@ class BrakingSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     brake: Annotated[float, Meta(gt=0, extra={"unit": "m/s2"})]
 
 
+class SizeSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The room that robot ``name`` takes: a circle of ``radius`` [m] around its base frame, in which it reaches from
+    ``bottom`` to ``top`` [m]; without a top, to any height."""
+
+    name: str
+    radius: Annotated[float, Meta(gt=0, extra={"unit": "m"})]
+    bottom: Annotated[float, Meta(extra={"unit": "m"})] = 0.0
+    top: Annotated[float, Meta(extra={"unit": "m"})] | None = None
+
+
 class ArmSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """An arm: its ``name``, the controlled ``joint``, and the largest effort [N m] of its controller.
 
@@ -34,9 +44,15 @@ class ArmSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 class GraderParameters(Parameters):
     """Robots to measure, end of the run, and output folder. The end of the run is live."""
 
-    robots: tuple[str, ...] = param((), text="Namespaces of the robots to measure.", live=False)
+    robots: tuple[str, ...] = param((), text="Names of the robots to measure.", live=False)
+    namespaces: tuple[str, ...] = param(
+        (), text="Namespace of each robot's topics, / for the root; the names themselves if empty.", live=False
+    )
     halting: tuple[BrakingSpec, ...] = param(
         (), text="How each base brakes, to compute the expected stopping distance."
+    )
+    sizes: tuple[SizeSpec, ...] = param(
+        (), text="The room that each robot takes, to measure its clearance from the bodies of the world.", live=False
     )
     arms: tuple[ArmSpec, ...] = param((), text="The robots that are arms.", live=False)
     ends: Literal["goals", "duration", "never"] = param(

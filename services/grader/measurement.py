@@ -10,14 +10,19 @@ from enum import IntEnum
 from messages.base import saturating_add
 from messages.control import JointControllerState
 from messages.elea import BaseStatus, GoalStatus, Health, LockstepState
+from messages.names import absolute_namespace
 from messages.nav import Odometry, Path
 from messages.sensor import JointState
 from messages.std import SECOND
-from services.grader import ArmSpec, BrakingSpec
+from messages.topics import TOPICS
+from services.grader import ArmSpec, BrakingSpec, SizeSpec
 from services.grader.arm import ArmMeter
-from services.grader.records import EndReason, Measurements
+from services.grader.clearance import ClearanceMeter
+from services.grader.records import EndReason, Figures, Measurements
 from services.grader.robot import Point, RobotMeter
 from services.grader.trajectory import trajectory_hash
+
+_GLOBAL_TOPICS = frozenset(topic.name for topic in TOPICS if topic.name.startswith("/"))
 
 MAX_PROCESSES = 4096
 MAX_TOPICS = 1 << 16
@@ -62,12 +67,15 @@ class MessageLosses:
         """Messages lost by readers on all topics."""
         return saturating_add(0, sum(each.total for (node, _), each in self._processes.items() if self._counts(node)))
 
-    def robot_losses(self, robot: str) -> int:
-        """Messages lost by readers on the topics of one robot."""
-        own = f"{robot}/"
+    def robot_losses(self, namespace: str, apart: Collection[str] = ()) -> int:
+        """Messages lost by readers on the topics in a namespace, except those in the namespaces ``apart``.
+
+        The topics of the root are those that a robot has there, ``/odom`` and so on.
+        """
+        wanted = absolute_namespace(namespace)
         counting = (each for (node, _), each in self._processes.items() if self._counts(node))
         return saturating_add(
-            0, sum(lost for each in counting for at, lost in each.by_topic.items() if at.startswith(own))
+            0, sum(lost for each in counting for at, lost in each.by_topic.items() if _lies_in(at, wanted, apart))
         )
 
     def missed_ticks(self) -> dict[str, int]:
@@ -88,6 +96,13 @@ class MessageLosses:
 
     def _counts(self, node: str) -> bool:
         return not self._readers or node in self._readers
+
+
+def _lies_in(topic: str, namespace: str, apart: Collection[str]) -> bool:
+    """Whether the topic of a robot, without its leading slash, lies in a namespace and in none of ``apart``."""
+    if namespace != "/":
+        return f"/{topic}".startswith(f"{namespace}/")
+    return f"/{topic}" not in _GLOBAL_TOPICS and not any(f"/{topic}".startswith(f"{each}/") for each in apart)
 
 
 StampedMessage = Odometry | Path | GoalStatus | BaseStatus | JointState | JointControllerState
@@ -115,7 +130,8 @@ class MessageKind(IntEnum):
 class Measurement:
     """All measurements since the start or the last reset of the simulation.
 
-    Results do not depend on the order of arrival: messages wait until ``advance`` passes their stamps.
+    Results do not depend on the order of arrival: messages wait until ``advance`` passes their stamps. ``namespaces``
+    are those of the robots by name, where they differ from it.
     """
 
     def __init__(
@@ -125,13 +141,16 @@ class Measurement:
         halting: Mapping[str, BrakingSpec] | None = None,
         arms: Mapping[str, ArmSpec] | None = None,
         readers: Collection[str] = (),
+        namespaces: Mapping[str, str] | None = None,
+        sizes: Mapping[str, SizeSpec] | None = None,
     ) -> None:
         bases, jointed = halting or {}, arms or {}
         self.robots: dict[str, RobotMeter | ArmMeter] = {
             name: ArmMeter(jointed[name]) if name in jointed else RobotMeter(reach_tolerance, bases.get(name))
             for name in sorted(robots)
         }
-        self.losses = MessageLosses(readers)
+        self.losses, self._namespaces = MessageLosses(readers), dict(namespaces or {})
+        self.clearance = ClearanceMeter(sizes or {})
         self._pending: list[tuple[int, MessageKind, str, GradedMessage]] = []
         self._end = 0
         self._distance_stamp = -1
@@ -164,6 +183,7 @@ class Measurement:
         ready.sort(key=lambda each: each[:3])
         for each in ready:
             self._process(*each)
+        self.clearance.update()
 
     @property
     def finished(self) -> bool:
@@ -172,6 +192,7 @@ class Measurement:
 
     def measurements(self, ended: EndReason, lockstep: LockstepState | None = None) -> Measurements:
         """Return all figures up to the last ``advance``; ``lockstep`` is the last state of the members."""
+        self.clearance.update(final=True)
         return Measurements(
             ended=ended,
             sim_seconds=self._end / SECOND,
@@ -181,17 +202,27 @@ class Measurement:
             members_lost=lockstep.lost if lockstep is not None else None,
             members_left=lockstep.left if lockstep is not None else (),
             ticks_missed=self.losses.missed_ticks(),
-            robots={name: meter.result(self._messages_lost(name)) for name, meter in self.robots.items()},
+            robots={name: self._result(name, meter) for name, meter in self.robots.items()},
         )
+
+    def _result(self, name: str, meter: RobotMeter | ArmMeter) -> Figures:
+        lost = self._messages_lost(name)
+        if isinstance(meter, ArmMeter):
+            return meter.result(lost)
+        return meter.result(lost, self.clearance.least.get(name))
 
     def _messages_lost(self, name: str) -> int:
         jointed = isinstance(self.robots[name], ArmMeter)
-        return self.losses.robot_losses(name) + (self.losses.robot_losses("robot_control") if jointed else 0)
+        spaces = {each: self._namespaces.get(each, f"/{each}") for each in self.robots}
+        own = self.losses.robot_losses(spaces.pop(name), spaces.values())
+        return own + (self.losses.robot_losses("/robot_control") if jointed else 0)
 
     def _process(self, stamp: int, kind: MessageKind, name: str, message: GradedMessage) -> None:
         match self.robots[name], kind, message:
             case RobotMeter() as meter, MessageKind.TRUTH, Odometry():
                 self._update_distances(stamp, name, meter.add_truth(message))
+                place = message.pose.pose.position
+                self.clearance.add_position(stamp, name, (place.x, place.y, place.z))
             case RobotMeter() as meter, MessageKind.ODOMETRY, Odometry():
                 meter.odometry_error.add_odometry(message)
             case RobotMeter() as meter, MessageKind.PLAN, Path():

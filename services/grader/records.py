@@ -84,10 +84,19 @@ class RobotFigures(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", 
     min_distance_m: (
         Annotated[float, _figure("smallest distance of its centre to another robot's at one instant", "m")] | None
     )
-    collisions: Annotated[int, _count("contacts with robots and obstacles, counted at their beginning")]
-    commands_timed_out: Annotated[int, _count("times the base stopped because its command had grown too old")]
-    stale_dropped: Annotated[int, _count("commands that were too old on arrival and not obeyed")]
-    commands_refused: Annotated[int, _count("commands that were malformed or out of bounds")]
+    min_clearance_m: (
+        Annotated[
+            float,
+            _signed("smallest distance of the circle around the robot to a body of the world; below 0 within one", "m"),
+        ]
+        | None
+    ) = None
+    min_clearance_at_s: Annotated[float, _figure("simulation time of that", "s")] | None = None
+    min_clearance_to: Annotated[str, Meta(description="the body that it was nearest to")] | None = None
+    collisions: Annotated[int, _count("contacts with robots and obstacles, counted at their beginning")] | None
+    commands_timed_out: Annotated[int, _count("times the base stopped because its command had grown too old")] | None
+    stale_dropped: Annotated[int, _count("commands that were too old on arrival and not obeyed")] | None
+    commands_refused: Annotated[int, _count("commands that were malformed or out of bounds")] | None
     messages_lost: Annotated[int, _count("messages of the robot's topics that a process of the fleet missed")]
     samples: Annotated[int, _count("ground-truth samples measured")]
 
@@ -158,7 +167,12 @@ TRAJECTORIES_FILE = "trajectories.npz"
 
 ROBOT_TRAIL_COLUMNS = ("time", "x", "y", "yaw", "odom_x", "odom_y", "cross_track", "speed")
 """Columns of ``<robot>.trail`` in the trajectories: s, m, m, rad, m, m, m, m/s; nan where unknown. The reference path
-is ``<robot>.path``, x and y in m."""
+is ``<robot>.path``, x and y in m. The bodies of the world are in WORLD_ARRAYS."""
+
+WORLD_ARRAYS = tuple(f"world.{each}" for each in ("corners", "counts", "bodies", "colours", "paths", "path_counts"))
+"""The bodies of the world in the trajectories: the corners of all outlines from above at the start, x and y in m; how
+many corners each outline has, and to which body it belongs; the colour of each body (red, green, blue and opacity, 0 to
+1); the points through which the bodies moved, one body after the other; and how many these are, 0 for one at rest."""
 
 ARM_TRAIL_COLUMNS = ("time", "reference", "angle", "error", "effort")
 """Columns of the ``<robot>.trail`` of an arm: s, deg, deg, deg, N m; it ends where the arm has finished."""

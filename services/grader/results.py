@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
+from services.driving.world_bodies import World
 from services.grader.arm import ArmMeter
 from services.grader.records import (
     ARM_TRAIL_COLUMNS,
     MEASUREMENTS_FILE,
     ROBOT_TRAIL_COLUMNS,
     TRAJECTORIES_FILE,
+    WORLD_ARRAYS,
     Measurements,
 )
 from services.grader.robot import RobotMeter
@@ -46,9 +48,32 @@ def write_atomic(path: Path, content: bytes) -> None:
         raise BadInput(f"{path} cannot be written: {error.strerror}") from None
 
 
-def write_results(folder: Path, measurements: Measurements, robots: Mapping[str, RobotMeter | ArmMeter]) -> None:
-    """Write both files, the figures last, so that the trails exist when they do. Raises BadInput."""
-    arrays: dict[str, np.ndarray] = {}
+def world_arrays(world: World, paths: Mapping[str, Sequence[tuple[float, float]]]) -> dict[str, np.ndarray]:
+    """The bodies of the world, and the points through which they moved by name, as WORLD_ARRAYS describes them."""
+    outlines = [(index, part.polygon()) for index, (_, parts) in enumerate(world) for part in parts]
+    moved = [path if len(path := paths.get(body.name, ())) > 1 else () for body, _ in world]
+    arrays = (
+        np.concatenate([np.empty((0, 2)), *(outline for _, outline in outlines)]),
+        np.array([len(outline) for _, outline in outlines], int),
+        np.array([index for index, _ in outlines], int),
+        np.array([body.colour for body, _ in world]).reshape(-1, 4),
+        np.concatenate([np.empty((0, 2)), *(np.array(each).reshape(-1, 2) for each in moved)]),
+        np.array([len(each) for each in moved], int),
+    )
+    return dict(zip(WORLD_ARRAYS, arrays, strict=True))
+
+
+def write_results(
+    folder: Path,
+    measurements: Measurements,
+    robots: Mapping[str, RobotMeter | ArmMeter],
+    world: Mapping[str, np.ndarray] | None = None,
+) -> None:
+    """Write both files, the figures last, so that the trails exist when they do; ``world`` is ``world_arrays``.
+
+    Raises BadInput.
+    """
+    arrays: dict[str, np.ndarray] = dict(world or world_arrays((), {}))
     for name, meter in robots.items():
         columns = ARM_TRAIL_COLUMNS if isinstance(meter, ArmMeter) else ROBOT_TRAIL_COLUMNS
         arrays[f"{name}.trail"] = np.array(meter.trail.rows, float).reshape(-1, len(columns))

@@ -9,6 +9,7 @@ from messages.geometry import Pose
 from messages.nav import Odometry, Path
 from messages.se2 import IDENTITY, Pose2, wrap
 from services.grader import BrakingSpec
+from services.grader.clearance import Clearance
 from services.grader.corners import CornerMetrics
 from services.grader.records import RobotFigures
 from services.grader.stops import StopMetrics
@@ -167,7 +168,7 @@ class RobotMeter:
         self.stops = StopMetrics(halting)
         self.min_distance = math.inf
         self.odometry_error = OdometryError()
-        self._base = BaseStatus()
+        self._base: BaseStatus | None = None
         self._pending: list[Path | GoalStatus] = []
         self._samples = 0
         self._length = 0.0
@@ -207,8 +208,8 @@ class RobotMeter:
         self.trail.add((stamp / 1e9, *here, there.yaw, odom.x, odom.y, off, speed))
         return here
 
-    def result(self, messages_lost: int) -> RobotFigures:
-        """Return all figures so far."""
+    def result(self, messages_lost: int, clearance: Clearance | None = None) -> RobotFigures:
+        """Return all figures so far; ``clearance`` is the least one from the world's bodies, if there was any."""
         progress, drift, base = self.progress, self.odometry_error, self._base
         closure, stop = self.corner_metrics.closure, self.stops.longest
         return RobotFigures(
@@ -236,10 +237,13 @@ class RobotMeter:
             path_length_m=self._length,
             time_s=progress.finished_at,
             min_distance_m=None if math.isinf(self.min_distance) else self.min_distance,
-            collisions=base.collisions,
-            commands_timed_out=base.commands_timed_out,
-            stale_dropped=base.stale_dropped,
-            commands_refused=base.refused,
+            min_clearance_m=clearance.distance if clearance else None,
+            min_clearance_at_s=clearance.at if clearance else None,
+            min_clearance_to=clearance.body if clearance else None,
+            collisions=base.collisions if base else None,
+            commands_timed_out=base.commands_timed_out if base else None,
+            stale_dropped=base.stale_dropped if base else None,
+            commands_refused=base.refused if base else None,
             messages_lost=messages_lost,
             samples=self._samples,
         )

@@ -12,6 +12,12 @@ class LoggerParameters(Parameters):
     """Parameters of the logger: content, file and live view. Only ``window`` is live."""
 
     robots: tuple[str, ...] = param((), text="Names of the robots, in the order of their colours.", live=False)
+    namespaces: tuple[str, ...] = param(
+        (), text="Namespace of each robot's topics, / for the root; the names themselves if empty.", live=False
+    )
+    frame_prefixes: tuple[str, ...] = param(
+        (), text="Prefix of each robot's frames; its name and a slash if empty.", live=False
+    )
     models: tuple[str, ...] = param(("burger",), text="Model of each robot; a single one applies to all.", live=False)
     states: tuple[str, ...] = param(
         (), text="Topic of each robot's joint controller state; empty for robots without one.", live=False

@@ -7,6 +7,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from messages.names import absolute_namespace
 from messages.topics import ROSOUT
 from models.model import read_model
 from services.logger import LoggerParameters
@@ -28,16 +29,24 @@ def run(ctx: Context[LoggerParameters]) -> None:
     file = Path(p.file or "run.rrd").absolute()
     port = p.port if p.serve else None
     robots = pair_models(p.robots, p.models)
+    names = [name for name, _ in robots]
+    namespaces = pair_names(names, "namespaces", p.namespaces or tuple(names))
+    prefixes = pair_names(names, "frame_prefixes", p.frame_prefixes or tuple(f"{name}/" for name in names))
     if aside := rotate(file):
         ctx.log.warn(f"{file.name} existed already, as after a crash: it is kept as {aside.name}")
-    with Recording(file, robots, p.extent, ctx.log.warn, port, p.memory, p.footer) as recording:
+    with Recording(file, robots, p.extent, ctx.log.warn, port, p.memory, p.footer, prefixes) as recording:
         ctx.log.info(f"recording to {file}" + (f", live at {recording.url}" if recording.url else ""))
         show_live(ctx, recording)
-        states = dict(zip((robot for robot, _ in robots), p.states, strict=False))
+        states = dict(zip(names, p.states, strict=False))
         frames = ctx.transforms(moving=False)
         subscriptions = [
             RobotSubscriptions(
-                ctx, robot, frames.buffer, states.get(robot, ""), p.scans and read_model(model).laser is not None
+                ctx,
+                robot,
+                absolute_namespace(namespaces[robot]),
+                frames.buffer,
+                states.get(robot, ""),
+                p.scans and read_model(model).laser is not None,
             )
             for robot, model in robots
         ]
@@ -77,6 +86,13 @@ def pair_models(robots: Sequence[str], models: Sequence[str]) -> list[tuple[str,
             f"logger: {len(models)} models for {len(robots)} robots: give one model for each, or one for all"
         )
     return list(zip(names, models if len(models) > 1 else (*models,) * len(robots), strict=True))
+
+
+def pair_names(robots: Sequence[str], what: str, given: Sequence[str]) -> dict[str, str]:
+    """What is given for each robot, by its name; raises BadInput for another number of it."""
+    if len(given) != len(robots):
+        raise BadInput(f"logger: {len(given)} {what} for {len(robots)} robots: give one for each, or none")
+    return dict(zip(robots, given, strict=True))
 
 
 def write_batches(

@@ -37,7 +37,8 @@ class RecordingBuilder:
     def __init__(
         self, file: Path, robots: Sequence[tuple[str, str]], extent: Extent, warn: Callable[[str], None]
     ) -> None:
-        names = [(_name(namespace), model) for namespace, model in robots]
+        self._names = {namespace: recorded_name(namespace, model) for namespace, model in robots}
+        names = [(self._names[namespace], model) for namespace, model in robots]
         self._recording = Recording(file, names, extent, warn)
         self._frames = TransformBuffer()
         self._columns = {namespace: RobotColumns(frames=self._frames) for namespace, _ in robots}
@@ -89,7 +90,7 @@ class RecordingBuilder:
     def _flush(self, last: bool = False) -> None:
         self._recording.write_log(self._lines)
         self._lines = []
-        self._recording.write({_name(namespace): each.flush() for namespace, each in self._columns.items()}, last)
+        self._recording.write({self._names[namespace]: each.flush() for namespace, each in self._columns.items()}, last)
 
 
 def _add(columns: RobotColumns, name: str, message: Message, time_ns: int) -> None:
@@ -110,6 +111,6 @@ def _add(columns: RobotColumns, name: str, message: Message, time_ns: int) -> No
             columns.add_status(message)
 
 
-def _name(namespace: str) -> str:
-    """A robot's name in the recording, as one part of an entity path."""
-    return namespace.strip("/").replace("/", "_")
+def recorded_name(namespace: str, model: str) -> str:
+    """A robot's name in the recording, as one part of an entity path: its model's in the root namespace."""
+    return namespace.strip("/").replace("/", "_") or model

@@ -128,7 +128,8 @@ REFERENCE_WIDTH = -0.7
 class Recording:
     """Writes ``file``, and serves viewers on ``port`` of 127.0.0.1 unless that is None; ``with`` opens and closes it.
 
-    ``robots`` are (name, model). A live view that cannot start is reported to ``warn``; the file is still written.
+    ``robots`` are (name, model); the frames of each begin with its prefix in ``prefixes``, or its name and a slash. A
+    live view that cannot start is reported to ``warn``; the file is still written.
     ``with`` raises BadInput for a file that cannot be written or a model that does not exist.
     """
 
@@ -141,16 +142,20 @@ class Recording:
         port: int | None = None,
         memory_mib: int = 256,
         footer: bool = True,
+        prefixes: Mapping[str, str] | None = None,
     ) -> None:
         self.file, self.url = file, ""
         self._robots, self._extent, self._warn = robots, extent, warn
+        self._prefixes = prefixes or {}
         self._port, self._memory_mib, self._footer = port, memory_mib, footer
         self._resets = 0
         self._has_data = False
 
     def __enter__(self) -> Self:
         colour = colours(name for name, _ in self._robots)
-        scenes = [RobotScene(name, model, colour[name]) for name, model in self._robots]
+        scenes = [
+            RobotScene(name, model, self._prefixes.get(name, f"{name}/"), colour[name]) for name, model in self._robots
+        ]
         self._scenes = {scene.name: scene for scene in scenes}
         self._reset_series()
         self._stream = rr.RecordingStream(APPLICATION)

@@ -49,17 +49,19 @@ Stamps = NDArray[np.int64]
 
 
 class RobotScene:
-    """The robot ``name``, built as ``model``; raises BadInput for an unknown model or an unreadable URDF.
+    """The robot ``name``, built as ``model``, with frames that begin with ``prefix``.
+
+    Raises BadInput for an unknown model or an unreadable URDF.
 
     ``is_arm`` is true for robots without wheels.
     """
 
-    def __init__(self, name: str, model: str, colour: Colour) -> None:
-        self.name, self.colour = name, colour
+    def __init__(self, name: str, model: str, prefix: str, colour: Colour) -> None:
+        self.name, self.colour, self._prefix = name, colour, prefix
         try:
             urdf = models.urdf_path(model)
             self._tree = UrdfTree.from_file_path(
-                urdf, entity_path_prefix=name, frame_prefix=f"{name}/", static_transform_entity_path=f"{name}/tf_static"
+                urdf, entity_path_prefix=name, frame_prefix=prefix, static_transform_entity_path=f"{name}/tf_static"
             )
         except models.UnknownModel as error:
             raise BadInput(f"logger, robot {name}: {error}") from None
@@ -70,7 +72,7 @@ class RobotScene:
         self._radius = figures.radius + DISC_MARGIN
         self._joints = {joint.name: joint for joint in read_joints(model) if joint.kind != "fixed"}
         self.tree_name = self._tree.name
-        self._frame = f"{name}/{self._tree.root_link().name}"
+        self._frame = f"{prefix}{self._tree.root_link().name}"
 
     def log_to(self, stream: rr.RecordingStream) -> None:
         """Log the static parts: geometry, fixed transforms, styles of trail and reference path."""
@@ -133,8 +135,8 @@ class RobotScene:
                 times.append(batch.joint_times)
                 positions.append(np.tile(joint.xyz, (len(angles), 1)))
                 quaternions.append(joint_rotations(joint.rotation(), joint.axis, angles))
-                parents += [f"{self.name}/{joint.parent}"] * len(angles)
-                children += [f"{self.name}/{joint.child}"] * len(angles)
+                parents += [f"{self._prefix}{joint.parent}"] * len(angles)
+                children += [f"{self._prefix}{joint.child}"] * len(angles)
         all_times = np.concatenate(times)
         order = np.argsort(all_times, kind="stable")
         columns = rr.Transform3D.columns(

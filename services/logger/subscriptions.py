@@ -15,22 +15,29 @@ class RobotSubscriptions:
     Args:
         ctx: the logger's context.
         robot: the robot's name.
+        namespace: that of its topics.
         frames: transforms of ``/tf_static``.
         state: topic of an arm's controller state; empty without one.
         scans: whether to subscribe to its laser, which the simulation only computes for subscribers.
     """
 
     def __init__(
-        self, ctx: Context[LoggerParameters], robot: str, frames: TransformBuffer, state: str = "", scans: bool = False
+        self,
+        ctx: Context[LoggerParameters],
+        robot: str,
+        namespace: str,
+        frames: TransformBuffer,
+        state: str = "",
+        scans: bool = False,
     ) -> None:
         self.robot, self.columns = robot, RobotColumns(frames=frames)
-        self._truth = ctx.stream(GROUND_TRUTH.of(robot))
-        self._odometry = ctx.stream(ODOM.of(robot))
-        self._commands = ctx.stream(CMD_VEL.of(robot))
-        self._joints = ctx.stream(JOINT_STATES.of(robot))
-        self._plans = ctx.stream(PLAN.of(robot))
-        self._status = ctx.stream(STATUS.of(robot))
-        self._scans = ctx.stream(SCAN.of(robot)) if scans else None
+        self._truth = ctx.stream(GROUND_TRUTH.of(namespace))
+        self._odometry = ctx.stream(ODOM.of(namespace))
+        self._commands = ctx.stream(CMD_VEL.of(namespace))
+        self._joints = ctx.stream(JOINT_STATES.of(namespace))
+        self._plans = ctx.stream(PLAN.of(namespace))
+        self._status = ctx.stream(STATUS.of(namespace))
+        self._scans = ctx.stream(SCAN.of(namespace)) if scans else None
         self._control = ctx.stream(CONTROL_STATE.named(state)) if state else None
 
     def collect(self, now: int, dt: float) -> None:

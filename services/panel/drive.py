@@ -118,7 +118,7 @@ class DriveController:
             self._publish(session, ZERO_COMMAND, self._sim_ns)
 
     def _open_session(self, robot: RobotState) -> _DriveSession:
-        name, record = f"{robot.namespace}/{CMD_VEL.name}", robot.cmd_vel_type
+        name, record = robot.topic_name(CMD_VEL), robot.cmd_vel_type
         topic: Topic[Any] = CMD_VEL_STAMPED if record == TwistStamped.ROS_TYPE else CMD_VEL
         repeater = CommandRepeater(COMMAND_RATE, self.params.give_way, ZERO_COMMAND)
         return _DriveSession(None, self._node.advertise(topic, name), record, repeater)
@@ -148,13 +148,13 @@ class GoalPublisher:
             raise unknown_name("robot", said.robot, self._robots.by_namespace)
         if not robot.accepts_goals:
             raise BadInput(
-                f"no subscriber to {said.robot}/{GOAL_POSE.name}: is a waypoint service running for this robot?"
+                f"no subscriber to {robot.topic_name(GOAL_POSE)}: is a waypoint service running for this robot?"
             )
         if robot.estimate is None:
             raise BadInput(f"no odometry from {said.robot} yet, so its frame is not known: is the simulation running?")
         output = self._publishers.get(said.robot)
         if output is None:
-            output = self._publishers[said.robot] = self._node.advertise(GOAL_POSE, f"{said.robot}/{GOAL_POSE.name}")
+            output = self._publishers[said.robot] = self._node.advertise(GOAL_POSE, robot.topic_name(GOAL_POSE))
         at = robot.origin.between(Pose2(said.x, said.y, said.yaw)).wrapped
         header = Header(stamp=Time.of(sim_ns), frame_id=robot.frame)
         output.publish(PoseStamped(header=header, pose=at.to_msg()))

@@ -12,7 +12,10 @@ from services.runtime.publisher import Publisher
 from services.runtime.transport.wire import MEMBER_BYTES, SampleInfo, node_id
 
 ALL_ROBOTS = ""
-"""Stands for all robots: ``/e_stop``, which every base follows, those too that are spawned later."""
+"""Stands for all robots: ``/e_stop``, which every base follows, those too that are spawned later. A robot in the root
+namespace has no other one: its stop is that of all."""
+
+_ROOT = "/"
 
 
 class EmergencyStopClient:
@@ -53,6 +56,7 @@ class EmergencyStopClient:
 
     def set_stop(self, robot: str, on: bool) -> str:
         """Stop, or reset, a robot or ALL_ROBOTS; what was done. Raises BadInput for a robot that is not there."""
+        robot = ALL_ROBOTS if robot == _ROOT else robot
         if robot != ALL_ROBOTS and robot not in self._robots.by_namespace and robot not in self._requested:
             raise unknown_name("robot", robot, self._robots.by_namespace)
         self.version += 1
@@ -66,7 +70,7 @@ class EmergencyStopClient:
         else:
             if on:
                 return "all robots are stopped until they are reset"
-            for each in sorted({*self._robots.by_namespace, *self._requested}):
+            for each in sorted({*self._robots.by_namespace, *self._requested} - {_ROOT}):
                 self._publish(each, False)
             others = sorted({name for each in self._holders or () for name in self.other_holders(each)})
         if others:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from messages.elea import BaseStatus, GoalStatus
+from messages.names import join
 from messages.nav import Odometry, Path
 from messages.se2 import IDENTITY, ZERO_TWIST, Pose2, Twist2
 from messages.tf import TFMessage
@@ -13,13 +14,17 @@ from messages.topics import BASE_STATUS, CMD_VEL, E_STOP, GOAL_POSE, GROUND_TRUT
 from models.palette import Palette, hexadecimal
 from services.panel.graph import NodeGraph
 from services.panel.subscriptions import SharedSubscriptions, SubscriptionGroup
+from services.runtime.tf.buffer import TransformBuffer
 
 WORLD = "world"
 
 
 @dataclass
 class RobotState:
-    """One robot by its namespace. ``truth`` and ``estimate`` lie in the world."""
+    """One robot by its absolute namespace. ``truth`` and ``estimate`` lie in the world.
+
+    ``frame`` is that of its odometry, by which its controllers know it.
+    """
 
     namespace: str
     cmd_vel_type: str = ""
@@ -32,11 +37,11 @@ class RobotState:
     goal: GoalStatus | None = None
     plan: Path | None = None
     origin: Pose2 = IDENTITY
+    frame: str = ""
 
-    @property
-    def frame(self) -> str:
-        """The frame of its odometry, by which its controllers know it."""
-        return f"{self.namespace.strip('/')}/{ODOM.name}"
+    def topic_name(self, topic: Topic[Any]) -> str:
+        """The absolute name of one of its topics."""
+        return join(self.namespace, topic.name)
 
 
 MAX_ORIGINS = 4096
@@ -44,13 +49,17 @@ MAX_ORIGINS = 4096
 
 
 class RobotTracker:
-    """The robots in the graph; ``version`` grows with their state, ``pose_version`` with their motion."""
+    """The robots in the graph; ``version`` grows with their state, ``pose_version`` with their motion.
+
+    ``frames`` has the fixed transforms, as of the lasers on their bases.
+    """
 
     def __init__(self, subscriptions: SharedSubscriptions, graph: NodeGraph) -> None:
         self.by_namespace: dict[str, RobotState] = {}
         self.version = self.pose_version = 0
         self._subscriptions, self._graph = SubscriptionGroup(subscriptions), graph
         self._origins: dict[str, Pose2] = {}
+        self.frames = TransformBuffer()
         self._reconciled = -1
         self._topics: tuple[Topic[Any], ...] = ()
         self._palette = Palette()
@@ -89,24 +98,25 @@ class RobotTracker:
         told = {each.name for each in self._graph.entities if each.kind == "pub"}
         found: dict[str, RobotState] = {}
         for each in self._graph.find_topics("pub", GROUND_TRUTH.name):
-            namespace = each.name.rpartition("/")[0]
+            namespace = each.name.rpartition("/")[0] or "/"
             robot = found[namespace] = self.by_namespace.get(namespace) or RobotState(namespace)
-            robot.cmd_vel_type = drives.get(f"{namespace}/{CMD_VEL.name}", "")
-            robot.cmd_vel_type = robot.cmd_vel_type if f"{namespace}/{BASE_STATUS.name}" in told else ""
-            robot.has_e_stop = f"{namespace}/{E_STOP.name}" in stops
-            robot.accepts_goals = f"{namespace}/{GOAL_POSE.name}" in goals
+            robot.cmd_vel_type = drives.get(robot.topic_name(CMD_VEL), "")
+            robot.cmd_vel_type = robot.cmd_vel_type if robot.topic_name(BASE_STATUS) in told else ""
+            robot.has_e_stop = robot.topic_name(E_STOP) in stops
+            robot.accepts_goals = robot.topic_name(GOAL_POSE) in goals
         self.by_namespace = dict(sorted(found.items()))
         if not self._pose_received:  # before the first pose, robots of the fleet may still be missing
             self._palette = Palette(namespace.strip("/") for namespace in found)
         self.version += 1
         wanted = {(TF_STATIC.name, TFMessage.ROS_TYPE): TF_STATIC.quality.name} if self._topics else {}
-        for namespace in self.by_namespace:
+        for robot in self.by_namespace.values():
             for topic in self._topics:
-                if (name := f"{namespace}/{topic.name}") in told:
+                if (name := robot.topic_name(topic)) in told:
                     wanted[name, topic.record.ROS_TYPE] = topic.quality.name
         self._subscriptions.set_topics(wanted)
 
     def _update_origins(self, message: TFMessage) -> None:
+        self.frames.add_static(message.transforms, b"")
         for each in message.transforms:
             known = each.child_frame_id in self._origins or len(self._origins) < MAX_ORIGINS
             if each.header.frame_id == WORLD and known:
@@ -114,21 +124,21 @@ class RobotTracker:
         self.version += 1
 
     def _update_robot(self, robot: RobotState) -> None:
-        space = robot.namespace
-        for truth, _ in self._subscriptions.messages(f"{space}/{GROUND_TRUTH.name}", Odometry.ROS_TYPE)[-1:]:
+        for truth, _ in self._subscriptions.messages(robot.topic_name(GROUND_TRUTH), Odometry.ROS_TYPE)[-1:]:
             robot.truth = Pose2.from_msg(truth.pose.pose)
             self.pose_version, self._pose_received = self.pose_version + 1, True
             robot.speed = Twist2.from_msg(truth.twist.twist)
-        for odometry, _ in self._subscriptions.messages(f"{space}/{ODOM.name}", Odometry.ROS_TYPE)[-1:]:
-            robot.origin = self._origins.get(odometry.header.frame_id, IDENTITY)
+        for odometry, _ in self._subscriptions.messages(robot.topic_name(ODOM), Odometry.ROS_TYPE)[-1:]:
+            robot.frame = odometry.header.frame_id
+            robot.origin = self._origins.get(robot.frame, IDENTITY)
             robot.estimate = (robot.origin @ Pose2.from_msg(odometry.pose.pose)).wrapped
-        for status, _ in self._subscriptions.messages(f"{space}/{BASE_STATUS.name}", BaseStatus.ROS_TYPE)[-1:]:
+        for status, _ in self._subscriptions.messages(robot.topic_name(BASE_STATUS), BaseStatus.ROS_TYPE)[-1:]:
             if robot.base is None or _changed(robot.base, status):
                 self.version += 1
             robot.base = status
-        for goal, _ in self._subscriptions.messages(f"{space}/{STATUS.name}", GoalStatus.ROS_TYPE)[-1:]:
+        for goal, _ in self._subscriptions.messages(robot.topic_name(STATUS), GoalStatus.ROS_TYPE)[-1:]:
             robot.goal, self.version = goal, self.version + 1
-        for plan, _ in self._subscriptions.messages(f"{space}/{PLAN.name}", Path.ROS_TYPE)[-1:]:
+        for plan, _ in self._subscriptions.messages(robot.topic_name(PLAN), Path.ROS_TYPE)[-1:]:
             robot.plan, self.version = plan, self.version + 1
 
 

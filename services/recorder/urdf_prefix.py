@@ -64,7 +64,7 @@ def prefix_links(urdf: str, prefix: str) -> str:
     ``urdf`` must be one that ``models.urdf.parse_urdf`` accepts.
     """
     robot = parse_xml(urdf)
-    robot.set("name", prefix.strip("/"))
+    robot.set("name", prefix.strip("/_"))
     links = {link.get("name") for link in robot.findall("link")}
     for link in robot.findall("link"):
         link.set("name", f"{prefix}{link.get('name')}")

@@ -7,11 +7,11 @@ a number that another process got later is never taken for a supervisor.
 from __future__ import annotations
 
 import fcntl
-import os
-from collections.abc import Iterable, Mapping
-from pathlib import Path
+from collections.abc import Iterable
 
 import msgspec
+
+from services.runtime.user_folders import instances_folder
 
 
 class FleetInstance(msgspec.Struct, frozen=True, kw_only=True):
@@ -31,12 +31,6 @@ class FleetInstance(msgspec.Struct, frozen=True, kw_only=True):
     listen: tuple[str, ...] = ()
     root: str = ""
     saved: str = ""
-
-
-def instances_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """The folder of the files: ``elea`` in the user's state folder (XDG base directory specification)."""
-    base = environment.get("XDG_STATE_HOME", "")
-    return (Path(base) if base else Path.home() / ".local" / "state") / "elea"
 
 
 def running_fleets() -> tuple[FleetInstance, ...]:

@@ -14,6 +14,11 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
+def first_free_port(port: int) -> int:
+    """``port`` if a server can listen on it, else the first free one of the next 99; ``port`` if there is none."""
+    return next((each for each in range(port, min(port + 100, 65536)) if not bind_error(each)), port)
+
+
 def port_in_use(port: int, timeout: float = 0.5) -> bool:
     """Whether a program accepts connections on a port within ``timeout`` [s]."""
     with socket.socket() as probe:

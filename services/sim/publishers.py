@@ -8,6 +8,7 @@ from typing import Any
 from messages.elea import BaseStatus
 from messages.gazebo import LinkStates, ModelStates
 from messages.geometry import Twist, TwistStamped
+from messages.names import join
 from messages.nav import Odometry
 from messages.se3 import rotate_inverse
 from messages.std import Header, String, Time
@@ -18,6 +19,7 @@ from messages.topics import (
     GROUND_TRUTH,
     IMAGE,
     IMU,
+    JOINT_FEEDBACK,
     JOINT_STATES,
     LINK_STATES,
     MODEL_STATES,
@@ -26,6 +28,7 @@ from messages.topics import (
     ROBOT_DESCRIPTION,
     SCAN,
     SONAR,
+    WORLD_STATES,
     Topic,
 )
 from models import urdf_path
@@ -36,8 +39,10 @@ from services.runtime.step import STEP_NS
 from services.sim.actuation import Actuation
 from services.sim.drive.odometry import world_odometry
 from services.sim.entities import pose_and_twist
+from services.sim.joints.motors import JointMotors
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import BodyState, World
+from services.sim.robot_names import robot_frame_prefix
 from services.sim.sensors import (
     camera_image,
     camera_info,
@@ -64,9 +69,12 @@ class RobotPublishers:
         namespace: str,
         seed: int,
         actuation: Actuation,
+        motors: JointMotors,
     ) -> None:
         self._node, self._world, self._model, self._seed = node, world, model, seed
         self._actuation, self.odometer, self._name = actuation, actuation.odometer, entry.name
+        self._motors, self._namespace = motors, namespace
+        self._frame_prefix = robot_frame_prefix(entry)
         self._body = world.body(entry.name)
         self._joints = self._body.joints
         self.joint_state_steps = _steps(model.joint_rate or model.odometry_rate)
@@ -79,7 +87,7 @@ class RobotPublishers:
         topics += [IMU] if model.imu else []
         topics += [IMAGE, CAMERA_INFO] if model.camera else []
         self._publishers: dict[Topic[Any], Publisher[Any]] = {
-            topic: node.advertise(topic, f"{namespace}/{topic.name}") for topic in topics
+            topic: node.advertise(topic, join(namespace, topic.name)) for topic in topics
         }
         self._publishers[ROBOT_DESCRIPTION].publish(String(data=urdf_path(entry.model).read_text()))
         self._base_frame = self.frame_id(model.base_frame)
@@ -96,14 +104,23 @@ class RobotPublishers:
         self._previous_state: tuple[int, BodyState] | None = None
 
     def frame_id(self, link: str) -> str:
-        """The frame of a link, prefixed by the robot's name."""
-        return f"{self._name}/{link}"
+        """The frame of a link, with the robot's frame prefix."""
+        return f"{self._frame_prefix}{link}"
 
     def publish_joint_states(self, now: int, tick: int) -> None:
-        """Publish the joints if they are due at ``tick``."""
-        if self._joints and tick % self.joint_state_steps == 0 and self._publishers[JOINT_STATES].has_subscribers:
-            state = joint_state(self._joints, self._actuation.joint_readings, Header(stamp=Time.of(now)))
+        """Publish the joints if they are due at ``tick``, and to a controller manager at each."""
+        due = self._joints and tick % self.joint_state_steps == 0 and self._publishers[JOINT_STATES].has_subscribers
+        if not due and not self._motors.commanded:
+            return
+        readings = self._motors.readings(self._actuation.joint_readings)
+        state = joint_state(self._joints, readings, Header(stamp=Time.of(now)))
+        if due:
             self._publishers[JOINT_STATES].publish(state)
+        if self._motors.commanded:
+            if JOINT_FEEDBACK not in self._publishers:
+                feedback = self._node.advertise(JOINT_FEEDBACK, join(self._namespace, JOINT_FEEDBACK.name))
+                self._publishers[JOINT_FEEDBACK] = feedback
+            self._publishers[JOINT_FEEDBACK].publish(state)
 
     def publish_motion(self, now: int, tick: int) -> None:
         """At a control tick, publish what is due of ground truth, odometry and the limited command."""
@@ -187,6 +204,23 @@ def _due(tick: int, rate: float) -> bool:
 @cache
 def _steps(rate: float) -> int:
     return round(1e9 / rate / STEP_NS)
+
+
+class WorldStatesPublisher:
+    """The world's movable and moving bodies, in the order of its file; nothing is advertised where there are none."""
+
+    def __init__(self, node: Node, world: World) -> None:
+        self._world = world
+        self._publisher: Publisher[Any] | None = node.advertise(WORLD_STATES) if world.world_bodies else None
+
+    def publish(self, tick: int) -> None:
+        """Publish them if they are due at ``tick``."""
+        if self._publisher is None or not _due(tick, WORLD_STATES.rate) or not self._publisher.has_subscribers:
+            return
+        names = self._world.world_bodies
+        states = [pose_and_twist(self._world.world_body_state(name)) for name in names]
+        poses, twists = tuple(pose for pose, _ in states), tuple(twist for _, twist in states)
+        self._publisher.publish(ModelStates(name=names, pose=poses, twist=twists))
 
 
 class GazeboStatesPublisher:

@@ -5,22 +5,29 @@ from __future__ import annotations
 from typing import Any
 
 from messages.elea import ModelState
+from messages.names import join
 from messages.se3 import Pose3
-from messages.topics import E_STOP
+from messages.topics import E_STOP, JOINT_COMMAND
 from models.model import read_model
+from models.urdf import read_joint_limits
 from services.runtime.node import Node
 from services.runtime.subscriber import Subscriber
 from services.sim.actuation import spawn_actuation
 from services.sim.command_sources import CommandSources
 from services.sim.drive.odometry import body_pose, body_twist
+from services.sim.joints.motors import JointMotors
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import World
 from services.sim.publishers import RobotPublishers
+from services.sim.robot_names import ROOT_NAMESPACE, robot_frame_prefix, robot_namespace
 from services.sim.transit_delay import TransitDelayEstimator
 
 
 class Robot:
-    """A model in the world as ``entry.name``; its topics are in its namespace, its frames begin with its name."""
+    """A model in the world as ``entry.name``; its topics are in its namespace, its frames begin with its frame prefix.
+
+    In the root namespace it has no ``e_stop`` of its own: the stop of all robots is its stop.
+    """
 
     def __init__(
         self,
@@ -34,23 +41,33 @@ class Robot:
         wait: bool = False,
     ) -> None:
         self.entry, self.name, self.model = entry, entry.name, read_model(entry.model)
-        self.namespace = "/" + (entry.namespace or entry.name).strip("/")
+        self.namespace, self.frame_prefix = robot_namespace(entry), robot_frame_prefix(entry)
         self.actuation = spawn_actuation(
-            node, world, entry, self.model, self.namespace, pose, command_sources, delays, wait
+            node, world, entry, self.model, self.namespace, pose, seed, command_sources, delays, wait
         )
         self._node, self._world, self._body = node, world, world.body(entry.name)
         commands = self.actuation.command_topic
-        self._command_subscriber: Subscriber[Any] = node.subscribe(commands, f"{self.namespace}/{commands.name}")
-        self.e_stop_subscriber: Subscriber[Any] = node.subscribe(E_STOP, f"{self.namespace}/e_stop")
+        self._command_subscriber: Subscriber[Any] = node.subscribe(commands, join(self.namespace, commands.name))
+        self.motors = JointMotors(self._body, entry.name, read_joint_limits(entry.model), delays, node.log)
+        self._motor_subscriber: Subscriber[Any] | None = None
+        if self.motors.joints:
+            self._motor_subscriber = node.subscribe(JOINT_COMMAND, join(self.namespace, JOINT_COMMAND.name))
+        self.e_stop_subscriber: Subscriber[Any] | None = (
+            None if self.namespace == ROOT_NAMESPACE else node.subscribe(E_STOP, join(self.namespace, E_STOP.name))
+        )
         self._stopped_by: tuple[str, ...] = ()
         self._contacts: frozenset[str] = frozenset()
         self._collisions = 0
-        self.publishers = RobotPublishers(node, world, entry, self.model, self.namespace, seed, self.actuation)
+        self.publishers = RobotPublishers(
+            node, world, entry, self.model, self.namespace, seed, self.actuation, self.motors
+        )
 
     def close(self) -> None:
         """Leave the world and the network."""
         self.actuation.close()
-        self._node.unregister(self._command_subscriber, self.e_stop_subscriber)
+        for each in (self._command_subscriber, self._motor_subscriber, self.e_stop_subscriber):
+            if each is not None:
+                self._node.unregister(each)
         self.publishers.close()
         self._world.delete(self.name)
 
@@ -58,11 +75,24 @@ class Robot:
         """Start over where the world has put the body."""
         self._contacts = frozenset()
         self.actuation.reset()
+        self.motors.reset()
         self.publishers.reset()
 
     def apply_commands(self, now: int, lockstep_members: set[bytes], factor: float) -> None:
         """Take the commands that were admitted at this tick."""
         self.actuation.apply_commands(self._command_subscriber, now, lockstep_members, factor)
+        if self._motor_subscriber is not None:
+            self.motors.apply_commands(self._motor_subscriber, now, lockstep_members, factor)
+
+    def publisher_lost(self, source: bytes, now: int) -> None:
+        """The publisher ``source`` is gone."""
+        self.actuation.publisher_lost(source, now)
+        self.motors.publisher_lost(source)
+
+    def step(self, now: int) -> None:
+        """Set the motors for the physics step that begins at ``now``."""
+        self.actuation.step(now)
+        self.motors.step(now)
 
     def stop(self, holders: tuple[str, ...], new_stop: bool = False) -> None:
         """Stand still while there are ``holders`` of an emergency stop.
@@ -73,7 +103,9 @@ class Robot:
         self._stopped_by = holders
         if new_stop:
             self.actuation.stop(True)
+            self.motors.stop(True)
         self.actuation.stop(bool(holders))
+        self.motors.stop(bool(holders))
 
     def update_contacts(self, others: frozenset[str]) -> None:
         """Note what the body touches; a collision counts once, when it begins."""

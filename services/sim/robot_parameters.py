@@ -8,6 +8,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 import msgspec
 
+from messages.names import join
 from messages.parameters import ParameterDescription
 from messages.simulation import DriveSettings
 from services.runtime.errors import BadInput
@@ -110,7 +111,7 @@ class BaseParameterSet:
         figures = effective_parameters(entry.model, own.model, BaseParameters())
         described = [self._described(each, own.parameters) for each in describe_parameters(BaseParameters, figures)]
         self._set: RobotParameterSet[BaseParameters, DriveConfig] = RobotParameterSet(
-            node, entry.name, f"{namespace}/base", entry.parameters, own.parameters, described, self._derive, wait
+            node, entry.name, join(namespace, "base"), entry.parameters, own.parameters, described, self._derive, wait
         )
 
     @property
@@ -179,7 +180,7 @@ class JointParameterSet:
         self._set: RobotParameterSet[JointParameters, JointConfig] = RobotParameterSet(
             node,
             entry.name,
-            f"{namespace}/joints",
+            join(namespace, "joints"),
             given,
             with_urdf_defaults(model, given),
             tuple(describe_parameters(JointParameters, with_urdf_defaults(model, JointParameters()))),

@@ -101,6 +101,7 @@ class SimulationServices:
                 name=request.name,
                 model=request.model,
                 namespace=request.namespace,
+                frame_prefix=request.frame_prefix,
                 parameters=build(BaseParameters, values if wheeled else {}, request.name),
                 joint_parameters=build(JointParameters, {} if wheeled else values, request.name),
                 joints=joints,
@@ -340,6 +341,6 @@ class PropertyServices:
             gravity=Vector3(z=-GRAVITY),
             iterations=SOLVER_ITERATIONS,
             ground_friction=self._world_description.friction,
-            obstacles=tuple(box.name for box in self._world_description.boxes),
+            obstacles=tuple(body.name for body in self._world_description.all_bodies),
             model_names=self._world.names,
         )

@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from messages.elea import EmergencyStops as EmergencyStopList
-from messages.names import BadName, validate
 from messages.rosgraph import Clock
 from messages.se3 import Pose3
 from messages.std import Time
 from messages.topics import CLOCK, E_STOP, STOPS, TF, TF_STATIC
-from services.runtime.errors import BadInput, unknown_name
+from services.runtime.errors import unknown_name
 from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
@@ -22,8 +21,9 @@ from services.sim.emergency_stops import ALL_ROBOTS, EmergencyStopStore
 from services.sim.joints.wrenches import LinkWrenches
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import World
-from services.sim.publishers import GazeboStatesPublisher
+from services.sim.publishers import GazeboStatesPublisher, WorldStatesPublisher
 from services.sim.robot import Robot
+from services.sim.robot_names import check_robot_names
 from services.sim.tf import dynamic_transforms, static_transforms
 from services.sim.transit_delay import TransitDelayEstimator
 
@@ -56,6 +56,7 @@ class Simulation:
         self._tf_publisher: Publisher[Any] = node.advertise(TF)
         self._tf_static_publisher: Publisher[Any] = node.advertise(TF_STATIC)
         self._gazebo_states = GazeboStatesPublisher(node, world)
+        self._world_states = WorldStatesPublisher(node, world)
         self._e_stop_subscriber: Subscriber[Any] = node.subscribe(E_STOP, f"/{E_STOP.name}")
         self.stops = EmergencyStopStore(stops_file, self._command_sources.node_name, node.log)
         self._stops_publisher: Publisher[Any] = node.advertise(STOPS)
@@ -63,6 +64,7 @@ class Simulation:
         self.stops.save()
         self._publish_stops()
         self.input_steps = CONTROL_STEPS
+        self._commanded_robots = 0
 
     @property
     def now(self) -> int:
@@ -81,18 +83,13 @@ class Simulation:
         return self._robots[name][0]
 
     def spawn(self, entry: RobotEntry, pose: Pose3, wait: bool = False) -> Robot:
-        """Add a robot; raises BadInput when its name is taken or wrong, or it would overlap with something.
+        """Add a robot; raises BadInput when its name, namespace or frames are taken or wrong, or it would overlap
+        with something.
 
         What is stopped by its name, or while all are, is so from the start. With ``wait`` it starts on the parameters
         that the parameter service has for it, else they come a moment later.
         """
-        try:
-            validate(entry.name)
-            validate(entry.namespace or entry.name)
-        except BadName as error:
-            raise BadInput(f"a robot cannot have this name: {error}") from None
-        if entry.name in self._robots:
-            raise BadInput(f"a robot {entry.name!r} is already there")
+        check_robot_names(entry, [robot.entry for robot in self.robots])
         robot = Robot(self._node, self.world, entry, pose, self._seed, self._command_sources, self._delays, wait)
         self._robots[entry.name] = robot, pose
         robot.stop(self.stops.holders(entry.name))
@@ -140,6 +137,7 @@ class Simulation:
             robot.publishers.publish_motion(now, tick)
             if tick % STATUS_STEPS == 0:
                 robot.publish_status(now)
+        self._world_states.publish(tick)
         if tick % TF_STEPS == 0:
             self._gazebo_states.publish()
             if self._tf_publisher.has_subscribers:
@@ -177,15 +175,18 @@ class Simulation:
         for robot in self.robots:
             robot.actuation.reconfigure(self.now)
             robot.apply_commands(self.now, lockstep_members, factor)
+        if (commanded := sum(robot.motors.commanded for robot in self.robots)) != self._commanded_robots:
+            self._commanded_robots = commanded
+            self._set_input_steps()
         for source in lost:
             for robot in self.robots:
-                robot.actuation.publisher_lost(source, self.now)
+                robot.publisher_lost(source, self.now)
 
     def read_stops(self, watermarks: Watermarks | None) -> None:
         """Take the emergency stops that have come, and nothing else: they count also while time is paused."""
-        # Robots may share one.
-        for each in dict.fromkeys((self._e_stop_subscriber, *(robot.e_stop_subscriber for robot in self.robots))):
-            each.update(watermarks)
+        for each in (self._e_stop_subscriber, *(robot.e_stop_subscriber for robot in self.robots)):
+            if each is not None:
+                each.update(watermarks)
         # For their names; that they are gone counts with their last commands.
         self._lost_publishers += self._command_sources.lost_publishers()
         self._apply_stops()
@@ -200,7 +201,7 @@ class Simulation:
         """One physics step."""
         now = self.now
         for robot, _ in self._robots.values():
-            robot.actuation.step(now)
+            robot.step(now)
         self.wrenches.step(now)
         self.world.step()
         self.tick += 1
@@ -209,7 +210,8 @@ class Simulation:
         """Stop first, then write, then publish: nothing moves meanwhile, and what is published is kept."""
         stop_for_all = self.stops.process(ALL_ROBOTS, self._e_stop_subscriber.name, self._e_stop_subscriber.messages)
         for robot in self.robots:
-            new_stop = self.stops.process(robot.name, robot.e_stop_subscriber.name, robot.e_stop_subscriber.messages)
+            own = robot.e_stop_subscriber
+            new_stop = own is not None and self.stops.process(robot.name, own.name, own.messages)
             if new_stop or stop_for_all:
                 robot.stop(self.stops.holders(robot.name), new_stop=True)
         self._save_stops()
@@ -226,6 +228,7 @@ class Simulation:
 
     def _set_input_steps(self) -> None:
         rates = [robot.publishers.joint_state_steps for robot in self.robots if robot.model.wheels is None]
+        rates += [1 for robot in self.robots if robot.motors.commanded]
         self.input_steps = min([CONTROL_STEPS, *rates]) if self._real_time else CONTROL_STEPS
 
     def _update_contacts(self) -> None:

@@ -1,4 +1,4 @@
-"""The transforms of all robots on ``/tf`` and ``/tf_static``; frame ids are prefixed by the robot's name."""
+"""The transforms of all robots on ``/tf`` and ``/tf_static``; frame ids begin with the robot's frame prefix."""
 
 from __future__ import annotations
 
@@ -12,24 +12,26 @@ from messages.tf import TFMessage, split
 from models.urdf import Joint, read_joints
 from services.sim.physics.world import World
 from services.sim.robot import Robot
+from services.sim.robot_names import WORLD_FRAME
 
 
 def static_transforms(robots: Iterable[tuple[Robot, Pose3]], now: int) -> TFMessage:
     """All fixed transforms in one message, since a latched publisher keeps only its last.
 
-    ``world`` to ``odom`` is the identity for odometry in world coordinates, else where the robot was spawned, moved by
-    what odometry was set to since. A model with a fixed base has no odometry: its base stands in ``world``.
+    ``world`` to ``odom`` is the identity for odometry that began in world coordinates, else where the robot was
+    spawned, moved by what odometry was set to since. A model with a fixed base has no odometry: its base stands in
+    ``world``.
     """
     transforms = []
     for robot, spawn_pose in robots:
         fixed_base = robot.model.fixed_base
         origin = robot.pose if fixed_base else _odom_origin(robot, spawn_pose)
-        child = f"{robot.name}/{robot.model.base_frame if fixed_base else 'odom'}"
-        header = Header(stamp=Time.of(now), frame_id="world")
+        child = f"{robot.frame_prefix}{robot.model.base_frame if fixed_base else 'odom'}"
+        header = Header(stamp=Time.of(now), frame_id=WORLD_FRAME)
         transforms.append(_stamped(header, child, origin))
         for joint in _published_joints(robot):
             if joint.kind == "fixed":
-                transforms.append(_joint_transform(robot.name, joint, 0.0, now))
+                transforms.append(_joint_transform(robot.frame_prefix, joint, 0.0, now))
     return TFMessage(transforms=tuple(transforms))
 
 
@@ -57,7 +59,7 @@ def dynamic_transforms(robots: Iterable[Robot], world: World, now: int) -> Itera
         angles = dict(zip(body.joints, body.joint_readings().position, strict=True))
         for joint in joints:
             if joint.name in angles:
-                transforms.append(_joint_transform(robot.name, joint, angles[joint.name], now))
+                transforms.append(_joint_transform(robot.frame_prefix, joint, angles[joint.name], now))
     return split(transforms)
 
 
@@ -71,14 +73,15 @@ def _odom_origin(robot: Robot, spawn_pose: Pose3) -> Pose3:
     odometer = robot.publishers.odometer
     if odometer.state is None:
         return IDENTITY
+    start = IDENTITY if odometer.config.in_world else spawn_pose
     if odometer.offset == se2.IDENTITY:
-        return spawn_pose
-    return spawn_pose @ Pose3.planar(*odometer.offset)
+        return start
+    return start @ Pose3.planar(*odometer.offset)
 
 
-def _joint_transform(robot: str, joint: Joint, angle: float, now: int) -> TransformStamped:
-    header = Header(stamp=Time.of(now), frame_id=f"{robot}/{joint.parent}")
-    return _stamped(header, f"{robot}/{joint.child}", joint.transform(angle))
+def _joint_transform(prefix: str, joint: Joint, angle: float, now: int) -> TransformStamped:
+    header = Header(stamp=Time.of(now), frame_id=f"{prefix}{joint.parent}")
+    return _stamped(header, f"{prefix}{joint.child}", joint.transform(angle))
 
 
 def _stamped(header: Header, child: str, pose: Pose3) -> TransformStamped:

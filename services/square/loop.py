@@ -36,6 +36,8 @@ def _drive(ctx: Context[SquareParameters], record: CsvLog | None) -> None:
     silence = 0.0
     try:
         for tick in ctx.ticks():
+            if (last := odom.value) is not None and last.header.frame_id:
+                frame = last.header.frame_id
             header = Header(stamp=Time.of(tick.time), frame_id=frame)
             if tick.reset:
                 controller, truth_buffer, shown, silence = SquareController(ctx.params), TruthBuffer(), None, 0.0

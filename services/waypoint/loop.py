@@ -28,6 +28,8 @@ def run(ctx: Context[WaypointParameters]) -> None:
     silence = 0.0
     try:
         for tick in ctx.ticks():
+            if (last := odom.value) is not None and last.header.frame_id:
+                frame = last.header.frame_id
             header = Header(stamp=Time.of(tick.time), frame_id=frame)
             if tick.reset or not begun:
                 controller, published, silence, begun = WaypointController(ctx.params), None, 0.0, True

@@ -13,11 +13,12 @@ from msgspec.structs import replace
 
 from deploy.instance_lock import instance_lock
 from services.runtime.errors import BadInput
-from services.runtime.fleet_instances import FleetInstance, instances_folder, running_fleets
+from services.runtime.fleet_instances import FleetInstance, running_fleets
 from services.runtime.process import ROOT
 from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import configuration
+from services.runtime.user_folders import instances_folder
 
 HOLDER = """
 import sys, time
@@ -110,7 +111,7 @@ def test_an_address_that_is_not_of_this_machine(port: int) -> None:
 def test_state_folder_that_cannot_be_made(port: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").touch()
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
-    with pytest.raises(BadInput, match="set XDG_STATE_HOME"), instance_lock(entry(port)):
+    with pytest.raises(BadInput, match="set ELEA_HOME"), instance_lock(entry(port)):
         pass
 
 

@@ -204,3 +204,24 @@ def test_tcp_comes_where_the_fleet_or_the_command_line_asks_for_it() -> None:
 def test_two_fleets_have_two_live_views(router: int, view: int | None) -> None:
     fleet = Fleet(name="own", run=RunConfig(port=router), service=(ServiceConfig(kind="logger"),))
     assert read_assignments(options(expand(fleet)["logger"], "--fleet-param")).get("port") == view
+
+
+def test_a_robot_in_the_root_namespace_has_its_services_there(tmp_path: Path) -> None:
+    file = tmp_path / "root.toml"
+    file.write_text(
+        'name = "root"\n[[robot]]\nname = "tb3"\nmodel = "burger"\nnamespace = "/"\nframe_prefix = ""\n'
+        'services = [{ kind = "state" }]\n[[robot]]\nname = "b"\nmodel = "burger"\nnamespace = "left/b"\n'
+        'pose = { x = 3.0 }\n[[every_robot]]\nkind = "waypoint"\n[[service]]\nkind = "logger"\n'
+        '[[change]]\nat = 1.0\nset = "/base"\nvalues = { cmd_vel_timeout = 0.5 }\n'
+    )
+    plan = expand(read_fleet(file))
+    assert {"waypoint", "left/b/waypoint", "state"} <= plan.keys()
+    assert plan["waypoint"].node == "/waypoint"
+    told = read_assignments(options(plan["sim"], "--fleet-param"))["robots"]
+    assert (told[0]["namespace"], told[0]["frame_prefix"], told[1]["namespace"]) == ("/", "", "left/b")
+    assert "frame_prefix" not in told[1]
+    for kind in ("grader", "logger"):
+        told = read_assignments(options(plan[kind], "--fleet-param"))
+        assert (told["robots"], told["namespaces"]) == (["tb3", "b"], ["/", "/left/b"])
+    assert told["frame_prefixes"] == ["", "b/"]
+    assert read_assignments(options(plan["state"], "--fleet-param"))["frame_prefix"] == ""

@@ -52,7 +52,7 @@ class SupervisedFleet:
         file = self.folder / "fleet.toml"
         file.write_text(self._description)
         command = ["-m", "tests.faults.up_with_faults", "up", str(file), "--report", str(self.folder / "run")]
-        command += ["--port", str(self.port), "--no-view"]
+        command += ["--port", str(self.port), "--no-view", "--no-picture"]
         environment = {"XDG_STATE_HOME": str(self.folder.parent / "state")}
         self._stack.callback(self._assert_no_survivors)
         self.supervisor = self._stack.enter_context(Process(command, self.folder / "up.log", environment))

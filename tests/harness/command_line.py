@@ -34,13 +34,16 @@ class CommandLine:
 
     def run(self, *arguments: str, within: float = WITHIN_S) -> CommandResult:
         """Run a verb to its end; one that does not end is killed, and with it all that it started."""
-        process = self.start(*arguments)
+        return self.finish(self.start(*arguments), within)
+
+    def finish(self, process: subprocess.Popen[str], within: float = WITHIN_S) -> CommandResult:
+        """Wait for a verb that was begun; one that does not end is killed, and with it all that it started."""
         try:
             out, err = process.communicate(timeout=within)
         except subprocess.TimeoutExpired:
             process.send_signal(signal.SIGKILL)
             _, err = process.communicate()
-            raise AssertionError(f"{' '.join(arguments)} did not end within {within} s:\n{err}") from None
+            raise AssertionError(f"{process.args!r} did not end within {within} s:\n{err}") from None
         return CommandResult(process.returncode, out, err)
 
     def start(self, *arguments: str) -> subprocess.Popen[str]:
@@ -55,6 +58,13 @@ class CommandLine:
             text=True,
         )
 
-    def run_fleet(self, fleet: str | Path, results: Path, *options: str) -> CommandResult:
+    def run_fleet(self, fleet: str | Path, results: Path, *options: str, picture: bool = False) -> CommandResult:
         """Run a fleet to its end."""
-        return self.run("up", str(fleet), "--port", str(self.port), "--report", str(results), "--no-view", *options)
+        return self.finish(self.start_fleet(fleet, results, *options, picture=picture))
+
+    def start_fleet(
+        self, fleet: str | Path, results: Path, *options: str, picture: bool = False
+    ) -> subprocess.Popen[str]:
+        """Begin to run a fleet, for a test that does something meanwhile."""
+        at = ("--port", str(self.port), "--report", str(results), "--no-view")
+        return self.start("up", str(fleet), *at, *(() if picture else ("--no-picture",)), *options)

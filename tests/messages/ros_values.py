@@ -99,6 +99,8 @@ def _zero(field: Field, types: Definitions) -> Any:
         return []
     if field.type in SIZES:
         return 0
+    if field.type == "string":
+        return ""
     return {each.name: _zero(each, types) for each in types[field.type]}
 
 

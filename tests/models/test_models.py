@@ -13,6 +13,7 @@ from rerun.urdf import UrdfTree
 
 import models
 from models import MODELS, WHEELED, WORLDS, UnknownModel, model_config_path, urdf_path, world_path
+from models.extent import vertical_extent
 from models.model import LaserConfig, read_model
 from models.urdf import link_offset, read_joints
 from models.world import WorldDescription, read_world
@@ -194,3 +195,11 @@ def test_the_optical_frame_looks_ahead() -> None:
     joints = {joint.child: joint for joint in read_joints("waffle")}
     x, y, z, w = joints["camera_rgb_optical_frame"].rotation()
     assert (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)) == pytest.approx((1.0, 0.0, 0.0))
+
+
+def test_how_high_robots_reach_is_read_from_their_collision_shapes() -> None:
+    """The burger's height is that of its maker's drawing, 192 mm; the arm's is the way to the end of its upper link."""
+    for model, top in (("burger", 0.192), ("p3dx", 0.4245), ("waffle", 0.141), ("arm", 1.38)):
+        low, high = vertical_extent(model)
+        assert abs(low) < 1e-6
+        assert abs(high - top) < 0.002, model

@@ -26,7 +26,7 @@ def run_in_real_time(terminal: CommandLine, fleet: str | Path, name: str) -> dic
     tried = []
     for factor in FACTORS:
         folder = terminal.folder / f"{name}-{factor}"
-        options = ("--no-view", "--no-saved", "--json", "--mode", "real", "--factor", str(factor))
+        options = ("--no-view", "--no-picture", "--no-saved", "--json", "--mode", "real", "--factor", str(factor))
         at = ("--port", str(terminal.port), "--report", str(folder))
         ended = terminal.run("up", str(fleet), *at, *options, within=WITHIN_S)
         assert ended.out, ended.err

@@ -30,38 +30,20 @@ kind = "logger"
 
 
 def short_lab(path: Path) -> Path:
-    """The lab with GOALS, as its file lays it out."""
+    """The lab with GOALS, as its file lays it out, and an exercise of the arm that is over when they are."""
     text = find_fleet("lab").read_text()
     own = 'services = [{ kind = "square" }]'
-    assert own in text
-    before, _, rest = text.replace(own, SQUARE).partition("goals = [\n")
+    for old, new in ((own, SQUARE), ("at = 4\n", "at = 2.5\n"), ("at = 20.2 ", "at = 8 ")):
+        assert old in text
+        text = text.replace(old, new)
+    before, _, rest = text.partition("goals = [\n")
     path.write_text(f"{before}goals = {GOALS}{rest.partition(chr(10) + ']')[2]}")
-    return path
-
-
-def brief_lab(path: Path) -> Path:
-    """The same with an exercise of the arm that is over when they are: for runs on the wall clock."""
-    text = short_lab(path).read_text()
-    for old, new in (("at = 4\n", "at = 2.5\n"), ("at = 20.2 ", "at = 8 ")):
-        assert old in text
-        text = text.replace(old, new)
-    path.write_text(text)
-    return path
-
-
-def brief_arm(path: Path) -> Path:
-    """The arm's fleet with a brief exercise."""
-    text = find_fleet("arm").read_text()
-    for old, new in (("at = 4\n", "at = 2.5\n"), ("at = 20.2 ", "at = 8 "), ("at = 22\n", "at = 9\n")):
-        assert old in text
-        text = text.replace(old, new)
-    path.write_text(text)
     return path
 
 
 def reordered_lab(path: Path) -> Path:
     """The same fleet told the other way round: the logger first, the last robot first, each driver under its robot."""
-    lab = tomllib.loads(find_fleet("lab").read_text())
+    lab = tomllib.loads(short_lab(path).read_text())
     robots = [_robot(each) for each in reversed(lab["robot"])]
     run = "".join(f"{key} = {value!r}\n" for key, value in lab["run"].items())
     changes = "".join(map(_change, reversed(lab["change"])))

@@ -88,7 +88,7 @@ def test_a_request_to_a_wildcard_is_meant_for_nobody(session: zenoh.Session, key
         ({"name": "x", "model": "burger"}, r"'x' at x 0\.000 m, .* would overlap with 'tb3_0' by 0\.\d+ m"),
         ({"name": "x", "model": "waffle", "pose": Pose.planar(0.1, 0.7)}, "would overlap with 'tb3_1'"),
         ({"name": "x", "model": "burger", "pose": Pose(position=Point(x=3.0, z=-0.05))}, "overlap with the ground"),
-        ({"name": "tb3_0", "model": "burger", "pose": Pose.planar(5, 5)}, "'tb3_0' is already there"),
+        ({"name": "tb3_0", "model": "burger", "pose": Pose.planar(5, 5)}, "already a robot 'tb3_0'"),
         ({"name": "x", "model": "burgr"}, r"unknown model 'burgr'; did you mean 'burger'\? \(known: burger, waffle"),
         ({"name": "x", "model": "../../etc"}, "unknown model"),
         ({"name": "", "model": "burger"}, "name"),

@@ -16,7 +16,7 @@ from mcap_ros2.decoder import DecoderFactory
 from rerun.chunk import Chunk, RrdReader
 from rosbags.highlevel import AnyReader
 
-from deploy.fleet_file import find_fleet, read_fleet
+from deploy.fleet_file import read_fleet
 from messages.base import Message
 from messages.cdr.sidecar import split
 from messages.elea import FleetState
@@ -44,8 +44,8 @@ from tests.harness.waiting import wait_until
 from tests.messages.ros_values import assert_same, ros_view
 from tests.system.short_fleets import short_lab
 
-SECONDS = 6
-OPTIONS = ("--record", "--no-view")
+SECONDS = 4
+OPTIONS = ("--record", "--no-view", "--no-picture")
 ROBOTS = ("tb3_0", "tb3_1", "tb3_2", "tb3_3", "p3dx")
 SAMPLES = 8
 """Messages of each topic that are compared field by field: the independent readers take a millisecond for each."""
@@ -190,7 +190,7 @@ def test_played_back_it_makes_the_same_commands(recorded: Recorded, tmp_path: Pa
     The arm is told by a reference that runs beside it, so its efforts repeat only with the latency of the lab: by its
     own file, 1.
     """
-    schedule = [msgspec.to_builtins(each) for each in read_fleet(find_fleet("lab")).change]
+    schedule = [msgspec.to_builtins(each) for each in read_fleet(recorded.terminal.folder / "lab.toml").change]
     members: dict[str, dict[str, object]] = {"/params": {"schedule": schedule}}
     for node in ("/tb3_1/waypoint", "/p3dx/square", "/arm/reference", "/arm/arm"):
         members[node] = stated(recorded, node)

@@ -24,7 +24,7 @@ def run(ctx):
 
 if __name__ == "__main__":
     if "--connect" in sys.argv:
-        time.sleep(3)
+        time.sleep(2)
     main(Service(name="late", about="Late.", run=run, rate=25, parameters=Late))
 """
 STUCK = """
@@ -42,8 +42,8 @@ name = "begin"
 [run]
 mode = "{mode}"
 ends = "duration"
-factor = 0.2
-duration = 1.5
+factor = {factor}
+duration = 0.8
 [[robot]]
 name = "r"
 model = "burger"
@@ -68,24 +68,33 @@ values = { speed = 0.75 }
 """
 
 
-def up(
-    folder: Path, mode: str, service: str, timeout: float, more: str = ""
-) -> tuple[CommandResult, dict[str, Any], str]:
-    """A run: how it ended, its report ({} when nothing was measured), and what its processes have written."""
-    folder.mkdir()
-    (folder / "late.py").write_text(LATE)
-    (folder / "stuck.py").write_text(STUCK)
-    fleet = folder / "fleet.toml"
-    fleet.write_text(FLEET.format(mode=mode, service=service, timeout=timeout) + more)
-    ended = CommandLine(folder).run_fleet(fleet, folder / "run", "--no-saved")
-    logs = "".join(each.read_text() for each in sorted((folder / "run" / "logs").glob("*.log")))
-    report = folder / "run" / "report.json"
-    return ended, json.loads(report.read_text()) if report.exists() else {}, logs
+class Run:
+    """A fleet that runs, beside others of the test."""
+
+    def __init__(
+        self, folder: Path, mode: str, service: str, timeout: float, *, more: str = "", factor: float = 1.0
+    ) -> None:
+        folder.mkdir()
+        (folder / "late.py").write_text(LATE)
+        (folder / "stuck.py").write_text(STUCK)
+        fleet = folder / "fleet.toml"
+        fleet.write_text(FLEET.format(mode=mode, service=service, timeout=timeout, factor=factor) + more)
+        self._folder, self._terminal = folder, CommandLine(folder)
+        self._up = self._terminal.start_fleet(fleet, folder / "run", "--no-saved")
+
+    def end(self) -> tuple[CommandResult, dict[str, Any], str]:
+        """How it ended, its report ({} when nothing was measured), and what its processes have written."""
+        ended = self._terminal.finish(self._up)
+        logs = "".join(each.read_text() for each in sorted((self._folder / "run" / "logs").glob("*.log")))
+        report = self._folder / "run" / "report.json"
+        return ended, json.loads(report.read_text()) if report.exists() else {}, logs
 
 
 def test_time_begins_when_the_last_node_is_ready_and_a_change_that_is_refused_fails_the_run(tmp_path: Path) -> None:
-    for mode in ("real", "lockstep"):
-        ended, report, logs = up(tmp_path / mode, mode, '{ kind = "late.py" }', 60, CHANGES)
+    late = '{ kind = "late.py" }'
+    runs = {mode: Run(tmp_path / mode, mode, late, 60, more=CHANGES, factor=0.2) for mode in ("real", "lockstep")}
+    for mode, run in runs.items():
+        ended, report, logs = run.end()
         first = float(logs.partition("/late: tick at ")[2].partition(" ")[0])
         # Real time does not wait for a node that a busy machine holds up now; half a second is 2.5 s on its clock.
         assert first == 0 if mode == "lockstep" else first < 0.5, logs
@@ -105,7 +114,7 @@ def test_time_begins_when_the_last_node_is_ready_and_a_change_that_is_refused_fa
 
 
 def test_without_a_required_node_time_does_not_begin(tmp_path: Path) -> None:
-    ended, report, logs = up(tmp_path / "run", "real", '{ kind = "stuck.py", required = true }', 1)
+    ended, report, logs = Run(tmp_path / "run", "real", '{ kind = "stuck.py", required = true }', 1).end()
     assert ended.status == 1
     assert "the fleet ended: sim failed: exit status 2" in ended.err
     (why,) = (line for line in ended.err.splitlines() if "time does not begin: " in line)
@@ -115,12 +124,12 @@ def test_without_a_required_node_time_does_not_begin(tmp_path: Path) -> None:
 
 
 def test_without_another_node_it_begins_and_the_report_misses_it(tmp_path: Path) -> None:
-    for mode in ("real", "lockstep"):
-        ended, report, _ = up(tmp_path / mode, mode, '{ kind = "stuck.py" }', 6)
+    runs = [Run(tmp_path / mode, mode, '{ kind = "stuck.py" }', 6) for mode in ("real", "lockstep")]
+    for ended, report, _ in (run.end() for run in runs):
         assert ended.status == 1
         assert "time has not begun: waiting for /r/stuck since" in ended.err
         assert "time began without /r/stuck" in ended.err
         assert (report["run"]["absent"], report["run"]["nodes_absent"]) == (["/r/stuck"], 1)
         assert [each["name"] for each in report["checks"] if not each["ok"]] == ["nodes_absent"]
         assert "  time began without /r/stuck" in ended.out
-        assert report["run"]["sim_seconds"] == 1.5, "it took place all the same"
+        assert report["run"]["sim_seconds"] == 0.8, "it took place all the same"

@@ -16,6 +16,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from services.runtime.errors import BadInput
+from services.runtime.user_folders import socket_suffix
 
 PROTOCOL = "unixsock-stream"
 """Zenoh's name of a link over a Unix socket."""
@@ -31,18 +32,20 @@ _YOUNG_S = 2.0
 def socket_folder(environment: Mapping[str, str] = os.environ) -> Path:
     """The folder of the sockets of all fleets of this user.
 
-    It is ``elea`` in XDG_RUNTIME_DIR (XDG base directory specification) if that belongs to this user, which under
-    ``sudo`` it may not. Otherwise it is ``elea-UID`` in the temporary folder.
+    It is ``elea`` in XDG_RUNTIME_DIR (XDG base directory specification), where that is a folder of this user's; under
+    ``sudo`` it may be somebody else's. Otherwise it is ``elea-UID`` in the temporary folder. A home that is not the
+    account's adds a suffix of its own.
     """
+    suffix = socket_suffix(environment)
     given = Path(environment.get("XDG_RUNTIME_DIR", ""))
     try:
         if given.is_absolute() and given.stat().st_uid == os.geteuid():
-            return given / "elea"
+            return given / f"elea{suffix}"
     except OSError:
         pass
     import tempfile  # here, as it takes a while and is seldom needed
 
-    return Path(tempfile.gettempdir()) / f"elea-{os.geteuid()}"
+    return Path(tempfile.gettempdir()) / f"elea-{os.geteuid()}{suffix}"
 
 
 def router_endpoint(port: int, environment: Mapping[str, str] = os.environ) -> str:

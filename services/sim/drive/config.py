@@ -11,14 +11,14 @@ import msgspec
 
 from messages.base import Packed36, covariance
 from models import model_config_path, urdf_path
-from models.model import RobotModel, WheelConfig, read_model
+from models.model import OdometryErrorConfig, RobotModel, WheelConfig, read_model
 from models.urdf import NoWheels, WheelPair, read_wheels
+from services.driving.pid import PidGains
 from services.runtime.errors import BadInput
 from services.runtime.parameters.validation import build
 from services.sim.drive.driver import Drive
 from services.sim.drive.kinematics import WheelGeometry, describe_mismatch
 from services.sim.drive.limiter import NO_RAMP, UNLIMITED, AxisLimits, WheelRamp, braking_limits
-from services.sim.drive.pid import PidGains
 from services.sim.parameters import AxisParameters, BaseParameters, PidParameters
 
 
@@ -41,6 +41,13 @@ DEFAULT_WINDOW = 2
 """Control ticks in the mean of odometry's speed: 2 as in the tutorials; ROS's default of 10 lags by 0.1 s."""
 
 
+NO_TIMEOUT = (
+    "cmd_vel_timeout = 0: a command holds until the next one, or until its sender has left the network; a sender that "
+    "hangs does not stop the robot. A zero command or an emergency stop does"
+)
+"""The warning about a base without a time-out."""
+
+
 @dataclass(frozen=True)
 class DriveConfig:
     """Everything that a base driver is set to. ``geometry`` is without multipliers; ``drive`` has those of ``live``."""
@@ -61,9 +68,16 @@ class DriveConfig:
 
 @dataclass(frozen=True)
 class OdometryConfig:
-    """Where odometry comes from, and what is said of it; a covariance of None is that of its source."""
+    """Where odometry comes from, and what is said of it; a covariance of None is that of its source.
+
+    Odometry that counts begins at the robot's pose in the world with ``in_world``, else at 0. ``error_multiple`` is of
+    the standard deviations ``error`` of the wheels' figures.
+    """
 
     source: Literal["world", "encoder", "open loop"]
+    in_world: bool
+    error: OdometryErrorConfig
+    error_multiple: float
     window: int
     pose: Packed36 | None
     twist: Packed36 | None
@@ -135,6 +149,10 @@ def odometry_config(model: RobotModel, parameters: BaseParameters) -> OdometryCo
     pose, twist = parameters.pose_covariance_diagonal, parameters.twist_covariance_diagonal
     return OdometryConfig(
         source=source,
+        in_world=(model.odometry_origin if parameters.odometry_origin == "model" else parameters.odometry_origin)
+        == "world",
+        error=model.odometry_error,
+        error_multiple=parameters.odometry_error,
         window=parameters.velocity_rolling_window_size or DEFAULT_WINDOW,
         pose=None if pose is None else covariance(*pose),
         twist=None if twist is None else covariance(*twist),
@@ -168,7 +186,11 @@ def drive_config(name: str, model: RobotModel, wheels: WheelConfig, parameters: 
         exclusive=parameters.allow_multiple_cmd_vel_publishers is False,
         stamped=bool(parameters.use_stamped_vel),
         publish_cmd=bool(parameters.publish_cmd),
-        warnings=(*_check_against_urdf(urdf_path(name), left, right, turned.geometry, parameters), *idle),
+        warnings=(
+            *_check_against_urdf(urdf_path(name), left, right, turned.geometry, parameters),
+            *idle,
+            *([] if parameters.cmd_vel_timeout else [NO_TIMEOUT]),
+        ),
     )
 
 

@@ -9,7 +9,15 @@ from messages.se3 import Pose3, Rotation, Vector
 from services.runtime.errors import unknown_name
 from services.sim.physics._pybullet import pybullet
 from services.sim.physics.engine import load_urdf
-from services.sim.physics.world import Body, BodyState, Configuration, Inertia, JointFriction, JointReadings
+from services.sim.physics.world import (
+    Body,
+    BodyState,
+    Configuration,
+    Inertia,
+    JointFriction,
+    JointReadings,
+    MotorTarget,
+)
 
 
 class BulletBody:
@@ -52,6 +60,10 @@ class BulletBody:
     @property
     def links(self) -> tuple[str, ...]:
         return tuple(self._links)
+
+    @property
+    def motor_joints(self) -> tuple[str, ...]:
+        return tuple(motor.joint for motor in self.description.motors)
 
     @property
     def configuration(self) -> Configuration:
@@ -100,6 +112,27 @@ class BulletBody:
             forces=list(efforts.values()),
             physicsClientId=self._client,
         )
+
+    def drive_joints(self, targets: Mapping[str, MotorTarget]) -> None:
+        pybullet.setJointMotorControlArray(
+            self.body_id,
+            [self.joint_index(joint) for joint in targets],
+            pybullet.VELOCITY_CONTROL,
+            targetVelocities=[each.velocity for each in targets.values()],
+            forces=[each.effort for each in targets.values()],
+            physicsClientId=self._client,
+        )
+
+    def release_joints(self, joints: Sequence[str]) -> None:
+        friction = dict(self.description.joint_friction)
+        self.drive_joints({joint: MotorTarget(0.0, friction.get(joint, JointFriction()).friction) for joint in joints})
+
+    def joint_inertias(self) -> tuple[float, ...]:
+        matrix = pybullet.calculateMassMatrix(
+            self.body_id, self.joint_readings().position, physicsClientId=self._client
+        )
+        first = len(matrix) - len(self._joints)  # those of a root that moves come first
+        return tuple(matrix[first + index][first + index] for index in range(len(self._joints)))
 
     def set_joint_friction(self, joint_friction: Mapping[str, JointFriction]) -> None:
         # Damping is the engine's; dry friction is a motor that wants to stand still and has no more than its force.

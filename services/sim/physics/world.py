@@ -61,6 +61,13 @@ class JointFriction(NamedTuple):
     friction: float = 0.0
 
 
+class MotorTarget(NamedTuple):
+    """What the motor of a joint keeps: a velocity [rad/s or m/s], with at most this effort [N m or N]."""
+
+    velocity: float
+    effort: float
+
+
 class Contact(NamedTuple):
     """Two things that touch: ``body`` is a body of the world, ``other`` another one or a static obstacle."""
 
@@ -116,6 +123,10 @@ class BodyHandle(Protocol):
     def links(self) -> tuple[str, ...]:
         """The links, the root first."""
 
+    @property
+    def motor_joints(self) -> tuple[str, ...]:
+        """The joints of the body's motors, in the order of ``set_speeds``."""
+
     def state(self) -> BodyState:
         """Pose and velocity of the root frame; about 6 us."""
 
@@ -140,6 +151,15 @@ class BodyHandle(Protocol):
     def set_efforts(self, efforts: Mapping[str, float]) -> None:
         """Put efforts [N m or N] on joints for one step, unlimited; 4 us for one joint."""
 
+    def drive_joints(self, targets: Mapping[str, MotorTarget]) -> None:
+        """Let joints without a motor of the body's keep velocities from now on, instead of their friction."""
+
+    def release_joints(self, joints: Sequence[str]) -> None:
+        """Let joints move freely again, against their friction alone."""
+
+    def joint_inertias(self) -> tuple[float, ...]:
+        """The inertia [kg m2 or kg] of all that moves with each of ``joints``, about it, as they stand; 3 us."""
+
     def set_joint_friction(self, joint_friction: Mapping[str, JointFriction]) -> None:
         """Set the friction of joints from now on, also after a reset; the others keep theirs."""
 
@@ -162,6 +182,16 @@ class World(Protocol):
     def names(self) -> tuple[str, ...]:
         """All bodies, in the order of their spawning."""
 
+    @property
+    def world_bodies(self) -> tuple[str, ...]:
+        """The world's own bodies that are movable or moving, in the order of its file."""
+
+    def world_body_state(self, name: str) -> BodyState:
+        """Pose and velocity of one of ``world_bodies``."""
+
+    def ground_height(self, x: float, y: float, radius: float) -> float:
+        """The highest ground within ``radius`` of a place, m: that of ramps, height maps and floors, or 0."""
+
     def body(self, name: str) -> BodyHandle:
         """The body of a name."""
 
@@ -172,13 +202,15 @@ class World(Protocol):
         """Remove a body."""
 
     def reset(self) -> None:
-        """Start over: all present bodies as they were spawned, at rest, motors at zero. Handles stay valid."""
+        """Start over: all present bodies as they were spawned, at rest, motors at zero, the world's as its file has
+        them. Handles stay valid."""
 
     def step(self) -> None:
         """Advance by ``step_ns``."""
 
     def set_state(self, name: str, state: BodyState) -> None:
-        """Move a body; its joints keep their angles. Refused where it would overlap."""
+        """Move a body, whose joints keep their angles, or a movable one of ``world_bodies``. Refused where it would
+        overlap."""
 
     def set_joints(self, name: str, positions: Mapping[str, float]) -> None:
         """Put joints at positions, at rest; the others stay as they are. Refused where the body would overlap then."""

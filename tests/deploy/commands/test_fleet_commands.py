@@ -47,7 +47,18 @@ def terminal(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FleetCommandL
     made = FleetCommandLine(tmp_path_factory.mktemp("fleet"))
     (made.folder / "mine.py").write_text(CONTROLLER)
     fleet = made.fleet("real", "never", "")
-    made.run("up", fleet, "--detach", "--no-view", "--no-saved", "--domain", "apart", "--report", str(made.results))
+    made.run(
+        "up",
+        fleet,
+        "--detach",
+        "--no-view",
+        "--no-picture",
+        "--no-saved",
+        "--domain",
+        "apart",
+        "--report",
+        str(made.results),
+    )
     yield made
     made.start("down").communicate(timeout=90)
 
@@ -138,7 +149,7 @@ def test_required_service_that_raises_is_quoted(tmp_path: Path) -> None:
     fleet.write_text(
         fleet.read_text() + '[[service]]\nkind = "failing.py"\nrequired = true\nrestart = { limit = 1, first = 0.01 }\n'
     )
-    up = terminal.start("up", str(fleet), "--no-view", "--no-saved", "--report", str(terminal.results))
+    up = desk.start("up", str(fleet), "--no-view", "--no-picture", "--no-saved", "--report", str(desk.results))
     _, err = up.communicate(timeout=90)
     assert up.returncode == 1
     (ended,) = [line for line in err.splitlines() if line.startswith("the fleet ended: failing failed: exit status 1")]

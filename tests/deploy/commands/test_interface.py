@@ -91,7 +91,7 @@ def test_a_wrong_name_is_answered_with_the_nearest() -> None:
     ):
         with pytest.raises(BadInput, match=f"unknown type '{wrong}'; {told}"):
             find_interface(wrong)
-    with pytest.raises(BadInput, match="known: builtin_interfaces, control_msgs, diagnostic_msgs"):
+    with pytest.raises(BadInput, match="known: actionlib_msgs, builtin_interfaces, control_msgs"):
         list_types("zzz")
     ran = run_command("interface", "show", "geometry_msgs/Twsit")
     assert (ran.returncode, ran.stdout) == (2, "")

@@ -20,12 +20,15 @@ from deploy.report.table import format_fixed, format_number, print_report
 from deploy.report.write import build_report, read_measurements, to_json, write_report
 from deploy.supervisor.node import RunMonitor
 from messages.elea import LockstepState
+from messages.geometry import Pose, Vector3
 from messages.parameters import ScheduledChange, ScheduledChanges
 from messages.simulation import SimStatus
-from messages.std import Time
+from messages.std import ColorRGBA, Time
+from messages.visualization import Marker, MarkerArray
 from models.palette import colour, hexadecimal
+from services.driving.world_bodies import world_bodies
 from services.grader.records import EndReason, Measurements
-from services.grader.results import prepare_folder, write_atomic, write_results
+from services.grader.results import prepare_folder, world_arrays, write_atomic, write_results
 from services.runtime.errors import BadInput
 from tests.services.grader.simulated_run import measure_all, robot_messages
 
@@ -122,6 +125,39 @@ def test_everything_drawn_has_data_units_and_a_look_of_its_own(folder: Path, mea
     assert shorten_name("tb3_0", 20) == "tb3_0"
 
 
+def test_the_picture_has_the_world_around_what_was_driven(tmp_path: Path) -> None:
+    """The robots drive within 1 m; a box stands beside, one moves along, a third is far off, a wall goes far away."""
+    run = measure_all(list(robot_messages("tb3_0", 0.0)), ("tb3_0",))
+    size = Vector3(x=0.4, y=0.4, z=0.4)
+    long, red = Vector3(x=200.0, y=0.1, z=0.4), ColorRGBA(r=1.0, a=1.0)
+    array = MarkerArray(
+        markers=tuple(
+            Marker(ns=kind, text=name, type=Marker.CUBE, pose=Pose.planar(x, y), scale=scale, color=red)
+            for name, kind, x, y, scale in (
+                ("beside", "fixed", 1.0, 0.2, size),
+                ("cart", "moving", 0.0, 0.9, size),
+                ("far", "fixed", 50.0, 0.0, size),
+                ("wall", "fixed", 0.0, -0.5, long),
+            )
+        )
+    )
+    world = [(body, body.footprints()) for body in world_bodies(array)]
+    arrays = world_arrays(world, {"cart": [(0.0, 0.9), (0.5, 0.9)]})
+    write_results(tmp_path, run.measurements("goals"), run.robots, arrays)
+    figure = draw_figure(write_report(tmp_path, FACTS, {}), tmp_path / "trajectories.npz")
+    above = figure.axes[0]
+    (bodies,) = above.collections
+    assert len(bodies.get_paths()) == 4
+    assert bodies.get_facecolors()[0][:3].tolist() == [1.0, 0.0, 0.0]
+    assert any(line.get_xdata().tolist() == [0.0, 0.5] for line in above.lines), "the way of the cart"
+    figure.canvas.draw()
+    (left, right), (bottom, top) = above.get_xlim(), above.get_ylim()
+    assert right > 1.2
+    assert bottom < -0.55
+    assert right - left < 6, "neither the far box nor the end of the wall is shown"
+    assert top > 1.1
+
+
 def test_numbers_have_no_rests_of_calculations() -> None:
     assert [format_number(value, 30.0) for value in (-9.52e-10, 0.0, 1e-4, -12.5)] == ["0", "0", "0.0001", "-12.5"]
     assert [format_fixed(value, 2) for value in (-0.001, 0.004, -0.2)] == ["0.00", "0.00", "-0.20"]
@@ -185,6 +221,8 @@ def test_reports_and_measurements_of_earlier_versions_are_read(measured: Measure
         del tree["run"][name]
     jsonschema.Draft202012Validator(report_schema()).validate(tree)
     assert msgspec.convert(tree, Report).run.mode == "free"
+    del tree["robots"]["tb3_0"]["min_clearance_m"]
+    assert msgspec.convert(tree, Report).robots["tb3_0"].min_clearance_m is None
     old = msgspec.to_builtins(measured)
     del old["ticks_missed"]
     assert msgspec.convert(old, Measurements).ticks_missed == {}
@@ -220,18 +258,63 @@ def test_without_bounds_points_collisions_and_losses_are_checked(measured: Measu
 
 
 def test_what_was_not_measured_misses_its_bound(measured: Measurements) -> None:
-    """A distance to others is none where a robot drives alone: it is not checked, and does not count as held."""
-    unseen = msgspec.structs.replace(measured.robots["tb3_0"], min_distance_m=None, cross_track_rms_m=None)
-    bounds: Bounds = {"min_distance_m": Bound(min=0.3), "cross_track_rms_m": 0.01}
-    for robots, missed in (
-        ({"tb3_0": unseen}, ["tb3_0.cross_track_rms_m"]),
-        ({**measured.robots, "tb3_0": unseen}, ["tb3_0.min_distance_m", "tb3_0.cross_track_rms_m"]),
+    """Whether one robot did not measure it, or none of the run has it: in JSON, table, verdict and ``ok`` alike."""
+    unseen = msgspec.structs.replace(
+        measured.robots["tb3_0"], min_distance_m=None, cross_track_rms_m=None, collisions=None
+    )
+    for robots, bounds, missed in (
+        ({"tb3_0": unseen}, {"cross_track_rms_m": 0.01}, ["tb3_0.cross_track_rms_m"]),
+        ({"tb3_0": unseen}, {"min_distance_m": Bound(min=0.3)}, ["tb3_0.min_distance_m"]),
+        ({**measured.robots, "tb3_0": unseen}, {"min_distance_m": Bound(min=0.3)}, ["tb3_0.min_distance_m"]),
+        ({"tb3_0": unseen}, {"collisions": 0}, ["tb3_0.collisions"]),
+        (measured.robots, {"step_rise_s": Bound(min=0.1, max=0.2)}, ["step_rise_s", "step_rise_s"]),
+        ({}, {"path_length_m": 9}, ["path_length_m"]),
+        (measured.robots, {"min_distance_m": Bound(min=0.3)}, []),
     ):
         report = build_report(msgspec.structs.replace(measured, robots=robots), FACTS, bounds)
         assert [each.name for each in report.checks if not each.ok] == missed
-        assert all(each.value is not None for each in report.checks if each.ok)
-    alone = build_report(msgspec.structs.replace(measured, robots={"tb3_0": unseen}), FACTS, bounds)
-    assert not [each for each in alone.checks if each.name.endswith("min_distance_m")]
+        assert report.ok == (not missed)
+        assert all((each.value is None) != each.ok for each in report.checks)
+        out = io.StringIO()
+        print_report(report, out)
+        text = out.getvalue()
+        assert all(f"missed: {name} is not measured, should be at" in text for name in missed)
+        held = f"{len(report.checks) - len(missed)} of {len(report.checks)} checks hold"
+        assert text.endswith(f"FAILED: {held}, {len(missed)} not measured\n" if missed else f"passed: {held}\n")
+
+
+def test_a_clearance_below_its_bound_is_told_with_the_body_and_the_time(measured: Measurements) -> None:
+    near = msgspec.structs.replace(
+        measured.robots["tb3_0"], min_clearance_m=0.05, min_clearance_at_s=12.3, min_clearance_to="red_box"
+    )
+    run = msgspec.structs.replace(measured, robots={"tb3_0": near})
+    report = build_report(run, FACTS, {"min_clearance_m": Bound(min=0.1)})
+    out = io.StringIO()
+    print_report(report, out)
+    assert (
+        "missed: tb3_0.min_clearance_m is 0.05, should be at least 0.1\n  nearest to red_box at 12.30 s\n"
+        in out.getvalue()
+    )
+    assert build_report(run, FACTS, {"min_clearance_m": Bound(min=0.01)}).ok
+    nowhere = build_report(measured, FACTS, {"min_clearance_m": Bound(min=0.01)})
+    assert [(each.name, each.value) for each in nowhere.checks if not each.ok] == [
+        ("tb3_0.min_clearance_m", None),
+        ("tb3_1.min_clearance_m", None),
+    ]
+
+
+def test_a_robot_without_a_plan_or_a_base_has_no_checks_of_them(measured: Measurements) -> None:
+    still = msgspec.structs.replace(
+        measured.robots["tb3_0"], points=0, points_reached=0, collisions=None, commands_timed_out=None
+    )
+    alone = msgspec.structs.replace(measured, robots={"pole": still})
+    assert [each.name for each in build_report(alone, FACTS, {}).checks] == [
+        "pole.samples",
+        "messages_lost",
+        "members_lost",
+    ]
+    bounded = build_report(alone, FACTS, {"points_reached": Bound(min=1)})
+    assert not bounded.ok
 
 
 def test_a_run_that_lockstep_lost_a_member_of_does_not_pass(measured: Measurements) -> None:

@@ -76,20 +76,21 @@ class SupervisorHarness:
     def run(self, script: Callable[[Supervisor], Any], *processes: ProcessSpec) -> Outcome:
         """Run the processes with ``script``, a coroutine function that acts on the supervisor; then interrupt it."""
 
-        async def both() -> Outcome:
-            supervisor = self.supervisor(*processes)
-            running = asyncio.create_task(supervisor.run())
+        return asyncio.run(self.play(script, *processes))
+
+    async def play(self, script: Callable[[Supervisor], Any], *processes: ProcessSpec) -> Outcome:
+        """The same, for a test in which several run beside each other."""
+        supervisor = self.supervisor(*processes)
+        running = asyncio.create_task(supervisor.run())
+        try:
+            await asyncio.wait_for(script(supervisor), 30)
+        finally:
             try:
-                await asyncio.wait_for(script(supervisor), 30)
-            finally:
                 supervisor.interrupt()
                 outcome = await asyncio.wait_for(running, 30)
-            return outcome
-
-        try:
-            return asyncio.run(both())
-        finally:
-            self.warden.close()
+            finally:
+                self.warden.close()
+        return outcome
 
 
 async def wait_until(condition: Callable[[], object], seconds: float = 20.0) -> None:

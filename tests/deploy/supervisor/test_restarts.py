@@ -39,32 +39,43 @@ def test_killed_process_is_ready_again_soon(tmp_path: Path) -> None:
     assert "killed by signal 9" in stage.log("a")
 
 
-def test_hanging_loop_is_killed_after_three_missed_beats(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path)
+def test_who_hangs_is_killed_and_who_is_excused_is_not(tmp_path: Path) -> None:
+    """Beside each other, since all of it waits for heartbeats that do not come."""
+    scenarios = (hanging_loop, stopped_process, no_heartbeat_at_all, silence_while_the_router_is_down)
+
+    async def all_of_them() -> None:
+        async with asyncio.TaskGroup() as group:
+            for each in scenarios:
+                group.create_task(each(SupervisorHarness(tmp_path / each.__name__)))
+
+    asyncio.run(all_of_them())
+
+
+async def hanging_loop(stage: SupervisorHarness) -> None:
+    """It is killed after three missed beats."""
 
     async def watch(supervisor: Supervisor) -> None:
         await wait_until(lambda: stage.states("a").count("ready") == 2)
 
-    stage.run(watch, faulty_process("hang_after_start", "/a"))
+    await stage.play(watch, faulty_process("hang_after_start", "/a"))
     silence = stage.time_of("a", "backing off") - stage.time_of("a", "ready")
     assert silence > HEARTBEAT_TIMEOUT_S - 0.2
     assert unexcused_silence(stage.log("a")) < HEARTBEAT_TIMEOUT_S + 1.0
 
 
-def test_stopped_process_counts_as_hanging(tmp_path: Path) -> None:
-    stage = SupervisorHarness(tmp_path)
+async def stopped_process(stage: SupervisorHarness) -> None:
+    """It counts as hanging."""
 
     async def freeze(supervisor: Supervisor) -> None:
         await wait_all_ready(supervisor)
         psutil.Process(supervisor.processes["a"].state_message().pid).suspend()
         await wait_until(lambda: stage.states("a").count("ready") == 2)
 
-    assert stage.run(freeze, faulty_process("good", "/a")).restarts == 1
+    assert (await stage.play(freeze, faulty_process("good", "/a"))).restarts == 1
 
 
-def test_when_no_heartbeat_at_all_comes_through_nobody_is_killed_and_it_is_told(tmp_path: Path) -> None:
-    """While the router answers, the fault is the topic; without an answer, each is judged as ever."""
-    stage = SupervisorHarness(tmp_path)
+async def no_heartbeat_at_all(stage: SupervisorHarness) -> None:
+    """While the router answers, the fault is the topic, and nobody is killed; without an answer, each is judged."""
 
     async def lose_the_topic(supervisor: Supervisor) -> None:
         await wait_all_ready(supervisor)
@@ -72,7 +83,7 @@ def test_when_no_heartbeat_at_all_comes_through_nobody_is_killed_and_it_is_told(
         for flood in (False, True):
             bus.mute, bus.answers_router, bus.flooded = {"/a", "/b"}, not flood, flood
             await wait_until(
-                lambda: all(each._heartbeat.silence(time.monotonic()) > HEARTBEAT_TIMEOUT_S + 1.0 for each in lives)
+                lambda: all(each._heartbeat.silence(time.monotonic()) > HEARTBEAT_TIMEOUT_S + 0.5 for each in lives)
             )
             assert ("flood" if flood else "no heartbeat of any process") in bus.published[-1].note
             assert stage.notes[-1].startswith(bus.published[-1].note)
@@ -85,7 +96,28 @@ def test_when_no_heartbeat_at_all_comes_through_nobody_is_killed_and_it_is_told(
         bus.mute = {"/a", "/b"}
         await wait_until(lambda: all("backing off" in stage.states(name) for name in "ab"))
 
-    assert stage.run(lose_the_topic, faulty_process("good", "/a"), faulty_process("good", "/b")).ended == "interrupted"
+    outcome = await stage.play(lose_the_topic, faulty_process("good", "/a"), faulty_process("good", "/b"))
+    assert outcome.ended == "interrupted"
+
+
+async def silence_while_the_router_is_down(stage: SupervisorHarness) -> None:
+    """A router that hangs silences everybody, and comes back some time before they are heard again."""
+
+    async def silence(supervisor: Supervisor) -> None:
+        await wait_all_ready(supervisor)
+        stage.bus.mute = {"/router", "/a"}
+        await wait_until(lambda: stage.states("router").count("starting") == 2)
+        stage.bus.mute = {"/a"}
+        await wait_until(lambda: supervisor.processes["router"].state == "ready")
+        await asyncio.sleep(1.0)
+        stage.bus.mute = set()
+        await asyncio.sleep(HEARTBEAT_TIMEOUT_S)
+
+    outcome = await stage.play(
+        silence, faulty_process("good", "/router"), faulty_process("good", "/a", depends_on=("router",))
+    )
+    assert stage.states("a") == ["waiting", "starting", "ready", "stopping", "stopped"]
+    assert outcome.restarts == 1
 
 
 def test_process_that_never_beats_is_given_up_after_its_grace(tmp_path: Path) -> None:
@@ -108,27 +140,6 @@ def test_beats_of_another_life_do_not_count(tmp_path: Path) -> None:
 
     stage.run(watch, faulty_process("silent", "/a"))
     assert "ready" not in stage.states("a")
-
-
-def test_silence_is_excused_while_what_carries_the_beats_is_down(tmp_path: Path) -> None:
-    """A router that hangs silences everybody, and comes back some time before they are heard again."""
-    stage = SupervisorHarness(tmp_path)
-
-    async def silence(supervisor: Supervisor) -> None:
-        await wait_all_ready(supervisor)
-        stage.bus.mute = {"/router", "/a"}
-        await wait_until(lambda: stage.states("router").count("starting") == 2)
-        stage.bus.mute = {"/a"}
-        await wait_until(lambda: supervisor.processes["router"].state == "ready")
-        await asyncio.sleep(1.0)
-        stage.bus.mute = set()
-        await asyncio.sleep(HEARTBEAT_TIMEOUT_S)
-
-    outcome = stage.run(
-        silence, faulty_process("good", "/router"), faulty_process("good", "/a", depends_on=("router",))
-    )
-    assert stage.states("a") == ["waiting", "starting", "ready", "stopping", "stopped"]
-    assert outcome.restarts == 1
 
 
 def test_crash_loop_fails_and_leaves_the_others_alone(tmp_path: Path) -> None:

@@ -5,12 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from deploy.report.write import read_measurements
-from messages.topics import BASE_STATUS, GROUND_TRUTH, ODOM, PLAN, STATUS, Topic
-from services.grader import SERVICE, GraderParameters
+from messages.gazebo import WorldStates
+from messages.geometry import Point, Pose, Vector3
+from messages.std import Header, Time
+from messages.topics import BASE_STATUS, GROUND_TRUTH, ODOM, PLAN, STATUS, WORLD_MARKERS, WORLD_STATES, Topic
+from messages.visualization import Marker, MarkerArray
+from services.grader import SERVICE, GraderParameters, SizeSpec
 from services.grader.measurement import MessageKind
+from services.grader.records import RobotFigures
 from services.runtime.testing import ServiceHarness, run_service
 from tests.services.grader.simulated_run import GradedEntry, measure_all, robot_messages
 
@@ -58,7 +64,32 @@ def test_it_ends_after_the_duration_and_counts_nothing_later(
     assert measured.sim_seconds == 3.0
 
 
-def test_stopped_before_the_end_it_leaves_what_it_has(tmp_path: Path, corner_messages: list[GradedEntry]) -> None:
+def test_the_clearance_from_bodies_that_stand_and_move_is_measured(tmp_path: Path, posts: list[GradedEntry]) -> None:
+    """The robot drives from (0, 0) to (0.6, 0): a post stands behind that, and a ball comes towards it."""
+    size = Vector3(x=0.2, y=0.2, z=0.4)
+    place = Pose(position=Point(x=1.0, z=0.2))
+    post = Marker(ns="fixed", text="post", type=Marker.CYLINDER, pose=place, scale=size)
+    ball = Marker(ns="moving", text="ball", type=Marker.SPHERE, scale=Vector3(x=0.2, y=0.2, z=0.2))
+    unreadable = Marker(ns="fixed", text="cloud", type=8)
+    params = GraderParameters(robots=("tb3_0",), sizes=(SizeSpec(name="tb3_0", radius=0.1),), output=str(tmp_path))
+    with run_service(SERVICE, "/", params) as bench:
+        bench.publish(WORLD_MARKERS, MarkerArray(markers=(post, ball, unreadable)))
+        for step in range(30):
+            place = Pose(position=Point(x=-0.5, y=2.0 - 0.01 * step, z=0.1))
+            header = Header(stamp=Time.of(step * 100_000_000))
+            bench.publish(WORLD_STATES, WorldStates(header=header, name=("ball",), pose=(place,)))
+        play(bench, posts, until=2.8)
+    figures = read_measurements(tmp_path).robots["tb3_0"]
+    assert isinstance(figures, RobotFigures)
+    with np.load(tmp_path / "trajectories.npz") as arrays:
+        trail = arrays["tb3_0.trail"]
+        assert arrays["world.counts"].tolist() == [48, 48]
+    nearest = trail[trail[:, 1].argmax()]
+    assert figures.min_clearance_m == pytest.approx(1.0 - nearest[1] - 0.2, abs=1e-3)
+    assert (figures.min_clearance_at_s, figures.min_clearance_to) == (pytest.approx(nearest[0]), "post")
+
+
+def test_stopped_before_the_end_it_leaves_what_it_has(tmp_path: Path, posts: list[GradedEntry]) -> None:
     with run_service(SERVICE, "/", GraderParameters(robots=("tb3_0",), output=str(tmp_path))) as bench:
         play(bench, corner_messages, until=4.0)
     measured = read_measurements(tmp_path)

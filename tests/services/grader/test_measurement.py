@@ -147,6 +147,19 @@ def test_losses_are_summed_over_readers_and_survive_a_restart() -> None:
     assert measured.robots["tb3_1"].messages_lost == 0
 
 
+def test_losses_of_a_robot_in_the_root_namespace_are_those_of_its_own_topics() -> None:
+    run = Measurement(("tb3", "b"), 0.05, namespaces={"tb3": "/", "b": "/left/b"})
+    topics = {"/odom": 1, "/sonar/range": 2, "/left/b/odom": 4, "/clock": 8, "/supervisor/state": 16}
+    inputs = tuple(InputHealth(topic=topic, lost=lost) for topic, lost in topics.items())
+    run.add_heartbeats([Health(node="/logger", pid=7, inputs=inputs)])
+    measured = run.measurements("goals")
+    assert (measured.messages_lost, measured.robots["tb3"].messages_lost, measured.robots["b"].messages_lost) == (
+        31,
+        3,
+        4,
+    )
+
+
 def test_losses_of_those_who_look_on_are_told_apart() -> None:
     run = Measurement(("tb3_0",), 0.05, readers=("/tb3_0/waypoint", "/logger"))
     odometry = InputHealth(topic="/tb3_0/odom", lost=5)

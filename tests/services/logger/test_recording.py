@@ -121,6 +121,18 @@ def test_after_a_reset_time_begins_anew_on_a_timeline_of_its_own(tmp_path: Path)
     assert np.array(strips)[:, 0].max() == pytest.approx(0.1), "the trail does not reach back before the reset"
 
 
+def test_frames_without_a_prefix(tmp_path: Path) -> None:
+    robot = RobotColumns()
+    with Recording(
+        tmp_path / "run.rrd", [("tb3_0", "burger")], EXTENT, pytest.fail, prefixes={"tb3_0": ""}
+    ) as recording:
+        robot.add_truth([pose(1.0, 5.0)])
+        recording.write({"tb3_0": robot.flush()}, last=True)
+    _, frames = columns(tmp_path / "run.rrd", "/tb3_0/tf", "Transform3D:child_frame")
+    assert frames == [["base_footprint"]]
+    assert "/tb3_0/burger/visual_geometries/base_link/visual_0" in set(entities(tmp_path / "run.rrd"))
+
+
 def test_an_unknown_model_names_the_known_ones(tmp_path: Path) -> None:
     with (
         pytest.raises(BadInput, match=r"burgr.*burger.*waffle"),

@@ -65,7 +65,9 @@ class PanelFleet:
             str(self.port),
         ]
         state = {"XDG_STATE_HOME": str(self.folder / "state")}
-        self.up = self._stack.enter_context(Process([*command, "--no-view"], self.folder / "up.log", state))
+        self.up = self._stack.enter_context(
+            Process([*command, "--no-view", "--no-picture"], self.folder / "up.log", state)
+        )
         self.node = self._stack.enter_context(self.join("tester"))
         self._state = self.node.subscribe(FLEET_STATE)
         self._truth = {robot: self.node.subscribe(GROUND_TRUTH, f"{robot}/ground_truth") for robot in self._robots}

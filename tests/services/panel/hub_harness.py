@@ -10,7 +10,7 @@ from typing import Any
 
 from messages.elea import BaseStatus
 from messages.geometry import Pose, PoseWithCovariance, Quaternion, Transform, TransformStamped, Vector3
-from messages.names import Identity
+from messages.names import Identity, join
 from messages.nav import Odometry
 from messages.rosgraph import Clock
 from messages.std import Header, Time
@@ -33,27 +33,30 @@ def memory_node(bus: MemoryBus, name: str) -> Node:
 
 
 class FakeRobot:
-    """A burger in ``/a``, whose odometry began at (1, 2) and a quarter turn to the left."""
+    """A burger in a namespace, whose odometry began at (1, 2) and a quarter turn to the left."""
 
-    def __init__(self, at: Node) -> None:
-        self.node = at
+    def __init__(self, at: Node, namespace: str = "/a", frame: str = "a/odom") -> None:
+        self.node, self.frame = at, frame
         self.commands, self.stops, self.all_stops = (
-            at.subscribe(CMD_VEL, "/a/cmd_vel"),
-            at.subscribe(E_STOP, "/a/e_stop"),
+            at.subscribe(CMD_VEL, join(namespace, "cmd_vel")),
+            at.subscribe(E_STOP, join(namespace, "e_stop")),
             at.subscribe(E_STOP, "/e_stop"),
         )
-        self.goals = at.subscribe(GOAL_POSE, "/a/goal_pose")
-        self.truth, self.odom = at.advertise(GROUND_TRUTH, "/a/ground_truth"), at.advertise(ODOM, "/a/odom")
-        self.status, self.clock = at.advertise(BASE_STATUS, "/a/base_status"), at.advertise(CLOCK)
+        self.goals = at.subscribe(GOAL_POSE, join(namespace, "goal_pose"))
+        self.truth, self.odom = (
+            at.advertise(GROUND_TRUTH, join(namespace, "ground_truth")),
+            at.advertise(ODOM, join(namespace, "odom")),
+        )
+        self.status, self.clock = at.advertise(BASE_STATUS, join(namespace, "base_status")), at.advertise(CLOCK)
         origin = Transform(translation=Vector3(x=1, y=2), rotation=Quaternion.from_yaw(1.5707963267948966))
         header = Header(frame_id="world")
-        frame = TransformStamped(header=header, child_frame_id="a/odom", transform=origin)
+        frame = TransformStamped(header=header, child_frame_id=frame, transform=origin)
         at.advertise(TF_STATIC).publish(TFMessage(transforms=(frame,)))
 
     def publish(self, ns: int, x: float = 0.0, epoch: int = 0) -> None:
         """Time, and a pose ``x`` ahead on its odometry."""
         self.clock.publish(Clock(clock=Time.of(ns), epoch=epoch))
-        header = Header(stamp=Time.of(ns), frame_id="a/odom")
+        header = Header(stamp=Time.of(ns), frame_id=self.frame)
         pose = PoseWithCovariance(pose=Pose.planar(x, 0))
         self.odom.publish(Odometry(header=header, pose=pose))
         self.truth.publish(Odometry(header=Header(stamp=Time.of(ns), frame_id="world"), pose=pose))

@@ -15,7 +15,7 @@ from messages.simulation import SimTime
 from messages.std import Bool
 from messages.topics import E_STOP, PLAN, STOPS
 from services.panel.pages import Page
-from services.panel.protocol import MAGIC, Estop, Goal, Pause, PlotSeries, Subscribe
+from services.panel.protocol import MAGIC, Drive, Estop, Goal, Pause, PlotSeries, Subscribe
 from services.runtime.publisher import Publisher
 from services.runtime.transport.memory import MemoryTransport
 from services.runtime.transport.wire import node_id
@@ -26,7 +26,7 @@ def test_a_goal_of_the_world_goes_out_in_the_frame_that_the_robot_drives_by(at: 
     page = at.page()
     at.send(page, Goal(id=1, robot="/a", x=1.0, y=5.0, yaw=pi / 2))
     at.spin(tell=True)
-    assert "no odometry from /a yet" in at.messages_to(page, "reply")[0]["is"]
+    assert "no odometry from /a yet" in at.messages_to(page, "reply")[0]["result"]
     at.send(page, Subscribe(channels=("poses", "robots")))
     at.spin(0.2, tell=True)
     at.send(page, Goal(id=2, robot="/a", x=1.0, y=5.0, yaw=pi / 2))
@@ -106,14 +106,14 @@ def test_a_request_is_answered_while_the_loop_goes_on_or_refused_when_nobody_ser
     at.spin(0.1)
     reply = at.messages_to(page, "reply")[0]
     assert not reply["ok"]
-    assert "no server for /sim/pause" in reply["is"]
+    assert "no server for /sim/pause" in reply["result"]
     at.robot.node.serve(PAUSE, lambda _: SimTime(tick=5))
     at.send(page, Pause(id=2))
     at.spin()
     assert at.messages_to(page, "reply") == []
     at.robot.node.spin_once()
     at.spin(0.1)
-    assert at.messages_to(page, "reply")[0]["is"]["tick"] == 5
+    assert at.messages_to(page, "reply")[0]["result"]["tick"] == 5
 
 
 def test_a_page_has_few_requests_under_way(at: HubHarness) -> None:
@@ -124,7 +124,7 @@ def test_a_page_has_few_requests_under_way(at: HubHarness) -> None:
     at.spin()
     replies = at.messages_to(page, "reply")
     assert len(replies) == 12
-    assert all("wait for their answers" in each["is"] for each in replies)
+    assert all("wait for their answers" in each["result"] for each in replies)
 
 
 def test_the_graph_follows_who_comes_and_goes(at: HubHarness) -> None:
@@ -231,8 +231,38 @@ def test_a_panel_that_returns_takes_its_stops_up_and_resets_them(at: HubHarness)
     assert [each.data for each in at.robot.received("stops")] == [True]
     at.send(page, Estop(id=3, robot="/a", on=False))
     at.spin(0.1, tell=True)
-    assert "may move when /tool reset theirs" in at.messages_to(page, "reply")[-1]["is"]
+    assert "may move when /tool reset theirs" in at.messages_to(page, "reply")[-1]["result"]
     sim.tell(at, ("/a/e_stop", "/panel"))
     assert [each.data for each in at.robot.received("stops")] == [False], "what is told may be older than the reset"
     sim.tell(at)
     assert seen(at, page) == (False, False, [])
+
+
+def test_a_robot_in_the_root_namespace_is_shown_driven_sent_and_stopped(at: HubHarness) -> None:
+    """Its own emergency stop is that of all robots."""
+    at.robot.node.transport.close()
+    at.robot = robot = FakeRobot(memory_node(at.bus, "tb3"), "/", "odom")
+    page, sim = at.page(), Held(at)
+    at.send(page, Subscribe(channels=("poses", "robots")))
+    at.spin(0.2, tell=True)
+    [shown] = at.messages_to(page, "robots")[-1]["robots"]
+    assert (shown["ns"], shown["drives"], shown["stops"], shown["goals"]) == ("/", True, True, True)
+    robot.publish(10**9, x=3.0)
+    at.spin(0.1)
+    assert at.messages_to(page, "poses")[-1]["at"]["/"][3:5] == pytest.approx([1.0, 5.0], abs=1e-3)
+
+    at.send(page, Drive(robot="/", v=0.2, w=0.0))
+    at.spin(0.1, tell=True)
+    assert robot.received("commands")[-1].linear.x == 0.2
+    at.send(page, Goal(id=1, robot="/", x=1.0, y=5.0, yaw=pi / 2))
+    at.spin(tell=True)
+    assert robot.received("goals")[-1].header.frame_id == "odom"
+
+    at.send(page, Estop(id=2, robot="/", on=True))
+    at.spin(0.1, tell=True)
+    assert [each.data for each in robot.received("all_stops")] == [True]
+    sim.tell(at, ("/e_stop", "/panel"))
+    assert seen(at, page) == (True, True, [])
+    at.send(page, Estop(id=3, robot="/", on=False))
+    at.spin(0.1, tell=True)
+    assert [each.data for each in robot.received("all_stops")] == [False]

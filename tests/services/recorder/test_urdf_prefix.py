@@ -37,6 +37,7 @@ def split(topic: str, text: str, *frames: str) -> tuple[Message, Message | None]
     [
         ("/r/robot_description", (), "r/"),
         ("/r/robot_description", ("r/base", "r/arm", "q/arm"), "r/"),
+        ("/robot_description", ("r/base", "r/arm"), "r/"),
         ("/lab/r/robot_description", ("/lab/r/arm",), "lab/r/"),
         ("/lab/r/robot_description", ("r/arm", "q/arm"), "r/"),
         ("/lab/r/robot_description", ("my/own/arm", "q/wheel"), "my/own/"),
@@ -60,6 +61,7 @@ def test_links_bear_the_prefix_that_the_frames_have(topic: str, frames: tuple[st
     ("topic", "text", "frames"),
     [
         ("/robot_description", URDF, ()),
+        ("/robot_description", URDF, ("base", "arm", "b/arm")),
         ("/r/robot_description", URDF, ("arm",)),
         ("/r/robot_description", prefix_links(URDF, "r/"), ()),
         ("/r/robot_description", "<robot/>", ()),

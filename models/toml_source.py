@@ -14,14 +14,30 @@ TomlKey = str | int
 
 
 class TomlSource:
-    """A TOML text and the name of its file."""
+    """A TOML text and the name of its file.
 
-    def __init__(self, path: Path, text: str) -> None:
-        self.path, self._text = path, text
+    ``set_elsewhere`` are keys whose values are not the file's, with what is named in place of its line.
+    """
+
+    def __init__(self, path: Path, text: str, set_elsewhere: Sequence[tuple[tuple[TomlKey, ...], str]] = ()) -> None:
+        self.path, self._text, self._set_elsewhere = path, text, set_elsewhere
 
     def location(self, *path: TomlKey) -> str:
-        """``file:line`` of the key at ``path``, or of the nearest table around it."""
+        """``file:line`` of the key at ``path``, or of the nearest table around it; or where else it was set."""
+        for own, where in reversed(self._set_elsewhere):
+            if path[: len(own)] == own:
+                return where
         return f"{self.path}:{line_of(self._text, path)}"
+
+
+def key_path(text: str) -> tuple[TomlKey, ...]:
+    """The path that ends msgspec's errors, ``.robot[2].pose.x``, taken apart, as far as keys are named."""
+    steps: list[TomlKey] = []
+    for name, index, rest in re.findall(r"\.(\w+)|\[(\d+)\]|(\[\.\.\.\])", text):
+        if rest:
+            break
+        steps.append(name or int(index))
+    return tuple(steps)
 
 
 def line_of(text: str, path: Sequence[TomlKey]) -> int:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from services.runtime.errors import BadInput
+from services.runtime.errors import BadInput, unknown_name
 from services.runtime.fleet_instances import FleetInstance, running_fleets
 from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.zenoh_config import PORT, endpoint, is_local
@@ -36,6 +37,19 @@ def fleet_router(fleet: FleetInstance) -> str:
     return fleet.router or router_endpoint(fleet.port)
 
 
+def port_of_fleet(name: str, port: int | None = None) -> int:
+    """The port of the running fleet ``name``, of the one on ``port`` if several have this name; raises BadInput."""
+    fleets = running_fleets()
+    found = [each for each in fleets if each.fleet == name and port in (None, each.port)]
+    if len(found) == 1:
+        return found[0].port
+    if found:
+        raise BadInput(f"{len(found)} fleets named {name} are running: choose one of {_choices(found)}")
+    if any(each.fleet == name for each in fleets):
+        raise BadInput(f"the fleet {name} does not run on port {port}: choose one of {_choices(fleets)}")
+    raise unknown_name("running fleet", name, [each.fleet for each in fleets])
+
+
 def select_fleet(port: int | None) -> FleetInstance:
     """The fleet that runs on ``port``, or the only one; raises BadInput."""
     fleets = running_fleets()
@@ -46,6 +60,14 @@ def select_fleet(port: int | None) -> FleetInstance:
     for each in fleets:
         if each.port == port:
             return each
-    listed = ", ".join(f"{each.fleet} (--port {each.port})" for each in fleets)
-    problem = "several fleets are running" if port is None else f"no fleet is running on port {port}"
-    raise BadInput(f"{problem}: choose one of {listed}")
+    said = "several fleets are running" if port is None else f"no fleet is running on port {port}"
+    raise BadInput(f"{said}: choose one of {_choices(fleets)}")
+
+
+def _choices(fleets: Sequence[FleetInstance]) -> str:
+    """``--fleet bare, --fleet two``; by port where two have one name."""
+    names = [each.fleet for each in fleets]
+    return ", ".join(
+        f"--fleet {each.fleet}" if names.count(each.fleet) == 1 else f"--port {each.port} ({each.fleet})"
+        for each in fleets
+    )

@@ -1,0 +1,51 @@
+"""visualization_msgs: shapes to draw."""
+
+from typing import Annotated, ClassVar, Literal
+
+from msgspec import Meta
+
+from messages.base import Message
+from messages.geometry import Point, Pose, Vector3
+from messages.std import ColorRGBA, Header
+
+Int32 = Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)]
+
+
+class Marker(Message, frozen=True, kw_only=True):
+    """A shape to draw at ``pose`` in the header's frame; namespace ``ns`` and ``id`` tell it from others.
+
+    ``scale`` [m] is the full extent of a CUBE, SPHERE or CYLINDER (along z) about its centre, and multiplies the
+    ``points`` [m] of a TRIANGLE_LIST, three to a triangle, and the file ``mesh_resource`` (a URL) of a MESH_RESOURCE.
+    ``text`` names what is drawn. What ROS has beside these fields (lifetime, textures) is left at its default.
+    """
+
+    ROS_TYPE: ClassVar[str] = "visualization_msgs/Marker"
+    CUBE: ClassVar[int] = 1
+    SPHERE: ClassVar[int] = 2
+    CYLINDER: ClassVar[int] = 3
+    TEXT_VIEW_FACING: ClassVar[int] = 9
+    MESH_RESOURCE: ClassVar[int] = 10
+    TRIANGLE_LIST: ClassVar[int] = 11
+    ADD: ClassVar[int] = 0
+    DELETE: ClassVar[int] = 2
+    DELETEALL: ClassVar[int] = 3
+    header: Header = Header()
+    ns: str = ""
+    id: Int32 = 0
+    type: Int32 = 0
+    action: Literal[0, 2, 3] = 0
+    pose: Pose = Pose()
+    scale: Vector3 = Vector3()
+    color: ColorRGBA = ColorRGBA()
+    points: tuple[Point, ...] = ()
+    colors: tuple[ColorRGBA, ...] = ()
+    text: str = ""
+    mesh_resource: str = ""
+    mesh_use_embedded_materials: bool = False
+
+
+class MarkerArray(Message, frozen=True, kw_only=True):
+    """Several markers."""
+
+    ROS_TYPE: ClassVar[str] = "visualization_msgs/MarkerArray"
+    markers: tuple[Marker, ...] = ()

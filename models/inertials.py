@@ -1,0 +1,140 @@
+"""Mends the masses and inertias of a robot's links where they are missing or none that a body can have.
+
+The engine needs one for each link: it takes 1 kg for a link without, and a point mass for a tensor that it dislikes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from messages.se3 import Pose3
+from models.shapes import LinkShapes
+from models.urdf import MAX_VALUE, BadUrdf, Inertia, RobotDescription
+
+DENSITY = 200.0
+"""kg per m3 of the box around a link without mass. A TurtleBot3 Burger has 212, a Pioneer 3-DX 239."""
+TOKEN_MASS, TOKEN_MOMENT = 1e-4, 1e-8
+"""Of a frame without a body, kg and kg m2: nothing beside the link that it is fixed to."""
+LEAST_MASS = 0.01
+"""kg of a body without mass and shape that a joint moves."""
+LEAST_SIDE = 0.01
+"""m; the box of a link is taken to be at least so wide, so that its tensor is one of a body."""
+ROUNDING = 0.01
+"""Share by which the largest moment may exceed the sum of the others, as rounded figures of thin plates do."""
+
+
+@dataclass(frozen=True)
+class MendedInertias:
+    """The inertia of each link as the engine takes it, and what was assumed for them."""
+
+    inertias: Mapping[str, Inertia]
+    notes: tuple[str, ...]
+
+
+def mend_inertias(robot: RobotDescription, shapes: Mapping[str, LinkShapes]) -> MendedInertias:
+    """Inertias that a body can have; raises BadUrdf for masses beyond all measure.
+
+    Links that fixed joints hold together are one body: of these, a link without mass is a frame. A body without any
+    mass has that of its shapes at ``DENSITY``. A tensor that no body can have is replaced by the nearest good one:
+    without its products of inertia, else that of the box around the link.
+    """
+    found: dict[str, Inertia] = {}
+    assumed: list[str] = []
+    negative: list[str] = []
+    dropped: list[str] = []
+    boxed: list[str] = []
+    given = {each.name: each.inertia for each in robot.links}
+    for name, inertia in given.items():
+        if inertia.mass > MAX_VALUE or any(abs(each) > MAX_VALUE for each in inertia.tensor):
+            raise BadUrdf(f"link {name!r}: its mass or inertia exceeds {MAX_VALUE:g}")
+        if inertia.mass < 0:
+            negative.append(name)
+    for body in _bodies(robot):
+        if all(given[each].mass <= 0 for each in body):
+            masses = {each: _assumed_mass(shapes[each]) for each in body}
+            if not any(masses.values()) and body[0] != robot.root:
+                masses[body[0]] = LEAST_MASS
+            for each, mass in masses.items():
+                if mass:
+                    found[each] = _box_inertia(mass, shapes[each])
+                    assumed.append(f"{each} {mass:.3g} kg")
+        for each in body:
+            if each not in found:
+                found[each] = _mended(given[each], shapes[each], each, dropped, boxed)
+    notes = [
+        (assumed, "without mass, so assumed from their shapes at 200 kg/m3"),
+        (negative, "with a negative mass, which is taken for none"),
+        (dropped, "with products of inertia that no body has: these are left out"),
+        (boxed, "with an inertia that no body has: that of the box around them is taken"),
+    ]
+    return MendedInertias(found, tuple(f"links {what}: {listed(names)}" for names, what in notes if names))
+
+
+def listed(names: Iterable[str], most: int = 8) -> str:
+    """The names, the first few of many."""
+    each = list(names)
+    return ", ".join(each[:most]) + (f" and {len(each) - most} more" if len(each) > most else "")
+
+
+def _bodies(robot: RobotDescription) -> list[list[str]]:
+    """The links that fixed joints hold together, each group from its uppermost link on."""
+    held: dict[str, list[str]] = {}
+    for joint in robot.joints:
+        if joint.kind not in ("revolute", "continuous", "prismatic"):
+            held.setdefault(joint.parent, []).append(joint.child)
+    fixed = {child for children in held.values() for child in children}
+    bodies = []
+    for link in robot.links:
+        if link.name in fixed:
+            continue
+        body = [link.name]
+        for each in body:
+            body += held.get(each, [])
+        bodies.append(body)
+    return bodies
+
+
+def _assumed_mass(shapes: LinkShapes) -> float:
+    box = shapes.box()
+    if box is None:
+        return 0.0
+    return round(min(1000.0, max(0.001, DENSITY * float(np.prod(np.maximum(box[1] - box[0], 1e-3))))), 6)
+
+
+def _mended(given: Inertia, shapes: LinkShapes, name: str, dropped: list[str], boxed: list[str]) -> Inertia:
+    if given.mass <= 0:
+        return Inertia(TOKEN_MASS, tensor=(TOKEN_MOMENT,) * 3 + (0.0,) * 3)
+    if _is_possible(given.tensor):
+        return given
+    xx, yy, zz, *_ = given.tensor
+    if _is_possible((xx, yy, zz, 0.0, 0.0, 0.0)):
+        dropped.append(name)
+        return replace(given, tensor=(xx, yy, zz, 0.0, 0.0, 0.0))
+    boxed.append(name)
+    return replace(_box_inertia(given.mass, shapes), centre=Pose3(given.centre.position, (0.0, 0.0, 0.0, 1.0)))
+
+
+def _is_possible(tensor: tuple[float, ...]) -> bool:
+    """Whether the principal moments are above 0 and none is more than the sum of the others."""
+    xx, yy, zz, xy, xz, yz = tensor
+    low, middle, high = np.linalg.eigvalsh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])).tolist()
+    return bool(low > 0 and high <= (low + middle) * (1 + ROUNDING))
+
+
+def _box_inertia(mass: float, shapes: LinkShapes) -> Inertia:
+    """The inertia of an even box: I_xx = m (y^2 + z^2) / 12."""
+    box = shapes.box()
+    low, high = (np.zeros(3), np.full(3, _cube_side(mass))) if box is None else (box[0], box[1])
+    centre = (low + high) / 2 if box is not None else np.zeros(3)
+    x, y, z = np.maximum(high - low, LEAST_SIDE).tolist()
+    moments = tuple(mass * each / 12 for each in (y * y + z * z, x * x + z * z, x * x + y * y))
+    px, py, pz = centre.tolist()
+    return Inertia(mass, Pose3((px, py, pz), (0.0, 0.0, 0.0, 1.0)), (*moments, 0.0, 0.0, 0.0))
+
+
+def _cube_side(mass: float) -> float:
+    return math.cbrt(mass / DENSITY)

@@ -1,0 +1,190 @@
+"""Finds the files that a robot's description names: ``package://``, ``model://``, ``file://`` and relative ones.
+
+A package NAME is a folder of that name, or one whose ``package.xml`` has it in ``<name>``. It is looked for above the
+file that names it and beside its parents, then in the folders that the user gives, in ROS_PACKAGE_PATH and in
+AMENT_PREFIX_PATH (``share/NAME``); of ``model://`` in GAZEBO_MODEL_PATH and GZ_SIM_RESOURCE_PATH, too.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from messages.errors import BadInput, did_you_mean
+from models.input_file import read_limited
+
+MAX_FOLDERS = 5000
+"""Folders below one of ROS_PACKAGE_PATH that are looked into."""
+MAX_DEPTH = 4
+"""How deep below it."""
+MAX_PACKAGE_XML = 1 << 20
+"""Bytes of a ``package.xml``."""
+
+
+class FileNotAllowed(BadInput):
+    """A description names a file that it may not read, or a package that there is not."""
+
+
+@dataclass(frozen=True)
+class FileAccess:
+    """What a description may read.
+
+    ``folders`` are those in which its files must lie, links followed; None stands for the whole disk. Only with
+    ``run_xacro`` is a xacro expanded: it is code.
+    """
+
+    folders: tuple[Path, ...] | None = None
+    run_xacro: bool = True
+
+    def check(self, path: Path, said: str) -> None:
+        """Raise FileNotAllowed for a file outside; ``said`` is how it was named."""
+        if self.folders is None:
+            return
+        real = Path(os.path.realpath(path))
+        if not any(real.is_relative_to(os.path.realpath(each)) for each in self.folders):
+            known = ", ".join(map(str, self.folders)) or "none"
+            raise FileNotAllowed(
+                f"{said} lies outside the folders from which a request may take files ({known}): put it there, add "
+                "the folder to packages in [run] of the fleet file, or spawn it with ./elea sim spawn"
+            )
+
+
+OWNER = FileAccess()
+"""What the user's own files and command line may: everything."""
+
+
+@dataclass(frozen=True)
+class PackagePath:
+    """Where packages lie: the folders of the user, each a package or a folder of packages, and those of ROS."""
+
+    folders: tuple[Path, ...] = ()
+    environment: Mapping[str, str] = field(default_factory=lambda: dict(os.environ))
+
+    def find(self, name: str, source: Path, kind: str = "package") -> Path:
+        """The folder of the package ``name`` that the file ``source`` names; raises FileNotAllowed."""
+        if not re.fullmatch(r"[A-Za-z0-9_.-]+", name) or name in (".", ".."):
+            raise FileNotAllowed(f"{name[:80]!r} is no name of a {kind}")
+        for folder in self._candidates(name, source, kind):
+            if folder.is_dir():
+                return folder
+        near = did_you_mean(name, self._names(source))
+        raise FileNotAllowed(
+            f"there is no {kind} {name!r}{near}: it is looked for above {source}, in packages of [run] of the fleet "
+            f"file, in ROS_PACKAGE_PATH and in AMENT_PREFIX_PATH"
+        )
+
+    def roots(self) -> tuple[Path, ...]:
+        """All folders in which packages are looked for, apart from those above a file."""
+        ros = (*self._listed("ROS_PACKAGE_PATH"), *(each / "share" for each in self._listed("AMENT_PREFIX_PATH")))
+        return (*self.folders, *ros)
+
+    def _candidates(self, name: str, source: Path, kind: str) -> Iterator[Path]:
+        above = list(Path(os.path.abspath(source)).parents)
+        for parent in above:
+            if is_package(parent, name):
+                yield parent
+        for parent in above[:-1]:
+            yield parent / name
+        for folder in self.folders:
+            yield folder / name
+            yield from _packages_below(folder, name)
+        for folder in self._listed("ROS_PACKAGE_PATH"):
+            yield folder / name
+            yield from _packages_below(folder, name)
+        for folder in self._listed("AMENT_PREFIX_PATH"):
+            yield folder / "share" / name
+        if kind == "model":
+            for variable in ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH"):
+                for folder in self._listed(variable):
+                    yield folder / name
+
+    def _listed(self, variable: str) -> tuple[Path, ...]:
+        return tuple(Path(each) for each in self.environment.get(variable, "").split(os.pathsep) if each)
+
+    def _names(self, source: Path) -> Iterator[str]:
+        """Names that may have been meant."""
+        parents = list(Path(os.path.abspath(source)).parents)[:6]
+        yield from (package_name(each) or each.name for each in parents)
+        for folder in (*parents[1:4], *self.roots()):
+            try:
+                with os.scandir(folder) as entries:
+                    yield from [each.name for each, _ in zip(entries, range(500), strict=False) if each.is_dir()]
+            except OSError:
+                continue
+
+
+def is_package(folder: Path, name: str) -> bool:
+    """Whether a folder is the package ``name``."""
+    return folder.name == name or package_name(folder) == name
+
+
+def package_name(folder: Path) -> str:
+    """The name in the ``package.xml`` of a folder, empty without one."""
+    path = folder / "package.xml"
+    if not path.is_file():
+        return ""
+    try:
+        text = read_limited(path, MAX_PACKAGE_XML, "a package.xml")
+    except BadInput:
+        return ""
+    found = re.search(rb"<name>\s*([^<\s]+)\s*</name>", text)
+    return found[1].decode("utf-8", "replace") if found else ""
+
+
+def find_file(said: str, source: Path, packages: PackagePath, access: FileAccess = OWNER) -> Path:
+    """The file that ``source`` names as ``said``; raises FileNotAllowed for what it may not name.
+
+    Whether it exists is not looked at. A file of a package must lie in it, links followed: a link may lead to another
+    copy of the same package, as a workspace that was built with links has it.
+    """
+    scheme, colon, rest = said.partition("://")
+    if not colon:
+        path = (source.parent / os.path.expanduser(said)) if access.folders is None else source.parent / said
+    elif scheme == "file":
+        path = Path(rest)
+        if not path.is_absolute():
+            path = source.parent / rest
+    elif scheme in ("package", "model"):
+        name, _, inner = rest.partition("/")
+        folder = packages.find(name, source, scheme)
+        path = folder / inner.lstrip("/")
+        _check_inside(path, folder, name, said)
+    else:
+        raise FileNotAllowed(f"{said[:200]!r}: files are named by package://, model://, file:// or a path")
+    access.check(path, said)
+    return Path(os.path.abspath(path))
+
+
+def _check_inside(path: Path, folder: Path, name: str, said: str) -> None:
+    real = Path(os.path.realpath(path))
+    if real.is_relative_to(os.path.realpath(folder)) and Path(os.path.abspath(path)).is_relative_to(
+        os.path.abspath(folder)
+    ):
+        return
+    if Path(os.path.abspath(path)).is_relative_to(os.path.abspath(folder)) and any(
+        package_name(each) == name for each in real.parents
+    ):
+        return
+    raise FileNotAllowed(f"{said[:200]} leads out of the package {name}, to {real}")
+
+
+def _packages_below(folder: Path, name: str) -> Iterator[Path]:
+    """The folder itself and those below it that are the package, as rospack crawls them: not below another package."""
+    pending, seen = [(folder, 0)], 0
+    while pending and seen < MAX_FOLDERS:
+        here, depth = pending.pop(0)
+        seen += 1
+        own = package_name(here)
+        if own == name:
+            yield here
+        if own or depth >= MAX_DEPTH:
+            continue
+        try:
+            with os.scandir(here) as entries:
+                below = [each.path for each in entries if each.is_dir() and not each.name.startswith(".")]
+        except OSError:
+            continue
+        pending += [(Path(each), depth + 1) for each in sorted(below)]

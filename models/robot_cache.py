@@ -1,0 +1,65 @@
+"""The folders of robots from outside, in the user's cache: made once, read by every process, removed when unused."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from messages.errors import BadInput
+
+UNUSED_DAYS = 30
+"""Days after which a robot that nobody has asked for is removed."""
+
+MADE = re.compile(r"[A-Za-z0-9_.]+-[0-9a-f]{16}")
+"""The name of a robot's folder: the robot's, and the hash of all that it is made of."""
+
+
+def robots_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """Where they lie: ``elea/robots`` in the user's cache folder (XDG base directory specification)."""
+    base = environment.get("XDG_CACHE_HOME", "")
+    return (Path(base) if os.path.isabs(base) else Path.home() / ".cache") / "elea" / "robots"
+
+
+def is_made(model: str) -> bool:
+    """Whether a model is the folder of a robot from outside."""
+    return MADE.fullmatch(model.rpartition("/")[2]) is not None and Path(model).is_absolute()
+
+
+def display_name(model: str) -> str:
+    """The name of a model for people: that of a robot from outside without folder and hash."""
+    return model.rpartition("/")[2].rpartition("-")[0] if is_made(model) else model
+
+
+def write_folder(folder: Path, write: Callable[[Path], None]) -> None:
+    """Let ``write`` fill a folder that appears whole, or not at all; raises BadInput."""
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        begun = Path(tempfile.mkdtemp(prefix=".", dir=folder.parent))
+    except OSError as error:
+        raise BadInput(
+            f"{folder.parent} cannot be written ({error.strerror}): set XDG_CACHE_HOME to a folder of yours"
+        ) from None
+    try:
+        write(begun)
+        begun.rename(folder)
+    except OSError as error:
+        if not folder.is_dir():  # or another process was first, with the same files
+            raise BadInput(f"{folder} cannot be written: {error.strerror}") from None
+    finally:
+        shutil.rmtree(begun, ignore_errors=True)
+    _remove_unused(folder.parent)
+
+
+def _remove_unused(parent: Path) -> None:
+    oldest = time.time() - UNUSED_DAYS * 86400
+    for each in parent.iterdir():
+        try:
+            if each.stat().st_mtime < oldest:
+                shutil.rmtree(each, ignore_errors=True)
+        except OSError:
+            continue

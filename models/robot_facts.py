@@ -1,0 +1,34 @@
+"""What was found out about a robot from outside when its folder was made."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+
+from models import UnknownModel
+
+
+class RobotFacts(msgspec.Struct, frozen=True, kw_only=True):
+    """What was found out about a robot from outside.
+
+    ``title`` is what the URDF calls it; ``reach`` [m] is how far it extends from the root's z axis, ``lowest`` and
+    ``highest`` [m] are its ends above the root's frame, all joints at zero. ``origin`` is the user's file, empty for a
+    text.
+    """
+
+    name: str
+    title: str = ""
+    origin: str = ""
+    reach: float = 0.0
+    lowest: float = 0.0
+    highest: float = 0.0
+    notes: tuple[str, ...] = ()
+
+
+def read_facts(model: str) -> RobotFacts:
+    """What was found out about a robot that was made; raises UnknownModel."""
+    try:
+        return msgspec.json.decode((Path(model) / "facts.json").read_bytes(), type=RobotFacts)
+    except (OSError, msgspec.MsgspecError):
+        raise UnknownModel(f"there is no robot {model} any more: spawn it, or start the fleet, by its file") from None

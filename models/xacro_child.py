@@ -1,0 +1,118 @@
+"""Expands one xacro in a process of its own: a request as JSON on stdin, the URDF or the error as JSON on stdout.
+
+Not imported: ``models.xacro_file`` runs it, with bounds on memory and time.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import sys
+import traceback
+import xml.dom.minidom as minidom
+from pathlib import Path
+from typing import Any
+from xml.dom import expatbuilder
+from xml.parsers import expat
+
+import xacro
+from xacro import substitution_args
+
+from messages.errors import BadInput
+from models.packages import PackagePath
+
+
+def main() -> None:
+    """Read the request, answer it."""
+    request = json.load(sys.stdin)
+    resource.setrlimit(resource.RLIMIT_AS, (request["memory"], request["memory"]))
+    answers, sys.stdout = sys.stdout, sys.stderr
+    _find_packages(request)
+    _track_lines()
+    try:
+        document = xacro.process_file(request["file"], mappings=dict(request["args"]), verbosity=0)
+        answer = {"urdf": document.toprettyxml(indent="  ")}
+    except RecursionError as error:
+        answer = {"error": f"{_place(error, request['file'])}: {_circle()}"}
+    except expat.ExpatError as error:
+        answer = {"error": f"{_current_file(request['file'])}:{error.lineno}: this is no XML: {error}"}
+    except Exception as error:  # noqa: BLE001  (the code of a foreign file: it may raise anything)
+        answer = {"error": f"{_place(error, request['file'])}: {_message(error)}"}
+    json.dump(answer, answers)
+
+
+def _find_packages(request: dict[str, Any]) -> None:
+    """Let ``$(find NAME)`` and ``$(find-pkg-share NAME)`` look where meshes are looked for, without ROS."""
+    packages = PackagePath(tuple(map(Path, request["packages"])))
+
+    def find(name: str) -> str:
+        try:
+            return str(packages.find(name, Path(_current_file(request["file"]))))
+        except BadInput as error:
+            raise substitution_args.SubstitutionException(str(error)) from None
+
+    substitution_args._eval_find = find
+    substitution_args._eval_dict["find"] = find
+
+
+def _track_lines() -> None:
+    """Let each element know its file and line, copies of it too."""
+    builder: Any = expatbuilder.Namespaces
+    dom: Any = minidom
+    start, clone = builder.start_element_handler, dom._clone_node
+
+    def start_element(self: Any, name: str, attributes: Any) -> None:
+        start(self, name, attributes)
+        self.curNode.place = f"{_current_file('')}:{self.getParser().CurrentLineNumber}"
+
+    def clone_node(node: Any, deep: bool, owner: Any) -> Any:
+        copy = clone(node, deep, owner)
+        if copy is not None and hasattr(node, "place"):
+            copy.place = node.place
+        return copy
+
+    builder.start_element_handler = start_element
+    dom._clone_node = clone_node
+
+
+def _place(error: BaseException, file: str) -> str:
+    """File and line of the element that was being expanded."""
+    found = file
+    for frame, _ in traceback.walk_tb(error.__traceback__):
+        for name in ("node", "elt", "tag"):
+            node = frame.f_locals.get(name)
+            for each in (node, getattr(node, "parentNode", None)):
+                if (place := getattr(each, "place", None)) is not None:
+                    found = place
+                    break
+    return found
+
+
+def _current_file(default: str) -> str:
+    return os.path.abspath(xacro.filestack[-1]) if xacro.filestack and xacro.filestack[-1] else default
+
+
+def _circle() -> str:
+    files = [os.path.abspath(each) for each in xacro.filestack or [] if each]
+    for each in files:
+        if files.count(each) > 2:
+            return f"{each} includes itself"
+    return "its macros or properties go round in a circle"
+
+
+def _message(error: Exception) -> str:
+    inner: object = error
+    while isinstance(getattr(inner, "exc", None), BaseException):
+        inner = inner.exc  # type: ignore[attr-defined]
+    if isinstance(inner, substitution_args.ArgException):
+        return f"it needs the argument {inner}: give it by xacro_args"
+    if isinstance(inner, MemoryError):
+        return "it asks for more memory than it may have"
+    if isinstance(inner, (substitution_args.SubstitutionException, OSError)):
+        return " ".join(str(inner).split())
+    return " ".join(str(error).split()) or type(inner).__name__
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,127 @@
+"""The bodies of the world as ``/world/markers`` shows them, and what each covers on the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from messages.errors import BadInput
+from messages.se3 import Pose3
+from messages.visualization import Marker, MarkerArray
+from services.driving.footprint import (
+    Footprint,
+    box_footprint,
+    cylinder_footprint,
+    points_footprint,
+    sphere_footprint,
+    triangle_footprints,
+)
+
+GROUND = "ground"
+"""The namespace of markers that show what robots drive on, as ramps; and the name of the one that extends below all."""
+FIXED = "fixed"
+"""The namespace of bodies that stay where they are."""
+
+MAX_TRIANGLES = 20_000
+"""Triangles of a fixed body that are looked at one by one; of a larger one the convex hull counts."""
+
+SPHERE_RINGS, SPHERE_MERIDIANS = 24, 48
+"""Points that stand for an ellipsoid."""
+
+Floats = NDArray[np.float64]
+Colour = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class WorldBody:
+    """A body of the world: its name, its kind (``fixed``, ``movable``, ``moving`` or ``ground``) and its markers.
+
+    A body that may move has one marker alone.
+    """
+
+    name: str
+    kind: str
+    markers: tuple[Marker, ...]
+
+    @property
+    def colour(self) -> Colour:
+        """Red, green, blue and opacity, 0 to 1."""
+        c = self.markers[0].color
+        return c.r, c.g, c.b, c.a
+
+    @property
+    def pose(self) -> Pose3:
+        """Where it is at the start."""
+        return Pose3.from_msg(self.markers[0].pose)
+
+    def footprints(self, pose: Pose3 | None = None) -> list[Footprint]:
+        """What it covers at ``pose``, or at the start.
+
+        A fixed mesh or list of triangles covers what each of its triangles does, up to MAX_TRIANGLES, any other one its
+        convex hull: so they collide.
+
+        Raises:
+            BadInput: it has no points, or a type that is not known here.
+        """
+        return [each for marker in self.markers for each in self._marker(marker, pose or Pose3.from_msg(marker.pose))]
+
+    def _marker(self, m: Marker, pose: Pose3) -> list[Footprint]:
+        size = m.scale.x, m.scale.y, m.scale.z
+        match m.type:
+            case Marker.CUBE:
+                return [box_footprint(pose, size)]
+            case Marker.SPHERE if size[0] == size[1] == size[2]:
+                return [sphere_footprint(pose, size[0])]
+            case Marker.CYLINDER if size[0] == size[1]:
+                return [cylinder_footprint(pose, size[0], size[2])]
+            case Marker.SPHERE:
+                return [points_footprint(pose, _unit_ball() * size)]
+            case Marker.CYLINDER:
+                return [points_footprint(pose, _unit_cylinder() * size)]
+        triangles = self._triangles(m) * np.array(size)
+        if self.kind == FIXED and len(triangles) <= MAX_TRIANGLES:
+            return triangle_footprints(pose, triangles)
+        return [points_footprint(pose, triangles.reshape(-1, 3))]
+
+    def _triangles(self, m: Marker) -> Floats:
+        """The triangles of a marker, shape (n, 3, 3), before they are scaled."""
+        if m.type != Marker.TRIANGLE_LIST:
+            raise BadInput(f"the marker {self.name!r} has the type {m.type}, which is not known here")
+        if not m.points or len(m.points) % 3:
+            raise BadInput(f"the marker {self.name!r} has {len(m.points)} points, which are no triangles")
+        triangles: Floats = np.array([(each.x, each.y, each.z) for each in m.points]).reshape(-1, 3, 3)
+        return triangles
+
+
+World = Sequence[tuple[WorldBody, list[Footprint]]]
+"""Bodies, each with what it covers at the start."""
+
+
+def world_bodies(array: MarkerArray) -> tuple[WorldBody, ...]:
+    """The bodies that the markers show, in their order; what is deleted or a label is left out, as is the ground that
+    extends below all."""
+    found: dict[tuple[str, str], list[Marker]] = {}
+    for each in array.markers:
+        name = each.text or f"{each.ns}_{each.id}"
+        if each.action == Marker.ADD and each.type != Marker.TEXT_VIEW_FACING and (each.ns, name) != (GROUND, GROUND):
+            found.setdefault((name, each.ns), []).append(each)
+    return tuple(WorldBody(name, kind, tuple(markers)) for (name, kind), markers in found.items())
+
+
+def _unit_ball() -> Floats:
+    height, turn = np.meshgrid(
+        np.linspace(-np.pi / 2, np.pi / 2, SPHERE_RINGS), np.linspace(0, 2 * np.pi, SPHERE_MERIDIANS, endpoint=False)
+    )
+    ball = np.stack((np.cos(height) * np.cos(turn), np.cos(height) * np.sin(turn), np.sin(height)), axis=-1)
+    halved: Floats = ball.reshape(-1, 3) / 2
+    return halved
+
+
+def _unit_cylinder() -> Floats:
+    turn = np.linspace(0, 2 * np.pi, SPHERE_MERIDIANS, endpoint=False)
+    rim = np.column_stack((np.cos(turn), np.sin(turn), np.ones(len(turn)))) / 2
+    both: Floats = np.concatenate((rim, rim * (1, 1, -1)))
+    return both

@@ -1,0 +1,72 @@
+"""Where Elea keeps a user's files: results, saved parameters, which fleets run, and the name of his folder of sockets.
+
+Everything is in ELEA_HOME where that is set. Otherwise results go into the checkout and saved parameters into the
+working directory, as long as the user may write to the checkout. If not, as with one installation for a whole class,
+both go to ``elea`` in the user's data folder. The list of running fleets is in the state folder in either case (XDG
+base directory specification).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pwd
+from collections.abc import Mapping
+from pathlib import Path
+
+from services.runtime.errors import BadInput
+from services.runtime.process import ROOT
+
+HOME_VARIABLE = "ELEA_HOME"
+"""Environment variable that names the folder for all files of a user."""
+
+
+def runs_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """The folder in which each run gets a folder of its own."""
+    return (_own_folder(environment) or ROOT) / "runs"
+
+
+def parameters_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """The folder of saved parameters; relative to the working directory for the owner of the checkout."""
+    return (_own_folder(environment) or Path()) / "params"
+
+
+def instances_folder(environment: Mapping[str, str] = os.environ) -> Path:
+    """The folder that says which fleets of the user run."""
+    if home := elea_home(environment):
+        return home / "state"
+    base = environment.get("XDG_STATE_HOME", "")
+    return (Path(base) if base else Path.home() / ".local" / "state") / "elea"
+
+
+def elea_home(environment: Mapping[str, str] = os.environ) -> Path | None:
+    """The folder that ELEA_HOME names; None when it is not set. Raises BadInput for a relative path."""
+    given = environment.get(HOME_VARIABLE, "")
+    if given and not Path(given).is_absolute():
+        raise BadInput(f"{HOME_VARIABLE} is {given!r}: give an absolute path, so that every command means one folder")
+    return Path(given) if given else None
+
+
+def socket_suffix(environment: Mapping[str, str] = os.environ) -> str:
+    """What tells this home's folder of sockets from others of the same user; empty for the home of the account.
+
+    One account may have several homes: in containers, under ``sudo``, by ELEA_HOME. Each has its own fleets.
+    """
+    home = environment.get(HOME_VARIABLE, "") or environment.get("HOME", "")
+    try:
+        account = pwd.getpwuid(os.geteuid()).pw_dir
+    except KeyError:
+        account = ""
+    if not home or os.path.normpath(home) == os.path.normpath(account or home):
+        return ""
+    return f"-{hashlib.sha256(os.fsencode(os.path.normpath(home))).hexdigest()[:8]}"
+
+
+def _own_folder(environment: Mapping[str, str]) -> Path | None:
+    """The user's folder for results and parameters; None where the checkout serves."""
+    if home := elea_home(environment):
+        return home
+    if os.access(ROOT, os.W_OK):
+        return None
+    base = environment.get("XDG_DATA_HOME", "")
+    return (Path(base) if base else Path.home() / ".local" / "share") / "elea"

@@ -1,0 +1,221 @@
+"""Motors of joints that a controller manager commands: they keep positions or velocities, or give efforts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf, sqrt
+
+from messages.joints import JointCommand, JointTarget
+from models.urdf import SINGLE_DOF, JointLimits
+from services.runtime.errors import BadInput, unknown_name
+from services.runtime.log import Log
+from services.runtime.step import STEP_NS
+from services.runtime.subscriber import Subscriber
+from services.runtime.transport.wire import MEMBER_BYTES
+from services.sim.joints.effort_controller import EffortRule, net_effort
+from services.sim.physics.world import BodyHandle, JointReadings, MotorTarget
+from services.sim.transit_delay import TransitDelayEstimator
+
+STEP_S = STEP_NS / 1e9
+POSITION_GAIN = 0.2
+"""Share of a position error that a motor takes back in one physics step; gz_ros2_control has 0.1."""
+BRAKING_SHARE = 0.5
+"""Share of the effort limit that a motor counts on to stop in time; gravity and other joints take from the rest."""
+UNLIMITED_EFFORT = 1e6
+"""N m or N, of a joint whose URDF states no limit."""
+MAX_LEAD_NS = 50_000_000
+"""For so long after its stamp a position moves on at its rate without a new command."""
+LOG_PERIOD_S = 5.0
+
+
+@dataclass(frozen=True)
+class _Driven:
+    """A target that came at ``stamp`` and holds until ``until`` [ns]; a position that is merely held has no end."""
+
+    target: JointTarget
+    stamp: int
+    until: float
+    source: bytes = b""
+
+
+class JointMotors:
+    """Drives joints as ``JointCommand`` says, within the URDF's limits of position, velocity and effort.
+
+    A joint whose command is over is held where it is, or let go if it felt an effort. While the robot is stopped, all
+    joints that were commanded are held, also those that felt an effort, as by a brake.
+    """
+
+    def __init__(
+        self,
+        body: BodyHandle,
+        name: str,
+        limits: Mapping[str, JointLimits],
+        delays: TransitDelayEstimator,
+        log: Log,
+    ) -> None:
+        self._body, self._name, self._limits, self._delays, self._log = body, name, limits, delays, log
+        driven = body.motor_joints
+        self._wheels = frozenset(driven)
+        self.joints = tuple(
+            joint for joint, limit in limits.items() if joint not in driven and limit.kind in SINGLE_DOF
+        )
+        """The joints that can be commanded."""
+        self.commanded = False
+        """Whether a controller manager has ever sent something."""
+        self._stopped = False
+        self._driven: dict[str, _Driven] = {}
+        self._efforts: dict[str, float] = {}
+        self._known: dict[str, None] = {}
+        """The joints that were commanded since the last reset."""
+
+    def reset(self) -> None:
+        """Forget all targets, where the world was reset."""
+        self._driven, self._efforts, self._known = {}, {}, {}
+
+    def apply_commands(
+        self, topic: Subscriber[JointCommand], now: int, lockstep_members: set[bytes], factor: float
+    ) -> None:
+        """Take the commands that were admitted at ``now`` [ns]; what is refused counts so in the topic's health.
+
+        As with efforts, what publishers outside lockstep send ends earlier by the time that it was on its way.
+        """
+        for command, origin in topic.messages:
+            self.commanded = True
+            if self._stopped:
+                continue
+            age, source = 0.0, b""
+            if origin is not None:
+                source = origin.publisher
+                if source[:MEMBER_BYTES] not in lockstep_members:
+                    age = self._delays.estimate(origin)
+                    age = age * factor if age < inf else inf
+            if age > command.duration:
+                topic.reject(f"a command of {command.duration:g} s that is {age:.3f} s old: its time is over")
+                continue
+            self._replace(command, now, now + (command.duration - age) * 1e9, source, topic)
+
+    def stop(self, on: bool) -> None:
+        """Hold all joints that were commanded where they are, and take no command, or take commands again."""
+        if on and not self._stopped:
+            self._hold(tuple(self._known))
+        self._stopped = on
+
+    def publisher_lost(self, source: bytes) -> None:
+        """A publisher is gone: its joints are held, or let go, at once."""
+        self._end([joint for joint, each in self._driven.items() if each.source == source and each.until < inf])
+
+    def readings(self, measured: JointReadings) -> JointReadings:
+        """The joints as measured, with the efforts of those that are commanded here."""
+        if not self._driven:
+            return measured
+        motors = dict(zip(self._body.joints, self._body.joint_readings().effort, strict=True))
+        efforts = [
+            self._efforts.get(joint, motors[joint]) if joint in self._driven else effort
+            for joint, effort in zip(self._body.joints, measured.effort, strict=True)
+        ]
+        return measured._replace(effort=tuple(efforts))
+
+    def step(self, now: int) -> None:
+        """Set the motors for the physics step that begins at ``now`` [ns]."""
+        if not self._driven:
+            return
+        self._end([joint for joint, each in self._driven.items() if now > each.until])
+        if not self._driven:
+            return
+        position, velocity, _ = self._body.joint_readings()
+        inertias = self._body.joint_inertias()
+        places = {joint: index for index, joint in enumerate(self._body.joints)}
+        motors: dict[str, MotorTarget] = {}
+        self._efforts = {}
+        for joint, each in self._driven.items():
+            limits, place = self._limits[joint], places[joint]
+            if each.target.interface == "effort":
+                rate = velocity[place]
+                self._efforts[joint] = net_effort(_TOTAL, limits, rate, (each.target.value,))
+            else:
+                motors[joint] = self._motor_target(joint, each, position[place], inertias[place], now)
+        if motors:
+            self._body.drive_joints(motors)
+        if self._efforts:
+            self._body.set_efforts(self._efforts)
+
+    def _motor_target(self, joint: str, driven: _Driven, position: float, inertia: float, now: int) -> MotorTarget:
+        limits, target = self._limits[joint], driven.target
+        effort = UNLIMITED_EFFORT if limits.effort is None else limits.effort
+        fastest = limits.velocity or inf
+        if target.interface == "velocity":
+            wanted = target.value
+            lower, upper = limits.lower, limits.upper
+            if (upper is not None and position >= upper and wanted > 0) or (
+                lower is not None and position <= lower and wanted < 0
+            ):
+                wanted = 0.0
+        else:
+            lead = max(0, min(now - driven.stamp, MAX_LEAD_NS)) / 1e9
+            goal = within(limits, target.value + target.rate * lead)
+            error = goal - position
+            wanted = POSITION_GAIN * error / STEP_S
+            if limits.effort is not None and inertia > 0:
+                # Faster than this, the limited effort could not stop it at the goal.
+                most = sqrt(2 * BRAKING_SHARE * limits.effort / inertia * abs(error))
+                wanted = max(-most, min(most, wanted))
+            wanted += target.rate
+        return MotorTarget(max(-fastest, min(fastest, wanted)), effort)
+
+    def _replace(
+        self, command: JointCommand, now: int, until: float, source: bytes, topic: Subscriber[JointCommand]
+    ) -> None:
+        """Take the targets of a command; those of its publisher that are not among them are over."""
+        stamp, named = command.header.stamp.ns, set()
+        for target in command.targets:
+            try:
+                self._check(target)
+            except BadInput as error:
+                topic.reject(str(error))
+                self._log.warn(f"{topic.name}: {error}", every=LOG_PERIOD_S)
+                continue
+            named.add(target.joint_name)
+            before = self._driven.get(target.joint_name)
+            if target.interface == "effort" and before is not None and before.target.interface != "effort":
+                self._body.release_joints((target.joint_name,))
+            self._known[target.joint_name] = None
+            self._driven[target.joint_name] = _Driven(target, min(stamp, now), until, source)
+        self._end(
+            [j for j, each in self._driven.items() if each.source == source and each.until < inf and j not in named]
+        )
+
+    def _check(self, target: JointTarget) -> None:
+        joint = target.joint_name
+        if joint in self._wheels:
+            raise BadInput(f"{self._name}::{joint} is driven by the robot's base: command cmd_vel instead")
+        if joint not in self.joints:
+            raise unknown_name("joint", joint, self.joints, self._name)
+
+    def _end(self, joints: list[str]) -> None:
+        """The commands of these joints are over."""
+        free = [joint for joint in joints if self._driven[joint].target.interface == "effort"]
+        for joint in free:
+            del self._driven[joint]
+            self._efforts.pop(joint, None)
+        self._hold([joint for joint in joints if joint not in free])
+
+    def _hold(self, joints: list[str] | tuple[str, ...]) -> None:
+        if not joints:
+            return
+        positions = dict(zip(self._body.joints, self._body.joint_readings().position, strict=True))
+        for joint in joints:
+            self._efforts.pop(joint, None)
+            self._driven[joint] = _Driven(JointTarget(joint_name=joint, value=positions[joint]), 0, inf)
+
+
+_TOTAL = EffortRule()
+
+
+def within(limits: JointLimits, position: float) -> float:
+    """The position [rad or m] within the limits of a joint."""
+    if limits.lower is not None and position < limits.lower:
+        return limits.lower
+    if limits.upper is not None and position > limits.upper:
+        return limits.upper
+    return position

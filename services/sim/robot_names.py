@@ -1,0 +1,97 @@
+"""Where a robot's topics and frames lie: its namespace and its frame prefix, and what no two robots may share."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Protocol
+
+from messages.names import BadName, absolute_namespace, validate
+from models.model import read_model
+from models.urdf import read_joints
+from services.runtime.errors import BadInput
+
+ROOT_NAMESPACE = "/"
+"""Of a robot whose topics have no prefix, ``/cmd_vel`` and so on."""
+
+WORLD_FRAME = "world"
+"""The frame in which all robots stand."""
+
+
+class NamedRobot(Protocol):
+    """A robot as a fleet file, a spawn request or the simulation has it."""
+
+    @property
+    def name(self) -> str:
+        """What it is called in requests and in the report."""
+        ...
+
+    @property
+    def model(self) -> str:
+        """What it is."""
+        ...
+
+    @property
+    def namespace(self) -> str:
+        """Namespace of its topics; its name if empty."""
+        ...
+
+    @property
+    def frame_prefix(self) -> str | None:
+        """Prefix of its frames; its name and a slash if None."""
+        ...
+
+
+def robot_namespace(robot: NamedRobot) -> str:
+    """The absolute namespace of a robot's topics, ``/`` or ``/tb3_0``; raises BadName."""
+    return absolute_namespace(robot.namespace or robot.name)
+
+
+def robot_frame_prefix(robot: NamedRobot) -> str:
+    """What the frames of a robot begin with: ``tb3_0/`` or nothing."""
+    return f"{robot.name.strip('/')}/" if robot.frame_prefix is None else robot.frame_prefix
+
+
+def robot_frames(robot: NamedRobot) -> frozenset[str]:
+    """All frames of a robot; raises ``models.UnknownModel``."""
+    model, prefix = read_model(robot.model), robot_frame_prefix(robot)
+    links = {model.base_frame, *(link for joint in read_joints(robot.model) for link in (joint.parent, joint.child))}
+    return frozenset(f"{prefix}{frame}" for frame in (links if model.fixed_base else links | {"odom"}))
+
+
+def check_robot_names(robot: NamedRobot, others: Iterable[NamedRobot]) -> None:
+    """Raise BadInput for illegal names, and for a robot that would share its name, namespace or frames with others.
+
+    ``models.UnknownModel`` is raised where its model is unknown.
+    """
+    try:
+        validate(robot.name)
+        namespace = robot_namespace(robot)
+        _check_prefix(robot_frame_prefix(robot))
+    except BadName as error:
+        raise BadInput(f"a robot cannot have this name: {error}") from None
+    frames = robot_frames(robot)
+    if WORLD_FRAME in frames:
+        raise BadInput(
+            f"{robot.name}: its link {WORLD_FRAME!r} would be the frame of the world: give it a frame_prefix, "
+            f'such as "{robot.name}/"'
+        )
+    for other in others:
+        if other.name == robot.name:
+            raise BadInput(f"there is already a robot {robot.name!r}: names must be unique")
+        if robot_namespace(other) == namespace:
+            raise BadInput(
+                f"{robot.name}: the namespace {namespace} is that of {other.name} already, and both would publish "
+                f"{namespace.rstrip('/')}/odom: give one of them another namespace"
+            )
+        if shared := frames & robot_frames(other):
+            raise BadInput(
+                f"{robot.name}: {other.name} has the frame {min(shared)} already: give one of them another "
+                f'frame_prefix, such as "{robot.name}/"'
+            )
+
+
+def _check_prefix(prefix: str) -> None:
+    """Raise BadName for a prefix with which ``odom`` is no legal name of a frame."""
+    if prefix[:1] in ("/", "~"):
+        raise BadName(f"the frame_prefix {prefix[:255]!r} begins with {prefix[0]!r}: a frame has no leading slash")
+    validate(f"{prefix}odom")

@@ -1,0 +1,104 @@
+"""Robots of a user, written in the style of those that are published: a package with URDF, xacro and meshes."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from pathlib import Path
+
+INERTIAL = '<inertial><mass value="{mass}"/><inertia ixx="{i}" iyy="{i}" izz="{i}" ixy="0" ixz="0" iyz="0"/></inertial>'
+
+
+def inertial(mass: float = 1.0, moment: float = 0.01) -> str:
+    """A link's ``<inertial>``."""
+    return INERTIAL.format(mass=mass, i=moment)
+
+
+def link(name: str, *content: str) -> str:
+    """A link on a line of its own."""
+    return f'<link name="{name}">{"".join(content)}</link>\n'
+
+
+def joint(name: str, kind: str, parent: str, child: str, *content: str) -> str:
+    """A joint on a line of its own."""
+    ends = f'<parent link="{parent}"/><child link="{child}"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}{"".join(content)}</joint>\n'
+
+
+def shape(tag: str, geometry: str, xyz: str = "0 0 0", rpy: str = "0 0 0") -> str:
+    """A ``<collision>`` or ``<visual>``."""
+    return f'<{tag}><origin xyz="{xyz}" rpy="{rpy}"/><geometry>{geometry}</geometry></{tag}>'
+
+
+def robot(*content: str, name: str = "sample") -> str:
+    """The URDF."""
+    return f'<?xml version="1.0"?>\n<robot name="{name}">\n{"".join(content)}</robot>\n'
+
+
+def write(path: Path, text: str) -> Path:
+    """Write a file with its folders; return it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    return path
+
+
+def write_package(folder: Path, name: str) -> Path:
+    """A package: a folder with its ``package.xml``."""
+    write(folder / "package.xml", f"<package><name>{name}</name></package>")
+    return folder
+
+
+CUBE = [(x, y, z) for x in (0, 1) for y in (0, 2) for z in (0, 3)]
+"""Corners of a box from the origin to (1, 2, 3)."""
+CUBE_SIDES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+CUBE_TRIANGLES = [each for a, b, c, d in CUBE_SIDES for each in ((a, b, c), (a, c, d))]
+
+
+def write_meshes(folder: Path) -> dict[str, Path]:
+    """The box of ``CUBE`` in all formats, by the ending of its file's name and a word."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = {
+        "stl": folder / "cube.stl",
+        "ascii": folder / "ascii.STL",
+        "obj": folder / "cube.obj",
+        "dae": folder / "cube.dae",
+    }
+    files["stl"].write_bytes(binary_stl([[CUBE[n] for n in each] for each in CUBE_TRIANGLES]))
+    facets = "".join(
+        "facet normal 0 0 0\nouter loop\n"
+        + "".join("vertex {} {} {}\n".format(*CUBE[n]) for n in each)
+        + "endloop\nendfacet\n"
+        for each in CUBE_TRIANGLES
+    )
+    files["ascii"].write_text(f"solid cube\n{facets}endsolid cube\n")
+    corners = "".join("v {} {} {}\n".format(*each) for each in CUBE)
+    sides = "".join(f"f {' '.join(str(n + 1) for n in each)}\n" for each in CUBE_SIDES)
+    files["obj"].write_text(f"mtllib missing.mtl\no cube\n{corners}usemtl red\n{sides}")
+    files["dae"].write_text(dae_cube())
+    return files
+
+
+def binary_stl(triangles: Sequence[Sequence[tuple[float, float, float]]]) -> bytes:
+    """A binary STL."""
+    rows = b"".join(
+        struct.pack("<12fH", 0, 0, 0, *(part for corner in each for part in corner), 0) for each in triangles
+    )
+    return bytes(80) + struct.pack("<I", len(triangles)) + rows
+
+
+def dae_cube() -> str:
+    """The box in centimetres, its node moved by -100 along x, so that it lies from (-1, 0, 0) to (0, 2, 3) m."""
+    numbers = " ".join(f"{100 * part}" for corner in CUBE for part in corner)
+    indices = " ".join(str(n) for each in CUBE_SIDES for n in each)
+    return f"""<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><unit name="centimeter" meter="0.01"/><up_axis>Y_UP</up_axis></asset>
+<library_geometries><geometry id="g"><mesh>
+<source id="p"><float_array id="a" count="24">{numbers}</float_array><technique_common>
+<accessor source="#a" count="8" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+<param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<polylist count="6"><input semantic="VERTEX" source="#v" offset="0"/><vcount>4 4 4 4 4 4</vcount><p>{indices}</p>
+</polylist></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node><translate>-100 0 0</translate><instance_geometry url="#g"/></node>
+</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
