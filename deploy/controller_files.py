@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from msgspec.structs import replace
 
 from deploy.fleet import RobotConfig, ServiceConfig
-from deploy.toml_source import TomlKey, TomlSource
 from models.model import read_model
+from models.toml_source import TomlKey, TomlSource
 from models.urdf import read_joint_limits
+from services.controller_manager.config import ManagerConfig
 from services.controller_manager.config_file import read_config
+from services.controller_manager.joint_pid import PidParameters
 from services.runtime.errors import BadInput, unknown_name
+from services.sim.robot_names import robot_namespace
 
 KIND = "controller_manager"
 
@@ -24,6 +28,30 @@ def with_controllers_found(member: ServiceConfig, folder: Path) -> ServiceConfig
     return replace(member, parameters={**member.parameters, "config": str((folder / config).resolve())})
 
 
+def manager_parameters(kind: str, robot: RobotConfig | None) -> dict[str, Any]:
+    """What a controller manager gets from its robot."""
+    return {"robot": robot.name} if kind == KIND and robot is not None else {}
+
+
+def gain_values(member: ServiceConfig, owner: RobotConfig | None) -> dict[str, PidParameters]:
+    """The sets of gains that a controller manager announces, with the values of its file; none of another service."""
+    if member.kind != KIND:
+        return {}
+    namespace = _namespace(member, owner)
+    return {
+        f"{namespace.rstrip('/')}/{name}": PidParameters.of(gains)
+        for name, gains in _read(member, owner).gain_sets.items()
+    }
+
+
+def _namespace(member: ServiceConfig, owner: RobotConfig | None) -> str:
+    return member.namespace or (robot_namespace(owner) if owner is not None else "/")
+
+
+def _read(member: ServiceConfig, owner: RobotConfig | None) -> ManagerConfig:
+    return read_config(Path(member.parameters["config"]), _namespace(member, owner))
+
+
 def check_controllers(
     member: ServiceConfig, path: tuple[TomlKey, ...], owner: RobotConfig | None, source: TomlSource
 ) -> None:
@@ -31,16 +59,18 @@ def check_controllers(
     if member.kind != KIND:
         return
     here = source.location(*path)
-    if owner is None and not member.namespace:
-        raise BadInput(f"{here}: a {KIND} is for one robot: state it under that robot, or give it its namespace")
-    file = member.parameters.get("config")
-    if not file:
+    if owner is None and not (member.namespace and member.parameters.get("robot")):
+        raise BadInput(
+            f"{here}: a {KIND} is for one robot: state it under that robot, or give it its "
+            'namespace and parameters = { robot = "NAME" }'
+        )
+    if not member.parameters.get("config"):
         raise BadInput(
             f'{here}: a {KIND} needs parameters = {{ config = "controllers.yaml" }}, the file of its controllers'
         )
     where = source.location(*path, "parameters", "config")
     try:
-        config = read_config(Path(file), member.namespace or (owner.name if owner else ""))
+        config = _read(member, owner)
         if owner is not None:
             config.check_joints(read_joint_limits(owner.model))
     except BadInput as error:

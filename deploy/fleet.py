@@ -98,13 +98,16 @@ class ChangeConfig(FleetTable, frozen=True, kw_only=True):
 
 
 class Fleet(FleetTable, frozen=True, kw_only=True):
-    """A fleet. ``every_robot`` are services that each robot gets beside its own.
+    """A fleet. ``world`` is a name of models/worlds, or the path of a file; by default it is empty.
+
+    ``every_robot`` are services that each robot gets beside its own.
 
     ``mode_bounds`` are the tables ``[bounds.real]`` and ``[bounds.lockstep]`` of the file.
     """
 
     name: FleetName
     description: str = ""
+    world: Annotated[str, Meta(max_length=4096)] = ""
     run: RunConfig = RunConfig()
     robot: tuple[RobotConfig, ...] = ()
     every_robot: tuple[ServiceConfig, ...] = ()

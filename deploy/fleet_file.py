@@ -18,8 +18,9 @@ from deploy.fleet_validation import validate_fleet
 from deploy.parameter_sets import check_changes
 from deploy.report.checks import KEYS, Bound
 from deploy.restart_policy import RestartPolicy
-from deploy.toml_source import TomlKey, TomlSource
-from models.world import read_world
+from models import is_world_file
+from models.toml_source import TomlSource, key_path
+from models.world import BadWorld, find_world, read_world
 from services.catalog import is_user_file
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.user_folders import parameters_folder
@@ -106,7 +107,10 @@ def parse_fleet(path: Path, text: str, overrides: Sequence[str] = ()) -> Fleet:
         fleet = msgspec.convert(_place_robots(_split_bounds(tree, source), source), Fleet)
     except msgspec.ValidationError as error:
         raise _locate_error(source, str(error)) from None
-    fleet = _resolve_user_files(fleet, path.parent)
+    try:
+        fleet = _resolve_user_files(fleet, path.parent)
+    except BadWorld as error:
+        raise BadInput(f"{source.location('world')}: {error}") from None
     validate_fleet(fleet, source)
     check_changes(fleet, source)
     return fleet
@@ -141,12 +145,14 @@ def _place_robots(tree: dict[str, Any], source: TomlSource) -> dict[str, Any]:
     ):
         return tree
     name, where = SimParameters().world, source.location("robot", 0, "pose")
+    if isinstance(tree.get("world"), str):
+        name, where = tree["world"], source.location("world")
     for index, each in enumerate(services if isinstance(services, list) else ()):
         if isinstance(each, dict) and each.get("kind") == "sim" and isinstance(each.get("parameters"), dict):
             name = each["parameters"].get("world", name)
             where = source.location("service", index, "parameters", "world")
     try:
-        start = read_world(str(name)).start
+        start = read_world(str(name), source.path.parent).start
     except BadInput as error:
         raise BadInput(f"{where}: {error}") from None
     if start is None:
@@ -156,8 +162,10 @@ def _place_robots(tree: dict[str, Any], source: TomlSource) -> dict[str, Any]:
 
 
 def _resolve_user_files(fleet: Fleet, folder: Path) -> Fleet:
-    """The fleet with the files that it names found, Python files among its kinds and those of controllers: a relative
-    one counts from the fleet file's folder."""
+    """The fleet with the files that it names found: its world, services in Python, controllers.
+
+    A relative path counts from the fleet file's folder.
+    """
 
     def found(members: tuple[ServiceConfig, ...]) -> tuple[ServiceConfig, ...]:
         return tuple(
@@ -168,13 +176,14 @@ def _resolve_user_files(fleet: Fleet, folder: Path) -> Fleet:
         )
 
     robots = tuple(replace(each, services=found(each.services)) for each in fleet.robot)
-    return replace(fleet, robot=robots, every_robot=found(fleet.every_robot), service=found(fleet.service))
+    world = str(find_world(fleet.world, folder)) if is_world_file(fleet.world) else fleet.world
+    return replace(fleet, world=world, robot=robots, every_robot=found(fleet.every_robot), service=found(fleet.service))
 
 
 def _locate_error(source: TomlSource, error: str) -> BadInput:
     """msgspec's error with the line of its path, and the alternatives when a key is unknown."""
     text, _, where = error.partition(" - at `$")
-    path = _parse_error_path(where.rstrip("`"))
+    path = key_path(where.rstrip("`"))
     if path[:1] == (_BY_MODE,):
         path = ("bounds", *path[1:])
     if found := re.search(r"unknown field `(.*?)`", text):
@@ -184,13 +193,3 @@ def _locate_error(source: TomlSource, error: str) -> BadInput:
         return unknown_name("key", found[1], known, source.location(*path, found[1]))
     shown = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).lstrip(".")
     return BadInput(f"{source.location(*path)}: {f'{shown}: ' if shown else ''}{text}")
-
-
-def _parse_error_path(text: str) -> tuple[TomlKey, ...]:
-    """``.robot[2].pose.x`` taken apart; it ends where msgspec no longer names the key."""
-    steps: list[TomlKey] = []
-    for name, index, rest in re.findall(r"\.(\w+)|\[(\d+)\]|(\[\.\.\.\])", text):
-        if rest:
-            break
-        steps.append(name or int(index))
-    return tuple(steps)

@@ -8,9 +8,10 @@ from deploy.controller_files import check_controllers
 from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.report.checks import check_bounds
 from deploy.service_parameters import BUILTIN_SERVICES, robot_parameter_set, robot_parameters_type
-from deploy.toml_source import TomlKey, TomlSource
 from messages.names import BadName, Identity, parse_remap
 from models import MODELS
+from models.toml_source import TomlKey, TomlSource
+from models.world import read_world
 from services.catalog import load_service
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.parameters.validation import build
@@ -22,6 +23,11 @@ def validate_fleet(fleet: Fleet, source: TomlSource) -> None:
     for index in range(len(fleet.robot)):
         _check_robot(fleet, index, source)
     _check_models(fleet, source)
+    if fleet.world:
+        try:
+            read_world(fleet.world)
+        except BadInput as error:
+            raise BadInput(f"{source.location('world')}: {error}") from None
     sets = {robot_parameter_set(robot): robot.name for robot in fleet.robot}
     nodes: dict[str, str] = {}
     for path, member, owner in all_services(fleet):

@@ -185,6 +185,7 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
             }
         case "sim":
             return {
+                **({"world": fleet.world} if fleet.world else {}),
                 "robots": [_sim_robot(each) for each in robots],
                 "mode": run.mode,
                 "factor": run.factor,

@@ -118,18 +118,38 @@ class CameraConfig(ModelTable, frozen=True, kw_only=True):
     far: Positive
 
 
+ErrorShare = Annotated[float, Meta(ge=0, le=0.05)]
+
+
+class OdometryErrorConfig(ModelTable, frozen=True, kw_only=True):
+    """How far the wheels of such a robot are from what its odometry takes them for: standard deviations, as shares.
+
+    ``wheel_radius`` is that of the size of both wheels, ``wheel_radius_ratio`` that of the right one by the left one,
+    ``wheel_separation`` that of the distance between the points at which they touch the ground.
+    """
+
+    wheel_radius: ErrorShare = 0.0
+    wheel_radius_ratio: ErrorShare = 0.0
+    wheel_separation: ErrorShare = 0.0
+
+
 class RobotModel(ModelTable, frozen=True, kw_only=True):
     """A robot: ``radius`` [m] of the circle around ``base_frame`` that holds it, and what it carries.
 
     ``odometry_rate`` [Hz] is that of odometry and ground truth, ``joint_rate`` [Hz] that of the joint states, the same
     where it is not stated. ``fixed_base`` holds the root where it is. ``drive`` holds what this model's base driver
     takes for parameters that a fleet leaves open, by the names of ``services.sim.BaseParameters``.
+
+    ``odometry`` is the pose in the world, or what the wheels' encoders tell, with ``odometry_error``; that counts from
+    the robot's pose in the world, or from 0, by ``odometry_origin``.
     """
 
     about: str
     base_frame: str
     radius: Positive
     odometry: Literal["world", "encoder"]
+    odometry_origin: Literal["world", "start"] = "start"
+    odometry_error: OdometryErrorConfig = OdometryErrorConfig()
     odometry_rate: Positive
     joint_rate: Positive | None = None
     fixed_base: bool = False

@@ -12,6 +12,9 @@ class ControllerManagerParameters(Parameters, frozen=True, kw_only=True):
     config: str = param(
         "", text="YAML file of the controllers; a fleet counts it from its own folder.", max_length=4096, live=False
     )
+    robot: str = param(
+        "", text="Name of the robot in the simulation; that of the namespace if empty.", max_length=255, live=False
+    )
     controllers: tuple[str, ...] = param(
         (),
         text="Controllers to start; all, where none is named, but those whose joints another one has.",

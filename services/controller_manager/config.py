@@ -138,6 +138,15 @@ class ControllerConfig:
     gains: Mapping[str, Gains] = field(default_factory=dict)
     trajectory: TrajectoryConfig | None = None
 
+    def gain_set(self, joint: str) -> str:
+        """The set of parameters that a joint's gains are in, relative to the robot's namespace; named as in ROS."""
+        match self.kind:
+            case "trajectory":
+                return f"{self.name}/gains/{joint}"
+            case "group":
+                return f"{self.name}/{joint}/pid"
+        return f"{self.name}/pid"
+
 
 @dataclass(frozen=True)
 class ManagerConfig:
@@ -151,6 +160,12 @@ class ManagerConfig:
     update_rate: float = DEFAULT_RATE
     hardware_gains: Mapping[str, Gains] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+    @property
+    def gain_sets(self) -> dict[str, Gains]:
+        """The gains by the sets of parameters that they are in, relative to the robot's namespace."""
+        sets = {each.gain_set(joint): gains for each in self.controllers for joint, gains in each.gains.items()}
+        return sets | {hardware_gain_set(joint): gains for joint, gains in self.hardware_gains.items()}
 
     @property
     def joints(self) -> dict[str, tuple[str, str]]:
@@ -173,3 +188,8 @@ class ManagerConfig:
                 raise BadInput(f"{where}: {controller}: the joint {joint} is {limits[joint].kind}: it does not move")
             if joint not in known:
                 raise unknown_name("joint", joint, known, f"{where}: {controller}")
+
+
+def hardware_gain_set(joint: str) -> str:
+    """The set of a joint's ``hardware_gains``."""
+    return f"gazebo_ros_control/pid_gains/{joint}"

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 
+from models.yaml_reader import YamlSource, read_yaml
 from services.controller_manager.config import (
     DEFAULT_RATE,
     FORWARD_COMMAND,
@@ -28,7 +29,6 @@ from services.controller_manager.config import (
     TrajectoryConfig,
 )
 from services.runtime.errors import BadInput, did_you_mean, unknown_name
-from services.runtime.yaml_reader import YamlSource, read_yaml
 
 MAX_BYTES = 1 << 18
 """Size of the file; those that people write have a few thousand bytes."""

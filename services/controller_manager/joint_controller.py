@@ -37,8 +37,7 @@ class JointController:
         ]
         self._pids: dict[str, JointPid] = {}
         for joint, gains in config.gains.items():
-            name = f"{config.name}/pid" if single else f"{config.name}/{joint}/pid"
-            self._pids[joint] = JointPid(ports.announce(name, PidParameters.of(gains)))
+            self._pids[joint] = JointPid(ports.announce(config.gain_set(joint), PidParameters.of(gains)))
         self._states = None
         if single and self._pids:
             topic = Topic(

@@ -69,7 +69,7 @@ class _ManagerLoop:
     def __init__(self, ctx: Context[ControllerManagerParameters], config: ManagerConfig) -> None:
         self._ctx = ctx
         self.rate = control_rate(ctx.params.update_rate, config, ctx.lockstep)
-        self._robot = ctx.namespace.strip("/")
+        self._robot = ctx.params.robot or ctx.namespace.strip("/")
         self._descriptions, self._stops = ctx.latest(ROBOT_DESCRIPTION), ctx.latest(STOPS)
         self._feedback = ctx.latest(JOINT_FEEDBACK)
         self._command = ctx.advertise(JOINT_COMMAND)

@@ -9,7 +9,7 @@ from messages.controllers import ControllerState, ListControllersResponse, Switc
 from messages.joints import JointTarget
 from messages.std import Empty
 from models.urdf import JointLimits
-from services.controller_manager.config import ControllerConfig, Gains, ManagerConfig
+from services.controller_manager.config import ControllerConfig, ManagerConfig, hardware_gain_set
 from services.controller_manager.controller import MAX_GAP_S, Controller, Ports
 from services.controller_manager.joint_controller import JointController
 from services.controller_manager.joint_pid import JointPid, PidParameters
@@ -45,8 +45,8 @@ class ControllerManager:
         self._states: dict[str, State] = dict.fromkeys(self._configs, "initialized")
         self._controllers = {name: each for name, one in self._configs.items() if (each := _make(one, ports))}
         self._hardware = {
-            joint: JointPid(ports.announce(f"gazebo_ros_control/pid_gains/{joint}", PidParameters.of(gains)))
-            for joint, gains in _moved_by_effort(config).items()
+            joint: JointPid(ports.announce(hardware_gain_set(joint), PidParameters.of(gains)))
+            for joint, gains in config.hardware_gains.items()
         }
         self._started: set[str] = set()
         """Running controllers that have seen the joints."""
@@ -177,11 +177,6 @@ class ControllerManager:
             for joint in self._configs[name].joints:
                 if (other := claimed.setdefault(joint, name)) != name:
                     raise BadInput(f"{name} and {other} both want the joint {joint}: stop one of them")
-
-
-def _moved_by_effort(config: ManagerConfig) -> dict[str, Gains]:
-    """The gains of the hardware for joints that some controller commands."""
-    return {joint: gains for joint, gains in config.hardware_gains.items() if joint in config.joints}
 
 
 def _make(config: ControllerConfig, ports: Ports) -> Controller | None:

@@ -55,7 +55,7 @@ class TrajectoryController:
         ]
         self._server = FollowJointTrajectoryServer(name, self._terms.action_monitor_rate, ports)
         self._pids = {
-            joint: JointPid(ports.announce(f"{name}/gains/{joint}", PidParameters.of(gains)))
+            joint: JointPid(ports.announce(config.gain_set(joint), PidParameters.of(gains)))
             for joint, gains in config.gains.items()
         }
         self._state_due = Due(self._terms.state_publish_rate)

@@ -21,6 +21,7 @@ from services.sim.command_sources import CommandSources
 from services.sim.drive.config import effective_parameters, odometry_config
 from services.sim.drive.controller import DiffDriveController
 from services.sim.drive.odometry import Odometer
+from services.sim.drive.odometry_error import NO_ERROR
 from services.sim.joints.config import check_positions
 from services.sim.joints.effort_controller import JointEffortController
 from services.sim.parameters import RobotEntry
@@ -132,6 +133,7 @@ def spawn_actuation(
     model: RobotModel,
     namespace: str,
     pose: Pose3,
+    seed: int,
     command_sources: CommandSources,
     delays: TransitDelayEstimator,
     wait: bool,
@@ -142,7 +144,7 @@ def spawn_actuation(
         torque = base.config.torque
         motors = Motor(base.config.left_joint, torque), Motor(base.config.right_joint, torque)
         body = _spawn_body(world, entry, model, pose, base, motors=motors)
-        return WheelActuation(node, body, entry, model, base, command_sources, delays)
+        return WheelActuation(node, body, entry, model, base, seed, command_sources, delays)
     joints = JointParameterSet(node, namespace, entry, wait)
     friction = tuple(joints.config.joint_friction.items())
     body = _spawn_body(world, entry, model, pose, joints, joint_friction=friction)
@@ -178,6 +180,7 @@ class WheelActuation:
         entry: RobotEntry,
         model: RobotModel,
         parameters: BaseParameterSet,
+        seed: int,
         command_sources: CommandSources,
         delays: TransitDelayEstimator,
     ) -> None:
@@ -185,7 +188,9 @@ class WheelActuation:
         self.controller = DiffDriveController(parameters.config, command_sources, delays, node.log)
         self.noise = parameters.parameters.noise
         config = odometry_config(model, parameters.parameters)
-        self.odometer = Odometer(config, body, entry.name, self.controller)
+        self.odometer = Odometer(config, body, entry.name, self.controller, seed)
+        if config.source == "encoder" and self.odometer.error != NO_ERROR:
+            node.log.info(f"{entry.name}: {self.odometer.error}, by the seed {seed}; odometry_error = 0 is exact")
         self._open_loop = config.source == "open loop"
         self.command_topic: Topic[Any] = CMD_VEL_STAMPED if parameters.config.stamped else CMD_VEL
         self.extra_topics: tuple[Topic[Any], ...] = (

@@ -14,6 +14,7 @@ from messages.se3 import Pose3
 from messages.simulation import SimStatus, SimTime, Steps
 from messages.topics import FLEET_STATE, SIM_STATUS, WORLD_MARKERS
 from models import UnknownModel
+from models.model import read_model
 from models.world import read_world
 from services.runtime.context import Context
 from services.runtime.discovery import wait_for_nodes
@@ -23,7 +24,9 @@ from services.runtime.parameters.client import ParameterClient
 from services.runtime.requests import DeferredReply
 from services.runtime.step import STEP_NS
 from services.sim import SimParameters
+from services.sim.parameters import RobotEntry
 from services.sim.physics.bullet import BulletWorld
+from services.sim.physics.world import World
 from services.sim.services import JointServices, PropertyServices, SimulationServices
 from services.sim.simulation import Simulation
 from services.sim.time_modes import Lockstep, RealTime, TimeMode
@@ -38,12 +41,14 @@ def run(ctx: Context[SimParameters]) -> None:
     params, node = ctx.params, ctx.node
     try:
         world_description = read_world(params.world)
+        for note in world_description.notes:
+            ctx.log.warn(note)
         with BulletWorld(world_description, STEP_NS) as world:
             stops_file = Path(params.stops_file) if params.stops_file else None
             simulation = Simulation(node, world, params.seed, params.mode == "real", stops_file)
             node.log.now = lambda: simulation.now
             for entry in params.robots:
-                simulation.spawn(entry, Pose3.planar(entry.x, entry.y, entry.yaw), wait=True)
+                simulation.spawn(entry, start_pose(world, entry), wait=True)
             node.advertise(WORLD_MARKERS).publish(world_markers(world_description))
             status_publisher = _StatusPublisher(node)
             time_mode = _time_mode(ctx, simulation, status_publisher)
@@ -64,6 +69,12 @@ def run(ctx: Context[SimParameters]) -> None:
             _run_loop(ctx, loop)
     except UnknownModel as error:
         raise BadInput(str(error)) from None
+
+
+def start_pose(world: World, entry: RobotEntry) -> Pose3:
+    """Where a robot of the fleet starts: at its x and y, on the ground that is there."""
+    (x, y, _), orientation = Pose3.planar(entry.x, entry.y, entry.yaw)
+    return Pose3((x, y, world.ground_height(x, y, read_model(entry.model).radius)), orientation)
 
 
 def _run_loop(ctx: Context[SimParameters], loop: SimulationLoop) -> None:

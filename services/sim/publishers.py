@@ -28,6 +28,7 @@ from messages.topics import (
     ROBOT_DESCRIPTION,
     SCAN,
     SONAR,
+    WORLD_STATES,
     Topic,
 )
 from models import urdf_path
@@ -203,6 +204,23 @@ def _due(tick: int, rate: float) -> bool:
 @cache
 def _steps(rate: float) -> int:
     return round(1e9 / rate / STEP_NS)
+
+
+class WorldStatesPublisher:
+    """The world's movable and moving bodies, in the order of its file; nothing is advertised where there are none."""
+
+    def __init__(self, node: Node, world: World) -> None:
+        self._world = world
+        self._publisher: Publisher[Any] | None = node.advertise(WORLD_STATES) if world.world_bodies else None
+
+    def publish(self, tick: int) -> None:
+        """Publish them if they are due at ``tick``."""
+        if self._publisher is None or not _due(tick, WORLD_STATES.rate) or not self._publisher.has_subscribers:
+            return
+        names = self._world.world_bodies
+        states = [pose_and_twist(self._world.world_body_state(name)) for name in names]
+        poses, twists = tuple(pose for pose, _ in states), tuple(twist for _, twist in states)
+        self._publisher.publish(ModelStates(name=names, pose=poses, twist=twists))
 
 
 class GazeboStatesPublisher:

@@ -43,7 +43,7 @@ class Robot:
         self.entry, self.name, self.model = entry, entry.name, read_model(entry.model)
         self.namespace, self.frame_prefix = robot_namespace(entry), robot_frame_prefix(entry)
         self.actuation = spawn_actuation(
-            node, world, entry, self.model, self.namespace, pose, command_sources, delays, wait
+            node, world, entry, self.model, self.namespace, pose, seed, command_sources, delays, wait
         )
         self._node, self._world, self._body = node, world, world.body(entry.name)
         commands = self.actuation.command_topic

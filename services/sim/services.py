@@ -341,6 +341,6 @@ class PropertyServices:
             gravity=Vector3(z=-GRAVITY),
             iterations=SOLVER_ITERATIONS,
             ground_friction=self._world_description.friction,
-            obstacles=tuple(box.name for box in self._world_description.boxes),
+            obstacles=tuple(body.name for body in self._world_description.all_bodies),
             model_names=self._world.names,
         )

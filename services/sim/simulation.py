@@ -21,7 +21,7 @@ from services.sim.emergency_stops import ALL_ROBOTS, EmergencyStopStore
 from services.sim.joints.wrenches import LinkWrenches
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import World
-from services.sim.publishers import GazeboStatesPublisher
+from services.sim.publishers import GazeboStatesPublisher, WorldStatesPublisher
 from services.sim.robot import Robot
 from services.sim.robot_names import check_robot_names
 from services.sim.tf import dynamic_transforms, static_transforms
@@ -56,6 +56,7 @@ class Simulation:
         self._tf_publisher: Publisher[Any] = node.advertise(TF)
         self._tf_static_publisher: Publisher[Any] = node.advertise(TF_STATIC)
         self._gazebo_states = GazeboStatesPublisher(node, world)
+        self._world_states = WorldStatesPublisher(node, world)
         self._e_stop_subscriber: Subscriber[Any] = node.subscribe(E_STOP, f"/{E_STOP.name}")
         self.stops = EmergencyStopStore(stops_file, self._command_sources.node_name, node.log)
         self._stops_publisher: Publisher[Any] = node.advertise(STOPS)
@@ -136,6 +137,7 @@ class Simulation:
             robot.publishers.publish_motion(now, tick)
             if tick % STATUS_STEPS == 0:
                 robot.publish_status(now)
+        self._world_states.publish(tick)
         if tick % TF_STEPS == 0:
             self._gazebo_states.publish()
             if self._tf_publisher.has_subscribers:

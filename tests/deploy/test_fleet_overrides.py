@@ -47,10 +47,8 @@ def test_keys_of_the_run_of_robots_and_of_services_are_set() -> None:
     fleet = parsed("driver.laps=2", "waypoint.laps=3", "grader.reach_tolerance=0.1", "world=house", "waypoint.laps=4")
     assert fleet.robot[0].services[0].parameters == {"laps": 2}
     assert fleet.every_robot[0].parameters == {"laps": 4}, "the last one counts"
-    assert {each.kind: each.parameters for each in fleet.service} == {
-        "grader": {"reach_tolerance": 0.1},
-        "sim": {"world": "house"},
-    }
+    assert {each.kind: each.parameters for each in fleet.service} == {"grader": {"reach_tolerance": 0.1}}
+    assert fleet.world == "house"
     assert (fleet.robot[1].pose.x, fleet.robot[1].pose.y) == (-3.0, 1.0), "the start of that world"
     assert parsed("b.pose.y=2").robot[1].pose.y == 2.0
 

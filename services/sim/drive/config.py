@@ -11,7 +11,7 @@ import msgspec
 
 from messages.base import Packed36, covariance
 from models import model_config_path, urdf_path
-from models.model import RobotModel, WheelConfig, read_model
+from models.model import OdometryErrorConfig, RobotModel, WheelConfig, read_model
 from models.urdf import NoWheels, WheelPair, read_wheels
 from services.driving.pid import PidGains
 from services.runtime.errors import BadInput
@@ -68,9 +68,16 @@ class DriveConfig:
 
 @dataclass(frozen=True)
 class OdometryConfig:
-    """Where odometry comes from, and what is said of it; a covariance of None is that of its source."""
+    """Where odometry comes from, and what is said of it; a covariance of None is that of its source.
+
+    Odometry that counts begins at the robot's pose in the world with ``in_world``, else at 0. ``error_multiple`` is of
+    the standard deviations ``error`` of the wheels' figures.
+    """
 
     source: Literal["world", "encoder", "open loop"]
+    in_world: bool
+    error: OdometryErrorConfig
+    error_multiple: float
     window: int
     pose: Packed36 | None
     twist: Packed36 | None
@@ -142,6 +149,10 @@ def odometry_config(model: RobotModel, parameters: BaseParameters) -> OdometryCo
     pose, twist = parameters.pose_covariance_diagonal, parameters.twist_covariance_diagonal
     return OdometryConfig(
         source=source,
+        in_world=(model.odometry_origin if parameters.odometry_origin == "model" else parameters.odometry_origin)
+        == "world",
+        error=model.odometry_error,
+        error_multiple=parameters.odometry_error,
         window=parameters.velocity_rolling_window_size or DEFAULT_WINDOW,
         pose=None if pose is None else covariance(*pose),
         twist=None if twist is None else covariance(*twist),

@@ -1,4 +1,4 @@
-"""Reads YAML: values on the command line, files of parameters and of controllers, and the metadata of bags."""
+"""Reads YAML: values on the command line, files of parameters and controllers, and the metadata of bags."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from services.runtime.errors import BadInput
+from messages.errors import BadInput
 
 if TYPE_CHECKING:
     import yaml
