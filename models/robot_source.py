@@ -20,10 +20,13 @@ import msgspec
 
 from messages.errors import BadInput, unknown_name
 from models import MODELS, UnknownModel, model_config_path, urdf_path
+from models.engine_fit import DrivenWheels, fit_urdf
+from models.gazebo_tags import parse_gazebo_tags
 from models.inertials import mend_inertias
+from models.inferred import infer_model
 from models.input_file import read_limited
 from models.mesh import Mesh, read_mesh
-from models.model import read_model
+from models.model import INFERRED_FILE, read_model
 from models.packages import OWNER, FileAccess, PackagePath, find_file
 from models.robot_cache import MADE, robots_folder, write_folder
 from models.robot_facts import RobotFacts, read_facts
@@ -32,7 +35,7 @@ from models.urdf import located, parse_urdf, parse_xml, read_urdf
 from models.urdf_writer import EngineFiles, extents, physics_urdf, viewer_urdf
 from models.xacro_file import XacroValue, expand_xacro
 
-FORMAT = "1"
+FORMAT = "4"
 """Changes when other files are made of the same robot."""
 MAX_MODEL_TOML = 1 << 20
 """Bytes of a ``model.toml``."""
@@ -72,6 +75,7 @@ def resolve_robot(
     packages: Sequence[Path] = (),
     xacro_args: Mapping[str, XacroValue] | None = None,
     access: FileAccess = OWNER,
+    faults: list[str] | None = None,
 ) -> RobotSource:
     """The files of a robot; raises BadInput, with file and line.
 
@@ -82,6 +86,7 @@ def resolve_robot(
         packages: Folders in which ``package://`` is looked for beside those of ROS; each is a package or holds some.
         xacro_args: Values of a xacro's arguments.
         access: What may be read.
+        faults: Gets why meshes cannot be read, and these are left out; without a list they are errors.
     """
     if model in MODELS:
         return RobotSource(model, model, urdf_path(model), model_config_path(model))
@@ -107,7 +112,7 @@ def resolve_robot(
             raise BadInput(f"{path}: xacro_args are for a xacro, and this is a plain URDF")
     toml = path.with_name("model.toml")
     config = toml if path.name in _FILES and toml.exists() else None
-    found = _make(_name_of(path), urdf, path, told, config, PackagePath(tuple(packages)), access)
+    found = _make(_name_of(path), urdf, path, told, config, PackagePath(tuple(packages)), access, faults)
     read_model(found.model)
     return found
 
@@ -219,6 +224,7 @@ def _make(
     config: Path | None,
     packages: PackagePath,
     access: FileAccess,
+    faults: list[str] | None = None,
 ) -> RobotSource:
     """Read all that belongs to a robot, and write its folder unless it is there already."""
     notes: list[str] = []
@@ -228,12 +234,12 @@ def _make(
     robot, description = parse_xml(urdf, told), parse_urdf(urdf, told)
     files = _NamedFiles(path, packages, access)
     with located(told):
-        shapes = read_shapes(robot, files.read)
+        shapes = read_shapes(robot, files.read, faults)
         mended = mend_inertias(description, shapes)
     name = re.sub(r"[^A-Za-z0-9_.]+", "_", name or description.name).strip("_.")[:60] or "robot"
     resolved = _with_paths(urdf, {said: f"file://{file}" for said, file in files.found.items()})
     toml = read_limited(config, MAX_MODEL_TOML, "a model.toml") if config is not None else b""
-    files.hashes.update("\0".join((FORMAT, resolved, str(path), "")).encode() + toml)
+    files.hashes.update("\0".join((FORMAT, resolved, str(path), *(faults or ()), "")).encode() + toml)
     folder = robots_folder() / f"{name}-{files.hashes.hexdigest()[:16]}"
     if (found := find_made(str(folder))) is not None:
         return found
@@ -241,8 +247,17 @@ def _make(
     def write(into: Path) -> None:
         contacts = {each.get("name", ""): contact for each in robot if (contact := each.find("contact")) is not None}
         physics, assumed = physics_urdf(description, shapes, mended.inertias, contacts, EngineFiles(into, folder))
+        tags = parse_gazebo_tags(resolved, path.name if path is not None else told)
+        chosen: tuple[str, ...] = ()
+        if config is not None:
+            driven = _stated_wheels(toml)
+        else:
+            model, chosen = infer_model(description, shapes, tags, path.name if path is not None else told)
+            driven = DrivenWheels.of(model)
+            (into / INFERRED_FILE).write_bytes(msgspec.json.encode(model))
+        fit = fit_urdf(physics, description, shapes, tags.friction, driven)
         viewer = _with_paths(viewer_urdf(description, shapes), {said: str(file) for said, file in files.found.items()})
-        for file, text in (("robot.urdf", resolved), ("physics.urdf", physics), ("viewer.urdf", viewer)):
+        for file, text in (("robot.urdf", resolved), ("physics.urdf", fit.text), ("viewer.urdf", viewer)):
             (into / file).write_text(text, encoding="utf-8")
         if config is not None:
             (into / "model.toml").write_bytes(toml)
@@ -255,12 +270,42 @@ def _make(
             reach=reach,
             lowest=lowest,
             highest=highest,
-            notes=(*notes, *left_out, *description.warnings, *mended.notes, *assumed),
+            notes=(*notes, *left_out, *description.warnings, *mended.notes, *assumed, *chosen),
+            height=fit.height,
+            starts=fit.starts,
+            skid=fit.skid,
+            ignored=tags.ignored,
         )
         (into / "facts.json").write_bytes(msgspec.json.encode(facts))
 
     write_folder(folder, write)
     return _source(folder)
+
+
+def _stated_wheels(toml: bytes) -> DrivenWheels:
+    """The driven wheels that a ``model.toml`` names; none where it cannot be read, which ``read_model`` says."""
+    try:
+        config = msgspec.toml.decode(toml, type=_BaseTables)
+    except msgspec.MsgspecError:
+        return DrivenWheels()
+    wheels = config.wheels
+    if wheels is None:
+        return DrivenWheels(holonomic=config.planar is not None)
+    left, right = (wheels.left_joint, *wheels.other_left), (wheels.right_joint, *wheels.other_right)
+    return DrivenWheels(left, right, wheels.radius)
+
+
+class _StatedWheels(msgspec.Struct):
+    left_joint: str
+    right_joint: str
+    other_left: tuple[str, ...] = ()
+    other_right: tuple[str, ...] = ()
+    radius: float = 0.0
+
+
+class _BaseTables(msgspec.Struct):
+    wheels: _StatedWheels | None = None
+    planar: dict[str, float] | None = None
 
 
 def _with_paths(urdf: str, paths: Mapping[str, str]) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from messages.se3 import Pose3, Rotation, Vector
+from messages.se3 import IDENTITY, Pose3, Rotation, Vector, rotate
 from services.runtime.errors import unknown_name
 from services.sim.physics._pybullet import pybullet
 from services.sim.physics.engine import load_urdf
@@ -31,11 +31,16 @@ class BulletBody:
         self._motors: tuple[int, ...] = ()
         self._links: dict[str, int] = {}
         """Indices; that of the root is -1."""
+        self._centre: Pose3 | None = None
+        """Where the principal axes of the root's inertia are in its frame; None where they are its axes."""
 
     def load(self) -> None:
         """Load the body into a new or reset client, at rest; raises BadInput for a joint that it does not have."""
         client, description = self._client, self.description
         self.body_id = load_urdf(client, description.urdf, description.pose, description.fixed)
+        # PyBullet tells and takes where the principal axes of the root's inertia are, not where its frame is.
+        centre = Pose3(*pybullet.getDynamicsInfo(self.body_id, -1, client)[3:5])
+        self._centre = None if centre == IDENTITY else centre
         count = pybullet.getNumJoints(self.body_id, client)
         rows = [pybullet.getJointInfo(self.body_id, index, client) for index in range(count)]
         self._joints = {row[1].decode(): row[0] for row in rows if row[2] != pybullet.JOINT_FIXED}
@@ -49,6 +54,14 @@ class BulletBody:
         root = pybullet.getBodyInfo(self.body_id, client)[0].decode()
         self._motors = tuple(self._joints[motor.joint] for motor in description.motors)
         self._links = {root: -1} | {row[12].decode(): row[0] for row in rows}
+        if description.friction_shares:
+            # By default friction acts along two axes of the world, each limited by itself: shares along a link's axes
+            # fail where both coincide.
+            pybullet.setPhysicsEngineParameter(enableConeFriction=0, physicsClientId=client)
+        for link, shares in description.friction_shares:
+            pybullet.changeDynamics(
+                self.body_id, self._link_index(link), anisotropicFriction=shares, physicsClientId=client
+            )
         self.set_joints(dict(description.initial_positions))
         if description.joint_friction:
             self.set_joint_friction(dict(description.joint_friction))
@@ -68,12 +81,25 @@ class BulletBody:
     @property
     def configuration(self) -> Configuration:
         """Where the root is and how the joints stand."""
-        pose = Pose3(*pybullet.getBasePositionAndOrientation(self.body_id, self._client))
-        return Configuration(pose, dict(zip(self._joints, self.joint_readings().position, strict=True)))
+        return Configuration(self._root_pose(), dict(zip(self._joints, self.joint_readings().position, strict=True)))
 
     def state(self) -> BodyState:
-        pose = pybullet.getBasePositionAndOrientation(self.body_id, self._client)
-        return BodyState(*pose, *pybullet.getBaseVelocity(self.body_id, self._client))
+        linear, angular = pybullet.getBaseVelocity(self.body_id, self._client)
+        pose = self._root_pose()
+        if self._centre is not None:
+            linear = _velocity_at(linear, angular, rotate(pose.orientation, self._centre.position), -1.0)
+        return BodyState(*pose, linear, angular)
+
+    def place(self, pose: Pose3) -> None:
+        """Put the root frame somewhere, unchecked."""
+        if self._centre is not None:
+            pose = pose @ self._centre
+        pybullet.resetBasePositionAndOrientation(self.body_id, *pose, physicsClientId=self._client)
+
+    def set_velocity(self, linear: Vector, angular: Vector) -> None:
+        if self._centre is not None:
+            linear = _velocity_at(linear, angular, rotate(self._root_pose().orientation, self._centre.position), 1.0)
+        pybullet.resetBaseVelocity(self.body_id, linear, angular, physicsClientId=self._client)
 
     def set_speeds(self, speeds: Sequence[float]) -> None:
         pybullet.setJointMotorControlArray(
@@ -167,7 +193,7 @@ class BulletBody:
 
     def link_pose(self, link: str) -> Pose3:
         if (index := self._link_index(link)) < 0:
-            return Pose3(*pybullet.getBasePositionAndOrientation(self.body_id, self._client))
+            return self._root_pose()
         row = pybullet.getLinkState(self.body_id, index, computeForwardKinematics=1, physicsClientId=self._client)
         return Pose3(row[4], _normalized(row[5]))
 
@@ -182,10 +208,20 @@ class BulletBody:
         pybullet.applyExternalForce(self.body_id, index, force, point, frame, physicsClientId=self._client)
         pybullet.applyExternalTorque(self.body_id, index, torque, frame, physicsClientId=self._client)
 
+    def _root_pose(self) -> Pose3:
+        pose = Pose3(*pybullet.getBasePositionAndOrientation(self.body_id, self._client))
+        return pose if self._centre is None else pose @ self._centre.inverse()
+
     def _link_index(self, link: str) -> int:
         if link not in self._links:
             raise unknown_name("link", link, self._links, self.description.name)
         return self._links[link]
+
+
+def _velocity_at(linear: Vector, angular: Vector, offset: Vector, sign: float) -> Vector:
+    """The velocity of the point ``sign`` * ``offset`` away from one that moves like this: v + w x r."""
+    (vx, vy, vz), (wx, wy, wz), (x, y, z) = linear, angular, (sign * each for each in offset)
+    return vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
 
 
 def _normalized(turn: Rotation) -> Rotation:

@@ -63,7 +63,7 @@ class CollisionChecker:
         pybullet.disconnect(physicsClientId=self._client)
 
     def _set_configuration(self, copy: BulletBody, configuration: Configuration) -> None:
-        pybullet.resetBasePositionAndOrientation(copy.body_id, *configuration.pose, physicsClientId=self._client)
+        copy.place(configuration.pose)
         copy.set_joints(configuration.joints)
 
     def _check_pair(self, name: str, pose: Pose3, copy: int, number: int, other: str) -> None:

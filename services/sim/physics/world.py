@@ -88,7 +88,7 @@ class Body:
     """What enters the world: a URDF whose root frame is put at ``pose``, at rest, and held there if ``fixed``.
 
     ``initial_positions`` are those of joints, 0 where none is stated. Joints without a ``joint_friction`` have
-    the URDF's damping and no friction.
+    the URDF's damping and no friction. ``friction_shares`` scale the friction of links along the axes of their frames.
     """
 
     name: str
@@ -98,6 +98,7 @@ class Body:
     fixed: bool = False
     initial_positions: tuple[tuple[str, float], ...] = ()
     joint_friction: tuple[tuple[str, JointFriction], ...] = ()
+    friction_shares: tuple[tuple[str, Vector], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -162,6 +163,9 @@ class BodyHandle(Protocol):
 
     def set_joint_friction(self, joint_friction: Mapping[str, JointFriction]) -> None:
         """Set the friction of joints from now on, also after a reset; the others keep theirs."""
+
+    def set_velocity(self, linear: Vector, angular: Vector) -> None:
+        """Set how the root frame moves, m/s and rad/s in world axes, until contacts and gravity change it."""
 
     def apply_wrench(self, link: str, force: Vector, torque: Vector, point: Vector) -> None:
         """Act on a link for one step: a force [N] at a point of the world [m] and a torque [N m], in world axes."""
