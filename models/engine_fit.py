@@ -14,7 +14,7 @@ from models.extents import PlacedShape, lowest_point, placed_shapes, solid_shape
 from models.gazebo_tags import Friction
 from models.inferred import TOUCHES, Wheel, read_wheel, rolling_joints
 from models.model import RobotModel
-from models.robot_facts import Skid
+from models.robot_facts import BuiltWheels, Skid
 from models.shapes import LinkShapes
 from models.urdf import RobotDescription, parse_xml
 from models.urdf_writer import link_poses
@@ -56,12 +56,14 @@ class DrivenWheels:
 @dataclass(frozen=True)
 class EngineFit:
     """The text, how high the root stands when the robot touches the ground, m, where joints start that may not stand
-    at zero, rad or m, and how the base skids, if it has several driven wheels on a side."""
+    at zero, rad or m, how the base skids, if it has several driven wheels on a side, and its wheels as the shapes have
+    them."""
 
     text: str
     height: float
     starts: dict[str, float]
     skid: Skid | None = None
+    wheels: BuiltWheels | None = None
 
 
 def fit_urdf(
@@ -106,7 +108,19 @@ class _Fit:
             height=0.0 if self._robot.root == "world" else 0.0 - floor,
             starts={name: start for name, start in starts.items() if start},
             skid=self._skid(),
+            wheels=self._built(),
         )
+
+    def _built(self) -> BuiltWheels | None:
+        sides = [
+            [read_wheel(self._robot, self._shapes, each) for each in self._robot.joints if each.name in side]
+            for side in (self._driven.left, self._driven.right)
+        ]
+        if not all(each.radius > 0 for side in sides for each in side) or not all(sides):
+            return None
+        left, right = (sum(each.place[1] for each in side) / len(side) for side in sides)
+        radii = [max(each.radius for each in side) for side in sides]
+        return BuiltWheels(track=left - right, left_radius=radii[0], right_radius=radii[1])
 
     def _skid(self) -> Skid | None:
         if len(self._driven.left) < 2:

@@ -18,6 +18,14 @@ class Skid(msgspec.Struct, frozen=True, kw_only=True):
     axles: dict[str, tuple[float, float, float]]
 
 
+class BuiltWheels(msgspec.Struct, frozen=True, kw_only=True):
+    """The driven wheels as the shapes have them: the distance between left and right and the radii, m."""
+
+    track: float
+    left_radius: float
+    right_radius: float
+
+
 class RobotFacts(msgspec.Struct, frozen=True, kw_only=True):
     """What was found out about a robot from outside.
 
@@ -37,6 +45,7 @@ class RobotFacts(msgspec.Struct, frozen=True, kw_only=True):
     height: float = 0.0
     starts: dict[str, float] = {}
     skid: Skid | None = None
+    wheels: BuiltWheels | None = None
     ignored: tuple[str, ...] = ()
 
 

@@ -35,7 +35,7 @@ from models.urdf import located, parse_urdf, parse_xml, read_urdf
 from models.urdf_writer import EngineFiles, extents, physics_urdf, viewer_urdf
 from models.xacro_file import XacroValue, expand_xacro
 
-FORMAT = "4"
+FORMAT = "5"
 """Changes when other files are made of the same robot."""
 MAX_MODEL_TOML = 1 << 20
 """Bytes of a ``model.toml``."""
@@ -274,6 +274,7 @@ def _make(
             height=fit.height,
             starts=fit.starts,
             skid=fit.skid,
+            wheels=fit.wheels,
             ignored=tags.ignored,
         )
         (into / "facts.json").write_bytes(msgspec.json.encode(facts))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from messages.se3 import Pose3, Vector
+from messages.se3 import Pose3
 from models.robot_cache import is_made
 from models.robot_facts import Skid, read_facts
-from services.sim.drive.side_grip import AXLE_SHARE, SideGrip
+from services.sim.drive.side_grip import SideGrip
 from services.sim.physics.world import Body, BodyHandle
 
 
@@ -35,12 +35,6 @@ def adapt_body(body: Body, model: str) -> AdaptedBody:
         body,
         pose=Pose3((x, y, max(z, facts.height)), turn),
         initial_positions=tuple({**facts.starts, **dict(body.initial_positions)}.items()),
-        friction_shares=() if skid is None else tuple((link, _shares(axle)) for link, axle in skid.axles.items()),
+        slides=() if skid is None else tuple(skid.axles.items()),
     )
     return AdaptedBody(adapted, skid)
-
-
-def _shares(axle: Vector) -> Vector:
-    """All of the friction across an axle, AXLE_SHARE of it along."""
-    x, y, z = (1 - (1 - AXLE_SHARE) * each * each for each in axle)
-    return x, y, z

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
-from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
@@ -12,6 +11,8 @@ import msgspec
 from messages.base import Packed36, covariance
 from models import model_config_path, urdf_path
 from models.model import PlanarConfig, RobotModel, WheelConfig, read_model
+from models.robot_cache import is_made
+from models.robot_facts import read_facts
 from models.urdf import NoWheels, WheelPair, read_wheels
 from services.runtime.errors import BadInput
 from services.runtime.parameters.validation import build
@@ -179,8 +180,6 @@ def drive_config(name: str, model: RobotModel, parameters: BaseParameters) -> Dr
         if gains is None or not gains.i or gains.i_min < gains.i_max
         else ["wheel_pid: i does nothing while i_clamp is 0, its default in ROS, too"]
     )
-    # A base with several wheels on a side skids: by what separation it turns is no figure of its URDF.
-    checked = geometry if wheels.other_left else turned.geometry
     return DriveConfig(
         left_joints=(left, *wheels.other_left),
         right_joints=(right, *wheels.other_right),
@@ -189,7 +188,7 @@ def drive_config(name: str, model: RobotModel, parameters: BaseParameters) -> Dr
         drive=turned,
         gains=gains,
         warnings=(
-            *_check_against_urdf(urdf_path(name), left, right, checked, parameters),
+            *_check_against_urdf(name, left, right, turned.geometry, parameters),
             *idle,
             *([] if parameters.cmd_vel_timeout else [NO_TIMEOUT]),
         ),
@@ -269,10 +268,9 @@ def _planar_drive(planar: PlanarConfig, parameters: BaseParameters, geometry: Wh
     return Drive(geometry, linear, angular, braking_limits(linear, brake), stop_angular, NO_RAMP, keep, holonomic=True)
 
 
-def _check_against_urdf(
-    urdf: Path, left: str, right: str, used: WheelGeometry, parameters: BaseParameters
-) -> list[str]:
+def _check_against_urdf(name: str, left: str, right: str, used: WheelGeometry, parameters: BaseParameters) -> list[str]:
     """Warnings about figures and wheels that do not fit the URDF; raises BadInput."""
+    urdf = urdf_path(name)
     try:
         pair = read_wheels(urdf, left, right)
     except NoWheels as error:
@@ -280,6 +278,9 @@ def _check_against_urdf(
     if left == right:
         raise BadInput(f"left_wheel and right_wheel are both {left!r}: a base has one on each side")
     said = _check_sides(pair, left, right, parameters.allow_swapped_wheels)
+    if is_made(name) and (built := read_facts(name).wheels) is not None:
+        wrong = describe_mismatch(used, WheelGeometry(built.track, built.left_radius, built.right_radius))
+        return [*said, wrong] if wrong else said
     if pair.left_radius is None or pair.right_radius is None:
         return [*said, f"{urdf}: no collision sphere or cylinder gives the wheels' radii: the figures are unchecked"]
     wrong = describe_mismatch(used, WheelGeometry(pair.separation, pair.left_radius, pair.right_radius))

@@ -12,9 +12,6 @@ from messages.se3 import Vector, rotate
 from services.runtime.step import STEP_NS
 from services.sim.physics.world import GRAVITY, BodyHandle
 
-AXLE_SHARE = 0.02
-"""Of the friction along an axle; 0.1 makes a square of four wheels turn 2.5 % short."""
-
 
 class SideGrip:
     """Holds a body against sliding sideways at ``point`` [m, in the root's frame] with the coefficient ``friction``."""

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from messages.se3 import IDENTITY, Pose3, Rotation, Vector, rotate
+from messages.se3 import IDENTITY, Pose3, Rotation, Vector, rotate, rotate_inverse
 from services.runtime.errors import unknown_name
 from services.sim.physics._pybullet import pybullet
 from services.sim.physics.engine import load_urdf
 from services.sim.physics.world import (
+    SLIDING_SHARE,
     Body,
     BodyState,
     Configuration,
@@ -54,14 +55,16 @@ class BulletBody:
         root = pybullet.getBodyInfo(self.body_id, client)[0].decode()
         self._motors = tuple(self._joints[motor.joint] for motor in description.motors)
         self._links = {root: -1} | {row[12].decode(): row[0] for row in rows}
-        if description.friction_shares:
+        if description.slides:
             # By default friction acts along two axes of the world, each limited by itself: shares along a link's axes
             # fail where both coincide.
             pybullet.setPhysicsEngineParameter(enableConeFriction=0, physicsClientId=client)
-        for link, shares in description.friction_shares:
-            pybullet.changeDynamics(
-                self.body_id, self._link_index(link), anisotropicFriction=shares, physicsClientId=client
-            )
+        for link, axis in description.slides:
+            index = self._link_index(link)
+            # The engine counts them in the principal axes of the link's inertia.
+            along = rotate_inverse(pybullet.getDynamicsInfo(self.body_id, index, client)[4], axis)
+            shares = [1 - (1 - SLIDING_SHARE) * each * each for each in along]
+            pybullet.changeDynamics(self.body_id, index, anisotropicFriction=shares, physicsClientId=client)
         self.set_joints(dict(description.initial_positions))
         if description.joint_friction:
             self.set_joint_friction(dict(description.joint_friction))
