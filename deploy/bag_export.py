@@ -57,7 +57,7 @@ def find_robots(bag: Bag) -> BagRobots:
 def _rank(robot: tuple[str, str]) -> tuple[bool, str]:
     """Arms come last: they leave no trail, and need no distinct colour."""
     namespace, model = robot
-    return read_model(model).wheels is None, namespace
+    return not read_model(model).has_base, namespace
 
 
 class ExportResult(NamedTuple):

@@ -8,11 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from messages.se3 import IDENTITY, Pose3, Rotation, Vector
+from messages.se3 import IDENTITY, Pose3, Rotation, Vector, rotate_inverse
 from services.runtime.errors import unknown_name
 from services.sim.physics._pybullet import pybullet
 from services.sim.physics.engine import load_urdf
 from services.sim.physics.world import (
+    SLIDING_SHARE,
     Body,
     BodyState,
     Configuration,
@@ -58,6 +59,16 @@ class BulletBody:
         self._links = {root: -1} | {row[12].decode(): row[0] for row in rows}
         at, turn = pybullet.getDynamicsInfo(self.body_id, -1, client)[3:5]
         self._root_inertial = None if (at, turn) == IDENTITY else Pose3(at, turn)
+        if description.slides:
+            # By default friction acts along two axes of the world, each limited by itself: shares along a link's axes
+            # fail where both coincide.
+            pybullet.setPhysicsEngineParameter(enableConeFriction=0, physicsClientId=client)
+        for link, axis in description.slides:
+            index = self._link_index(link)
+            # The engine counts them in the principal axes of the link's inertia.
+            along = rotate_inverse(pybullet.getDynamicsInfo(self.body_id, index, client)[4], axis)
+            shares = [1 - (1 - SLIDING_SHARE) * each * each for each in along]
+            pybullet.changeDynamics(self.body_id, index, anisotropicFriction=shares, physicsClientId=client)
         self.set_joints(dict(description.initial_positions))
         if description.joint_friction:
             self.set_joint_friction(dict(description.joint_friction))
