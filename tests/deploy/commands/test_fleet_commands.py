@@ -76,7 +76,7 @@ def test_run_joins_the_fleet_that_runs(desk: FleetCommandLine) -> None:
         process = desk.start(*arguments)
         _, err = process.communicate(timeout=60)
         assert process.returncode == 2
-        assert f"no fleet is running on port 1: choose one of one (--port {desk.port})" in err
+        assert "no fleet is running on port 1: choose one of --fleet one" in err
     (fleet,) = json.loads(desk.run("ps", "--json", "--port", str(desk.port)))
     assert fleet["domain"] == "apart"
 
