@@ -7,7 +7,7 @@ EleaError
 │   ├── UnknownRecord            messages.records: no record has this name (LookupError)
 │   ├── BadDefinition            messages.cdr.definitions: the text of a message type cannot be read
 │   ├── UnknownModel             models: no robot or world has this name
-│   ├── BadWorld                 models.world: a world's file, or one that it names, cannot be read
+│   ├── BadWorld                 models.bodies: a world's file, or one that it names, cannot be read
 │   ├── BadUrdf                  models.urdf: a URDF cannot be read
 │   ├── BadMesh                  models.mesh: a mesh cannot be read, or is too large
 │   ├── BadXacro                 models.xacro_file: a xacro cannot be expanded
