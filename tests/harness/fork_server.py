@@ -68,6 +68,19 @@ class ForkedVerb(subprocess.Popen[str]):
         return self.returncode
 
 
+def run_verb(
+    *arguments: str, cwd: Path = ROOT, env: Mapping[str, str] = os.environ, within: float = 60.0
+) -> subprocess.CompletedProcess[str]:
+    """A verb, run to its end."""
+    with ForkedVerb(arguments, cwd, env) as process:
+        try:
+            out, err = process.communicate(timeout=within)
+        except BaseException:
+            process.kill()
+            raise
+    return subprocess.CompletedProcess(arguments, process.returncode, out, err)
+
+
 @cache
 def _server() -> str:
     """Where the server listens; it ends with this process, by the end of its standard input."""
