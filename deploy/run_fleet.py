@@ -106,8 +106,9 @@ def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> Run
             + overridden_parameter_note(reported, own, fleet)
             + unknown_node_notes(bus.unknown_nodes)
         )
-        parameters = effective_parameters(reported, own)
-        return _write_report(fleet, options, outcome, started, found, parameters, monitor, checks)
+        return _write_report(
+            fleet, options, outcome, started, found, effective_parameters(reported, own), monitor, checks
+        )
 
 
 async def _supervise(supervisor: Supervisor, screen: ProgressDisplay) -> Outcome:

@@ -96,7 +96,7 @@ def read_assignments(pairs: Iterable[str], option: str = "--param") -> dict[str,
 def build(record: type[P], values: Mapping[str, Any], where: str = "") -> P:
     """The record with ``values``; raises BadInput with the parameter, its value and bound, or with a contradiction."""
     prefix = f"{where}: " if where else ""
-    names = [each.name for each in msgspec.structs.fields(record)]
+    names = record.__struct_fields__
     for name, value in values.items():
         if name not in names:
             raise unknown_name("parameter", name, names, where)
