@@ -150,7 +150,7 @@ def fleet_endpoint(fleet: Fleet) -> str:
 
 
 def listen_endpoints(fleet: Fleet, options: RunOptions) -> tuple[str, ...]:
-    """Where it listens for others, too."""
+    """The further endpoints of the fleet's router."""
     own = (f"tcp/127.0.0.1:{options.tcp_port or fleet.run.port}",) if fleet.run.tcp else ()
     return (*own, *(each for each in options.listen if each not in own))
 
