@@ -199,7 +199,8 @@ class WheelActuation:
         config = odometry_config(model, parameters.parameters)
         self.odometer = Odometer(config, body, entry.name, self.controller, seed)
         if config.source == "encoder" and self.odometer.error != NO_ERROR:
-            node.log.info(f"{entry.name}: {self.odometer.error}, by the seed {seed}; odometry_error = 0 is exact")
+            error = self.odometer.error.describe()
+            node.log.info(f"{entry.name}: odometry takes the wheels for other ones by the seed {seed}: {error}")
         self._open_loop = config.source == "open loop"
         self.command_topic: Topic[Any] = CMD_VEL_STAMPED if parameters.config.stamped else CMD_VEL
         self.extra_topics: tuple[Topic[Any], ...] = (

@@ -10,7 +10,7 @@ from messages.se3 import Pose3
 from messages.topics import E_STOP, JOINT_COMMAND
 from models import display_name
 from models.model import read_model
-from models.urdf import read_joint_limits
+from models.urdf import read_joints
 from services.runtime.node import Node
 from services.runtime.subscriber import Subscriber
 from services.sim.actuation import spawn_actuation
@@ -49,7 +49,7 @@ class Robot:
         self._node, self._world, self._body = node, world, world.body(entry.name)
         commands = self.actuation.command_topic
         self._command_subscriber: Subscriber[Any] = node.subscribe(commands, join(self.namespace, commands.name))
-        self.motors = JointMotors(self._body, entry.name, read_joint_limits(entry.model), delays, node.log)
+        self.motors = JointMotors(self._body, entry.name, read_joints(entry.model), delays, node.log)
         self._motor_subscriber: Subscriber[Any] | None = None
         if self.motors.joints:
             self._motor_subscriber = node.subscribe(JOINT_COMMAND, join(self.namespace, JOINT_COMMAND.name))
