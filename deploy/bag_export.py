@@ -75,7 +75,7 @@ def _model_of(description: str) -> str | None:
 def _rank(robot: tuple[str, str]) -> tuple[bool, str]:
     """Arms come last: they leave no trail, and need no distinct colour."""
     namespace, model = robot
-    return read_model(model).wheels is None, namespace
+    return not read_model(model).has_base, namespace
 
 
 class ExportResult(NamedTuple):

@@ -33,8 +33,8 @@ CHANGE_MARGIN_S = 1.0
 
 
 def is_arm(robot: RobotConfig) -> bool:
-    """Whether a robot is an arm: it has no wheels, and a joint with limits."""
-    return read_model(robot.model).wheels is None and bool(_limited_joints(robot))
+    """Whether a robot is an arm: it has no base that drives, and a joint with limits."""
+    return not read_model(robot.model).has_base and bool(_limited_joints(robot))
 
 
 def controlled_joint(robot: RobotConfig) -> str:
@@ -203,7 +203,7 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
             return {
                 "robots": [each.name for each in robots],
                 "namespaces": [robot_namespace(each) for each in robots],
-                "halting": [_braking_spec(each) for each in robots if read_model(each.model).wheels],
+                "halting": [_braking_spec(each) for each in robots if read_model(each.model).has_base],
                 "sizes": [_size_spec(each) for each in robots if not is_arm(each)],
                 "arms": grader_arms(fleet),
                 "ends": run.ends,
@@ -242,7 +242,7 @@ def _live_view_port(router: int) -> dict[str, int]:
 
 def _sim_robot(robot: RobotConfig) -> dict[str, Any]:
     pose = {"x": robot.pose.x, "y": robot.pose.y, "z": robot.pose.z, "yaw": robot.pose.yaw}
-    table = "parameters" if read_model(robot.model).wheels else "joint_parameters"
+    table = "parameters" if read_model(robot.model).has_base else "joint_parameters"
     names: dict[str, Any] = {"name": robot.name, "model": robot.model}
     if robot.namespace:
         names["namespace"] = robot.namespace
@@ -253,12 +253,12 @@ def _sim_robot(robot: RobotConfig) -> dict[str, Any]:
 
 def robot_parameter_set(robot: RobotConfig) -> str:
     """The set of a robot in the simulation: of its base, or of its joints."""
-    return join(robot_namespace(robot), "base" if read_model(robot.model).wheels else "joints")
+    return join(robot_namespace(robot), "base" if read_model(robot.model).has_base else "joints")
 
 
 def robot_parameters_type(model: str) -> type[Parameters]:
     """The parameter record of a robot of this model."""
-    return BaseParameters if read_model(model).wheels else JointParameters
+    return BaseParameters if read_model(model).has_base else JointParameters
 
 
 def _size_spec(robot: RobotConfig) -> dict[str, Any]:

@@ -13,9 +13,13 @@ from xml.sax.saxutils import quoteattr
 import msgspec
 
 from messages.errors import BadInput
+from models.engine_fit import DrivenWheels, fit_urdf
+from models.gazebo_tags import parse_gazebo_tags
 from models.inertials import mend_inertias
+from models.inferred import infer_model
 from models.input_file import read_limited
 from models.mesh import Mesh, read_mesh
+from models.model import INFERRED_FILE
 from models.packages import FileAccess, PackagePath, find_file
 from models.robot_cache import robots_folder, write_folder
 from models.robot_facts import RobotFacts
@@ -23,7 +27,7 @@ from models.shapes import read_shapes
 from models.urdf import located, parse_urdf, parse_xml
 from models.urdf_writer import EngineFiles, extents, physics_urdf, viewer_urdf
 
-FORMAT = "1"
+FORMAT = "6"
 """Changes when other files are made of the same robot."""
 MAX_MODEL_TOML = 1 << 20
 """Bytes of a ``model.toml``."""
@@ -81,6 +85,7 @@ def make_robot(
     packages: PackagePath,
     access: FileAccess,
     base: Path | None = None,
+    faults: list[str] | None = None,
 ) -> Path:
     """Read all that belongs to a robot, and write its folder unless it is there already; raises BadInput.
 
@@ -93,6 +98,7 @@ def make_robot(
         packages: Where packages are looked for.
         access: What may be read.
         base: The folder above which the packages of a text are looked for.
+        faults: Gets why meshes cannot be read, and these are left out; without a list they are errors.
 
     Returns:
         The folder.
@@ -104,12 +110,12 @@ def make_robot(
     robot, description = parse_xml(urdf, told), parse_urdf(urdf, told)
     files = _NamedFiles(path, base or Path("/"), packages, access)
     with located(told):
-        shapes = read_shapes(robot, files.read)
+        shapes = read_shapes(robot, files.read, faults)
         mended = mend_inertias(description, shapes)
     name = re.sub(r"[^A-Za-z0-9_.]+", "_", name or description.name).strip("_.")[:60] or "robot"
     resolved = _with_paths(urdf, {said: f"file://{file}" for said, file in files.found.items()})
     toml = read_limited(config, MAX_MODEL_TOML, "a model.toml") if config is not None else b""
-    files.hashes.update("\0".join((FORMAT, resolved, str(path), "")).encode() + toml)
+    files.hashes.update("\0".join((FORMAT, resolved, str(path), *(faults or ()), "")).encode() + toml)
     folder = robots_folder() / f"{name}-{files.hashes.hexdigest()[:16]}"
     if (folder / "facts.json").is_file():
         return folder
@@ -117,8 +123,18 @@ def make_robot(
     def write(into: Path) -> None:
         contacts = {each.get("name", ""): contact for each in robot if (contact := each.find("contact")) is not None}
         physics, assumed = physics_urdf(description, shapes, mended.inertias, contacts, EngineFiles(into, folder))
+        shown = path.name if path is not None else told
+        tags = parse_gazebo_tags(resolved, shown)
+        chosen: tuple[str, ...] = ()
+        if config is not None:
+            driven = _stated_wheels(toml)
+        else:
+            model, chosen = infer_model(description, shapes, tags, shown)
+            driven = DrivenWheels.of(model)
+            (into / INFERRED_FILE).write_bytes(msgspec.json.encode(model))
+        fit = fit_urdf(physics, description, shapes, tags.friction, driven)
         viewer = _with_paths(viewer_urdf(description, shapes), {said: str(file) for said, file in files.found.items()})
-        for file, text in (("robot.urdf", resolved), ("physics.urdf", physics), ("viewer.urdf", viewer)):
+        for file, text in (("robot.urdf", resolved), ("physics.urdf", fit.text), ("viewer.urdf", viewer)):
             (into / file).write_text(text, encoding="utf-8")
         if config is not None:
             (into / "model.toml").write_bytes(toml)
@@ -131,12 +147,43 @@ def make_robot(
             reach=reach,
             lowest=lowest,
             highest=highest,
-            notes=(*notes, *left_out, *description.warnings, *mended.notes, *assumed),
+            notes=(*notes, *left_out, *description.warnings, *mended.notes, *assumed, *chosen),
+            height=fit.height,
+            starts=fit.starts,
+            skid=fit.skid,
+            wheels=fit.wheels,
+            ignored=tags.ignored,
         )
         (into / "facts.json").write_bytes(msgspec.json.encode(facts))
 
     write_folder(folder, write)
     return folder
+
+
+def _stated_wheels(toml: bytes) -> DrivenWheels:
+    """The driven wheels that a ``model.toml`` names; none where it cannot be read, which ``read_model`` says."""
+    try:
+        config = msgspec.toml.decode(toml, type=_BaseTables)
+    except msgspec.MsgspecError:
+        return DrivenWheels()
+    wheels = config.wheels
+    if wheels is None:
+        return DrivenWheels(holonomic=config.planar is not None)
+    left, right = (wheels.left_joint, *wheels.other_left), (wheels.right_joint, *wheels.other_right)
+    return DrivenWheels(left, right, wheels.radius)
+
+
+class _StatedWheels(msgspec.Struct):
+    left_joint: str
+    right_joint: str
+    other_left: tuple[str, ...] = ()
+    other_right: tuple[str, ...] = ()
+    radius: float = 0.0
+
+
+class _BaseTables(msgspec.Struct):
+    wheels: _StatedWheels | None = None
+    planar: dict[str, float] | None = None
 
 
 def _with_paths(urdf: str, paths: Mapping[str, str]) -> str:
