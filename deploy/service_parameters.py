@@ -33,7 +33,7 @@ CHANGE_MARGIN_S = 1.0
 
 
 def is_arm(robot: RobotConfig) -> bool:
-    """Whether a robot is an arm: it has no base, and a joint with limits."""
+    """Whether a robot is an arm: it has no base that drives, and a joint with limits."""
     return not read_model(robot.model).has_base and bool(_limited_joints(robot))
 
 

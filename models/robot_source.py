@@ -89,16 +89,19 @@ def resolve_robot(
             raise BadInput(f"{path}: xacro_args are for a xacro, and this is a plain URDF")
     toml = path.with_name("model.toml")
     config = toml if path.name in _FILES and toml.exists() else None
-    return _make(_name_of(path), urdf, path, told, config, packages, access, faults)
+    return _make(_name_of(path), urdf, path, told, config, packages, access, faults=faults)
 
 
 def resolve_urdf_text(
-    urdf: str, packages: Sequence[Path] = (), access: FileAccess = OWNER, name: str = ""
+    urdf: str, packages: Sequence[Path] = (), access: FileAccess = OWNER, name: str = "", base: Path | None = None
 ) -> RobotSource:
-    """The files of a robot whose URDF is given as text; raises BadInput, with the line."""
+    """The files of a robot whose URDF is given as text; raises BadInput, with the line.
+
+    With ``base``, its packages are looked for above that folder, too.
+    """
     if "<xacro:" in urdf:
         raise BadInput("this text is a xacro: it is code, and is not run; send the URDF that the command xacro makes")
-    return _make(name, urdf, None, name or "the URDF", None, packages, access)
+    return _make(name, urdf, None, name or "the URDF", None, packages, access, base)
 
 
 def find_made(model: str) -> RobotSource | None:
@@ -117,11 +120,12 @@ def _make(
     config: Path | None,
     packages: Sequence[Path],
     access: FileAccess,
+    base: Path | None = None,
     faults: list[str] | None = None,
 ) -> RobotSource:
     from models.robot_files import make_robot  # numpy and decoders of meshes, which a command line alone never needs
 
-    found = _source(make_robot(name, urdf, path, told, config, PackagePath(tuple(packages)), access, faults))
+    found = _source(make_robot(name, urdf, path, told, config, PackagePath(tuple(packages)), access, base, faults))
     read_model(found.model)
     return found
 

@@ -165,7 +165,7 @@ def _spawn_body(
 ) -> tuple[BodyHandle, SideGrip | None]:
     try:
         check_positions(entry.model, entry.joints)
-        start = tuple({**_joints_off_zero(entry.model), **entry.joints}.items())
+        start = tuple(entry.joints.items())
         urdf = physics_urdf_path(entry.model)
         body = Body(entry.name, urdf, pose, motors, model.fixed_base, start, joint_friction)
         adapted = adapt_body(body, entry.model)
@@ -174,15 +174,6 @@ def _spawn_body(
     except BadInput:
         parameters.close()
         raise
-
-
-def _joints_off_zero(model: str) -> dict[str, float]:
-    """Where joints start whose limits leave out 0: at the nearest one, or the engine would throw them there."""
-    return {
-        joint: min(max(0.0, limits.lower), limits.upper)
-        for joint, limits in read_joint_limits(model).items()
-        if limits.lower is not None and limits.upper is not None and not limits.lower <= 0 <= limits.upper
-    }
 
 
 class BaseActuation:
