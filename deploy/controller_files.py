@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,11 @@ def with_controllers_found(member: ServiceConfig, folder: Path) -> ServiceConfig
 def manager_parameters(kind: str, robot: RobotConfig | None) -> dict[str, Any]:
     """What a controller manager gets from its robot."""
     return {"robot": robot.name} if kind == KIND and robot is not None else {}
+
+
+def joint_state_rate(members: Iterable[ServiceConfig], robot: RobotConfig) -> float:
+    """The rate [Hz] of joint states that a controller manager among the services of a robot asks for; 0 for none."""
+    return max((_read(each, robot).joint_state_rate for each in members if each.kind == KIND), default=0.0)
 
 
 def gain_values(member: ServiceConfig, owner: RobotConfig | None) -> dict[str, PidParameters]:

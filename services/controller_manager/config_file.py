@@ -130,6 +130,7 @@ class _Reader:
     def __init__(self, source: YamlSource, namespace: str) -> None:
         self._source, self._namespace = source, namespace
         self._notes: list[str] = []
+        self._joint_state_rate = 0.0
 
     def read(self, tree: dict[Any, Any]) -> ManagerConfig:
         """The controllers of the file."""
@@ -150,7 +151,7 @@ class _Reader:
         for each in found:
             if each.name == _GAZEBO and self._is_own(each):
                 gains |= self._gains(each.table.get("pid_gains", {}), (*each.path, "pid_gains"))
-        return ManagerConfig(tuple(configs), rate, gains, tuple(self._notes))
+        return ManagerConfig(tuple(configs), rate, gains, self._joint_state_rate, tuple(self._notes))
 
     def _walk(self, table: dict[Any, Any], path: Path_) -> Iterator[_Found]:
         """The tables that are controllers, controller managers or gains of the hardware, at any depth."""
@@ -234,10 +235,7 @@ class _Reader:
             case "trajectory":
                 return self._trajectory_controller(each, table, path, head)
         stated = self._table(table, _StateTable, path, ("joints", "interfaces", "extra_joints"))
-        if stated.publish_rate:
-            self._notes.append(
-                f"{where}: {found.name}: joint_states come from the simulation, at the rate of the model"
-            )
+        self._joint_state_rate = stated.publish_rate or self._joint_state_rate
         return ControllerConfig(**head._asdict(), kind="state", interface=each.interface, commanded=each.commanded)
 
     def _joint_controller(

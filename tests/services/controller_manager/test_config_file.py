@@ -88,10 +88,8 @@ def test_a_file_of_ros_1() -> None:
         "shoulder": ("shoulder_controller", "c.yaml:7"),
         "elbow": ("arm_controller", "c.yaml:11"),
     }
-    assert config.notes == (
-        "c.yaml:4: joint_state_controller: joint_states come from the simulation, at the rate of the model",
-        "c.yaml:20: stop_trajectory_duration is not known and ignored",
-    )
+    assert config.joint_state_rate == 50.0
+    assert config.notes == ("c.yaml:20: stop_trajectory_duration is not known and ignored",)
 
 
 def test_the_namespace_on_top_may_be_missing_or_another() -> None:
