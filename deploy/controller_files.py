@@ -55,7 +55,8 @@ def _namespace(member: ServiceConfig, owner: RobotConfig | None) -> str:
 
 
 def _read(member: ServiceConfig, owner: RobotConfig | None) -> ManagerConfig:
-    return read_config(Path(member.parameters["config"]), _namespace(member, owner))
+    path, chosen = Path(member.parameters["config"]), member.parameters.get("controllers", ())
+    return read_config(path, _namespace(member, owner), chosen)
 
 
 def check_controllers(

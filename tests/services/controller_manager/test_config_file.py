@@ -170,6 +170,11 @@ def test_what_is_ignored_is_named() -> None:
         ).notes[-1]
         == "c.yaml:21: state_publsh_rate is not known and ignored; did you mean 'state_publish_rate'?"
     )
+    gripper = ROS_2.replace("diff_drive_controller/DiffDriveController", "gripper/Controller")
+    with pytest.raises(BadInput, match=r"c\.yaml:9: drive: unknown type .*; to leave it out, name those to run"):
+        parsed(gripper)
+    chosen = parse_config(Path("c.yaml"), gripper, "arm0", ("arm_controller",))
+    assert chosen.notes == ("c.yaml:9: drive is left out: there is no type gripper/Controller",)
     silent = parsed(ROS_1.replace("i_clamp: 5, i_clamp_max: 3", ""))
     assert "c.yaml:9: i = 0.01 has no effect, as i_clamp bounds its share to 0" in silent.notes
 
