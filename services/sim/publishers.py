@@ -6,7 +6,7 @@ from functools import cache
 from typing import Any
 
 from messages.elea import BaseStatus
-from messages.gazebo import LinkStates, ModelStates
+from messages.gazebo import LinkStates, ModelStates, WorldStates
 from messages.geometry import Twist, TwistStamped
 from messages.names import join
 from messages.nav import Odometry
@@ -89,7 +89,7 @@ class RobotPublishers:
         self._publishers: dict[Topic[Any], Publisher[Any]] = {
             topic: node.advertise(topic, join(namespace, topic.name)) for topic in topics
         }
-        self._publishers[ROBOT_DESCRIPTION].publish(String(data=urdf_path(entry.model).read_text()))
+        self._publishers[ROBOT_DESCRIPTION].publish(String(data=urdf_path(entry.model).read_text(encoding="utf-8")))
         self._base_frame = self.frame_id(model.base_frame)
         self.reset()
 
@@ -213,14 +213,15 @@ class WorldStatesPublisher:
         self._world = world
         self._publisher: Publisher[Any] | None = node.advertise(WORLD_STATES) if world.world_bodies else None
 
-    def publish(self, tick: int) -> None:
-        """Publish them if they are due at ``tick``."""
+    def publish(self, now: int, tick: int) -> None:
+        """Publish them if they are due at ``tick``, which is at ``now`` [ns]."""
         if self._publisher is None or not _due(tick, WORLD_STATES.rate) or not self._publisher.has_subscribers:
             return
         names = self._world.world_bodies
         states = [pose_and_twist(self._world.world_body_state(name)) for name in names]
         poses, twists = tuple(pose for pose, _ in states), tuple(twist for _, twist in states)
-        self._publisher.publish(ModelStates(name=names, pose=poses, twist=twists))
+        header = Header(stamp=Time.of(now), frame_id="world")
+        self._publisher.publish(WorldStates(header=header, name=names, pose=poses, twist=twists))
 
 
 class GazeboStatesPublisher:

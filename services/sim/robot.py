@@ -8,6 +8,7 @@ from messages.elea import ModelState
 from messages.names import join
 from messages.se3 import Pose3
 from messages.topics import E_STOP, JOINT_COMMAND
+from models import display_name
 from models.model import read_model
 from models.urdf import read_joints
 from services.runtime.node import Node
@@ -122,7 +123,9 @@ class Robot:
     def state(self) -> ModelState:
         """Pose and twist, as requests report them."""
         body = self._body.state()
-        return ModelState(name=self.name, model=self.entry.model, pose=body_pose(body), twist=body_twist(body))
+        return ModelState(
+            name=self.name, model=display_name(self.entry.model), pose=body_pose(body), twist=body_twist(body)
+        )
 
     @property
     def pose(self) -> Pose3:
