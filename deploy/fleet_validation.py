@@ -1,4 +1,4 @@
-"""What a fleet file must hold beyond its types: names that exist, are legal and differ, and values within bounds."""
+"""Validates a fleet beyond its types: names exist, are legal and unique, and values are within bounds."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from deploy.service_parameters import BUILTIN_SERVICES, robot_parameter_set, rob
 from messages.names import BadName, Identity, parse_remap
 from models import display_name
 from models.toml_source import TomlKey, TomlSource
-from models.world import read_world
 from services.catalog import load_service
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.parameters.validation import build
@@ -23,11 +22,6 @@ def validate_fleet(fleet: Fleet, source: TomlSource) -> None:
     for index in range(len(fleet.robot)):
         _check_robot(fleet, index, source)
     _check_models(fleet, source)
-    if fleet.world:
-        try:
-            read_world(fleet.world)
-        except BadInput as error:
-            raise BadInput(f"{source.location('world')}: {error}") from None
     sets = {robot_parameter_set(robot): robot.name for robot in fleet.robot}
     nodes: dict[str, str] = {}
     for path, member, owner in all_services(fleet):

@@ -6,7 +6,7 @@ from functools import cache
 from typing import Any
 
 from messages.elea import BaseStatus
-from messages.gazebo import LinkStates, ModelStates
+from messages.gazebo import LinkStates, ModelStates, WorldStates
 from messages.geometry import Twist, TwistStamped
 from messages.names import join
 from messages.nav import Odometry
@@ -213,14 +213,15 @@ class WorldStatesPublisher:
         self._world = world
         self._publisher: Publisher[Any] | None = node.advertise(WORLD_STATES) if world.world_bodies else None
 
-    def publish(self, tick: int) -> None:
+    def publish(self, now: int, tick: int) -> None:
         """Publish them if they are due at ``tick``."""
         if self._publisher is None or not _due(tick, WORLD_STATES.rate) or not self._publisher.has_subscribers:
             return
         names = self._world.world_bodies
         states = [pose_and_twist(self._world.world_body_state(name)) for name in names]
         poses, twists = tuple(pose for pose, _ in states), tuple(twist for _, twist in states)
-        self._publisher.publish(ModelStates(name=names, pose=poses, twist=twists))
+        header = Header(stamp=Time.of(now), frame_id="world")
+        self._publisher.publish(WorldStates(header=header, name=names, pose=poses, twist=twists))
 
 
 class GazeboStatesPublisher:

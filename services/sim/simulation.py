@@ -152,7 +152,7 @@ class Simulation:
             robot.publishers.publish_motion(now, tick)
             if tick % STATUS_STEPS == 0:
                 robot.publish_status(now)
-        self._world_states.publish(tick)
+        self._world_states.publish(now, tick)
         if tick % TF_STEPS == 0:
             self._gazebo_states.publish()
             if self._tf_publisher.has_subscribers:

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages.se3 import Pose3, rotated_axes
-from models.world import Light, WorldDescription
+from models.bodies import Light
+from models.world import WorldDescription
 from services.runtime.errors import BadInput, unknown_name
 from services.sim.physics._pybullet import pybullet
 from services.sim.physics.bullet_body import BulletBody

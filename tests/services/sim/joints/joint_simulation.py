@@ -103,13 +103,15 @@ class JointSimulation:
 
 
 @contextmanager
-def run_joint_simulation(*robots: dict[str, Any], folders: tuple[str, ...] = ()) -> Iterator[JointSimulation]:
+def run_joint_simulation(
+    *robots: dict[str, Any], scene: WorldDescription = SCENE, folders: tuple[str, ...] = ()
+) -> Iterator[JointSimulation]:
     """A stage with these robots, an arm of the name ``arm`` when none is stated; requests may take others from
     ``folders``."""
     bus, log, identity = MemoryBus(), io.StringIO(), Identity.of("sim", "/")
     params = build(SimParameters, {"robots": [*robots] or [{"name": "arm", "model": "arm"}]})
     with (
-        BulletWorld(SCENE, STEP_NS) as world,
+        BulletWorld(scene, STEP_NS) as world,
         Node(MemoryTransport(bus), identity, "sim", Log(identity.node, out=log)) as node,
     ):
         stage = Simulation(node, world, 0)
@@ -117,7 +119,7 @@ def run_joint_simulation(*robots: dict[str, Any], folders: tuple[str, ...] = ())
         loop = SimulationLoop(stage, timing, node)
         SimulationServices(stage, node, RobotLoader(folders, loop.answer_between_ticks))
         JointServices(stage, node)
-        PropertyServices(stage, timing, node, params, SCENE)
+        PropertyServices(stage, timing, node, params, scene)
         for entry in params.robots:
             stage.spawn(with_own_files(entry), Pose3((entry.x, entry.y, 0.0)))
         yield JointSimulation(loop, bus, node, log)
