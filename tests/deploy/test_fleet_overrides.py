@@ -13,8 +13,9 @@ from deploy.fleet_file import FLEETS, parse_fleet, read_fleet
 from deploy.report.notes import fleet_notes, overrides_note, start_lines
 from messages.se3 import Pose3
 from models import WORLDS, urdf_path
+from models.bodies import CylinderShape
 from models.model import read_model
-from models.world import CylinderShape, read_world
+from models.world import read_world
 from services.runtime.errors import BadInput
 from services.runtime.step import STEP_NS
 from services.sim.physics.bullet import BulletWorld
