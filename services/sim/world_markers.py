@@ -9,7 +9,7 @@ from messages.geometry import Point, Pose, Vector3
 from messages.se3 import IDENTITY, Pose3
 from messages.std import ColorRGBA, Header
 from messages.visualization import Marker, MarkerArray
-from models.bodies import BodyPart, BoxShape, CylinderShape, HeightMapShape, MeshShape, SphereShape
+from models.bodies import GROUND_NAME, BodyPart, BoxShape, CylinderShape, HeightMapShape, MeshShape, SphereShape
 from models.mesh import Mesh
 from models.shape_mesh import joined, placed, shape_mesh
 from models.world import WorldBody, WorldDescription
@@ -34,9 +34,9 @@ _UNIT = Vector3(x=1.0, y=1.0, z=1.0)
 def world_markers(world: WorldDescription) -> MarkerArray:
     """The ground, in the namespace ``ground``, as a flat cube whose top is z = 0; then the bodies, in order.
 
-    A body's namespace is its kind (``fixed``, ``movable`` or ``moving``), its ``text`` its name, ``id`` counts the
-    markers. A fixed body has a marker for each part; one that moves has one alone, whose pose is the body's, so that it
-    can be drawn anew where ``/world/states`` says.
+    A body's namespace is its kind (``fixed``, ``movable`` or ``moving``), or ``ground`` for a fixed part that robots
+    drive on, as a ramp; its ``text`` is its name, ``id`` counts the markers. A fixed body has a marker for each part;
+    one that moves has one alone, whose pose is the body's, so that it can be drawn anew where ``/world/states`` says.
     """
     markers: list[Marker] = []
     points = 0
@@ -55,7 +55,9 @@ def _with_id(marker: Marker, number: int) -> Marker:
 def _body_markers(body: WorldBody, triangles: bool) -> list[Marker]:
     parts = [part for part in body.parts if part.visible]
     if body.kind == "fixed":
-        return [_part_marker(body, part, body.pose @ part.pose, triangles) for part in parts]
+        markers = [_part_marker(body, part, body.pose @ part.pose, triangles) for part in parts]
+        kinds = [GROUND_NAME if part.ground else "fixed" for part in parts]
+        return [msgspec.structs.replace(marker, ns=kind) for marker, kind in zip(markers, kinds, strict=True)]
     if len(parts) == 1 and parts[0].pose == IDENTITY:
         return [_part_marker(body, parts[0], body.pose, triangles)]
     return [_compound_marker(body, parts, triangles)] if parts else []
@@ -145,12 +147,12 @@ def _ground(world: WorldDescription) -> Marker:
     low_y, high_y = _extent([(y - reach, y + reach) for _, y, reach in reaches])
     return Marker(
         header=_HEADER,
-        ns="ground",
+        ns=GROUND_NAME,
         type=Marker.CUBE,
         pose=Pose(position=Point(x=(low_x + high_x) / 2, y=(low_y + high_y) / 2, z=-_GROUND_THICKNESS / 2)),
         scale=Vector3(x=high_x - low_x, y=high_y - low_y, z=_GROUND_THICKNESS),
         color=_GROUND_COLOUR,
-        text="ground",
+        text=GROUND_NAME,
     )
 
 
