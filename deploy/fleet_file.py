@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import tomllib
 from collections.abc import Sequence
@@ -19,6 +20,7 @@ from deploy.parameter_sets import check_changes
 from deploy.report.checks import KEYS, Bound
 from deploy.restart_policy import RestartPolicy
 from models import is_world_file
+from models.robot_source import resolve_robot
 from models.toml_source import TomlSource, key_path
 from models.world import find_world, read_world
 from services.catalog import is_user_file
@@ -32,6 +34,8 @@ RENAMED_FLEETS = {"square_seed": "square_tutorial", "arm_seed": "arm_tutorial"}
 """Old names of fleets of the project."""
 
 _BY_MODE = "mode_bounds"
+_NO_KEYS = (_BY_MODE, "folder")
+"""Fields of ``Fleet`` that no file states by their names."""
 _TABLE_TYPES: dict[str, type[msgspec.Struct]] = {
     "": Fleet,
     "run": RunConfig,
@@ -99,15 +103,16 @@ def parse_fleet(path: Path, text: str, overrides: Sequence[str] = ()) -> Fleet:
     tree, changed = apply_overrides(tree, overrides)
     source = TomlSource(path, text, [(each.path, f"--set {each.text}") for each in changed])
     _check_mode(tree, source)
-    if _BY_MODE in tree:
-        raise unknown_name(
-            "key", _BY_MODE, [each.name for each in msgspec.structs.fields(Fleet)], source.location(_BY_MODE)
-        )
+    for name in _NO_KEYS:
+        if name in tree:
+            keys = [each.name for each in msgspec.structs.fields(Fleet) if each.name not in _NO_KEYS]
+            raise unknown_name("key", name, keys, source.location(name))
     try:
         fleet = msgspec.convert(_place_in_world(_split_bounds(tree, source), source, path.parent), Fleet)
     except msgspec.ValidationError as error:
         raise _locate_error(source, str(error)) from None
     fleet = _resolve_user_files(fleet, path.parent)
+    fleet = _resolve_robots(replace(fleet, folder=str(path.parent.absolute())), source)
     validate_fleet(fleet, source)
     check_changes(fleet, source)
     return fleet
@@ -168,8 +173,10 @@ def _place_in_world(tree: dict[str, Any], source: TomlSource, folder: Path) -> d
 
 
 def _resolve_user_files(fleet: Fleet, folder: Path) -> Fleet:
-    """The fleet with the files that it names found, Python files among its kinds and those of controllers: a relative
-    one counts from the fleet file's folder."""
+    """The fleet with the files that it names found: services in Python, and those of controllers.
+
+    A relative path counts from the fleet file's folder.
+    """
 
     def found(members: tuple[ServiceConfig, ...]) -> tuple[ServiceConfig, ...]:
         return tuple(
@@ -181,6 +188,23 @@ def _resolve_user_files(fleet: Fleet, folder: Path) -> Fleet:
 
     robots = tuple(replace(each, services=found(each.services)) for each in fleet.robot)
     return replace(fleet, robot=robots, every_robot=found(fleet.every_robot), service=found(fleet.service))
+
+
+def _resolve_robots(fleet: Fleet, source: TomlSource) -> Fleet:
+    """The fleet with the files of its robots made, and the folders of packages found; raises BadInput."""
+    folder = Path(fleet.folder)
+    packages = tuple((folder / os.path.expanduser(each)).resolve() for each in fleet.run.packages)
+    for said, found in zip(fleet.run.packages, packages, strict=True):
+        if not found.is_dir():
+            raise BadInput(f"{source.location('run', 'packages')}: packages: there is no folder {said!r} ({found})")
+    robots = []
+    for index, robot in enumerate(fleet.robot):
+        try:
+            made = resolve_robot(robot.model, folder, packages, robot.xacro_args)
+        except BadInput as error:
+            raise BadInput(f"{source.location('robot', index, 'model')}: {error}") from None
+        robots.append(replace(robot, model=made.model))
+    return replace(fleet, robot=tuple(robots), run=replace(fleet.run, packages=tuple(map(str, packages))))
 
 
 def _locate_error(source: TomlSource, error: str) -> BadInput:

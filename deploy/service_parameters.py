@@ -44,10 +44,12 @@ def controlled_joint(robot: RobotConfig) -> str:
 
 def arm_parameters(kind: str, fleet: Fleet, robot: RobotConfig | None) -> dict[str, Any]:
     """The parameters of an arm's controller or reference; outside any robot, those of the fleet's only arm."""
+    if kind not in ("arm", "reference"):
+        return {}
     arms = [each for each in fleet.robot if is_arm(each)]
     if robot is None and len(arms) == 1:
         robot = arms[0]
-    if kind not in ("arm", "reference") or robot is None or not is_arm(robot):
+    if robot is None or not is_arm(robot):
         return {}
     joint = controlled_joint(robot)
     lower, upper = _limited_joints(robot)[joint]
@@ -195,6 +197,7 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
                 "awaits": [each for each in nodes.awaits if each not in nodes.members],
                 "requires": list(nodes.requires),
                 "stops_file": str(options.folder / STOPS_FILE),
+                "model_folders": [fleet.folder, *run.packages] if fleet.folder else [],
             }
         case "grader":
             return {
@@ -238,7 +241,7 @@ def _live_view_port(router: int) -> dict[str, int]:
 
 
 def _sim_robot(robot: RobotConfig) -> dict[str, Any]:
-    pose = {"x": robot.pose.x, "y": robot.pose.y, "yaw": robot.pose.yaw}
+    pose = {"x": robot.pose.x, "y": robot.pose.y, "z": robot.pose.z, "yaw": robot.pose.yaw}
     table = "parameters" if read_model(robot.model).wheels else "joint_parameters"
     names: dict[str, Any] = {"name": robot.name, "model": robot.model}
     if robot.namespace:

@@ -30,6 +30,8 @@ COMMANDS = {
     "tf": LazyCommand("tf", "Show the frame tree, or the transform between two frames."),
     "doctor": LazyCommand("diagnostics:doctor_command", "Check the machine, the installation and the network."),
     "run": LazyCommand("run", "Run a service, or a Python file of your own."),
+    "python": LazyCommand("run:python_command", "Run Python, or a program, that can import Elea."),
+    "new": LazyCommand("new", "Make a folder to begin from, as an exercise."),
     "panel": LazyCommand("panel", "Open the web page of a running fleet."),
     "teleop": LazyCommand("teleop", "Drive a robot from the keyboard."),
     "bag": LazyCommand("bag", "Record, play, inspect and export bags."),

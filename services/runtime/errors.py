@@ -14,6 +14,7 @@ EleaError
 │   ├── FileNotAllowed           models.packages: a robot's description names a file that it may not read
 │   ├── BadTrajectory            services.controller_manager.trajectory_message: a trajectory cannot be followed
 │   ├── NoWheels                 models.urdf: a robot has no two wheels to drive on
+│   ├── BadTrajectory            services.controller_manager.trajectory_message: a trajectory cannot be followed
 │   └── ParameterConflict        services.params.schema: two nodes contradict each other about a parameter
 ├── WrongPayload (ValueError)    messages.base: a payload is not the expected record
 ├── NotWritable (ValueError)     messages.cdr.write: a message cannot be written as CDR

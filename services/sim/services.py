@@ -45,7 +45,7 @@ from messages.se3 import Pose3, Vector, rotate
 from messages.sensor import JointState
 from messages.simulation import DriveSettings, GetModelState, ModelList, SetModelState, SetOdometry, SpawnModel
 from messages.std import Empty, Header, Time
-from models import UnknownModel
+from models import UnknownModel, display_name
 from models.model import read_model
 from models.urdf import read_joint_limits
 from models.world import WorldDescription
@@ -70,6 +70,7 @@ from services.sim.joints.jobs import schedule_job
 from services.sim.joints.wrenches import LinkWrench
 from services.sim.parameters import BaseParameters, JointParameters, RobotEntry
 from services.sim.physics.world import GRAVITY, SOLVER_ITERATIONS, BodyState, JointFriction, World
+from services.sim.robot_loader import RobotLoader
 from services.sim.sensors import joint_state
 from services.sim.simulation import Simulation
 from services.sim.time_modes import TimeMode
@@ -78,9 +79,9 @@ from services.sim.time_modes import TimeMode
 class SimulationServices:
     """Requests about models: their spawning, their states and their emergency stops."""
 
-    def __init__(self, simulation: Simulation, node: Node) -> None:
-        self._simulation = simulation
-        node.serve(SPAWN, self._spawn)
+    def __init__(self, simulation: Simulation, node: Node, loader: RobotLoader | None = None) -> None:
+        self._simulation, self._loader = simulation, loader or RobotLoader()
+        node.serve(SPAWN, lambda request: self._loader.spawn(request, lambda model: self._spawn(request, model)))
         node.serve(DELETE, self._delete)
         node.serve(LIST, self._list)
         node.serve(GET_STATE, self._get_state)
@@ -92,15 +93,15 @@ class SimulationServices:
         node.serve(LIST_STOPS, lambda _: EmergencyStops(stops=simulation.stops.all))
         node.serve(RELEASE_STOP, lambda request: Done(text=simulation.release_stop(request.name, request.holder)))
 
-    def _spawn(self, request: SpawnModel) -> ModelState:
+    def _spawn(self, request: SpawnModel, model: str) -> ModelState:
         joints = positions_by_joint(request.joint_names, request.joint_positions)
         values = {each.name: each.value for each in request.parameters}
         place = to_world_pose(frame_state(self._simulation.world, request.reference_frame), pose_from_msg(request.pose))
         try:
-            wheeled = read_model(request.model).wheels is not None
+            wheeled = read_model(model).wheels is not None
             entry = RobotEntry(
                 name=request.name,
-                model=request.model,
+                model=model,
                 namespace=request.namespace,
                 frame_prefix=request.frame_prefix,
                 parameters=build(BaseParameters, values if wheeled else {}, request.name),
@@ -128,7 +129,7 @@ class SimulationServices:
         pose, twist = pose_and_twist(
             relative_state(frame_state(world, request.relative_entity), world.body(robot.name).state())
         )
-        return ModelState(name=robot.name, model=robot.entry.model, pose=pose, twist=twist)
+        return ModelState(name=robot.name, model=display_name(robot.entry.model), pose=pose, twist=twist)
 
     def _set_state(self, request: SetModelState) -> ModelState:
         world = self._simulation.world
@@ -331,7 +332,7 @@ class PropertyServices:
         body = self._world.body(robot.name)
         return ModelProperties(
             name=robot.name,
-            model=robot.entry.model,
+            model=display_name(robot.entry.model),
             about=robot.model.about,
             namespace=robot.namespace,
             base_frame=robot.publishers.frame_id(robot.model.base_frame),

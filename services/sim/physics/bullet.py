@@ -140,8 +140,8 @@ class BulletWorld:
             return
         body = self.body(name)
         self._check(name, Configuration(pose, body.configuration.joints))
-        pybullet.resetBasePositionAndOrientation(body.body_id, *pose, physicsClientId=self._client)
-        pybullet.resetBaseVelocity(body.body_id, state.linear, state.angular, physicsClientId=self._client)
+        body.set_pose(pose)
+        body.set_velocity(state.linear, state.angular)
 
     def set_joints(self, name: str, positions: Mapping[str, float]) -> None:
         """Put joints at positions, at rest; raises BadInput where the body would overlap then."""

@@ -138,7 +138,7 @@ def test_a_button_under_the_pointer_keeps_the_colours_that_its_words_are_read_on
 def test_on_a_phone_the_chosen_robot_is_in_sight(pages: PageOpener) -> None:
     page = pages.open("robots", 390, 844)
     for robot in ("/tb3_2", "/tb3_0"):
-        page.evaluate("(robot) => window.elea.map.hand.select(robot)", robot)
+        page.evaluate("(robot) => window.elea.map.actions.select(robot)", robot)
         expect(page.locator(f"[data-robot='{robot}']")).to_be_in_viewport(ratio=0.95)
 
 
@@ -171,5 +171,5 @@ def test_the_first_look_is_at_everything(pages: PageOpener) -> None:
     page.mouse.wheel(0, -200)
     wait_until(lambda: page.evaluate("window.elea.map.camera.scale") > scale, WITHIN_S, "nearer")
     near = page.evaluate("window.elea.map.camera.scale")
-    page.evaluate("window.elea.map.know(window.elea.map.robots)")
+    page.evaluate("window.elea.map.setRobots(window.elea.map.robots)")
     assert page.evaluate("window.elea.map.camera.scale") == near, "what a hand has moved stays"
