@@ -44,7 +44,8 @@ class RunConfig(FleetTable, frozen=True, kw_only=True):
     """How time runs, how long, and over which network.
 
     ``port`` tells the fleets of a user apart. With ``tcp`` the router listens there on 127.0.0.1, too, for every user
-    of the machine. ``packages`` are folders in which the ``package://`` of robots is looked for.
+    of the machine. ``packages`` are folders in which the ``package://`` of robots and the
+    ``model://`` of worlds are looked for.
     """
 
     mode: Mode = "lockstep"
