@@ -134,7 +134,7 @@ def _colour(part: BodyPart) -> ColorRGBA:
 
 def _ground(world: WorldDescription) -> Marker:
     """The rectangle that holds all bodies where they start, with a margin, and all paths."""
-    reaches = [(0.0, 0.0, 0.0)] if not world.all_bodies else []
+    reaches = []
     for body in world.all_bodies:
         for part in body.parts:
             low, high = shape_mesh(part.shape, 2).bounds
@@ -158,6 +158,6 @@ def _ground(world: WorldDescription) -> Marker:
 
 def _extent(intervals: list[tuple[float, float]]) -> tuple[float, float]:
     """The interval [m] that holds all, LEAST_GROUND long at least."""
-    low, high = min(each[0] for each in intervals), max(each[1] for each in intervals)
+    low, high = min((each[0] for each in intervals), default=0.0), max((each[1] for each in intervals), default=0.0)
     missing = max(0.0, LEAST_GROUND - (high - low)) / 2
     return low - missing, high + missing
