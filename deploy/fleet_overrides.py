@@ -62,10 +62,10 @@ def _paths(tree: dict[str, Any], keys: list[str], text: str) -> Iterator[tuple[T
     if first == "run" and rest:
         yield ("run", *rest)
     elif first == "world" and not rest:
-        for each in _tables(tree, "service"):
-            if each.get("kind") == "sim" and isinstance(each.get("parameters"), dict):
-                each["parameters"].pop("world", None)  # it would win over the fleet's
-        yield ("world",)
+        sims = [each for each in _tables(tree, "service") if each.get("kind") == "sim"]
+        own = [each.get("parameters") for each in sims]
+        stated = any(isinstance(each, dict) and "world" in each for each in own)
+        yield (*_builtin(tree, "sim"), "parameters", "world") if stated else ("world",)
     elif first == "model" and not rest:
         if len(robots) != 1:
             raise BadInput(
@@ -119,7 +119,8 @@ def _tables(tree: dict[str, Any], name: str) -> list[dict[str, Any]]:
 
 
 def _value(text: str, path: Sequence[TomlKey]) -> Any:
-    """A value as TOML has it; anything else is text. Files of models and worlds count from the working directory."""
+    """A value as TOML has it; anything else is text. The file of a model or world counts from the working
+    directory."""
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -128,7 +129,7 @@ def _value(text: str, path: Sequence[TomlKey]) -> Any:
         from models.robot_source import names_file  # it loads what reads meshes, which no --help is to wait for
 
         return str(Path(value).expanduser().absolute()) if names_file(value) else value
-    if tuple(path) == ("world",) and isinstance(value, str) and is_world_file(value):
+    if path[-1] == "world" and isinstance(value, str) and is_world_file(value):
         return str(Path(value).expanduser().absolute())
     return value
 

@@ -1,4 +1,4 @@
-"""What a fleet file must hold beyond its types: names that exist, are legal and differ, and values within bounds."""
+"""Validates a fleet beyond its types: names exist, are legal and unique, and values are within bounds."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.report.checks import check_bounds
 from deploy.service_parameters import BUILTIN_SERVICES, robot_parameter_set, robot_parameters_type
 from messages.names import BadName, Identity, parse_remap
-from models import MODELS
+from models import display_name
 from models.toml_source import TomlKey, TomlSource
-from models.world import read_world
 from services.catalog import load_service
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.parameters.validation import build
@@ -23,11 +22,6 @@ def validate_fleet(fleet: Fleet, source: TomlSource) -> None:
     for index in range(len(fleet.robot)):
         _check_robot(fleet, index, source)
     _check_models(fleet, source)
-    if fleet.world:
-        try:
-            read_world(fleet.world)
-        except BadInput as error:
-            raise BadInput(f"{source.location('world')}: {error}") from None
     sets = {robot_parameter_set(robot): robot.name for robot in fleet.robot}
     nodes: dict[str, str] = {}
     for path, member, owner in all_services(fleet):
@@ -75,8 +69,6 @@ def all_services(fleet: Fleet) -> Iterator[tuple[tuple[TomlKey, ...], ServiceCon
 def _check_robot(fleet: Fleet, index: int, source: TomlSource) -> None:
     robot, path = fleet.robot[index], ("robot", index)
     where = source.location(*path, "name")
-    if robot.model not in MODELS:
-        raise unknown_name("model", robot.model, MODELS, source.location(*path, "model"))
     try:
         Identity.of(robot.name)
         check_robot_names(robot, fleet.robot[:index])
@@ -88,7 +80,7 @@ def _check_robot(fleet: Fleet, index: int, source: TomlSource) -> None:
 
 def _check_models(fleet: Fleet, source: TomlSource) -> None:
     """Models are stated for those of every robot alone, and each of them has a robot of them."""
-    own = {robot.model for robot in fleet.robot}
+    own = {display_name(robot.model) for robot in fleet.robot}
     for index, member in enumerate(fleet.every_robot):
         for name in member.models:
             if name not in own:

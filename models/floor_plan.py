@@ -14,10 +14,21 @@ from numpy.typing import NDArray
 
 from messages.errors import BadInput, unknown_name
 from messages.se3 import Pose3
+from models.bodies import (
+    MAX_PARTS,
+    BadWorld,
+    BodyPart,
+    BoxShape,
+    Colour,
+    Coordinate,
+    Shade,
+    Start,
+    WorldBody,
+    WorldDescription,
+)
 from models.input_file import read_limited
 from models.picture import read_picture
-from models.world import MAX_PARTS, BadWorld, BodyPart, BoxShape, Colour, Coordinate, Shade, WorldBody, WorldDescription
-from models.yaml_reader import read_yaml
+from models.yaml_reader import YamlSource, read_yaml
 
 MAX_PIXELS = 4096 * 4096
 """Of a floor plan."""
@@ -151,7 +162,7 @@ _NEEDED = ("image", "resolution", "origin")
 def read_map(path: Path) -> MapFile:
     """A ``map.yaml``; its image is found beside it. Raises BadInput with the line."""
     text = read_limited(path, _MAX_YAML, "a map").decode(errors="replace")
-    tree = read_yaml(text, str(path))
+    tree, source = read_yaml(text, str(path)), YamlSource(path, text)
     if not isinstance(tree, dict):
         raise BadInput(f"{path}: this is no map.yaml: it has no keys image, resolution and origin")
     known = [each.name for each in msgspec.structs.fields(MapFile)]
@@ -160,18 +171,18 @@ def read_map(path: Path) -> MapFile:
             raise BadInput(f"{path}: this is no map.yaml: the key {key} is missing")
     for key in tree:
         if key not in known:
-            raise unknown_name("key", str(key), known, f"{path}:{_line(text, str(key))}")
+            raise unknown_name("key", str(key), known, source.location(str(key)))
     if isinstance(tree.get("negate"), int):
         tree["negate"] = bool(tree["negate"])
     image = tree["image"]
     if not isinstance(image, str):
-        raise BadInput(f"{path}:{_line(text, 'image')}: image is not the path of a picture")
+        raise BadInput(f"{source.location('image')}: image is not the path of a picture")
     try:
         return msgspec.convert({**tree, "image": path.parent / image}, MapFile, strict=False)
     except msgspec.ValidationError as error:
         reason, _, where = str(error).partition(" - at `$.")
         key = where.rstrip("`").partition("[")[0]
-        raise BadInput(f"{path}:{_line(text, key)}: {key}: {reason}") from None
+        raise BadInput(f"{source.location(key)}: {key}: {reason}") from None
 
 
 def read_map_yaml(path: Path) -> WorldDescription:
@@ -179,7 +190,7 @@ def read_map_yaml(path: Path) -> WorldDescription:
     try:
         stated = read_map(path)
         plan = FloorPlan(_walls(stated), stated.resolution, stated.origin, 1.0)
-        return WorldDescription(about=f"The walls of {path.name}", bodies=(plan_body(plan),))
+        return WorldDescription(about=f"The walls of {path.name}", start=Start(), bodies=(plan_body(plan),))
     except BadInput as error:
         text = str(error)
         raise BadWorld(text if text.startswith(str(path)) else f"{path}: {text}") from None
@@ -217,11 +228,3 @@ def _walls(stated: MapFile) -> NDArray[np.bool_]:
         raise BadInput("the origin is no place")
     walls: NDArray[np.bool_] = (occupancy > stated.occupied_thresh) & ~picture.transparent
     return walls
-
-
-def _line(text: str, key: str) -> int:
-    """The line of a top-level key of a YAML text, 1 where it is not found."""
-    for number, line in enumerate(text.splitlines(), start=1):
-        if line.partition(":")[0].strip().strip("\"'") == key:
-            return number
-    return 1

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from messages.errors import BadInput
+from models.bodies import HeightMapShape
 from models.picture import read_picture
-from models.world import HeightMapShape
 
 MAX_SAMPLES = 1025 * 1025
 """Pixels of a height map; PyBullet takes 2 s to load as many."""

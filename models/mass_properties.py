@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 from messages.se3 import Pose3, Vector, rotated_axes
+from models.bodies import BodyPart, BoxShape, CylinderShape, RampShape, SphereShape, WorldBody
 from models.shape_mesh import shape_mesh
-from models.world import BodyPart, BoxShape, CylinderShape, RampShape, SphereShape, WorldBody
 
 
 class MassProperties(NamedTuple):

@@ -12,7 +12,7 @@ import msgspec
 from msgspec import Meta
 
 from messages.errors import BadInput, unknown_name
-from models import model_config_path, urdf_path
+from models import model_config_path, physics_urdf_path
 from models.robot_cache import is_made
 from models.robot_facts import read_facts
 from models.urdf import NoWheels, read_robot, read_wheels
@@ -236,7 +236,7 @@ def _fill_from_urdf(wheels: dict[str, Any], name: str) -> None:
     """Fill in from the URDF what the model file leaves out of its wheels."""
     if {"separation", "radius"} <= wheels.keys() or not {"left_joint", "right_joint"} <= wheels.keys():
         return
-    pair = read_wheels(urdf_path(name), wheels["left_joint"], wheels["right_joint"])
+    pair = read_wheels(physics_urdf_path(name), wheels["left_joint"], wheels["right_joint"])
     if pair.left_radius is None and "radius" not in wheels:
         raise NoWheels(f"{name}: neither [wheels] nor a collision sphere or cylinder of the left wheel tells a radius")
     wheels.setdefault("separation", pair.separation)

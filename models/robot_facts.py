@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 
 from models import UnknownModel
+from models.robot_cache import is_made
 
 
 class RobotFacts(msgspec.Struct, frozen=True, kw_only=True):
@@ -32,3 +33,8 @@ def read_facts(model: str) -> RobotFacts:
         return msgspec.json.decode((Path(model) / "facts.json").read_bytes(), type=RobotFacts)
     except (OSError, msgspec.MsgspecError):
         raise UnknownModel(f"there is no robot {model} any more: spawn it, or start the fleet, by its file") from None
+
+
+def read_notes(model: str) -> tuple[str, ...]:
+    """What was assumed of a robot; nothing of one of this folder."""
+    return read_facts(model).notes if is_made(model) else ()

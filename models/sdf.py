@@ -16,14 +16,7 @@ import numpy as np
 
 from messages.errors import BadInput
 from messages.se3 import IDENTITY, Pose3, Vector, quaternion_from_rpy
-from models.height_map import read_heights
-from models.mesh import read_mesh
-from models.model_uri import find_model_file, find_resource
-from models.packages import OWNER, FileAccess, PackagePath
-from models.polyline import extruded
-from models.sdf_xml import SdfElement, parse_sdf, read_sdf
-from models.shape_mesh import shape_mesh
-from models.world import (
+from models.bodies import (
     GREY,
     MAX_PARTS,
     BadWorld,
@@ -36,9 +29,17 @@ from models.world import (
     MeshShape,
     Shape,
     SphereShape,
+    Start,
     WorldBody,
     WorldDescription,
 )
+from models.height_map import read_heights
+from models.mesh import read_mesh
+from models.model_uri import find_model_file, find_resource
+from models.packages import OWNER, FileAccess, PackagePath
+from models.polyline import extruded
+from models.sdf_xml import SdfElement, parse_sdf, read_sdf
+from models.shape_mesh import shape_mesh
 
 MAX_INCLUDES = 2000
 """Of a world, each time that one is included."""
@@ -140,6 +141,7 @@ class _Reader:
             raise BadWorld(f"{path}:{root.line}: there is neither a world nor a model in this SDF")
         return WorldDescription(
             about=top.attributes.get("name", ""),
+            start=Start(),
             friction=self._floor,
             bodies=_with_own_names(tuple(bodies)),
             lights=tuple(self.lights),

@@ -9,8 +9,8 @@ from typing import NoReturn
 from xml.parsers import expat
 
 from messages.errors import BadInput
+from models.bodies import BadWorld
 from models.input_file import read_limited
-from models.world import BadWorld
 
 MAX_BYTES = 8 << 20
 """Of an SDF file; a box takes about 500."""

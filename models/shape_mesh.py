@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages.se3 import Pose3, rotated_axes
+from models.bodies import BoxShape, CylinderShape, HeightMapShape, MeshShape, RampShape, Shape, SphereShape
 from models.mesh import Mesh
-from models.world import BoxShape, CylinderShape, HeightMapShape, MeshShape, RampShape, Shape, SphereShape
 
 SIDES = 24
 """Sides of a cylinder, and meridians of a sphere."""

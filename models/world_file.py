@@ -14,12 +14,7 @@ from msgspec import Meta
 
 from messages.errors import BadInput, unknown_name
 from messages.se3 import IDENTITY, Pose3, quaternion_from_rpy
-from models.floor_plan import PlanKeys, plan_body, read_map_yaml, read_plan
-from models.height_map import read_height_map
-from models.input_file import read_limited
-from models.mesh import read_mesh
-from models.toml_source import TomlSource, key_path
-from models.world import (
+from models.bodies import (
     GREY,
     MAX_MOVABLE,
     MAX_PARTS,
@@ -43,6 +38,11 @@ from models.world import (
     WorldBody,
     WorldDescription,
 )
+from models.floor_plan import PlanKeys, plan_body, read_map_yaml, read_plan
+from models.height_map import read_height_map
+from models.input_file import read_limited
+from models.mesh import read_mesh
+from models.toml_source import TomlSource, key_path
 
 MAX_BYTES = 8 << 20
 """Of a world's TOML file; a box takes about 100."""

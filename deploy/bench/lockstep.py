@@ -16,7 +16,7 @@ from deploy.fleet import RobotConfig
 from deploy.fleet_file import find_fleet, read_fleet
 from messages.se3 import Pose3
 from messages.topics import CMD_VEL, JOINT_EFFORT
-from models import urdf_path
+from models import physics_urdf_path
 from models.model import read_model
 from models.world import read_world
 from services.runtime.graph import Entity, token_pattern
@@ -72,14 +72,14 @@ def wheel_motors(robot: RobotConfig) -> tuple[Motor, ...]:
 
 
 def drive_settings(robot: RobotConfig) -> DriveConfig:
-    """How a robot of ``lab`` is driven."""
+    """The drive of a robot of ``lab``."""
     settings = robot_config(robot.model, build(BaseParameters, robot.parameters)).drive_config
     assert settings is not None
     return settings
 
 
 def build_schedule(commands: dict[str, list[Any]], span: Span) -> ActuatorSchedule:
-    """What the simulation made of the commands, worked out beforehand: the raw loop is to do nothing but physics.
+    """The wheel speeds of the commands, computed beforehand: the raw loop shall do nothing but physics.
 
     A controller commands evenly, so its commands up to the end of the span are spread over the steps up to there.
     """
@@ -107,7 +107,7 @@ def raw_factor(steps: ActuatorSchedule, span: Span, hold: Callable[[int], None] 
         for robot in lab_robots():
             place = Pose3.planar(robot.pose.x, robot.pose.y, robot.pose.yaw)
             fixed = read_model(robot.model).fixed_base
-            world.spawn(Body(robot.name, urdf_path(robot.model), place, wheel_motors(robot), fixed))
+            world.spawn(Body(robot.name, physics_urdf_path(robot.model), place, wheel_motors(robot), fixed))
         started = 0.0
         for step in range(span.steps.stop):
             if step == span.steps.start:
@@ -126,8 +126,8 @@ SPAN = Span(2.0, 42.0)
 
 
 class RecordedRun(NamedTuple):
-    """What one run of ``lab`` shows that is not timed: the commands by robot, the same in every run, and by member of
-    its lockstep the physics steps between two of its own.
+    """The untimed data of a run of ``lab``: the commands by robot, the same in every run, and for each lockstep member
+    the physics steps between two of its own.
     """
 
     commands: dict[str, list[Any]]

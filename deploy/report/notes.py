@@ -1,4 +1,4 @@
-"""Notes of a report: what is off by design, and whether the machine kept up with real time."""
+"""Notes of a report: errors by design, and whether the machine kept up with real time."""
 
 from __future__ import annotations
 
@@ -8,24 +8,48 @@ from collections.abc import Sequence
 from deploy.fleet import Fleet, RobotConfig
 from deploy.report.record import RunFigures
 from messages.se2 import Twist2
+from models.model import read_model
 from services.runtime.errors import BadInput
 from services.runtime.parameters.validation import build
-from services.sim.drive.config import NO_TIMEOUT, DriveConfig, robot_config
+from services.sim.drive.config import NO_TIMEOUT, DriveConfig, odometry_config, robot_config
 from services.sim.drive.driver import AT_REST, Drive, commanded_velocity, step_drive
+from services.sim.drive.odometry_error import NO_ERROR, draw_errors, odometry_error
 from services.sim.parameters import BaseParameters
 from services.square import SquareParameters
 from services.square.tutorial import ANGLE_THRESHOLD, STEP_S, BaseStep, overrun, predict
 
 
 def fleet_notes(fleet: Fleet) -> tuple[str, ...]:
-    """Returns the base drivers' configuration warnings, and a note for each square driven by the tutorial's law."""
+    """Returns the base drivers' configuration warnings, a note for each square driven by the tutorial's law, and one on
+    the errors of wheel odometry."""
     found = []
     for robot in fleet.robot:
         found += _base_warnings(robot)
         for member in (*robot.services, *(each for _, each in fleet.shared_services(robot))):
             if member.kind == "square" and member.parameters.get("law") == "tutorial":
                 found.append(_tutorial_note(robot, build(SquareParameters, member.parameters)))
-    return tuple(found)
+    return (*found, *_odometry_notes(fleet))
+
+
+def _odometry_notes(fleet: Fleet) -> list[str]:
+    """How far each robot's odometry is from its wheels; empty where it is from none."""
+    parts = []
+    for robot in fleet.robot:
+        model = read_model(robot.model)
+        if model.wheels is None:
+            continue
+        config = odometry_config(model, build(BaseParameters, robot.parameters))
+        error = odometry_error(config.error, config.error_multiple, draw_errors(fleet.run.seed, robot.name))
+        if config.source == "encoder" and error != NO_ERROR:
+            parts.append(f"{robot.name}: {error.describe()}")
+    if not parts:
+        return []
+    rest = len(parts) - MAX_NAMED_ROBOTS
+    named = "; ".join(parts[:MAX_NAMED_ROBOTS]) + (f"; and {rest} more" if rest > 0 else "")
+    return [
+        "Odometry takes wheels for other ones than they are, as on a real robot, "
+        f"by the seed {fleet.run.seed}: {named}. odometry_error = 0 leaves this out."
+    ]
 
 
 def start_lines(fleet: Fleet, overrides: Sequence[str]) -> tuple[str, ...]:
@@ -55,16 +79,16 @@ def _tutorial_note(robot: RobotConfig, p: SquareParameters) -> str:
         return f"{robot.name} has no wheels: it drives no square."
     drive = settings.drive
     ends = predict(p, _ideal_base(drive))
-    told = "it would not end"
+    outcome = "it would not end"
     if ends is not None:
-        told = f"it would end {ends.closure:.3f} m and {abs(math.degrees(ends.excess_turn)):.1f} deg from its start"
+        outcome = f"it would end {ends.closure:.3f} m and {abs(math.degrees(ends.excess_turn)):.1f} deg from its start"
     return (
         f"{robot.name} drives by the tutorial's law, which is inaccurate by design. Ten times a second it acts on a "
         f"pose up to 0.1 s old; it ends a turn {math.degrees(ANGLE_THRESHOLD):.1f} deg early, but the base "
         f"turns on by {math.degrees(overrun(_ideal_base(drive), p.angular_speed)):.1f} deg and what the delay adds; "
         "the next side counts from the place, and the next turn from the heading, at which it happens to be: "
         "the errors add up. "
-        f"On a base without any slip {told}."
+        f"On a base without any slip {outcome}."
     )
 
 
@@ -85,13 +109,14 @@ def _ideal_base(drive: Drive) -> BaseStep:
 
 
 MAX_NAMED_NODES = 3
-"""Nodes named."""
+MAX_NAMED_ROBOTS = 6
+"""Maximum nodes and robots named in a note."""
 
 
 def real_time_notes(run: RunFigures, ok: bool) -> tuple[str, ...]:
     """One note for a run in real time in which the simulation fell behind; or services, if its checks do not hold.
 
-    A tick now and then is missed on most machines, and harms nobody.
+    Most machines miss a tick now and then, without harm.
     """
     if run.mode != "real" or not (run.lag_s or (run.ticks_missed and not ok)):
         return ()

@@ -32,6 +32,7 @@ class Goals:
     _goals: dict[str, _Goal] = field(default_factory=dict)
     _cancelled_upto: int = 0
     _received: int = 0
+    _now: int = 0
 
     def receive(self, asked: GoalID, name: str, now: int) -> GoalID | None:
         """Take note of a goal; None for one that is known already.
@@ -39,6 +40,7 @@ class Goals:
         The goal is PENDING, or RECALLED at once when it was cancelled before it came. One without an id gets one of
         ``name`` and a number, one without a stamp the present time.
         """
+        self._follow_time(now)
         self._received += 1
         goal = GoalID(
             stamp=asked.stamp if asked.stamp.ns else Time.of(now),
@@ -76,6 +78,7 @@ class Goals:
         By actionlib's policy: neither id nor stamp means all; a stamp all up to it, also those yet to come; an id that
         goal, also if it is yet to come; both the goal and all up to the stamp.
         """
+        self._follow_time(now)
         stamp = asked.stamp.ns
         everything = not asked.id and not stamp
         meant = [
@@ -103,8 +106,16 @@ class Goals:
 
     def list(self, now: int) -> tuple[GoalStatus, ...]:
         """All goals that did not end long ago, oldest first."""
+        self._follow_time(now)
         self._forget(now)
         return tuple(self.status(each) for each in self._goals)
+
+    def _follow_time(self, now: int) -> None:
+        """Forget what was before simulation time was set back."""
+        if now < self._now:
+            self._goals = {goal: each for goal, each in self._goals.items() if not _over(each)}
+            self._cancelled_upto = 0
+        self._now = now
 
     def _forget(self, now: int) -> None:
         ended = [(each.ended, goal) for goal, each in self._goals.items() if _over(each)]

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from messages.joints import JointCommand
 from messages.requests import LIST_CONTROLLERS, SWITCH_CONTROLLER
-from messages.sensor import JointState
 from messages.std import Header, Time
 from messages.topics import JOINT_COMMAND, JOINT_FEEDBACK, ROBOT_DESCRIPTION, STOPS
 from models.urdf import parse_urdf
@@ -17,7 +16,7 @@ from services.controller_manager.config_file import read_config
 from services.controller_manager.controller import Ports
 from services.controller_manager.joint_pid import PidParameters, PidSource
 from services.controller_manager.manager import ControllerManager
-from services.controller_manager.robot_state import CommandLimiter, robot_state
+from services.controller_manager.robot_state import CommandLimiter, RobotState, robot_state
 from services.runtime.context import Context, Tick
 from services.runtime.errors import BadInput
 from services.runtime.parameters.client import ParameterClient
@@ -74,7 +73,8 @@ class _ManagerLoop:
         self._feedback = ctx.latest(JOINT_FEEDBACK)
         self._command = ctx.advertise(JOINT_COMMAND)
         self._gains: list[ParameterSubscription[PidParameters]] = []
-        self._urdf = ""
+        self._seen_urdf, self._described = "", False
+        self._commanded_joints = frozenset(config.joints)
         self._started_at: int | None = None
         warn = partial(ctx.log.warn, every=WARN_PERIOD_S)
         ports = Ports(
@@ -107,9 +107,9 @@ class _ManagerLoop:
         elif self._manager.stopped_by:
             self._manager.halt(self._manager.stopped_by, now)
         else:
-            self._manager.start(robot_state(state), now)
+            self._manager.start(state, now)
         self._manager.read(now)
-        targets = self._manager.update(robot_state(state), now, tick.dt) if state is not None else ()
+        targets = self._manager.update(state, now, tick.dt) if state is not None else ()
         header, duration = Header(stamp=Time.of(now)), max(self._ctx.params.duration, MIN_PERIODS / self.rate)
         self._command.publish(JointCommand(header=header, duration=duration, targets=targets))
         self._manager.publish(now)
@@ -129,11 +129,26 @@ class _ManagerLoop:
         return lambda: followed.params
 
     def _read_description(self) -> None:
-        """Take the robot's URDF when it comes, or another one does; raises BadInput where it lacks a joint."""
+        """Take the robot's URDF when it comes, or another one does.
+
+        Raises BadInput where the first lacks a joint: then the file is wrong. A later one that is bad is not taken.
+        """
         description = self._descriptions.value
-        if description is not None and description.data != self._urdf:
-            self._urdf = description.data
-            self._manager.check_joints({each.name: each.limits for each in parse_urdf(description.data).joints})
+        if description is None or description.data == self._seen_urdf:
+            return
+        self._seen_urdf = description.data
+        try:
+            joints = {each.name: each.limits for each in parse_urdf(description.data).joints}
+        except BadInput as error:
+            self._ctx.log.warn(f"the robot_description is not taken: {error}", every=WARN_PERIOD_S)
+            return
+        try:
+            self._manager.check_joints(joints)
+        except BadInput as error:
+            if not self._described:
+                raise
+            self._ctx.log.warn(f"another robot_description is not taken: {error}", every=WARN_PERIOD_S)
+        self._described = True
 
     def _stopped_by(self) -> str:
         stops = self._stops.value
@@ -142,13 +157,20 @@ class _ManagerLoop:
                 return f"an emergency stop of {stop.holder or stop.topic} holds the robot"
         return ""
 
-    def _joints(self, now: int) -> JointState | None:
-        """The joints as last heard; None, said in the log, when that is too long ago."""
-        state = self._feedback.fresh(self._ctx.params.state_timeout)
-        if state is not None and self._urdf:
-            return state
+    def _joints(self, now: int) -> RobotState | None:
+        """The joints as last heard; None, said in the log, when that is too long ago, or one of them is missing."""
+        message = self._feedback.fresh(self._ctx.params.state_timeout)
+        if message is not None and self._described:
+            state = robot_state(message)
+            if not (missing := sorted(self._commanded_joints - state.keys())):
+                return state
+            self._ctx.log.warn(
+                f"the joint feedback has no position and velocity of {', '.join(missing)}, commanding nothing",
+                every=WARN_PERIOD_S,
+            )
+            return None
         if self._started_at is not None and now - self._started_at > PATIENCE_S * 1e9:
-            what = "robot_description" if not self._urdf else "joint_feedback"
+            what = "joint_feedback" if self._described else "robot_description"
             self._ctx.log.warn(
                 f"nothing on {self._ctx.namespace.rstrip('/')}/{what}, commanding nothing: is the robot in the "
                 "simulation, and has it joints beside its wheels?",

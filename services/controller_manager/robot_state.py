@@ -11,11 +11,10 @@ from models.urdf import JointLimits
 
 
 class JointReading(NamedTuple):
-    """Position [rad or m], velocity [rad/s or m/s] and effort [N m or N] of a joint."""
+    """Position [rad or m] and velocity [rad/s or m/s] of a joint."""
 
     position: float
     velocity: float
-    effort: float
 
 
 RobotState = Mapping[str, JointReading]
@@ -23,8 +22,8 @@ RobotState = Mapping[str, JointReading]
 
 
 def robot_state(message: JointState) -> RobotState:
-    """The joints in a message that has all of their parts."""
-    rows = zip(message.name, message.position, message.velocity, message.effort, strict=False)
+    """The joints of a message; none, if it has no positions or no velocities."""
+    rows = zip(message.name, message.position, message.velocity, strict=False)
     return {name: JointReading(*row) for name, *row in rows}
 
 

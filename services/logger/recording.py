@@ -27,7 +27,7 @@ from services.runtime.ports import bind_error
 HOST = "127.0.0.1"
 
 FLUSH_TIMEOUT_S = 5.0
-"""Wall time for the disk and the server to accept what was sent."""
+"""Wall time [s] for the disk and the server to accept the data."""
 
 
 def open_sinks(
@@ -181,7 +181,7 @@ class Recording:
         self._stream.disconnect()
 
     def commit(self) -> None:
-        """Block until everything is in the file, so that a killed process loses none of it and nothing piles up."""
+        """Block until all data is in the file, so that a killed process loses none and no backlog grows."""
         try:
             self._stream.flush(timeout_sec=FLUSH_TIMEOUT_S)
         except (RuntimeError, ValueError) as failure:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from contextlib import ExitStack
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
@@ -24,9 +25,10 @@ from messages.requests import PAUSE, RESUME, STEP, Request
 from messages.simulation import SimTime, Steps
 from messages.topics import CLOCK, Topic
 from services.runtime.errors import BadInput, NoAnswer
+from services.runtime.fleet_instances import running_fleets
 from services.runtime.graph import snapshot
 from services.runtime.light_node import LightNode, open_transport
-from services.runtime.network_address import port_of_fleet, resolve_address
+from services.runtime.network_address import port_of_fleet, resolve_address, select_fleet
 from services.runtime.parameters.service_client import ParameterServiceClient
 from services.runtime.publisher import Publisher
 from services.runtime.requests import call
@@ -59,17 +61,22 @@ def connect(fleet: str = "", port: int | None = None, router: str = "", domain: 
     Raises:
         BadInput: No fleet runs, or several and none is chosen.
     """
-    address = resolve_address(router, domain, port_of_fleet(fleet, port) if fleet else port)
+    chosen = port_of_fleet(fleet, port) if fleet else port
+    address = resolve_address(router, domain, chosen)
+    folder = None if router or not running_fleets() else Path(select_fleet(chosen).folder)
     with ExitStack() as resources:
         transport = resources.enter_context(open_transport(address.router, address.domain))
-        return Client(LightNode(transport, "client"), resources.pop_all())
+        return Client(LightNode(transport, "client"), resources.pop_all(), folder)
 
 
 class Client:
-    """A connection to a running fleet. Its methods are called from one thread."""
+    """A connection to a running fleet. Its methods are called from one thread.
 
-    def __init__(self, node: LightNode, resources: ExitStack) -> None:
-        self._node, self._resources = node, resources
+    ``folder`` is that of the run, whose report comes when the fleet ends; None for a fleet of another machine.
+    """
+
+    def __init__(self, node: LightNode, resources: ExitStack, folder: Path | None = None) -> None:
+        self._node, self._resources, self.folder = node, resources, folder
         self._transport = node.transport
         self._subscribers: dict[tuple[str, str], Subscriber[Any]] = {}
         self._publishers: dict[str, Publisher[Any]] = {}

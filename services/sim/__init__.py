@@ -37,6 +37,11 @@ class SimParameters(Parameters, frozen=True, kw_only=True):
     stops_file: str = param(
         "", text="File that keeps emergency stops across restarts; in memory only if empty.", live=False
     )
+    model_folders: tuple[str, ...] = param(
+        (),
+        text="Folders from which spawn requests may take robots; relative paths count from the first.",
+        live=False,
+    )
     awaits: tuple[str, ...] = param((), text="Further nodes to wait for before time starts.", live=False)
     requires: tuple[str, ...] = param(
         (), text="The awaited nodes without which time does not start at all.", live=False

@@ -11,7 +11,7 @@ from messages.names import join
 from messages.se3 import Pose3
 from messages.simulation import DriveSettings
 from messages.topics import BASE_STATUS, CMD_VEL, CMD_VEL_OUT, JOINT_EFFORT, Topic
-from models import urdf_path
+from models import display_name, physics_urdf_path
 from models.model import RobotModel
 from models.urdf import read_joint_limits
 from services.runtime.errors import BadInput
@@ -162,12 +162,21 @@ def _spawn_body(
 ) -> BodyHandle:
     try:
         check_positions(entry.model, entry.joints)
-        start = tuple(entry.joints.items())
-        urdf = urdf_path(entry.model)
+        start = tuple({**_joints_off_zero(entry.model), **entry.joints}.items())
+        urdf = physics_urdf_path(entry.model)
         return world.spawn(Body(entry.name, urdf, pose, motors, model.fixed_base, start, joint_friction))
     except BadInput:
         parameters.close()
         raise
+
+
+def _joints_off_zero(model: str) -> dict[str, float]:
+    """Where joints start whose limits leave out 0: at the nearest one, or the engine would throw them there."""
+    return {
+        joint: min(max(0.0, limits.lower), limits.upper)
+        for joint, limits in read_joint_limits(model).items()
+        if limits.lower is not None and limits.upper is not None and not limits.lower <= 0 <= limits.upper
+    }
 
 
 class WheelActuation:
@@ -190,7 +199,8 @@ class WheelActuation:
         config = odometry_config(model, parameters.parameters)
         self.odometer = Odometer(config, body, entry.name, self.controller, seed)
         if config.source == "encoder" and self.odometer.error != NO_ERROR:
-            node.log.info(f"{entry.name}: {self.odometer.error}, by the seed {seed}; odometry_error = 0 is exact")
+            error = self.odometer.error.describe()
+            node.log.info(f"{entry.name}: odometry takes the wheels for other ones by the seed {seed}: {error}")
         self._open_loop = config.source == "open loop"
         self.command_topic: Topic[Any] = CMD_VEL_STAMPED if parameters.config.stamped else CMD_VEL
         self.extra_topics: tuple[Topic[Any], ...] = (
@@ -273,7 +283,7 @@ class WheelActuation:
     def status(
         self, now: int, refused: int, colliding: bool, collisions: int, stopped_by: tuple[str, ...]
     ) -> BaseStatus | None:
-        return self.controller.status(now, self._entry.model, refused, colliding, collisions, stopped_by)
+        return self.controller.status(now, display_name(self._entry.model), refused, colliding, collisions, stopped_by)
 
     def close(self) -> None:
         self._parameters.close()
@@ -335,7 +345,7 @@ class JointActuation:
         self._world.set_joints(self._entry.name, positions)
 
     def set_drive(self, request: DriveSettings, now: int) -> DriveSettings:
-        raise BadInput(f"{self._entry.name} is a {self._entry.model}, which has no driven wheels")
+        raise BadInput(f"{self._entry.name} is a {display_name(self._entry.model)}, which has no driven wheels")
 
     def apply_commands(self, commands: Subscriber[Any], now: int, lockstep_members: set[bytes], factor: float) -> None:
         self.controller.apply_commands(commands, now, lockstep_members, factor)

@@ -296,6 +296,7 @@ class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     model: str
     x: Coordinate = 0.0
     y: Coordinate = 0.0
+    z: Coordinate = 0.0
     yaw: float = 0.0
     namespace: str = ""
     frame_prefix: str | None = None

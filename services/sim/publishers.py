@@ -89,7 +89,7 @@ class RobotPublishers:
         self._publishers: dict[Topic[Any], Publisher[Any]] = {
             topic: node.advertise(topic, join(namespace, topic.name)) for topic in topics
         }
-        self._publishers[ROBOT_DESCRIPTION].publish(String(data=urdf_path(entry.model).read_text()))
+        self._publishers[ROBOT_DESCRIPTION].publish(String(data=urdf_path(entry.model).read_text(encoding="utf-8")))
         self._base_frame = self.frame_id(model.base_frame)
         self.reset()
 

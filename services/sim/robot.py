@@ -8,8 +8,9 @@ from messages.elea import ModelState
 from messages.names import join
 from messages.se3 import Pose3
 from messages.topics import E_STOP, JOINT_COMMAND
+from models import display_name
 from models.model import read_model
-from models.urdf import read_joint_limits
+from models.urdf import read_joints
 from services.runtime.node import Node
 from services.runtime.subscriber import Subscriber
 from services.sim.actuation import spawn_actuation
@@ -48,7 +49,7 @@ class Robot:
         self._node, self._world, self._body = node, world, world.body(entry.name)
         commands = self.actuation.command_topic
         self._command_subscriber: Subscriber[Any] = node.subscribe(commands, join(self.namespace, commands.name))
-        self.motors = JointMotors(self._body, entry.name, read_joint_limits(entry.model), delays, node.log)
+        self.motors = JointMotors(self._body, entry.name, read_joints(entry.model), delays, node.log)
         self._motor_subscriber: Subscriber[Any] | None = None
         if self.motors.joints:
             self._motor_subscriber = node.subscribe(JOINT_COMMAND, join(self.namespace, JOINT_COMMAND.name))
@@ -122,7 +123,9 @@ class Robot:
     def state(self) -> ModelState:
         """Pose and twist, as requests report them."""
         body = self._body.state()
-        return ModelState(name=self.name, model=self.entry.model, pose=body_pose(body), twist=body_twist(body))
+        return ModelState(
+            name=self.name, model=display_name(self.entry.model), pose=body_pose(body), twist=body_twist(body)
+        )
 
     @property
     def pose(self) -> Pose3:

@@ -30,7 +30,7 @@ def static_transforms(robots: Iterable[tuple[Robot, Pose3]], now: int) -> TFMess
         header = Header(stamp=Time.of(now), frame_id=WORLD_FRAME)
         transforms.append(_stamped(header, child, origin))
         for joint in _published_joints(robot):
-            if joint.kind == "fixed":
+            if not joint.single_dof:
                 transforms.append(_joint_transform(robot.frame_prefix, joint, 0.0, now))
     return TFMessage(transforms=tuple(transforms))
 

@@ -9,18 +9,10 @@ from messages.geometry import Point, Pose, Vector3
 from messages.se3 import IDENTITY, Pose3
 from messages.std import ColorRGBA, Header
 from messages.visualization import Marker, MarkerArray
+from models.bodies import BodyPart, BoxShape, CylinderShape, HeightMapShape, MeshShape, SphereShape
 from models.mesh import Mesh
 from models.shape_mesh import joined, placed, shape_mesh
-from models.world import (
-    BodyPart,
-    BoxShape,
-    CylinderShape,
-    HeightMapShape,
-    MeshShape,
-    SphereShape,
-    WorldBody,
-    WorldDescription,
-)
+from models.world import WorldBody, WorldDescription
 
 GROUND_MARGIN = 1.0
 """m of ground that is drawn around the outermost bodies."""

@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-import models
 from messages.names import BadName, absolute_namespace
 from messages.tf import TFMessage, split
 from messages.topics import TF, TF_STATIC
-from models.urdf import MAX_CHARACTERS, BadUrdf
+from models.robot_source import resolve_robot
+from models.urdf import BadUrdf
+from models.urdf import read_urdf as read_urdf_file
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 from services.runtime.transport.wire import SampleInfo
 from services.state import StateParameters
-from services.state.robot import RobotStatePublisher
+from services.state.robot_state_publisher import RobotStatePublisher
 
 MAX_OTHER_PUBLISHERS = 256
 """Most publishers remembered; beyond that, the oldest is forgotten."""
@@ -34,15 +35,15 @@ class OtherPublishers:
     def update(self, batch: Iterable[tuple[TFMessage, SampleInfo | None]]) -> None:
         """Read the messages on /tf_static."""
         for message, origin in batch:
-            who = origin.publisher if origin is not None else b""
-            if who != self._own:
-                self._frames[who] = frozenset(each.child_frame_id for each in message.transforms)
+            sender = origin.publisher if origin is not None else b""
+            if sender != self._own:
+                self._frames[sender] = frozenset(each.child_frame_id for each in message.transforms)
                 if len(self._frames) > MAX_OTHER_PUBLISHERS:
                     del self._frames[next(iter(self._frames))]
 
     def new_conflicts(self, frames: frozenset[str]) -> list[str]:
         """Return those of our frames that another publisher publishes, each once."""
-        found = sorted({name for told in self._frames.values() for name in frames & told} - self._reported)
+        found = sorted({name for others in self._frames.values() for name in frames & others} - self._reported)
         self._reported.update(found)
         return found
 
@@ -100,18 +101,15 @@ def make_robots(ctx: Context[StateParameters]) -> list[RobotStatePublisher]:
 
 
 def read_urdf(model: str, urdf: str) -> str:
-    """Return the URDF of the model or in the file; empty if neither is given. Raises BadInput."""
+    """Return the URDF of the model or in the file, which may be a xacro; empty if neither is given. Raises BadInput."""
     if not model and not urdf:
         return ""
     try:
-        path = models.urdf_path(model) if model else Path(urdf)
-        if path.stat().st_size > 4 * MAX_CHARACTERS:
-            raise BadInput(f"state: {path} has {path.stat().st_size} bytes: it is no URDF")
-        return path.read_text(encoding="utf-8")
-    except models.UnknownModel as error:
-        raise BadInput(f"state: {error}; for a URDF of your own, give urdf its path") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"state: the URDF {urdf} cannot be read: {getattr(error, 'strerror', None) or error}") from None
+        if model or urdf.endswith(".xacro"):
+            return resolve_robot(model or urdf, Path.cwd()).urdf.read_text(encoding="utf-8")
+        return read_urdf_file(Path(urdf))
+    except BadInput as error:
+        raise BadInput(f"state: {error}") from None
 
 
 def heartbeat_detail(robots: Sequence[RobotStatePublisher]) -> str:

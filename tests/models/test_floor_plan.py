@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from messages.errors import BadInput
+from models.bodies import BoxShape
 from models.floor_plan import rectangles, write_map
-from models.world import BadWorld, BoxShape, WorldBody, read_world
+from models.world import BadWorld, WorldBody, read_world
 
 
 def rooms(edge: int = 2000) -> NDArray[np.bool_]:

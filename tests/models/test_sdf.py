@@ -8,18 +8,9 @@ import pytest
 from PIL import Image
 
 from messages.se3 import Pose3
+from models.bodies import BoxShape, CylinderShape, HeightMapShape, MeshShape, SphereShape
 from models.sdf import bodies_of_sdf_model
-from models.world import (
-    BadWorld,
-    BoxShape,
-    CylinderShape,
-    HeightMapShape,
-    MeshShape,
-    SphereShape,
-    WorldBody,
-    WorldDescription,
-    read_world,
-)
+from models.world import BadWorld, WorldBody, WorldDescription, read_world
 
 WORLD = """<?xml version="1.0"?>
 <!-- a comment -- with dashes -->

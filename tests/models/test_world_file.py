@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from models.world import BadWorld, BodyPath, BoxShape, CylinderShape, HeightMapShape, MeshShape, RampShape, read_world
+from models.bodies import BodyPath, BoxShape, CylinderShape, HeightMapShape, MeshShape, RampShape
+from models.world import BadWorld, read_world
 
 BODY = """
 [[bodies]]

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import msgspec
 
 from messages.base import Packed36, covariance
-from models import model_config_path, urdf_path
+from models import model_config_path, physics_urdf_path
 from models.model import OdometryErrorConfig, RobotModel, WheelConfig, read_model
 from models.urdf import NoWheels, WheelPair, read_wheels
 from services.driving.pid import PidGains
@@ -83,13 +83,16 @@ class OdometryConfig:
     twist: Packed36 | None
 
 
+_DEFAULTS = BaseParameters()
+
+
 def effective_parameters(name: str, model: RobotModel, stated: BaseParameters) -> BaseParameters:
     """What is ``stated``, completed by the model's ``[drive]`` where it is None; raises BadInput for a bad file."""
     where = f"{model_config_path(name)}: [drive]"
     ours = build(BaseParameters, model.drive, where)
-    for each in msgspec.structs.fields(BaseParameters):
-        if each.name in model.drive and each.default is not None:
-            raise BadInput(f"{where}: {each.name} is for a fleet to say, not for a model")
+    for each in model.drive:
+        if getattr(_DEFAULTS, each) is not None:
+            raise BadInput(f"{where}: {each} is for a fleet to say, not for a model")
     merged: BaseParameters = _merged(ours, stated)
     return with_model_defaults(model, merged)
 
@@ -187,7 +190,7 @@ def drive_config(name: str, model: RobotModel, wheels: WheelConfig, parameters: 
         stamped=bool(parameters.use_stamped_vel),
         publish_cmd=bool(parameters.publish_cmd),
         warnings=(
-            *_check_against_urdf(urdf_path(name), left, right, turned.geometry, parameters),
+            *_check_against_urdf(physics_urdf_path(name), left, right, turned.geometry, parameters),
             *idle,
             *([] if parameters.cmd_vel_timeout else [NO_TIMEOUT]),
         ),
@@ -276,13 +279,13 @@ def _check_sides(pair: WheelPair, left: str, right: str, allowed: bool) -> list[
 def _merged(ours: Any, stated: Any) -> Any:
     """``stated`` with the fields of ``ours`` where it has None; tables are merged field by field."""
     fields = {}
-    for each in msgspec.structs.fields(stated):
-        mine, theirs = getattr(ours, each.name), getattr(stated, each.name)
+    for name in stated.__struct_fields__:
+        mine, theirs = getattr(ours, name), getattr(stated, name)
         if theirs is None:
             theirs = mine
         elif isinstance(theirs, msgspec.Struct) and mine is not None:
             theirs = _merged(mine, theirs)
-        fields[each.name] = theirs
+        fields[name] = theirs
     return type(stated)(**fields)
 
 

@@ -33,9 +33,10 @@ class OdometryError(NamedTuple):
     right_radius: float = 1.0
     separation: float = 1.0
 
-    def __str__(self) -> str:
+    def describe(self) -> str:
+        """How much too large odometry takes each figure for."""
         left, right, apart = (f"{(each - 1) * 100:+.2f} %" for each in self)
-        return f"odometry takes the wheel radii for {left} (left) and {right} (right), their separation for {apart}"
+        return f"left radius {left}, right radius {right}, separation {apart}"
 
 
 NO_ERROR = OdometryError()

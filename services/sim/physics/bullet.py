@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages.se3 import Pose3, rotated_axes
-from models.world import Light, WorldDescription
+from models.bodies import Light
+from models.world import WorldDescription
 from services.runtime.errors import BadInput, unknown_name
 from services.sim.physics._pybullet import pybullet
 from services.sim.physics.bullet_body import BulletBody
@@ -139,8 +140,8 @@ class BulletWorld:
             return
         body = self.body(name)
         self._check(name, Configuration(pose, body.configuration.joints))
-        pybullet.resetBasePositionAndOrientation(body.body_id, *pose, physicsClientId=self._client)
-        pybullet.resetBaseVelocity(body.body_id, state.linear, state.angular, physicsClientId=self._client)
+        body.set_pose(pose)
+        body.set_velocity(state.linear, state.angular)
 
     def set_joints(self, name: str, positions: Mapping[str, float]) -> None:
         """Put joints at positions, at rest; raises BadInput where the body would overlap then."""

@@ -124,6 +124,10 @@ class BodyHandle(Protocol):
         """The links, the root first."""
 
     @property
+    def limited_damping(self) -> Mapping[str, float]:
+        """Joints whose damping is less than what was asked for, since a step carries no more; and how much it is."""
+
+    @property
     def motor_joints(self) -> tuple[str, ...]:
         """The joints of the body's motors, in the order of ``set_speeds``."""
 

@@ -8,21 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from messages.se3 import IDENTITY, Pose3, Vector, rotate
+from models.bodies import BodyPart, BoxShape, CylinderShape, HeightMapShape, MeshShape, RampShape, Shape, SphereShape
 from models.mass_properties import mass_properties
 from models.mesh import Mesh, hull_points
 from models.shape_mesh import height_map_mesh, ramp_mesh
-from models.world import (
-    BodyPart,
-    BoxShape,
-    CylinderShape,
-    HeightMapShape,
-    MeshShape,
-    RampShape,
-    Shape,
-    SphereShape,
-    WorldBody,
-    WorldDescription,
-)
+from models.world import WorldBody, WorldDescription
 from services.runtime.errors import BadInput
 from services.sim.physics._pybullet import pybullet
 from services.sim.physics.collision_groups import BODY, GROUND, MOVING_GROUND, set_contact_dynamics

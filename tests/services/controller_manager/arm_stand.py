@@ -28,7 +28,7 @@ arm_controller:
 gripper_controller:
   type: effort_controllers/JointPositionController
   joint: gripper
-  pid: {p: 400, i: 50, d: 20, i_clamp: 5}
+  pid: {p: 100, i: 100, d: 2, i_clamp: 5}
 group_controller:
   type: position_controllers/JointGroupPositionController
   joints: [shoulder, elbow]
@@ -48,10 +48,10 @@ waist_controller:
 class ArmStand:
     """One control tick is two physics steps; ``feedback`` tells whether the joints are heard."""
 
-    def __init__(self, service: ServiceHarness, rig: JointRig) -> None:
+    def __init__(self, service: ServiceHarness, rig: JointRig, urdf: str) -> None:
         self.service, self.rig, self.feedback = service, rig, True
         self.command = JointCommand()
-        service.publish(ROBOT_DESCRIPTION, String(data=URDF.read_text()))
+        service.publish(ROBOT_DESCRIPTION, String(data=urdf))
 
     @property
     def now(self) -> float:
@@ -82,12 +82,12 @@ class ArmStand:
 
 
 @contextmanager
-def arm_stand(folder: Path, text: str = CONTROLLERS, **params: Any) -> Iterator[ArmStand]:
+def arm_stand(folder: Path, text: str = CONTROLLERS, urdf: str = "", **params: Any) -> Iterator[ArmStand]:
     """The manager ``/arm/controller_manager`` with the controllers of a file, and the arm at rest at 0."""
     file = folder / "controllers.yaml"
     file.write_text(text)
     with joint_rig() as rig, run_service(SERVICE, "/arm", {"config": str(file), **params}) as service:
-        yield ArmStand(service, rig)
+        yield ArmStand(service, rig, urdf or URDF.read_text())
 
 
 def trajectory(*points: tuple[float, dict[str, float]], stamp: float = 0.0) -> JointTrajectory:

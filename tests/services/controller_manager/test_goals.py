@@ -74,3 +74,13 @@ def test_the_list_stays_short() -> None:
         goals.end(str(number), Status.REJECTED, S, "")
     assert len(goals.list(S)) <= MAX_GOALS
     assert goals.state("kept") is Status.ACTIVE
+
+
+def test_a_reset_of_time_forgets_what_was_before() -> None:
+    goals = Goals()
+    goals.cancel(GoalID(stamp=Time.of(100 * S)), 100 * S)
+    received(goals, "done", now=100 * S)
+    assert goals.state("done") is Status.PENDING
+    goals.end("done", Status.REJECTED, 100 * S, "")
+    assert goals.state(received(goals, "new", stamp=2 * S, now=S)) is Status.PENDING
+    assert [each.goal_id.id for each in goals.list(S)] == ["new"]

@@ -20,10 +20,12 @@ from messages.control import (
     TrajectoryError,
 )
 from messages.elea import EmergencyStop, EmergencyStops
-from messages.std import Duration, Float64, Float64MultiArray
-from messages.topics import STOPS, Quality, Topic
+from messages.sensor import JointState
+from messages.std import Duration, Float64, Float64MultiArray, Header, String, Time
+from messages.topics import JOINT_FEEDBACK, ROBOT_DESCRIPTION, STOPS, Quality, Topic
 from messages.trajectory import JointTrajectory
 from services.runtime.errors import BadInput
+from tests.harness.joint_rig import URDF
 from tests.services.controller_manager.arm_stand import CONTROLLERS, ArmStand, arm_stand, trajectory
 
 ACTION = "arm_controller/follow_joint_trajectory"
@@ -178,7 +180,7 @@ def test_controllers_of_numbers_hold_turn_and_refuse(tmp_path: Path) -> None:
         assert stand.rig.velocity("waist") == pytest.approx(0.5, abs=1e-3)
         assert "group_controller: the position 9 of elbow is clamped to 2.5" in stand.service.log
         state = stand.service.drain(topic("gripper_controller/state", JointControllerState))[-1]
-        assert (state.set_point, state.p, state.i_clamp) == (0.02, 400.0, 5.0)
+        assert (state.set_point, state.p, state.i_clamp) == (0.02, 100.0, 5.0)
         assert state.process_value == pytest.approx(0.02, abs=1e-3)
         stand.service.publish(group, Float64MultiArray(data=(0.0,)))
         stand.run(0.5)
@@ -273,3 +275,22 @@ def test_joints_that_the_robot_lacks_end_it_with_the_line(tmp_path: Path) -> Non
         arm_stand(tmp_path, text=wrong) as stand,
     ):
         stand.run(0.1)
+
+
+def test_foreign_messages_neither_end_it_nor_move_a_joint(tmp_path: Path) -> None:
+    with arm_stand(tmp_path, urdf="<robot") as stand:
+        stand.run(0.1)
+        assert "the robot_description is not taken: line 1: the URDF is not XML" in stand.service.log
+        assert stand.command.targets == ()
+        stand.service.publish(ROBOT_DESCRIPTION, String(data=URDF.read_text()))
+        stand.run(0.1)
+        assert len(stand.command.targets) == 4
+        stand.service.publish(ROBOT_DESCRIPTION, String(data="<robot><link name='a'/></robot>"))
+        stand.run(0.1)
+        assert "another robot_description is not taken: " in stand.service.log
+        assert len(stand.command.targets) == 4
+        stand.feedback = False
+        stand.service.publish(JOINT_FEEDBACK, JointState(header=Header(stamp=Time.of(stand.rig.now)), name=("elbow",)))
+        stand.tick()
+        assert stand.command.targets == ()
+        assert "the joint feedback has no position and velocity of elbow, gripper, shoulder, waist" in stand.service.log

@@ -7,19 +7,9 @@ import pytest
 
 from messages.se3 import Pose3
 from models import urdf_path
+from models.bodies import BodyPart, BodyPath, BoxShape, CylinderShape, HeightMapShape, MeshShape, RampShape, SphereShape
 from models.mesh import Mesh
-from models.world import (
-    BodyPart,
-    BodyPath,
-    BoxShape,
-    CylinderShape,
-    HeightMapShape,
-    MeshShape,
-    RampShape,
-    SphereShape,
-    WorldBody,
-    WorldDescription,
-)
+from models.world import WorldBody, WorldDescription
 from services.runtime.errors import BadInput
 from services.sim.physics.bullet import BulletWorld
 from services.sim.physics.world import Body, BodyState, CameraModel, Contact, Motor

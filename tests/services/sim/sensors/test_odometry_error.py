@@ -73,8 +73,7 @@ def test_odometry_drifts_by_the_seed_and_the_motion_does_not_depend_on_it() -> N
         assert (each[0], each[2], each[3]) == (plain[0], plain[2], plain[3]), "body, IMU and encoders are as they were"
     assert drift(true[0], true[1]) < 1e-6
     assert drift(exact[0], exact[1]) < drift(plain[0], plain[1]) / 3, "slip alone is left"
-    assert "odometry takes the wheel radii for" in plain[4]
-    assert "by the seed 0" in plain[4]
+    assert "odometry takes the wheels for other ones by the seed 0: left radius" in plain[4]
     assert "odometry takes" not in exact[4]
 
 
@@ -107,7 +106,7 @@ def test_the_draws_belong_to_robot_and_seed() -> None:
     config = OdometryErrorConfig(wheel_radius=0.003, wheel_radius_ratio=0.001, wheel_separation=0.01)
     made = odometry_error(config, 2.0, ErrorDraws(1.0, -1.0, 0.5))
     assert made == pytest.approx((1.007, 1.005, 1.01), abs=1e-4)
-    assert str(made).startswith("odometry takes the wheel radii for +0.70 % (left) and +0.50 % (right)")
+    assert made.describe() == "left radius +0.70 %, right radius +0.50 %, separation +1.01 %"
     assert odometry_error(config, 0.0, ErrorDraws(1.0, -1.0, 0.5)) == NO_ERROR
     assert read_model("p3dx").odometry_error == OdometryErrorConfig(), "the Pioneer counts exactly"
 
