@@ -103,10 +103,12 @@ def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> Run
         found = (
             overrides_note(options.overrides)
             + fleet_notes(fleet)
-            + overridden_parameter_note(told, own, fleet)
+            + overridden_parameter_note(reported, own, fleet)
             + unknown_node_notes(bus.unknown_nodes)
         )
-        return _write_report(fleet, options, outcome, started, found, effective_parameters(told, own), monitor, checks)
+        return _write_report(
+            fleet, options, outcome, started, found, effective_parameters(reported, own), monitor, checks
+        )
 
 
 async def _supervise(supervisor: Supervisor, screen: ProgressDisplay) -> Outcome:

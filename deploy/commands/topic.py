@@ -230,7 +230,7 @@ def _describe_topic(ends: TopicEndpoints, live: LightNode, verbose: bool) -> dic
     return description
 
 
-def _add_measurements(told: dict[str, Any], ends: TopicEndpoints, live: LightNode) -> None:
+def _add_measurements(description: dict[str, Any], ends: TopicEndpoints, live: LightNode) -> None:
     """Add the rates of publishers and the counts in heartbeats, measured for a second."""
     from deploy.live.subscribers import ClockSubscriber, HeartbeatSubscriber
     from deploy.live.topic_statistics import RateSample, SampleWindow

@@ -215,7 +215,7 @@ def observe_fleet(link: Transport, entities: Sequence[Entity], seconds: float = 
                     counted.last = max(counted.last, sample.origin.sequence)
                 if each.name.endswith(f"/{BASE_STATUS.name}"):
                     try:
-                        seen.bases[each.name.removesuffix(f"/{BASE_STATUS.name}") or "/"] = read_base(heard.payload)
+                        seen.bases[each.name.removesuffix(f"/{BASE_STATUS.name}") or "/"] = read_base(sample.payload)
                     except WrongPayload:
                         continue
         for sample in clock.drain():

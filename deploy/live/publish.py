@@ -158,7 +158,7 @@ def _send(
     """Send at the rate, of simulation time where it runs; how many were sent."""
     simulated = clock.now is not None and not asked.wall_time
     period = 1.0 / rate if rate else float("inf")
-    sent, due, epoch, told = 0, 0.0, clock.epoch, False
+    sent, due, epoch, noted = 0, 0.0, clock.epoch, False
     for _ in spin(live, clock.raw):
         clock.update()
         if simulated and clock.paused and not noted:

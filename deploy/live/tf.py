@@ -210,7 +210,7 @@ def echo_transform(place: NetworkAddress, source: str, target: str, terms: TfEch
     with cli_node(place, "tf_echo") as live:
         watch = TfMonitor(live)
         patience = time.monotonic() + terms.timeout
-        said = ""
+        last_error = ""
         for _ in spin(live, watch.clock.raw):
             watch.update()
             # Without a clock, as with static frames alone, the wall clock serves.

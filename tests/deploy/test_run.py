@@ -108,14 +108,14 @@ def test_run_to_its_goals(terminal: FleetCommandLine) -> None:
 def test_missed_bound_is_exit_status_one(terminal: FleetCommandLine) -> None:
     fleet = Path(terminal.fleet("lockstep", "goals", "[0.3, 0]"))
     fleet.write_text(fleet.read_text() + "[bounds]\npath_length_m = 0.1\n")
-    arguments = ("up", str(fleet), "--no-picture", "--report", str(desk.results))
-    assert "missed: r.path_length_m" in desk.run(*arguments, status=1)
-    assert not (desk.results / "report.png").exists()
+    arguments = ("up", str(fleet), "--no-picture", "--report", str(terminal.results))
+    assert "missed: r.path_length_m" in terminal.run(*arguments, status=1)
+    assert not (terminal.results / "report.png").exists()
 
 
 def test_interrupt_ends_it_with_a_report_of_what_was_driven(desk: FleetCommandLine) -> None:
-    fleet = desk.fleet("real", "goals", "[50, 0]")
-    up = desk.start("up", fleet, "--report", str(desk.results), "--no-view", "--no-picture")
+    fleet = terminal.fleet("real", "goals", "[50, 0]")
+    up = terminal.start("up", fleet, "--report", str(terminal.results), "--no-view", "--no-picture")
     assert up.stderr
     for line in up.stderr:
         if "processes ready after" in line:
@@ -129,9 +129,11 @@ def test_interrupt_ends_it_with_a_report_of_what_was_driven(desk: FleetCommandLi
 
 @pytest.mark.parametrize("topology", ["direct", "star"])
 def test_life_in_the_background(desk: FleetCommandLine, topology: str) -> None:
-    fleet = desk.fleet("real", "never", "", topology)
-    started = json.loads(desk.run("up", fleet, "--detach", "--no-picture", "--json", "--report", str(desk.results)))
-    before = desk.processes()
+    fleet = terminal.fleet("real", "never", "", topology)
+    started = json.loads(
+        terminal.run("up", fleet, "--detach", "--no-picture", "--json", "--report", str(terminal.results))
+    )
+    before = terminal.processes()
     pids = [started["pid"], *(each["pid"] for each in before.values())]
     assert {name: each["state"] for name, each in before.items()} == dict.fromkeys(
         ("router", "params", "sim", "grader", "r/waypoint"), "ready"

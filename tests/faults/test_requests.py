@@ -68,9 +68,11 @@ def unharmed(asked_fleet: SupervisedFleet) -> Iterator[None]:
     assert node.call(PARAMS_SET, SetParameters(set=SET, values=assignments(publish_rate=20.0), run=True)).set == SET
     with pytest.raises(CallFailed, match="unknown process 'rooter'; did you mean 'router'"):
         node.call(SUPERVISOR_STOP, Name(name="rooter"))
-    asked.wait(lambda: all(asked.recorder.health[each][1].beat > beats[each] for each in NODES), "more heartbeats")
-    assert {name: each.pid for name, each in asked.recorder.processes.items()} == before
-    assert all(each.restarts == 0 for each in asked.recorder.processes.values())
+    asked_fleet.wait(
+        lambda: all(asked_fleet.recorder.health[each][1].beat > beats[each] for each in NODES), "more heartbeats"
+    )
+    assert {name: each.pid for name, each in asked_fleet.recorder.processes.items()} == before
+    assert all(each.restarts == 0 for each in asked_fleet.recorder.processes.values())
 
 
 @pytest.mark.usefixtures("unharmed")

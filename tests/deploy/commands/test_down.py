@@ -39,12 +39,14 @@ def test_down_after_a_stopped_process_a_hung_one_and_two_starts_at_once(tmp_path
     (tmp_path / "hung.py").write_text(HUNG)
     fleet = Path(terminal.fleet("real", "never", ""))
     fleet.write_text(fleet.read_text() + '[[service]]\nkind = "hung.py"\n')
-    up = desk.start("up", str(fleet), "--report", str(desk.results), "--no-view", "--no-picture", "--no-saved")
+    up = terminal.start("up", str(fleet), "--report", str(terminal.results), "--no-view", "--no-picture", "--no-saved")
     try:
         wait_until(lambda: (tmp_path / "results" / "processes.json").exists(), 60, "a run")
-        before = desk.wait_until_ready("r/waypoint", 0)
-        pids = {desk.wait_until_ready(name, 0)["pid"] for name in ("router", "sim", "params", "grader", "r/waypoint")}
-        with open_transport(router_endpoint(desk.port)) as transport:
+        before = terminal.wait_until_ready("r/waypoint", 0)
+        pids = {
+            terminal.wait_until_ready(name, 0)["pid"] for name in ("router", "sim", "params", "grader", "r/waypoint")
+        }
+        with open_transport(router_endpoint(terminal.port)) as transport:
             call(transport, SUPERVISOR_STOP, key(SUPERVISOR_STOP.name), Name(name="r/waypoint"), 20.0)
             wait_until(lambda: has_ended(before["pid"]))
             wait_until(lambda: terminal.processes()["r/waypoint"]["state"] == "stopped", 30)

@@ -149,7 +149,7 @@ def test_required_service_that_raises_is_quoted(tmp_path: Path) -> None:
     fleet.write_text(
         fleet.read_text() + '[[service]]\nkind = "failing.py"\nrequired = true\nrestart = { limit = 1, first = 0.01 }\n'
     )
-    up = desk.start("up", str(fleet), "--no-view", "--no-picture", "--no-saved", "--report", str(desk.results))
+    up = terminal.start("up", str(fleet), "--no-view", "--no-picture", "--no-saved", "--report", str(terminal.results))
     _, err = up.communicate(timeout=90)
     assert up.returncode == 1
     (ended,) = [line for line in err.splitlines() if line.startswith("the fleet ended: failing failed: exit status 1")]
