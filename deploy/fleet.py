@@ -9,6 +9,7 @@ from msgspec import Meta
 
 from deploy.report.checks import Bound, Bounds
 from deploy.restart_policy import RestartMode, RestartPolicy
+from models import display_name
 from services.runtime.transport.zenoh_config import PORT
 
 Mode = Literal["lockstep", "real"]
@@ -31,10 +32,11 @@ class FleetTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class StartPose(FleetTable, frozen=True, kw_only=True):
-    """Where a robot starts, in the world: m, m, rad."""
+    """Where a robot starts, in the world: m, m, m, rad. A robot from outside stands on the ground at least."""
 
     x: Coordinate = 0.0
     y: Coordinate = 0.0
+    z: Coordinate = 0.0
     yaw: Annotated[float, Meta(ge=-100, le=100, extra={"unit": "rad"})] = 0.0
 
 
@@ -42,7 +44,7 @@ class RunConfig(FleetTable, frozen=True, kw_only=True):
     """How time runs, how long, and over which network.
 
     ``port`` tells the fleets of a user apart. With ``tcp`` the router listens there on 127.0.0.1, too, for every user
-    of the machine.
+    of the machine. ``packages`` are folders in which the ``package://`` of robots is looked for.
     """
 
     mode: Mode = "lockstep"
@@ -54,13 +56,14 @@ class RunConfig(FleetTable, frozen=True, kw_only=True):
     topology: Literal["direct", "star"] = "direct"
     port: Annotated[int, Meta(ge=1, le=65535)] = PORT
     tcp: bool = False
+    packages: tuple[str, ...] = ()
 
 
 class ServiceConfig(FleetTable, frozen=True, kw_only=True):
     """One service; its name is its kind and its namespace that of its robot unless stated.
 
     ``from_start`` names parameters that hold points [x, y] counted from the robot's start: they are shifted to it.
-    ``models`` limits one of every robot to robots of these models.
+    ``models`` limits one of every robot to robots of these models, by ``models.display_name``.
     """
 
     kind: str
@@ -77,11 +80,14 @@ class ServiceConfig(FleetTable, frozen=True, kw_only=True):
 class RobotConfig(FleetTable, frozen=True, kw_only=True):
     """One robot, the parameters of its base or joints, and the services in its namespace.
 
+    ``model`` is a name of ``models/`` or, in the file, a path; once the file is read, that is the robot's
+    ``models.robot_source.RobotSource.model``. ``xacro_args`` are the arguments of a xacro.
     ``namespace`` is its name when empty, the root when ``/``; ``frame_prefix`` its name and a slash when None.
     """
 
     name: str
     model: str
+    xacro_args: dict[str, str | float | int | bool] = {}
     namespace: str = ""
     frame_prefix: str | None = None
     pose: StartPose = StartPose()
@@ -98,13 +104,17 @@ class ChangeConfig(FleetTable, frozen=True, kw_only=True):
 
 
 class Fleet(FleetTable, frozen=True, kw_only=True):
-    """A fleet. ``every_robot`` are services that each robot gets beside its own.
+    """A fleet. ``world`` is a name of models/worlds, or the path of a file; by default it is empty.
 
-    ``mode_bounds`` are the tables ``[bounds.real]`` and ``[bounds.lockstep]`` of the file.
+    ``every_robot`` are services that each robot gets beside its own.
+
+    ``mode_bounds`` are the tables ``[bounds.real]`` and ``[bounds.lockstep]`` of the file. ``folder`` is that of the
+    file, from which its paths count.
     """
 
     name: FleetName
     description: str = ""
+    world: Annotated[str, Meta(max_length=4096)] = ""
     run: RunConfig = RunConfig()
     robot: tuple[RobotConfig, ...] = ()
     every_robot: tuple[ServiceConfig, ...] = ()
@@ -112,6 +122,7 @@ class Fleet(FleetTable, frozen=True, kw_only=True):
     change: tuple[ChangeConfig, ...] = ()
     bounds: dict[str, float | int | Bound] = {}
     mode_bounds: dict[Mode, dict[str, float | int | Bound]] = {}
+    folder: str = ""
 
     def active_bounds(self) -> Bounds:
         """The bounds of a run in the fleet's mode: those of the mode win over those of all."""
@@ -122,5 +133,5 @@ class Fleet(FleetTable, frozen=True, kw_only=True):
         return tuple(
             (index, each)
             for index, each in enumerate(self.every_robot)
-            if not each.models or robot.model in each.models
+            if not each.models or display_name(robot.model) in each.models
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import tomllib
 from collections.abc import Sequence
@@ -11,14 +12,17 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
+from deploy.controller_files import with_controllers_found
 from deploy.fleet import MODES, REMOVED_MODES, ChangeConfig, Fleet, RobotConfig, RunConfig, ServiceConfig, StartPose
 from deploy.fleet_overrides import apply_overrides
 from deploy.fleet_validation import validate_fleet
 from deploy.parameter_sets import check_changes
 from deploy.report.checks import KEYS, Bound
 from deploy.restart_policy import RestartPolicy
-from deploy.toml_source import TomlKey, TomlSource
-from models.world import read_world
+from models import is_world_file
+from models.robot_source import resolve_robot
+from models.toml_source import TomlSource, key_path
+from models.world import find_world, read_world
 from services.catalog import is_user_file
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.user_folders import parameters_folder
@@ -30,6 +34,8 @@ RENAMED_FLEETS = {"square_seed": "square_tutorial", "arm_seed": "arm_tutorial"}
 """Old names of fleets of the project."""
 
 _BY_MODE = "mode_bounds"
+_NO_KEYS = (_BY_MODE, "folder")
+"""Fields of ``Fleet`` that no file states by their names."""
 _TABLE_TYPES: dict[str, type[msgspec.Struct]] = {
     "": Fleet,
     "run": RunConfig,
@@ -97,15 +103,16 @@ def parse_fleet(path: Path, text: str, overrides: Sequence[str] = ()) -> Fleet:
     tree, changed = apply_overrides(tree, overrides)
     source = TomlSource(path, text, [(each.path, f"--set {each.text}") for each in changed])
     _check_mode(tree, source)
-    if _BY_MODE in tree:
-        raise unknown_name(
-            "key", _BY_MODE, [each.name for each in msgspec.structs.fields(Fleet)], source.location(_BY_MODE)
-        )
+    for name in _NO_KEYS:
+        if name in tree:
+            keys = [each.name for each in msgspec.structs.fields(Fleet) if each.name not in _NO_KEYS]
+            raise unknown_name("key", name, keys, source.location(name))
     try:
-        fleet = msgspec.convert(_place_robots(_split_bounds(tree, source), source), Fleet)
+        fleet = msgspec.convert(_place_in_world(_split_bounds(tree, source), source, path.parent), Fleet)
     except msgspec.ValidationError as error:
         raise _locate_error(source, str(error)) from None
     fleet = _resolve_user_files(fleet, path.parent)
+    fleet = _resolve_robots(replace(fleet, folder=str(path.parent.absolute())), source)
     validate_fleet(fleet, source)
     check_changes(fleet, source)
     return fleet
@@ -132,34 +139,50 @@ def _split_bounds(tree: dict[str, Any], source: TomlSource) -> dict[str, Any]:
     return {**tree, "bounds": rest, _BY_MODE: by_mode}
 
 
-def _place_robots(tree: dict[str, Any], source: TomlSource) -> dict[str, Any]:
-    """The content with the start of the fleet's world for each robot that has ``pose = "world"``."""
-    robots, services = tree.get("robot"), tree.get("service", [])
-    if not isinstance(robots, list) or all(
-        not isinstance(each, dict) or each.get("pose") != "world" for each in robots
-    ):
-        return tree
-    name, where = SimParameters().world, source.location("robot", 0, "pose")
+def _place_in_world(tree: dict[str, Any], source: TomlSource, folder: Path) -> dict[str, Any]:
+    """The content with the fleet's world read, its path counted from ``folder``, and with its start for each robot that
+    has ``pose = "world"``; raises BadInput."""
+    name, where, of_sim = tree.get("world", SimParameters().world), source.location("world"), None
+    services, robots = tree.get("service", []), tree.get("robot")
     for index, each in enumerate(services if isinstance(services, list) else ()):
-        if isinstance(each, dict) and each.get("kind") == "sim" and isinstance(each.get("parameters"), dict):
-            name = each["parameters"].get("world", name)
+        of_each = each.get("parameters") if isinstance(each, dict) and each.get("kind") == "sim" else None
+        if isinstance(of_each, dict) and "world" in of_each:
+            name, of_sim = of_each["world"], index
             where = source.location("service", index, "parameters", "world")
+    if not isinstance(name, str):
+        return tree  # the record refuses it
     try:
-        start = read_world(str(name)).start
+        name = str(find_world(name, folder)) if is_world_file(name) else name
+        start = read_world(name).start
     except BadInput as error:
         raise BadInput(f"{where}: {error}") from None
+    tree = {**tree, "world": name}
+    if of_sim is not None:
+        sim = {**services[of_sim], "parameters": {**services[of_sim]["parameters"], "world": name}}
+        tree["service"] = [sim if index == of_sim else each for index, each in enumerate(services)]
+    placed = [
+        isinstance(each, dict) and each.get("pose") == "world" for each in (robots if isinstance(robots, list) else ())
+    ]
+    if not any(placed):
+        return tree
     if start is None:
         raise BadInput(f"{where}: the world {name} has no start for a robot: give the robots a pose")
     pose = msgspec.to_builtins(start)
-    return {**tree, "robot": [{**each, "pose": pose} if each.get("pose") == "world" else each for each in robots]}
+    rows = [{**each, "pose": pose} if own else each for each, own in zip(tree["robot"], placed, strict=True)]
+    return {**tree, "robot": rows}
 
 
 def _resolve_user_files(fleet: Fleet, folder: Path) -> Fleet:
-    """The fleet with the Python files among its kinds found: a relative one counts from the fleet file's folder."""
+    """The fleet with the files that it names found: services in Python, and those of controllers.
+
+    A relative path counts from the fleet file's folder.
+    """
 
     def found(members: tuple[ServiceConfig, ...]) -> tuple[ServiceConfig, ...]:
         return tuple(
-            replace(each, kind=str((folder / each.kind).resolve())) if is_user_file(each.kind) else each
+            replace(each, kind=str((folder / each.kind).resolve()))
+            if is_user_file(each.kind)
+            else with_controllers_found(each, folder)
             for each in members
         )
 
@@ -167,10 +190,27 @@ def _resolve_user_files(fleet: Fleet, folder: Path) -> Fleet:
     return replace(fleet, robot=robots, every_robot=found(fleet.every_robot), service=found(fleet.service))
 
 
+def _resolve_robots(fleet: Fleet, source: TomlSource) -> Fleet:
+    """The fleet with the files of its robots made, and the folders of packages found; raises BadInput."""
+    folder = Path(fleet.folder)
+    packages = tuple((folder / os.path.expanduser(each)).resolve() for each in fleet.run.packages)
+    for said, found in zip(fleet.run.packages, packages, strict=True):
+        if not found.is_dir():
+            raise BadInput(f"{source.location('run', 'packages')}: packages: there is no folder {said!r} ({found})")
+    robots = []
+    for index, robot in enumerate(fleet.robot):
+        try:
+            made = resolve_robot(robot.model, folder, packages, robot.xacro_args)
+        except BadInput as error:
+            raise BadInput(f"{source.location('robot', index, 'model')}: {error}") from None
+        robots.append(replace(robot, model=made.model))
+    return replace(fleet, robot=tuple(robots), run=replace(fleet.run, packages=tuple(map(str, packages))))
+
+
 def _locate_error(source: TomlSource, error: str) -> BadInput:
     """msgspec's error with the line of its path, and the alternatives when a key is unknown."""
     text, _, where = error.partition(" - at `$")
-    path = _parse_error_path(where.rstrip("`"))
+    path = key_path(where.rstrip("`"))
     if path[:1] == (_BY_MODE,):
         path = ("bounds", *path[1:])
     if found := re.search(r"unknown field `(.*?)`", text):
@@ -180,13 +220,3 @@ def _locate_error(source: TomlSource, error: str) -> BadInput:
         return unknown_name("key", found[1], known, source.location(*path, found[1]))
     shown = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).lstrip(".")
     return BadInput(f"{source.location(*path)}: {f'{shown}: ' if shown else ''}{text}")
-
-
-def _parse_error_path(text: str) -> tuple[TomlKey, ...]:
-    """``.robot[2].pose.x`` taken apart; it ends where msgspec no longer names the key."""
-    steps: list[TomlKey] = []
-    for name, index, rest in re.findall(r"\.(\w+)|\[(\d+)\]|(\[\.\.\.\])", text):
-        if rest:
-            break
-        steps.append(name or int(index))
-    return tuple(steps)

@@ -5,13 +5,15 @@ from __future__ import annotations
 import copy
 import tomllib
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
 
 from deploy.fleet import RobotConfig, RunConfig
 from deploy.service_parameters import BUILTIN_SERVICES
-from deploy.toml_source import TomlKey
+from models import is_world_file
+from models.toml_source import TomlKey
 from services.runtime.errors import BadInput, unknown_name
 
 HELP = (
@@ -48,7 +50,7 @@ def _apply(tree: dict[str, Any], text: str) -> Iterator[Override]:
         raise BadInput(f"--set {text!r} is no assignment: write KEY=VALUE, as model=waffle or run.seed=3")
     paths = list(_paths(tree, keys, text))
     for path in paths:
-        _assign(tree, path, _value(value.strip()), text)
+        _assign(tree, path, _value(value.strip(), path), text)
         yield Override(path, text)
 
 
@@ -60,7 +62,10 @@ def _paths(tree: dict[str, Any], keys: list[str], text: str) -> Iterator[tuple[T
     if first == "run" and rest:
         yield ("run", *rest)
     elif first == "world" and not rest:
-        yield (*_builtin(tree, "sim"), "parameters", "world")
+        sims = [each for each in _tables(tree, "service") if each.get("kind") == "sim"]
+        own = [each.get("parameters") for each in sims]
+        stated = any(isinstance(each, dict) and "world" in each for each in own)
+        yield (*_builtin(tree, "sim"), "parameters", "world") if stated else ("world",)
     elif first == "model" and not rest:
         if len(robots) != 1:
             raise BadInput(
@@ -113,12 +118,20 @@ def _tables(tree: dict[str, Any], name: str) -> list[dict[str, Any]]:
     return found if isinstance(found, list) and all(isinstance(each, dict) for each in found) else []
 
 
-def _value(text: str) -> Any:
-    """A value as TOML has it; anything else is text."""
+def _value(text: str, path: Sequence[TomlKey]) -> Any:
+    """A value as TOML has it; anything else is text. The file of a model or world counts from the working
+    directory."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
+        value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
-        return text
+        value = text
+    if path[0] == "robot" and path[-1] == "model" and isinstance(value, str):
+        from models.robot_source import names_file  # it loads what reads meshes, which no --help is to wait for
+
+        return str(Path(value).expanduser().absolute()) if names_file(value) else value
+    if path[-1] == "world" and isinstance(value, str) and is_world_file(value):
+        return str(Path(value).expanduser().absolute())
+    return value
 
 
 def _assign(tree: dict[str, Any], path: Sequence[TomlKey], value: Any, text: str) -> None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from deploy.controller_files import check_controllers
 from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.report.checks import check_bounds
 from deploy.service_parameters import BUILTIN_SERVICES, robot_parameter_set, robot_parameters_type
-from deploy.toml_source import TomlKey, TomlSource
 from messages.names import BadName, Identity, parse_remap
-from models import MODELS
+from models import display_name
+from models.toml_source import TomlKey, TomlSource
 from services.catalog import load_service
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.parameters.validation import build
@@ -68,8 +69,6 @@ def all_services(fleet: Fleet) -> Iterator[tuple[tuple[TomlKey, ...], ServiceCon
 def _check_robot(fleet: Fleet, index: int, source: TomlSource) -> None:
     robot, path = fleet.robot[index], ("robot", index)
     where = source.location(*path, "name")
-    if robot.model not in MODELS:
-        raise unknown_name("model", robot.model, MODELS, source.location(*path, "model"))
     try:
         Identity.of(robot.name)
         check_robot_names(robot, fleet.robot[:index])
@@ -81,7 +80,7 @@ def _check_robot(fleet: Fleet, index: int, source: TomlSource) -> None:
 
 def _check_models(fleet: Fleet, source: TomlSource) -> None:
     """Models are stated for those of every robot alone, and each of them has a robot of them."""
-    own = {robot.model for robot in fleet.robot}
+    own = {display_name(robot.model) for robot in fleet.robot}
     for index, member in enumerate(fleet.every_robot):
         for name in member.models:
             if name not in own:
@@ -97,6 +96,7 @@ def _check_member(
     record = load_service(member.kind, source.location(*path, "kind")).parameters
     for name, value in member.parameters.items():
         build(record, {name: value}, source.location(*path, "parameters", name))
+    check_controllers(member, path, owner, source)
     for name in member.from_start:
         place = source.location(*path, "from_start")
         if owner is None:

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
+from deploy.controller_files import gain_values
 from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.fleet_validation import all_services, service_identity
 from deploy.processes import ProcessSpec
 from deploy.report.record import EffectiveParameter
 from deploy.service_parameters import BUILTIN_SERVICES, robot_parameter_set
-from deploy.toml_source import TomlSource
 from messages.names import resolve
 from messages.parameters import Parameter, ParameterValues
 from models.model import read_model
+from models.toml_source import TomlSource
 from services.catalog import load_service
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.parameters.base import Parameters
@@ -37,6 +38,7 @@ def parameter_sets(fleet: Fleet) -> dict[str, list[type[Parameters]]]:
         service = load_service(member.kind)
         if (name := _service_set(service, service_identity(member, owner).node)) is not None:
             sets.setdefault(name, []).append(service.parameters)
+        sets |= {gains: [type(values)] for gains, values in gain_values(member, owner).items()}
     for robot in fleet.robot:
         wheeled = read_model(robot.model).has_base
         sets[robot_parameter_set(robot)] = [BaseParameters if wheeled else JointParameters]
@@ -60,6 +62,8 @@ def fleet_values(fleet: Fleet, plan: Sequence[ProcessSpec]) -> dict[str, dict[st
             else with_urdf_defaults(robot.model, build(JointParameters, robot.parameters))
         )
         values[robot_parameter_set(robot)] = _live_values(made)
+    for _, member, owner in all_services(fleet):
+        values |= {name: _live_values(gains) for name, gains in gain_values(member, owner).items()}
     return values
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 
+from deploy.controller_files import manager_parameters
 from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.fleet_validation import service_identity
 from deploy.restart_policy import RestartMode, RestartPolicy
@@ -103,6 +104,7 @@ def _process_spec(stated: _PlacedService, fleet: Fleet, options: RunOptions, nod
         **service_parameters(kind, fleet, options, nodes),
         **arm_parameters(kind, fleet, stated.robot),
         **state_parameters(kind, stated.robot),
+        **manager_parameters(kind, stated.robot),
     }
     parameters = {**told, **_shift_points(stated)}
     match member.restart:

@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 
+from deploy.controller_files import KIND as CONTROLLER_MANAGER
 from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.run_folder import BAG_FOLDER, RECORDING_FILE, SCHEDULE_FILE, STOPS_FILE
 from messages.names import join
@@ -43,10 +44,12 @@ def controlled_joint(robot: RobotConfig) -> str:
 
 def arm_parameters(kind: str, fleet: Fleet, robot: RobotConfig | None) -> dict[str, Any]:
     """The parameters of an arm's controller or reference; outside any robot, those of the fleet's only arm."""
+    if kind not in ("arm", "reference"):
+        return {}
     arms = [each for each in fleet.robot if is_arm(each)]
     if robot is None and len(arms) == 1:
         robot = arms[0]
-    if kind not in ("arm", "reference") or robot is None or not is_arm(robot):
+    if robot is None or not is_arm(robot):
         return {}
     joint = controlled_joint(robot)
     lower, upper = _limited_joints(robot)[joint]
@@ -69,8 +72,15 @@ def state_parameters(kind: str, robot: RobotConfig | None) -> dict[str, Any]:
 
 
 def grader_arms(fleet: Fleet) -> list[dict[str, Any]]:
-    """The arms of a fleet as the grader knows them."""
-    return [_grader_arm(fleet, each) for each in fleet.robot if is_arm(each)]
+    """The arms of a fleet as the grader knows them: those that are not left to a controller manager."""
+    return [
+        _grader_arm(fleet, each) for each in fleet.robot if is_arm(each) and not _has_controller_manager(fleet, each)
+    ]
+
+
+def _has_controller_manager(fleet: Fleet, robot: RobotConfig) -> bool:
+    members = (*robot.services, *(each for _, each in fleet.shared_services(robot)))
+    return any(each.kind == CONTROLLER_MANAGER for each in members)
 
 
 def control_state_topics(fleet: Fleet) -> list[str]:
@@ -177,6 +187,7 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
             }
         case "sim":
             return {
+                **({"world": fleet.world} if fleet.world else {}),
                 "robots": [_sim_robot(each) for each in robots],
                 "mode": run.mode,
                 "factor": run.factor,
@@ -186,6 +197,7 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
                 "awaits": [each for each in nodes.awaits if each not in nodes.members],
                 "requires": list(nodes.requires),
                 "stops_file": str(options.folder / STOPS_FILE),
+                "model_folders": [fleet.folder, *run.packages] if fleet.folder else [],
             }
         case "grader":
             return {
@@ -229,7 +241,7 @@ def _live_view_port(router: int) -> dict[str, int]:
 
 
 def _sim_robot(robot: RobotConfig) -> dict[str, Any]:
-    pose = {"x": robot.pose.x, "y": robot.pose.y, "yaw": robot.pose.yaw}
+    pose = {"x": robot.pose.x, "y": robot.pose.y, "z": robot.pose.z, "yaw": robot.pose.yaw}
     table = "parameters" if read_model(robot.model).has_base else "joint_parameters"
     names: dict[str, Any] = {"name": robot.name, "model": robot.model}
     if robot.namespace:

@@ -86,7 +86,7 @@ class Done(Message, frozen=True, kw_only=True):
     text: str = ""
 
 
-SPAWN = Request("/sim/spawn", SpawnModel, ModelState, "spawn a model", 1 << 20)
+SPAWN = Request("/sim/spawn", SpawnModel, ModelState, "spawn a model", 5 << 18)
 DELETE = Request("/sim/delete", Name, Done, "delete a model")
 LIST = Request("/sim/list", Empty, ModelList, "list all models with their poses and twists")
 GET_STATE = Request(

@@ -48,8 +48,17 @@ def model_config_path(model: str) -> Path:
     return _model_folder(model) / "model.toml"
 
 
+WORLD_ENDINGS = (".toml", ".sdf", ".world", ".yaml", ".yml")
+"""What the name of a world's file ends with."""
+
+
+def is_world_file(name: str) -> bool:
+    """Whether a world is given by the path of its file, and not as one of WORLDS."""
+    return "/" in name or name.endswith(WORLD_ENDINGS)
+
+
 def world_path(name: str) -> Path:
-    """The file of a world, see ``models.world``; raises UnknownModel."""
+    """The file of a world of this folder, see ``models.world``; raises UnknownModel."""
     return _HERE / "worlds" / f"{_checked_name('world', name, WORLDS)}.toml"
 
 

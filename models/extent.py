@@ -8,15 +8,21 @@ from xml.etree.ElementTree import Element
 
 from messages.se3 import IDENTITY, Pose3, quaternion_from_rpy, rotated_axes
 from models import urdf_path
+from models.robot_cache import is_made
+from models.robot_facts import read_facts
 from models.urdf import parse_xml, read_joints
 
 
 def vertical_extent(model: str) -> tuple[float, float]:
     """The lowest and the highest point [m] of the robot ``model`` in its root's frame, all joints at zero.
 
-    A shape whose size is not in the URDF, as a mesh, may reach to any height: the second is infinite then, as it is
-    for a robot without collision shapes. Raises ``models.UnknownModel``.
+    Of a robot of this folder, a shape whose size is not in the URDF may reach to any height: the second is infinite
+    then, as it is without collision shapes. The meshes of one from outside were measured when its files were made.
+    Raises ``models.UnknownModel``.
     """
+    if is_made(model):
+        facts = read_facts(model)
+        return facts.lowest, facts.highest
     root = parse_xml(urdf_path(model).read_text(encoding="utf-8"))
     poses = {joint.child: (joint.parent, joint.transform()) for joint in read_joints(model)}
     spans = [

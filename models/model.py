@@ -13,7 +13,7 @@ from msgspec import Meta
 
 from messages.errors import BadInput, unknown_name
 from messages.se3 import Pose3, quaternion_from_rpy
-from models import UnknownModel, model_config_path, urdf_path
+from models import UnknownModel, model_config_path, physics_urdf_path
 from models.robot_cache import is_made
 from models.robot_facts import read_facts
 from models.urdf import NoWheels, read_robot, read_wheels
@@ -171,6 +171,21 @@ class CameraConfig(ModelTable, frozen=True, kw_only=True):
     mount: Mount = ON_LINK
 
 
+ErrorShare = Annotated[float, Meta(ge=0, le=0.05)]
+
+
+class OdometryErrorConfig(ModelTable, frozen=True, kw_only=True):
+    """How far the wheels of such a robot are from what its odometry takes them for: standard deviations, as shares.
+
+    ``wheel_radius`` is that of the size of both wheels, ``wheel_radius_ratio`` that of the right one by the left one,
+    ``wheel_separation`` that of the distance between the points at which they touch the ground.
+    """
+
+    wheel_radius: ErrorShare = 0.0
+    wheel_radius_ratio: ErrorShare = 0.0
+    wheel_separation: ErrorShare = 0.0
+
+
 class RobotModel(ModelTable, frozen=True, kw_only=True):
     """A robot: ``radius`` [m] of the circle around ``base_frame`` that holds it, and what it carries.
 
@@ -178,12 +193,17 @@ class RobotModel(ModelTable, frozen=True, kw_only=True):
     where it is not stated. ``fixed_base`` holds the root where it is. ``drive`` holds what this model's base driver
     takes for parameters that a fleet leaves open, by the names of ``services.sim.BaseParameters``. ``topics`` gives
     topics, by their names here, a second name in the robot's namespace. ``odom_frame`` is that of odometry.
+
+    ``odometry`` is the pose in the world, or what the wheels' encoders tell, with ``odometry_error``; that counts from
+    the robot's pose in the world, or from 0, by ``odometry_origin``.
     """
 
     about: str
     base_frame: str
     radius: Positive
     odometry: Literal["world", "encoder"]
+    odometry_origin: Literal["world", "start"] = "start"
+    odometry_error: OdometryErrorConfig = OdometryErrorConfig()
     odometry_rate: Positive
     joint_rate: Positive | None = None
     fixed_base: bool = False
@@ -272,7 +292,7 @@ def _fill_from_urdf(wheels: dict[str, Any], name: str) -> None:
     """Fill in from the URDF what the model file leaves out of its wheels."""
     if {"separation", "radius"} <= wheels.keys() or not {"left_joint", "right_joint"} <= wheels.keys():
         return
-    pair = read_wheels(urdf_path(name), wheels["left_joint"], wheels["right_joint"])
+    pair = read_wheels(physics_urdf_path(name), wheels["left_joint"], wheels["right_joint"])
     if pair.left_radius is None and "radius" not in wheels:
         raise NoWheels(f"{name}: neither [wheels] nor a collision sphere or cylinder of the left wheel tells a radius")
     wheels.setdefault("separation", pair.separation)

@@ -7,6 +7,7 @@ from pathlib import Path
 import msgspec
 
 from models import UnknownModel
+from models.robot_cache import is_made
 
 
 class Skid(msgspec.Struct, frozen=True, kw_only=True):
@@ -31,8 +32,7 @@ class RobotFacts(msgspec.Struct, frozen=True, kw_only=True):
 
     ``title`` is what the URDF calls it; ``reach`` [m] is how far it extends from the root's z axis, ``lowest`` and
     ``highest`` [m] are its ends above the root's frame, all joints at zero. ``origin`` is the user's file, empty for a
-    text. ``height`` [m] is how high the root stands when the robot touches the ground, ``starts`` [rad or m] where
-    joints start that may not stand at zero.
+    text.
     """
 
     name: str
@@ -42,8 +42,6 @@ class RobotFacts(msgspec.Struct, frozen=True, kw_only=True):
     lowest: float = 0.0
     highest: float = 0.0
     notes: tuple[str, ...] = ()
-    height: float = 0.0
-    starts: dict[str, float] = {}
     skid: Skid | None = None
     wheels: BuiltWheels | None = None
     ignored: tuple[str, ...] = ()
@@ -55,3 +53,8 @@ def read_facts(model: str) -> RobotFacts:
         return msgspec.json.decode((Path(model) / "facts.json").read_bytes(), type=RobotFacts)
     except (OSError, msgspec.MsgspecError):
         raise UnknownModel(f"there is no robot {model} any more: spawn it, or start the fleet, by its file") from None
+
+
+def read_notes(model: str) -> tuple[str, ...]:
+    """What was assumed of a robot; nothing of one of this folder."""
+    return read_facts(model).notes if is_made(model) else ()

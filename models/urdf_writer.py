@@ -179,7 +179,7 @@ def _round_about(shape: Shape, axis: np.ndarray) -> tuple[np.ndarray, float] | N
     directions = np.cos(turns)[:, None] * one + np.sin(turns)[:, None] * other
     across = points @ directions.T
     widths = across.max(axis=0) - across.min(axis=0)
-    radius = float(widths.max()) / 2 + shape.rounding
+    radius = shape.size[0] if shape.kind == "cylinder" else float(widths.max()) / 2 + shape.rounding
     if radius <= 0 or widths.max() - widths.min() > 2 * ROUND * radius:
         return None
     if along.max() - along.min() > 4 * radius:

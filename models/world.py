@@ -1,50 +1,41 @@
-"""A world without robots: the ground and the boxes that stand on it, from ``models/worlds/<name>.toml``."""
+"""Worlds without robots, by name or path: the ground, and the bodies that stand, lie or move on it."""
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Sequence
+from pathlib import Path
 
-import msgspec
-from msgspec import Meta
-
-from models import world_path
-
-Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
-Extent = Annotated[float, Meta(gt=0, le=1e4, extra={"unit": "m"})]
-Shade = Annotated[float, Meta(ge=0, le=1)]
-
-
-class Box(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """An obstacle that does not move: full ``size`` and centre ``position`` in m, turned by ``yaw`` [rad]."""
-
-    name: str
-    size: tuple[Extent, Extent, Extent]
-    position: tuple[Coordinate, Coordinate, Coordinate]
-    yaw: float = 0.0
-    colour: tuple[Shade, Shade, Shade, Shade] = (0.6, 0.6, 0.6, 1.0)
+from models import is_world_file, world_path
+from models.bodies import BadWorld as BadWorld
+from models.bodies import Box as Box
+from models.bodies import Start as Start
+from models.bodies import WorldBody as WorldBody
+from models.bodies import WorldDescription as WorldDescription
 
 
-class Start(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Where a robot starts in a world, clear of everything: m, m, rad."""
+def read_world(name: str, base: Path | None = None, packages: Sequence[Path] = ()) -> WorldDescription:
+    """A world by its name, or by the path of a file.
 
-    x: Coordinate = 0.0
-    y: Coordinate = 0.0
-    yaw: float = 0.0
+    Args:
+        name: One of ``models.WORLDS``; or a path, which has a slash or one of the endings ``.toml``, ``.sdf``,
+            ``.world``, ``.yaml`` or ``.yml``, of a world, an SDF, or the ``map.yaml`` of a floor plan.
+        base: The folder that relative paths count from; the working folder by default.
+        packages: Folders to look for ``package://`` and ``model://`` in.
 
-
-class WorldDescription(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A level ground at z = 0 and obstacles on it.
-
-    ``friction`` is the ground's coefficient; the one of a contact is its product with the wheel's. ``start`` is for the
-    robots of a fleet that asks for it, ``pose = "world"``.
+    Raises:
+        models.UnknownModel: no world has this name.
+        BadWorld: the file, or one that it names, cannot be read.
     """
+    from models.world_file import read_world_file  # with numpy and Pillow, which most commands do without
 
-    about: str = ""
-    start: Start | None = None
-    friction: Annotated[float, Meta(ge=0, le=10)] = 1.0
-    boxes: tuple[Box, ...] = ()
+    return read_world_file(find_world(name, base), packages)
 
 
-def read_world(name: str) -> WorldDescription:
-    """The world ``name``; raises ``models.UnknownModel``."""
-    return msgspec.toml.decode(world_path(name).read_bytes(), type=WorldDescription)
+def find_world(name: str, base: Path | None = None) -> Path:
+    """The file of a world; raises ``models.UnknownModel``, or BadWorld where a path leads nowhere."""
+    if not is_world_file(name):
+        return world_path(name)
+    path = (base or Path()) / Path(name).expanduser()
+    if not path.is_file():
+        raise BadWorld(f"there is no world file {path}")
+    return path.resolve()

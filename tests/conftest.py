@@ -13,6 +13,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from deploy.bench.figures import FIGURE_PROPERTY, Figure
+from tests.harness.orphans import no_orphans
 from tests.tiers import pytest_collection_modifyitems as pytest_collection_modifyitems
 from tests.tiers import pytest_configure as pytest_configure
 from tests.tiers import pytest_runtest_call as pytest_runtest_call
@@ -27,9 +28,15 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 @pytest.fixture(scope="session", autouse=True)
 def own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """What commands note of the fleets that run, their sockets and robots from outside, for this test run alone."""
+    """What commands note of the fleets that run, their sockets and robots from outside, for the commands of this test
+    run alone; what they start ends with it.
+    """
     # Not below the folder of this test run: its path may be too long for a socket.
-    with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory(prefix="elea-test-") as runtime:
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        tempfile.TemporaryDirectory(prefix="elea-test-") as runtime,
+        no_orphans(),
+    ):
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
         patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
         patch.setenv("XDG_RUNTIME_DIR", runtime)

@@ -16,7 +16,7 @@ from deploy.fleet import RobotConfig
 from deploy.fleet_file import find_fleet, read_fleet
 from messages.se3 import Pose3
 from messages.topics import CMD_VEL, JOINT_EFFORT
-from models import urdf_path
+from models import physics_urdf_path
 from models.model import read_model
 from models.world import read_world
 from services.runtime.graph import Entity, token_pattern
@@ -107,7 +107,7 @@ def raw_factor(steps: ActuatorSchedule, span: Span, hold: Callable[[int], None] 
         for robot in lab_robots():
             place = Pose3.planar(robot.pose.x, robot.pose.y, robot.pose.yaw)
             fixed = read_model(robot.model).fixed_base
-            world.spawn(Body(robot.name, urdf_path(robot.model), place, wheel_motors(robot), fixed))
+            world.spawn(Body(robot.name, physics_urdf_path(robot.model), place, wheel_motors(robot), fixed))
         started = 0.0
         for step in range(span.steps.stop):
             if step == span.steps.start:

@@ -17,8 +17,8 @@ from deploy.commands.lazy_group import LazyCommand, LazyGroup
 from deploy.commands.options import json_option, network_options
 from deploy.live.message_format import escape_unprintable
 from deploy.live.output import write_text
-from deploy.network_address import NetworkAddress
 from services.runtime.errors import BadInput, EleaError
+from services.runtime.network_address import NetworkAddress
 from services.runtime.process import ROOT
 
 if TYPE_CHECKING:

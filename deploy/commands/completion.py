@@ -87,12 +87,12 @@ def query_network(ctx: click.Context, question: Question) -> list[str]:
     answer: list[str] = []
 
     def ask() -> None:
-        from deploy.live.connect import connect
-        from deploy.network_address import resolve_address
+        from services.runtime.light_node import open_transport
+        from services.runtime.network_address import resolve_address
 
         try:
             place = resolve_address(ctx.params.get("connect") or "", ctx.params.get("domain") or "", _chosen_port(ctx))
-            with connect(place.router, place.domain, TIMEOUT_S) as transport:
+            with open_transport(place.router, place.domain, TIMEOUT_S) as transport:
                 answer.extend(question(transport, ctx))
         except EleaError:
             return
@@ -105,7 +105,7 @@ def query_network(ctx: click.Context, question: Question) -> list[str]:
 
 def _chosen_port(ctx: click.Context) -> int | None:
     """The port that ``--port`` or ``--fleet`` names so far; raises BadInput."""
-    from deploy.network_address import port_of_fleet
+    from services.runtime.network_address import port_of_fleet
 
     port, fleet = ctx.params.get("port"), ctx.params.get("fleet")
     return port_of_fleet(fleet, port) if fleet else port

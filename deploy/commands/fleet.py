@@ -17,11 +17,11 @@ import click
 from deploy.commands.completion import PROCESS
 from deploy.commands.options import fleet_option, json_option
 from deploy.live.output import printable
-from deploy.network_address import fleet_router, select_fleet
 from deploy.run_folder import latest_run_folder, read_state
 from deploy.supervisor.log_file import log_name
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.fleet_instances import FleetInstance, running_fleets
+from services.runtime.network_address import fleet_router, select_fleet
 
 STOP_TIMEOUT_S = 60.0
 """Wall time for a fleet to stop on SIGINT and write its report, before its supervisor is killed. The supervisor needs
@@ -210,12 +210,12 @@ def _print_log_line(name: str, line: str, as_json: bool, alone: bool) -> None:
 @json_option
 def restart_command(name: str, port: int | None, as_json: bool) -> None:
     """Restart process NAME, as listed by `./elea ps`."""
-    from deploy.live.connect import connect
     from messages.names import key
     from messages.requests import SUPERVISOR_RESTART, Name
+    from services.runtime.light_node import open_transport
     from services.runtime.requests import call
 
     fleet = select_fleet(port)
-    with connect(fleet_router(fleet), fleet.domain) as transport:
+    with open_transport(fleet_router(fleet), fleet.domain) as transport:
         done = call(transport, SUPERVISOR_RESTART, key(SUPERVISOR_RESTART.name), Name(name=name))
     sys.stdout.write(json.dumps({"text": done.text}) + "\n" if as_json else f"{done.text}\n")

@@ -11,7 +11,7 @@ import click
 from deploy.commands.completion import NODE
 from deploy.commands.lazy_group import LazyCommand, LazyGroup
 from deploy.commands.options import json_option, network_options
-from deploy.network_address import NetworkAddress
+from services.runtime.network_address import NetworkAddress
 
 if TYPE_CHECKING:
     from deploy.live.subscribers import HeartbeatSubscriber
@@ -36,12 +36,12 @@ def command() -> None:
 @json_option
 def list_command(every: bool, count_nodes: bool, place: NetworkAddress, as_json: bool) -> None:
     """List the running nodes."""
-    from deploy.live.connect import connect
     from deploy.live.output import write_json, write_text
     from deploy.live.topics import is_hidden
     from services.runtime.graph import snapshot
+    from services.runtime.light_node import open_transport
 
-    with connect(place.router, place.domain) as transport:
+    with open_transport(place.router, place.domain) as transport:
         found = [each for each in snapshot(transport) if each.kind == "node" and (every or not is_hidden(each.node))]
     if as_json:
         write_json([{"node": each.node, "kind": each.name, "session": each.session} for each in found])
@@ -222,11 +222,11 @@ def _summarize_pings(name: str, took: list[float | None]) -> dict[str, Any]:
 @json_option
 def graph_command(place: NetworkAddress, as_json: bool) -> None:
     """List every node with its publishers, subscribers and services."""
-    from deploy.live.connect import connect
     from deploy.live.output import write_json, write_text
     from services.runtime.graph import snapshot
+    from services.runtime.light_node import open_transport
 
-    with connect(place.router, place.domain) as transport:
+    with open_transport(place.router, place.domain) as transport:
         entities = snapshot(transport)
     if as_json:
         write_json([asdict(each) for each in entities])

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import click
 
 from deploy.commands.completion import RUNNING_FLEET
-from deploy.network_address import port_of_fleet, resolve_address
+from services.runtime.network_address import port_of_fleet, resolve_address
 
 F = TypeVar("F", bound=Callable[..., Any])
 

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING
 import click
 
 from deploy.commands.options import fleet_option, json_option
-from deploy.network_address import resolve_address, select_fleet
 from services.runtime.errors import EleaError
 from services.runtime.fleet_instances import FleetInstance, running_fleets
+from services.runtime.network_address import resolve_address, select_fleet
 from services.runtime.process import PARENT, ROOT
 
 if TYPE_CHECKING:
-    from deploy.network_address import NetworkAddress
     from services.panel.address import Address
+    from services.runtime.network_address import NetworkAddress
 
 _START_TIMEOUT_S = 15.0
 """Wall time for a panel to open its page."""
@@ -67,10 +67,10 @@ def _serve_page(
     place: NetworkAddress, page_port: int | None, as_json: bool, no_open: bool, fleet: FleetInstance | None
 ) -> int:
     """Run a panel until it or its fleet stops; return its exit status."""
-    from deploy.live.connect import connect
     from services.panel.address import read_address
+    from services.runtime.light_node import open_transport
 
-    with connect(place.router, place.domain):
+    with open_transport(place.router, place.domain):
         pass  # there is a router, or this says that there is none
     with tempfile.TemporaryDirectory(prefix="elea-panel-") as folder:
         file = Path(folder) / "panel.json"

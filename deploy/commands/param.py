@@ -13,12 +13,12 @@ import click
 from deploy.commands.completion import PARAMETER, SET
 from deploy.commands.lazy_group import LazyCommand, LazyGroup
 from deploy.commands.options import fleet_option, json_option
-from deploy.network_address import resolve_address
 from services.runtime.errors import BadInput, CallFailed, unknown_name
+from services.runtime.network_address import resolve_address
 
 if TYPE_CHECKING:
-    from deploy.commands.param_client import ParameterServiceClient
     from messages.parameters import ParameterSchema, ParameterValues, Value
+    from services.runtime.parameters.service_client import ParameterServiceClient
 
 COMMANDS = {
     "list": LazyCommand("param:list_command", "List the parameter sets, or the parameters of one."),
@@ -72,12 +72,12 @@ def client_options(function: F) -> F:
 @contextmanager
 def connect_client(options: dict[str, Any]) -> Iterator[ParameterServiceClient]:
     """Connect a client as the options say, and remove these from ``options``."""
-    from deploy.commands.param_client import ParameterServiceClient
-    from deploy.live.connect import connect
+    from services.runtime.light_node import open_transport
+    from services.runtime.parameters.service_client import ParameterServiceClient
 
     place = resolve_address(*(options.pop(name) for name in ("connect", "domain", "port")))
     timeout = options.pop("timeout")
-    with connect(place.router, place.domain) as transport:
+    with open_transport(place.router, place.domain) as transport:
         yield ParameterServiceClient(transport, timeout)
 
 
@@ -92,7 +92,7 @@ def list_command(set_name: str, values: bool, as_json: bool, **options: Any) -> 
     with connect_client(options) as client:
         sets = client.sets()
         if set_name:
-            from deploy.commands.param_client import find_set
+            from services.runtime.parameters.service_client import find_set
 
             sets = {(one := find_set(set_name, sets)).set: one}
         saved = {name: client.values(name) for name, each in sets.items() if values or not each.nodes}
@@ -315,8 +315,8 @@ format_option = click.option(
 @client_options
 def dump_command(names: tuple[str, ...], output: str, form: str | None, as_json: bool, **options: Any) -> None:
     """Write the live parameters of the SETs, or of all, to a file for `load`."""
-    from deploy.commands.param_client import find_set
     from deploy.commands.param_values import file_format, format_tables, print_json
+    from services.runtime.parameters.service_client import find_set
 
     chosen = file_format(output, form)
     with connect_client(options) as client:
@@ -370,8 +370,8 @@ def _plan_loads(
     client: ParameterServiceClient, tables: dict[str, Any], clamp: bool
 ) -> tuple[list[PlannedLoad], list[str]]:
     """Return the sets to change, and all errors."""
-    from deploy.commands.param_client import find_set
     from deploy.commands.param_values import convert_values, validate_change
+    from services.runtime.parameters.service_client import find_set
 
     sets, planned, faults = client.sets(), dict[str, PlannedLoad](), list[str]()
     for name, table in tables.items():

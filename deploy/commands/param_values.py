@@ -24,8 +24,8 @@ from messages.parameters import (
     SetParameters,
     Value,
 )
+from models.yaml_reader import read_yaml
 from services.runtime.errors import BadInput, unknown_name
-from services.runtime.yaml_reader import read_yaml
 
 Format = Literal["yaml", "toml"]
 MAX_FILE_BYTES = 8 << 20

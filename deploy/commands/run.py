@@ -10,9 +10,9 @@ import click
 
 from deploy.commands.completion import KIND
 from deploy.commands.options import fleet_option
-from deploy.network_address import port_of_fleet, resolve_address
 from services.runtime import process
 from services.runtime.errors import BadInput, unknown_name
+from services.runtime.network_address import port_of_fleet, resolve_address
 from services.runtime.process import ROOT
 
 
@@ -26,6 +26,9 @@ def command(target: str, arguments: tuple[str, ...], port: int | None) -> None:
     It joins the running fleet (--fleet or --port selects one of several) unless --connect is given.
 
     `./elea run waypoint --help` shows the options that all services have.
+
+    A Python environment of your own finds Elea by a file elea.pth in its site-packages whose one line is the path of
+    this checkout, if it has the packages of requirements.lock; `./elea python` runs this project's own.
     """
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     port, arguments = _extract_fleet(port, arguments)
@@ -78,3 +81,15 @@ def _network_arguments(port: int | None, arguments: tuple[str, ...]) -> list[str
     if any(each.partition("=")[0] == "--domain" for each in arguments):
         place = place._replace(domain="")
     return place.arguments
+
+
+@click.command("python", context_settings={"ignore_unknown_options": True, "allow_interspersed_args": False})
+@click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
+def python_command(arguments: tuple[str, ...]) -> None:
+    """Run the Python of this project with ARGUMENTS, from any folder: a script, -m MODULE, or none for a prompt.
+
+    It can import Elea, as in `from services.runtime import connect`.
+    """
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))}
+    sys.stdout.flush()
+    os.execve(sys.executable, [sys.executable, *arguments], environment)

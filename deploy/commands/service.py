@@ -7,7 +7,7 @@ import click
 from deploy.commands.completion import SERVICE, TYPE, TYPE_OR_VALUES
 from deploy.commands.lazy_group import LazyCommand, LazyGroup
 from deploy.commands.options import json_option, network_options
-from deploy.network_address import NetworkAddress
+from services.runtime.network_address import NetworkAddress
 
 COMMANDS = {
     "list": LazyCommand("service:list_command", "List the services on the network."),
@@ -30,11 +30,11 @@ def command() -> None:
 @json_option
 def list_command(show_types: bool, verbose: bool, count_services: bool, place: NetworkAddress, as_json: bool) -> None:
     """List the services on the network."""
-    from deploy.live.connect import connect
     from deploy.live.output import write_json, write_text
     from deploy.live.services import list_services
+    from services.runtime.light_node import open_transport
 
-    with connect(place.router, place.domain) as transport:
+    with open_transport(place.router, place.domain) as transport:
         found = list_services(transport)
     if as_json:
         write_json([each.as_dict() for each in found.values()])
@@ -53,13 +53,13 @@ def list_command(show_types: bool, verbose: bool, count_services: bool, place: N
 @json_option
 def type_command(service: str, place: NetworkAddress, as_json: bool) -> None:
     """Show the request and response types of SERVICE."""
-    from deploy.live.connect import connect
     from deploy.live.output import write_json, write_text
     from deploy.live.services import find_service
     from deploy.live.topics import absolute_name
+    from services.runtime.light_node import open_transport
 
     name = absolute_name(service)
-    with connect(place.router, place.domain) as transport:
+    with open_transport(place.router, place.domain) as transport:
         found = find_service(transport, name)
     if as_json:
         write_json(found.as_dict())
@@ -75,11 +75,11 @@ def type_command(service: str, place: NetworkAddress, as_json: bool) -> None:
 def find_command(type_name: str, count_services: bool, place: NetworkAddress, as_json: bool) -> None:
     """List the services with request or response TYPE, e.g. elea_msgs/Name. The exit status is 1 if there are none."""
     from deploy.interfaces import canonical_type, record_by_type
-    from deploy.live.connect import connect
     from deploy.live.output import write_json, write_note, write_text
     from deploy.live.services import list_services
+    from services.runtime.light_node import open_transport
 
-    with connect(place.router, place.domain) as transport:
+    with open_transport(place.router, place.domain) as transport:
         found = list_services(transport)
     wanted = canonical_type(type_name)
     names = [each.name for each in found.values() if wanted in (each.asks, each.replies)]
@@ -115,14 +115,14 @@ def call_command(
     Omitted fields have their defaults; TYPE is the request type, and may be omitted. The exit status is 1 if the
     request is refused or not answered in time.
     """
-    from deploy.live.connect import connect
     from deploy.live.message_format import to_flow_yaml, to_yaml
     from deploy.live.output import write_json, write_text
     from deploy.live.services import call_service
     from deploy.live.topics import absolute_name
+    from services.runtime.light_node import open_transport
 
     name = absolute_name(service)
-    with connect(place.router, place.domain) as transport:
+    with open_transport(place.router, place.domain) as transport:
         reply = call_service(transport, name, values, timeout)
     if as_json:
         write_json(reply)

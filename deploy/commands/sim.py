@@ -13,7 +13,7 @@ import click
 from deploy.commands.lazy_group import LazyCommand, LazyGroup
 from deploy.commands.options import json_option, network_options
 from deploy.live.output import write_text
-from deploy.network_address import NetworkAddress
+from services.runtime.network_address import NetworkAddress
 
 if TYPE_CHECKING:
     from messages.base import Message
@@ -73,12 +73,12 @@ class SimulationClient:
 
     def call(self, request: Request[Any, R], message: Message) -> R:
         """Return the response to a request; raises CallFailed with the reason, BadInput without a router."""
-        from deploy.live.connect import connect
         from messages.names import key
+        from services.runtime.light_node import open_transport
         from services.runtime.requests import call
 
         if self._transport is None:
-            self._transport = self._visit.enter_context(connect(self._place.router, self._place.domain))
+            self._transport = self._visit.enter_context(open_transport(self._place.router, self._place.domain))
         return call(self._transport, request, key(request.name), message, self._timeout)
 
     def print_reply(self, reply: Message | Iterable[Message], text: str) -> None:

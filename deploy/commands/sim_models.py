@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
@@ -58,6 +60,14 @@ def list_(asker: SimulationClient) -> None:
     "-J", "--joint", "joints", multiple=True, metavar="JOINT=POSITION", help="Initial position of a joint, in rad or m."
 )
 @click.option("--param", "pairs", multiple=True, metavar="NAME=VALUE", help="Parameter of its base or joints.")
+@click.option("--xacro-arg", "xacro_args", multiple=True, metavar="NAME=VALUE", help="Argument of a xacro.")
+@click.option(
+    "--package",
+    "packages",
+    multiple=True,
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    help="Folder in which package:// is looked for, too.",
+)
 @simulation_command
 def spawn(
     asker: SimulationClient,
@@ -68,20 +78,28 @@ def spawn(
     frame_prefix: str | None,
     joints: tuple[str, ...],
     pairs: tuple[str, ...],
+    xacro_args: tuple[str, ...],
+    packages: tuple[Path, ...],
     **place: float | None,
 ) -> None:
-    """Spawn a MODEL as NAME."""
+    """Spawn a MODEL as NAME.
+
+    MODEL is one that comes with Elea, or the path of a URDF, a xacro or a folder; - reads a URDF from the standard
+    input. A xacro is expanded here: the simulation gets the URDF.
+    """
     from messages.parameters import Assignment
     from messages.requests import SPAWN
     from messages.simulation import SpawnModel
     from services.runtime.parameters.validation import read_assignments
 
     at = parse_joint_positions(joints)
+    named, urdf = _own_robot(model, packages, dict(read_assignments(xacro_args)))
     reply = asker.call(
         SPAWN,
         SpawnModel(
             name=name,
-            model=model,
+            model=named,
+            urdf=urdf,
             pose=_pose({axis: value or 0.0 for axis, value in place.items()}),
             namespace=namespace,
             frame_prefix=frame_prefix,
@@ -178,6 +196,29 @@ def properties(asker: SimulationClient, name: str) -> None:
     asker.print_reply(
         reply, format_table((field, _format_property(getattr(reply, field))) for field in reply.__struct_fields__)
     )
+
+
+def _own_robot(model: str, packages: tuple[Path, ...], xacro_args: dict[str, Any]) -> tuple[str, str]:
+    """What a request calls the robot, and its URDF where that is all of it; a robot from outside is made here.
+
+    The simulation of the same user finds what was made by its name; others can take a URDF without meshes.
+    """
+    from models import MODELS
+    from models.robot_source import names_file, resolve_robot, resolve_urdf_text
+    from models.urdf import MAX_CHARACTERS
+    from services.runtime.errors import BadInput
+
+    if model == "-":
+        text = sys.stdin.read(MAX_CHARACTERS + 1)
+        found = resolve_urdf_text(text, packages)
+    elif names_file(model) or xacro_args or packages:
+        if model in MODELS:
+            raise BadInput(f"--xacro-arg and --package are for a robot of your own, and {model} comes with Elea")
+        found = resolve_robot(model, Path.cwd(), packages, xacro_args)
+    else:
+        return model, ""
+    urdf = found.urdf.read_text(encoding="utf-8")
+    return Path(found.model).name, "" if "<mesh" in urdf else urdf
 
 
 def _pose(place: dict[str, float]) -> Pose:

@@ -10,7 +10,7 @@ import time
 import click
 
 from deploy.commands.options import network_options
-from deploy.network_address import NetworkAddress
+from services.runtime.network_address import NetworkAddress
 from services.runtime.parameters.validation import build
 from services.runtime.process import ROOT
 from services.teleop import TeleopParameters
@@ -58,8 +58,8 @@ def command(namespace: str, fixed: bool, stamped: bool, place: NetworkAddress, *
     The robot moves while a key is held. Teleop overrides a controller, and returns the robot to it a few seconds after
     the last key.
     """
-    from deploy.live.connect import connect
     from services.runtime.graph import snapshot
+    from services.runtime.light_node import open_transport
     from services.teleop.robot import choose_base, find_bases
 
     parameters = {name: values[name] for name in _TELEOP_PARAMETERS if values[name] is not None}
@@ -70,7 +70,7 @@ def command(namespace: str, fixed: bool, stamped: bool, place: NetworkAddress, *
         from services.teleop.terminal import require_terminal
 
         require_terminal()
-    with connect(place.router, place.domain) as transport:
+    with open_transport(place.router, place.domain) as transport:
         deadline = time.monotonic() + _ROBOT_TIMEOUT_S
         while not (found := find_bases(snapshot(transport))) and time.monotonic() < deadline:
             time.sleep(0.1)

@@ -6,7 +6,7 @@ import click
 
 from deploy.commands.lazy_group import LazyCommand, LazyGroup
 from deploy.commands.options import json_option, network_options
-from deploy.network_address import NetworkAddress
+from services.runtime.network_address import NetworkAddress
 
 COMMANDS = {
     "tree": LazyCommand("tf:tree_command", "Show all frames with their publishers, rates and ages."),

@@ -11,11 +11,12 @@ import click
 from deploy.commands.completion import TOPIC, TYPE
 from deploy.commands.lazy_group import LazyCommand, LazyGroup
 from deploy.commands.options import json_option, network_options
-from deploy.network_address import NetworkAddress
+from deploy.live.connect import spin
+from services.runtime.network_address import NetworkAddress
 
 if TYPE_CHECKING:
-    from deploy.live.connect import CliNode
     from deploy.live.topics import TopicEndpoints
+    from services.runtime.light_node import LightNode
 
 COMMANDS = {
     "list": LazyCommand("topic:list_command", "List the topics of the network."),
@@ -113,13 +114,13 @@ def list_command(
         write_text("".join(_format_row(each, show_types, verbose) for each in rows))
 
 
-def _foreign_topics(live: CliNode, seconds: float) -> dict[str, list[str]]:
+def _foreign_topics(live: LightNode, seconds: float) -> dict[str, list[str]]:
     """Return topics on which external programs publish, with the types they declare."""
     from messages.names import BadName, name_of
     from services.runtime.transport.wire import FORMAT, unpack_attachment
 
     inlet, found = live.transport.subscribe("**", 8192), dict[str, list[str]]()
-    for _ in live.spin(inlet, seconds):
+    for _ in spin(live, inlet, seconds):
         while (sample := inlet.recv()) is not None:
             _, attachment, source = sample
             if unpack_attachment(attachment) is not None:
@@ -205,7 +206,7 @@ def info_command(topic: str, verbose: bool, place: NetworkAddress, as_json: bool
         write_text(_format_topic(told, verbose))
 
 
-def _describe_topic(ends: TopicEndpoints, live: CliNode, verbose: bool) -> dict[str, Any]:
+def _describe_topic(ends: TopicEndpoints, live: LightNode, verbose: bool) -> dict[str, Any]:
     from deploy.interfaces import known_topic
 
     known = known_topic(ends.name)
@@ -227,7 +228,7 @@ def _describe_topic(ends: TopicEndpoints, live: CliNode, verbose: bool) -> dict[
     return told
 
 
-def _add_measurements(told: dict[str, Any], ends: TopicEndpoints, live: CliNode) -> None:
+def _add_measurements(told: dict[str, Any], ends: TopicEndpoints, live: LightNode) -> None:
     """Add the rates of publishers and the counts in heartbeats, measured for a second."""
     from deploy.live.subscribers import ClockSubscriber, HeartbeatSubscriber
     from deploy.live.topic_statistics import RateSample, SampleWindow
@@ -239,7 +240,7 @@ def _add_measurements(told: dict[str, Any], ends: TopicEndpoints, live: CliNode)
     beats, clock = HeartbeatSubscriber(live), ClockSubscriber(live.transport)
     listener, foreign = UntypedSubscriber(live.transport, ends.name, is_latched(ends)), list[str]()
     windows: dict[bytes, SampleWindow] = {}
-    for _ in live.spin(listener.raw, _LISTEN_S):
+    for _ in spin(live, listener.raw, _LISTEN_S):
         beats.update()
         clock.update()
         for heard in listener.drain():
@@ -320,12 +321,12 @@ def _format_subscriber(row: dict[str, Any]) -> str:
 def find_command(type_name: str, count_topics: bool, place: NetworkAddress, as_json: bool) -> None:
     """List the topics of TYPE, e.g. geometry_msgs/Twist. The exit status is 1 if there are none."""
     from deploy.interfaces import canonical_type, record_by_type
-    from deploy.live.connect import connect
     from deploy.live.output import write_json, write_note, write_text
     from deploy.live.topics import group_by_topic
     from services.runtime.graph import snapshot
+    from services.runtime.light_node import open_transport
 
-    with connect(place.router, place.domain) as transport:
+    with open_transport(place.router, place.domain) as transport:
         found = group_by_topic(snapshot(transport))
     wanted = canonical_type(type_name)
     names = [each.name for each in found.values() if wanted in each.types]
@@ -345,13 +346,13 @@ def find_command(type_name: str, count_topics: bool, place: NetworkAddress, as_j
 @json_option
 def type_command(topic: str, place: NetworkAddress, as_json: bool) -> None:
     """Show the type of TOPIC, or all types if its publishers and subscribers disagree."""
-    from deploy.live.connect import connect
     from deploy.live.output import write_json, write_text
     from deploy.live.topics import absolute_name, group_by_topic, not_found
     from services.runtime.graph import snapshot
+    from services.runtime.light_node import open_transport
 
     name = absolute_name(topic)
-    with connect(place.router, place.domain) as transport:
+    with open_transport(place.router, place.domain) as transport:
         found = group_by_topic(snapshot(transport))
     if name not in found:
         raise not_found("topic", name, found, "./elea topic list shows them all")

@@ -9,7 +9,7 @@ import click
 from deploy.commands.completion import FIELD, TOPIC, TYPE, TYPE_OR_VALUES
 from deploy.commands.options import json_option, network_options
 from deploy.commands.topic import measure_options, timeout_option, topic_argument, wait_option
-from deploy.network_address import NetworkAddress
+from services.runtime.network_address import NetworkAddress
 
 if TYPE_CHECKING:
     from deploy.live.measure import MeasureOptions

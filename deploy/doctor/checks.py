@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from deploy import VERSION
 from deploy.doctor import Check, Finding, fail, fleet, installation, machine, network
 from deploy.live.output import write_json, write_text
-from deploy.network_address import NetworkAddress, resolve_address
 from services.runtime.errors import BadInput
+from services.runtime.network_address import NetworkAddress, resolve_address
 from services.runtime.transport.zenoh_config import endpoint
 
 

@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 
 from deploy.doctor import Finding, fail, ok, warn
 from deploy.doctor.fleet import OBSERVATION_S, check_fleet, observe_fleet, why_lost
-from deploy.network_address import NetworkAddress, fleet_router
 from messages.elea import Health
 from services.runtime.errors import BadInput
 from services.runtime.fleet_instances import FleetInstance, running_fleets
 from services.runtime.graph import Entity
+from services.runtime.network_address import NetworkAddress, fleet_router
 from services.runtime.ports import port_in_use
 from services.runtime.transport.unix_sockets import is_listening, is_unix, make_private, path_of, remove_stale
 from services.runtime.transport.zenoh_config import is_local
@@ -79,12 +79,12 @@ def router(place: NetworkAddress, asked: bool) -> Iterator[Finding]:
     if not asked and not running_fleets():
         yield ok("router", "no fleet is running")
         return
-    from deploy.live.connect import connect
     from services.runtime.graph import snapshot
+    from services.runtime.light_node import open_transport
 
     began = time.monotonic()
     try:
-        with connect(place.router, place.domain) as transport:
+        with open_transport(place.router, place.domain) as transport:
             took = time.monotonic() - began
             entities = snapshot(transport)
             yield ok("router", f"{place.router} joined within {took:.2f} s, {len(_nodes(entities))} nodes")

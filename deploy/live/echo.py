@@ -8,17 +8,18 @@ from dataclasses import dataclass
 from typing import Any
 
 from deploy.interfaces import canonical_type, known_record, record_by_type
-from deploy.live.connect import CliNode, cli_node
+from deploy.live.connect import cli_node, spin
 from deploy.live.measure import INTERRUPTED
 from deploy.live.message_format import MAX_ELEMENTS, csv_cells, csv_row, to_flow_yaml, to_yaml, truncate
 from deploy.live.output import write_json, write_note, write_text
 from deploy.live.topics import absolute_name, group_by_topic, is_latched, topic_type, wait_for_topic
-from deploy.network_address import NetworkAddress
 from messages.base import Message, WrongPayload, decoder
 from messages.plain import plain, plain_record
 from services.runtime.errors import EleaError
 from services.runtime.field_path import FieldPath, check_path, format_path, get_field, parse_path
 from services.runtime.graph import snapshot
+from services.runtime.light_node import LightNode
+from services.runtime.network_address import NetworkAddress
 from services.runtime.subscriber import ReceivedSample, UntypedSubscriber
 
 
@@ -121,7 +122,7 @@ def echo(place: NetworkAddress, asked: EchoRequest, style: EchoFormat) -> int:
         listener, reader = UntypedSubscriber(live.transport, name, latched), MessageReader(name, expected)
         live.declare_subscription(name, expected, "LATCHED" if latched else "SENSOR")
         left = None if deadline is None else max(0.0, deadline - time.monotonic())
-        for _ in live.spin(listener.raw, left):
+        for _ in spin(live, listener.raw, left):
             for heard in listener.drain():
                 printer.show(heard, reader.read(heard))
                 if printer.shown == asked.count:
@@ -178,7 +179,7 @@ class _Printer:
         write_text(csv_row([text for _, text in columns]), flush=True)
 
 
-def _split_field(live: CliNode, name: str, paths: list[FieldPath]) -> tuple[str, list[FieldPath]]:
+def _split_field(live: LightNode, name: str, paths: list[FieldPath]) -> tuple[str, list[FieldPath]]:
     """The topic and the field in it, which rostopic's users write in one: ``/tb3_0/odom/pose/pose/position``."""
     known = group_by_topic(snapshot(live.transport)) if not paths else {}
     if paths or name in known:

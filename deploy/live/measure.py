@@ -8,13 +8,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from deploy.live.connect import CliNode, cli_node
+from deploy.live.connect import cli_node, spin
 from deploy.live.output import write_json, write_note, write_text
 from deploy.live.subscribers import ClockSubscriber
 from deploy.live.topics import TopicEndpoints, absolute_name, group_by_topic, is_latched, topic_type, wait_for_topic
-from deploy.network_address import NetworkAddress
 from services.runtime.errors import EleaError
 from services.runtime.graph import snapshot
+from services.runtime.light_node import LightNode
+from services.runtime.network_address import NetworkAddress
 from services.runtime.subscriber import ReceivedSample, UntypedSubscriber
 
 REPORT_PERIOD_S = 1.0
@@ -67,7 +68,7 @@ class _MeasuredTopic:
     """A topic, its meter, and the samples whose time is not known yet."""
 
     def __init__(
-        self, live: CliNode, name: str, meter: Meter, terms: MeasureOptions, graph: Mapping[str, TopicEndpoints]
+        self, live: LightNode, name: str, meter: Meter, terms: MeasureOptions, graph: Mapping[str, TopicEndpoints]
     ) -> None:
         ends = wait_for_topic(live, name, terms.wait, graph)
         latched = is_latched(ends)
@@ -114,7 +115,7 @@ def measure(
         clock = ClockSubscriber(live.transport)
         channels = [_MeasuredTopic(live, name, make(name), terms, graph) for name in wanted]
         epoch, due = None, time.monotonic() + REPORT_PERIOD_S
-        for _ in live.spin(channels[0].listener.raw, terms.timeout):
+        for _ in spin(live, channels[0].listener.raw, terms.timeout):
             clock.update()
             if clock.now is not None and clock.epoch != epoch:
                 if epoch is not None:

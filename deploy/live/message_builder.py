@@ -10,9 +10,9 @@ from msgspec import inspect
 
 from messages.base import Message, WrongPayload, decoder, encode
 from messages.std import Header, Time
+from models.yaml_reader import read_yaml
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.field_path import element_type, field_types, nested_record
-from services.runtime.yaml_reader import read_yaml
 
 _TYPE = re.compile(r"[A-Za-z]\w*/(?:(?:msg|srv)/)?[A-Za-z]\w*")
 _OPTION = re.compile(r"--?[A-Za-z]")

@@ -8,20 +8,21 @@ from dataclasses import dataclass
 from typing import Any
 
 from deploy.interfaces import known_topic, record_by_type
-from deploy.live.connect import CliNode, cli_node, user_and_host
+from deploy.live.connect import cli_node, spin, user_and_host
 from deploy.live.measure import INTERRUPTED
 from deploy.live.message_builder import MessageBuilder, split_type
 from deploy.live.message_format import to_flow_yaml, truncate
 from deploy.live.output import write_json, write_note, write_text
 from deploy.live.subscribers import ClockSubscriber
 from deploy.live.topics import TopicEndpoints, absolute_name, group_by_topic, is_hidden
-from deploy.network_address import NetworkAddress
 from messages.base import Message
 from messages.names import key as key_of
 from messages.plain import plain_record
 from messages.topics import CLOCK, E_STOP, Quality, Topic
 from services.runtime.errors import BadInput, EleaError, did_you_mean
 from services.runtime.graph import snapshot
+from services.runtime.light_node import LightNode
+from services.runtime.network_address import NetworkAddress
 from services.runtime.publisher import Publisher
 from services.runtime.transport.api import TICKER_S, idle_subscriber
 
@@ -114,12 +115,12 @@ def _resolve_rate(asked: PublishRequest, name: str, quality: Quality) -> float:
     return topic.rate if topic is not None and quality is Quality.COMMAND and topic.rate else 1.0
 
 
-def _wait_for_subscribers(live: CliNode, output: Publisher[Any], name: str, asked: PublishRequest) -> bool:
+def _wait_for_subscribers(live: LightNode, output: Publisher[Any], name: str, asked: PublishRequest) -> bool:
     """Wait for subscribers; False when it was interrupted. Raises EleaError when they do not come in time."""
     started, told = time.monotonic(), False
     inlet = idle_subscriber(live.transport)
     settled = started + _SETTLE_S
-    for _ in live.spin(inlet):
+    for _ in spin(live, inlet):
         now = time.monotonic()
         count = len(group_by_topic(snapshot(live.transport)).get(name, TopicEndpoints(name)).subscribers)
         if count >= asked.min_subscribers and (output.has_subscribers or now > settled or not count):
@@ -138,15 +139,15 @@ def _wait_for_subscribers(live: CliNode, output: Publisher[Any], name: str, aske
     return not live.stopping
 
 
-def _wait_for_clock(live: CliNode, clock: ClockSubscriber) -> None:
-    for _ in live.spin(clock.raw, _CLOCK_TIMEOUT_S):
+def _wait_for_clock(live: LightNode, clock: ClockSubscriber) -> None:
+    for _ in spin(live, clock.raw, _CLOCK_TIMEOUT_S):
         clock.update()
         if clock.now is not None:
             return
 
 
 def _send(
-    live: CliNode,
+    live: LightNode,
     output: Publisher[Any],
     draft: MessageBuilder,
     clock: ClockSubscriber,
@@ -158,7 +159,7 @@ def _send(
     simulated = clock.now is not None and not asked.wall_time
     period = 1.0 / rate if rate else float("inf")
     sent, due, epoch, told = 0, 0.0, clock.epoch, False
-    for _ in live.spin(clock.raw):
+    for _ in spin(live, clock.raw):
         clock.update()
         if simulated and clock.paused and not told:
             told = True
@@ -194,6 +195,6 @@ def _show(message: Message, show: str, number: int) -> None:
         write_text(f"publishing #{number}: {to_flow_yaml(truncate(plain_record(message), 16))}\n", flush=True)
 
 
-def _keep_alive(live: CliNode, clock: ClockSubscriber, seconds: float) -> None:
-    for _ in live.spin(clock.raw, seconds):
+def _keep_alive(live: LightNode, clock: ClockSubscriber, seconds: float) -> None:
+    for _ in spin(live, clock.raw, seconds):
         clock.update()

@@ -13,11 +13,11 @@ from messages.base import encode
 from messages.names import key as key_of
 from messages.plain import plain
 from messages.requests import Request
+from models.yaml_reader import read_yaml
 from services.runtime.errors import BadInput
 from services.runtime.graph import Entity, token_pattern
 from services.runtime.requests import call
 from services.runtime.transport.api import Transport
-from services.runtime.yaml_reader import read_yaml
 
 
 class ServiceInfo(NamedTuple):

@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Collection
 
-from deploy.live.connect import CliNode
+from deploy.live.connect import spin
 from messages.base import Message, WrongPayload, decoder
 from messages.elea import Health, InputHealth, OutputHealth
 from messages.rosgraph import Clock
 from messages.std import Header, Time, stamp_of
 from messages.topics import CLOCK, HEALTH
 from services.runtime.clock_map import ClockMap
+from services.runtime.light_node import LightNode
 from services.runtime.subscriber import ReceivedSample, UntypedSubscriber
 from services.runtime.transport.api import Transport
 
@@ -104,7 +105,7 @@ _decode_health = decoder(Health)
 class HeartbeatSubscriber:
     """The newest heartbeat of each node, and the last counts of its topics, of which a beat may list a part."""
 
-    def __init__(self, live: CliNode) -> None:
+    def __init__(self, live: LightNode) -> None:
         self._listener = UntypedSubscriber(live.transport, HEALTH.name)
         self.raw = self._listener.raw
         self.latest: dict[str, Health] = {}
@@ -141,13 +142,13 @@ class HeartbeatSubscriber:
         return beat is not None and len(self.inputs(node)) >= beat.reads and len(self.outputs(node)) >= beat.writes
 
 
-def collect_heartbeats(live: CliNode, nodes: Collection[str]) -> HeartbeatSubscriber:
+def collect_heartbeats(live: LightNode, nodes: Collection[str]) -> HeartbeatSubscriber:
     """The heartbeats of these nodes, as soon as all have come; of those that came, after WITHIN_S.
 
     Of nodes with very many topics, as many beats as it takes until each was listed, at most MOST_BEATS.
     """
     beats, begun = HeartbeatSubscriber(live), time.monotonic()
-    for _ in live.spin(beats.raw, HEARTBEAT_TIMEOUT_S * MAX_HEARTBEATS):
+    for _ in spin(live, beats.raw, HEARTBEAT_TIMEOUT_S * MAX_HEARTBEATS):
         beats.update()
         heard = beats.latest.keys() & set(nodes)
         if all(map(beats.is_complete, heard)) and (

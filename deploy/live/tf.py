@@ -9,14 +9,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from deploy.live.connect import CliNode, cli_node
+from deploy.live.connect import cli_node, spin
 from deploy.live.output import write_json, write_note, write_text
 from deploy.live.subscribers import ClockSubscriber
-from deploy.network_address import NetworkAddress
 from messages.tf import TFMessage
 from messages.topics import TF, TF_STATIC, Topic
 from services.runtime.errors import EleaError, NoTransform
 from services.runtime.graph import Entity, snapshot
+from services.runtime.light_node import LightNode
+from services.runtime.network_address import NetworkAddress
 from services.runtime.subscriber import Subscriber
 from services.runtime.tf.buffer import LookupResult, TransformBuffer
 from services.runtime.tf.listener import add_moving, add_static
@@ -29,7 +30,7 @@ RATE_WINDOW = 256
 class TfMonitor:
     """Follows /tf, /tf_static and the clock. Time that begins anew clears what moves."""
 
-    def __init__(self, live: CliNode) -> None:
+    def __init__(self, live: LightNode) -> None:
         self.buffer, self.clock = TransformBuffer(), ClockSubscriber(live.transport)
         self._live = live
         self.dynamic, self._static = self._subscribe(TF), self._subscribe(TF_STATIC)
@@ -95,7 +96,7 @@ def show_tree(place: NetworkAddress, listen: float, as_json: bool) -> int:
     """Listen for a while [s of wall time], then show the tree; the exit status. Raises EleaError without any frame."""
     with cli_node(place, "tf_tree") as live:
         watch = TfMonitor(live)
-        for _ in live.spin(watch.dynamic.raw, listen):
+        for _ in spin(live, watch.dynamic.raw, listen):
             watch.update()
         watch.update()
         names = watch.publishers()
@@ -208,7 +209,7 @@ def echo_transform(place: NetworkAddress, source: str, target: str, terms: TfEch
         watch = TfMonitor(live)
         patience = time.monotonic() + terms.timeout
         said = ""
-        for _ in live.spin(watch.clock.raw):
+        for _ in spin(live, watch.clock.raw):
             watch.update()
             # Without a clock, as where only fixed frames are told, the wall's serves.
             now = time.monotonic_ns() if watch.clock.now is None else watch.clock.now

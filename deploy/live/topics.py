@@ -6,12 +6,13 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from deploy.interfaces import known_topic
-from deploy.live.connect import CliNode
+from deploy.live.connect import spin
 from deploy.live.output import write_note
 from messages.names import BadName, resolve
 from messages.topics import Quality
 from services.runtime.errors import BadInput, did_you_mean
 from services.runtime.graph import Entity, snapshot
+from services.runtime.light_node import LightNode
 from services.runtime.subscriber import UntypedSubscriber
 
 
@@ -72,7 +73,7 @@ _LISTEN_S = 1.0
 
 
 def wait_for_topic(
-    live: CliNode, name: str, wait: bool, graph: Mapping[str, TopicEndpoints] | None = None
+    live: LightNode, name: str, wait: bool, graph: Mapping[str, TopicEndpoints] | None = None
 ) -> TopicEndpoints:
     """The topic that is to be heard; with ``wait`` also one that nobody knows. Raises BadInput as ``find_topic``.
 
@@ -90,13 +91,13 @@ def wait_for_topic(
     return ends
 
 
-def find_topic(live: CliNode, name: str, graph: Mapping[str, TopicEndpoints] | None = None) -> TopicEndpoints:
+def find_topic(live: LightNode, name: str, graph: Mapping[str, TopicEndpoints] | None = None) -> TopicEndpoints:
     """The topic ``name``; raises BadInput when it is neither in the graph nor heard for a second."""
     known = group_by_topic(snapshot(live.transport)) if graph is None else graph
     if name in known:
         return known[name]
     listener = UntypedSubscriber(live.transport, name)
-    for _ in live.spin(listener.raw, _LISTEN_S):
+    for _ in spin(live, listener.raw, _LISTEN_S):
         if any(True for _ in listener.drain()):
             listener.close()
             return TopicEndpoints(name)

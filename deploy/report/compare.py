@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from zipfile import BadZipFile
 
 import msgspec
 import numpy as np
 
-from deploy.report.record import REPORT_FILE, Report
+from deploy.report.load import read_report, read_trails
 from deploy.report.write import read_measurements
 from services.bag.compare import PLACE_PARAMETERS, BagComparison, compare_bags
 from services.bag.reader import Bag, open_bag
@@ -133,7 +132,7 @@ def _first_trajectory_difference(
     left: Path, one: Measurements, right: Path, other: Measurements
 ) -> TrajectoryDifference | None:
     """The earliest difference over all robots; of several at one time that of the first robot by name."""
-    trails = _read_trails(left), _read_trails(right)
+    trails = read_trails(left), read_trails(right)
     found = []
     for robot in sorted(one.robots.keys() | other.robots.keys()):
         figures = one.robots.get(robot) or other.robots[robot]
@@ -178,20 +177,9 @@ def _number(value: float) -> float | None:
     return None if np.isnan(value) else float(value)
 
 
-def _read_trails(folder: Path) -> dict[str, np.ndarray]:
-    path = folder / TRAJECTORIES_FILE
-    try:
-        with np.load(path, allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in arrays.files}
-    except FileNotFoundError:
-        raise BadInput(f"there is no {path}: the grader was killed before it could write it") from None
-    except (OSError, ValueError, BadZipFile, EOFError) as error:
-        raise BadInput(f"{path} cannot be read: {error}") from None
-
-
 def _report_notes(left: Path, right: Path) -> list[str]:
     """What differs by the reports before anything has moved: fleet, mode, seed, version, and parameters."""
-    one, other = _read_report(left), _read_report(right)
+    one, other = read_report(left), read_report(right)
     if one is None or other is None:
         return []
     notes = [
@@ -208,10 +196,3 @@ def _report_notes(left: Path, right: Path) -> list[str]:
             if here != there:
                 notes.append(f"parameter {name} {key}: {here} in {left}, {there} in {right}")
     return notes
-
-
-def _read_report(folder: Path) -> Report | None:
-    try:
-        return msgspec.json.decode((folder / REPORT_FILE).read_bytes(), type=Report)
-    except (OSError, msgspec.MsgspecError):
-        return None

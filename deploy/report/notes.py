@@ -8,24 +8,48 @@ from collections.abc import Sequence
 from deploy.fleet import Fleet, RobotConfig
 from deploy.report.record import RunFigures
 from messages.se2 import Twist2
+from models.model import read_model
 from services.runtime.errors import BadInput
 from services.runtime.parameters.validation import build
-from services.sim.drive.config import NO_TIMEOUT, DriveConfig, robot_config
+from services.sim.drive.config import NO_TIMEOUT, DriveConfig, odometry_config, robot_config
 from services.sim.drive.driver import AT_REST, Drive, commanded_velocity, step_drive
+from services.sim.drive.odometry_error import NO_ERROR, draw_errors, odometry_error
 from services.sim.parameters import BaseParameters
 from services.square import SquareParameters
 from services.square.tutorial import ANGLE_THRESHOLD, STEP_S, BaseStep, overrun, predict
 
 
 def fleet_notes(fleet: Fleet) -> tuple[str, ...]:
-    """Returns the base drivers' configuration warnings, and a note for each square driven by the tutorial's law."""
+    """Returns the base drivers' configuration warnings, a note for each square driven by the tutorial's law, and one on
+    the errors of wheel odometry."""
     found = []
     for robot in fleet.robot:
         found += _base_warnings(robot)
         for member in (*robot.services, *(each for _, each in fleet.shared_services(robot))):
             if member.kind == "square" and member.parameters.get("law") == "tutorial":
                 found.append(_tutorial_note(robot, build(SquareParameters, member.parameters)))
-    return tuple(found)
+    return (*found, *_odometry_notes(fleet))
+
+
+def _odometry_notes(fleet: Fleet) -> list[str]:
+    """How far each robot's odometry is from its wheels; empty where it is from none."""
+    parts = []
+    for robot in fleet.robot:
+        model = read_model(robot.model)
+        if model.wheels is None:
+            continue
+        config = odometry_config(model, build(BaseParameters, robot.parameters))
+        error = odometry_error(config.error, config.error_multiple, draw_errors(fleet.run.seed, robot.name))
+        if config.source == "encoder" and error != NO_ERROR:
+            parts.append(f"{robot.name}: {error.describe()}")
+    if not parts:
+        return []
+    rest = len(parts) - MAX_NAMED_ROBOTS
+    named = "; ".join(parts[:MAX_NAMED_ROBOTS]) + (f"; and {rest} more" if rest > 0 else "")
+    return [
+        "Odometry takes wheels for other ones than they are, as on a real robot, "
+        f"by the seed {fleet.run.seed}: {named}. odometry_error = 0 leaves this out."
+    ]
 
 
 def start_lines(fleet: Fleet, overrides: Sequence[str]) -> tuple[str, ...]:
@@ -85,7 +109,8 @@ def _ideal_base(drive: Drive) -> BaseStep:
 
 
 MAX_NAMED_NODES = 3
-"""Nodes named."""
+MAX_NAMED_ROBOTS = 6
+"""Nodes and robots named."""
 
 
 def real_time_notes(run: RunFigures, ok: bool) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from PIL import Image
@@ -255,12 +256,48 @@ def _draw_bases(figure: Any, bottom: float, report: Report, driving: dict[str, R
     if tracked:
         across = figure.add_subplot(grid[0, 1], sharex=along)
         _draw_cross_track(across, {name: driving[name] for name in tracked}, arrays, line)
+    _draw_world(above, arrays)
     style_axes(above, "Paths seen from above", "x [m]", "y [m]")
     above.set_aspect("equal", adjustable="datalim")
     style_axes(along, "True speed", "simulation time [s]", "speed [m/s]")
     _add_line_legend(along, MIN_SPEED_SPAN)
     _draw_square_notes(above, report)
     _add_path_legend(figure, above, bottom - 0.813 / figure.get_figheight(), bool(tracked))
+
+
+WORLD_MARGIN_M, WORLD_MARGIN_SHARE = 0.6, 0.2
+"""How far around what was driven the world is shown: so many metres, or this share of its extent if that is more."""
+
+WORLD_FILL = 0.4
+"""Opacity of the bodies of the world."""
+
+
+def _draw_world(axes: Any, arrays: Trails) -> None:
+    """The bodies of the world below the paths: their outlines at the start, and the ways of those that moved.
+
+    They are drawn as far as they lie around what was driven, which ``axes`` shows already.
+    """
+    corners, counts = (arrays.get(f"world.{each}", np.empty(0)) for each in ("corners", "counts"))
+    if not len(counts):
+        return
+    outlines = np.split(corners, np.cumsum(counts)[:-1])
+    paths = np.split(arrays["world.paths"], np.cumsum(arrays["world.path_counts"])[:-1])
+    colours = arrays["world.colours"]
+    driven = np.array([axes.dataLim.min, axes.dataLim.max])
+    margin = max(WORLD_MARGIN_M, WORLD_MARGIN_SHARE * float(np.ptp(driven, axis=0).max()))
+    low, high = driven[0] - margin, driven[1] + margin
+    for outline in outlines:
+        near, far = np.maximum(outline.min(axis=0), low), np.minimum(outline.max(axis=0), high)
+        if (near <= far).all():
+            axes.update_datalim([near, far])
+    of_body = colours[arrays["world.bodies"]]
+    faces = np.column_stack((of_body[:, :3], of_body[:, 3] * WORLD_FILL))
+    alone = np.bincount(arrays["world.bodies"])[arrays["world.bodies"]] == 1  # no inner edges of meshes
+    edges = [FAINT if each else "none" for each in alone]
+    axes.add_collection(PolyCollection(outlines, facecolors=faces, edgecolors=edges, lw=0.8, zorder=0.7), autolim=False)
+    for path, colour in zip(paths, colours, strict=True):
+        if len(path):
+            axes.plot(path[:, 0], path[:, 1], color=colour[:3], lw=1.1, ls=(0, (2, 2)), alpha=0.8, zorder=0.8)
 
 
 def _arm_axes(figure: Any, beside: bool, steps: bool) -> list[Any]:
@@ -357,11 +394,13 @@ def _draw_header(figure: Any, report: Report) -> None:
     verdict, colour = ("all checks hold", "#1a7f37") if report.ok else ("checks missed", "#c1121f")
     figure.text(0.985, name_at, verdict, fontsize=13, fontweight="bold", color=colour, ha="right")
     reached, points = sum(each.points_reached for each in driving), sum(each.points for each in driving)
+    clear = [each.min_clearance_m for each in driving if each.min_clearance_m is not None]
     facts = (
         *((f"{reached} of {points} points reached",) if points else ()),
         f"{run.sim_seconds:.1f} s simulated",
         f"{run.mode}, {run.real_time_factor:.1f} x real time",
         *((f"{sum(each.collisions or 0 for each in driving)} collisions",) if driving else ()),
+        *((f"least clearance {min(clear):.2f} m",) if clear else ()),
         f"{run.messages_lost} messages lost",
         f"seed {run.seed}",
         f"trajectory hash {run.trajectory_hash[:12]}",

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from models.yaml_reader import read_yaml
 from services.bag.channel import Channel, qos_text
 from services.runtime.errors import BadInput
-from services.runtime.yaml_reader import read_yaml
 
 METADATA_FILE = "metadata.yaml"
 VERSION = 9

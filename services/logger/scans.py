@@ -7,8 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from messages.se3 import Pose3, rotate
+from messages.se3 import Pose3
 from messages.sensor import LaserScan
+from services.driving.footprint import transformed
+from services.driving.laser import scan_points
 from services.logger.static_frames import mount_transform
 from services.runtime.tf.buffer import TransformBuffer
 
@@ -56,17 +58,8 @@ class ScanBuffer:
             mount = mount_transform(self._frames, base, scan.header.frame_id)
             if mount is not None and scan.header.stamp.ns >= truth[0, 0]:
                 times.append(scan.header.stamp.ns)
-                points.append(_transformed(_pose(truth, scan.header.stamp.ns).compose(mount), scan_points(scan)))
+                points.append(transformed(_pose(truth, scan.header.stamp.ns).compose(mount), scan_points(scan)))
         return np.array(times, np.int64), points
-
-
-def scan_points(scan: LaserScan) -> Floats:
-    """The echoes of a scan, (n, 3) [m] in the laser's frame; rays without an echo are left out."""
-    ranges = scan.ranges.numpy().astype(np.float64)
-    angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
-    seen = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges <= scan.range_max)
-    near, turn = ranges[seen], angles[seen]
-    return np.column_stack((near * np.cos(turn), near * np.sin(turn), np.zeros(len(near))))
 
 
 def _pose(truth: Floats, time: int) -> Pose3:
@@ -81,9 +74,3 @@ def _pose(truth: Floats, time: int) -> Pose3:
 def _pose_from_row(row: Floats) -> Pose3:
     x, y, z, i, j, k, w = (float(each) for each in row[1:8])
     return Pose3((x, y, z), (i, j, k, w))
-
-
-def _transformed(pose: Pose3, points: Floats) -> Floats:
-    x, y, z = points.T
-    moved: Floats = np.column_stack(rotate(pose.orientation, (x, y, z))) + np.array(pose.position)
-    return moved

@@ -59,14 +59,16 @@ class RobotScene:
     def __init__(self, name: str, model: str, prefix: str, colour: Colour) -> None:
         self.name, self.colour, self._prefix = name, colour, prefix
         try:
-            urdf = models.urdf_path(model)
+            urdf = models.viewer_urdf_path(model)
             self._tree = UrdfTree.from_file_path(
                 urdf, entity_path_prefix=name, frame_prefix=prefix, static_transform_entity_path=f"{name}/tf_static"
             )
         except models.UnknownModel as error:
             raise BadInput(f"logger, robot {name}: {error}") from None
         except (RuntimeError, ValueError, OSError) as error:
-            raise BadInput(f"logger, robot {name}: the URDF of {model} cannot be read: {error}") from None
+            raise BadInput(
+                f"logger, robot {name}: the URDF of {models.display_name(model)} cannot be read: {error}"
+            ) from None
         figures = read_model(model)
         self.is_arm = not figures.has_base
         self._radius = figures.radius + DISC_MARGIN

@@ -117,7 +117,7 @@ class LogChannel:
             )
 
     def delta(self, since: int) -> str | None:
-        return as_json("log", lines=[line for line in self._lines if line[0] > since], anew=since < 0)
+        return as_json("log", lines=[line for line in self._lines if line[0] > since], first=since < 0)
 
 
 _DESCRIBED, _UPDATED = (each.name.removeprefix("~") for each in (DESCRIPTIONS, UPDATES))

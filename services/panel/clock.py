@@ -22,7 +22,7 @@ CLOCK_TIMEOUT_S = 1.0
 
 
 class ClockChannel:
-    """Tells time, era, pause and speed ten times a second."""
+    """Tells time, epoch, pause and speed ten times a second."""
 
     period, streams = 0.1, False
 
@@ -41,11 +41,11 @@ class ClockChannel:
 
     def update(self, now: float) -> None:
         batch = self._subscriptions.messages(*self._topic)
-        era = self._time.epoch
+        epoch = self._time.epoch
         for clock, origin in batch:
             self._time.add(clock, origin)
         if batch:
-            if era != self._time.epoch:
+            if epoch != self._time.epoch:
                 self._seen.clear()
             self._last_received = now
             self._seen.append((now, self._time.now))
@@ -60,7 +60,7 @@ class ClockChannel:
         return as_json(
             "clock",
             t=self._time.now / 1e9,
-            era=self._time.epoch,
+            epoch=self._time.epoch,
             paused=self._time.paused,
             alive=self._time.known and not self._silent,
             factor=self._factor(),
@@ -79,7 +79,7 @@ MAX_CLOCKS = 512
 
 
 class SimTimeMap:
-    """``epoch`` grows whenever time begins anew: a reset, or another simulation."""
+    """``epoch`` grows whenever time begins again: a reset, or another simulation."""
 
     def __init__(self) -> None:
         self.now = 0

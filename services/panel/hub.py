@@ -31,6 +31,7 @@ from services.panel.protocol import (
 from services.panel.requests import RequestClient
 from services.panel.robots import RobotTracker
 from services.panel.subscriptions import SharedSubscriptions
+from services.panel.world import BodiesChannel, ScanSender, WorldChannel, WorldTracker
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
 
@@ -50,7 +51,8 @@ class Hub:
         self._stops, self._goals = EmergencyStopClient(node, self._robots), GoalPublisher(node, self._robots)
         self.drive_controller = DriveController(node, self._robots, params)
         self._plots = Plots(subscriptions, graph, self.time)
-        self._log = LogChannel(subscriptions)
+        self._log, self._world = LogChannel(subscriptions), WorldTracker(subscriptions)
+        self._scans = ScanSender(subscriptions, graph, self._robots)
         self._channels: dict[str, PageChannel] = {
             "clock": ClockChannel(subscriptions, self.time),
             "fleet": FleetChannel(subscriptions, graph),
@@ -61,6 +63,8 @@ class Hub:
             "robots": RobotsChannel(self._robots, self._stops),
             "sets": ParameterSetsChannel(subscriptions, graph),
             "values": ParameterValuesChannel(subscriptions, graph),
+            "world": WorldChannel(self._world),
+            "bodies": BodiesChannel(self._world),
         }
         self._wanted: dict[Page, frozenset[str]] = {}
         self._sent: dict[tuple[Page, str], tuple[int, float]] = {}
@@ -80,6 +84,7 @@ class Hub:
         self._subscriptions.update()
         self._log.update(now)
         self._robots.update()
+        self._world.update()
         self._stops.update()
         self._goals.close_unused()
         for name, channel in self._channels.items():  # the clock first: the others count by it
@@ -91,6 +96,7 @@ class Hub:
         self._requests.poll()
         self.drive_controller.update(now, self.time.now, self.time.epoch)
         self._plots.update(now)
+        self._scans.update(now)
         self._publish(now)
 
     def _handle(self, page: Page, said: ClientMessage | Disconnected, now: float) -> None:
@@ -101,6 +107,7 @@ class Hub:
                 case Subscribe():
                     self._wanted[page] = frozenset((*said.channels, "clock"))
                     self._plots.set_subscription(page, said)
+                    self._scans.set_subscription(page, said.scan)
                 case Drive():
                     self.drive_controller.drive(page, said, now)
                 case Release():
@@ -121,6 +128,7 @@ class Hub:
         self.drive_controller.release(page)
         self._wanted.pop(page, None)
         self._plots.set_subscription(page, None)
+        self._scans.set_subscription(page, "")
         self._sent = {place: told for place, told in self._sent.items() if place[0] is not page}
 
     def _enable_channels(self) -> None:

@@ -78,7 +78,7 @@ class Page:
 
 def send_reply(page: Page, number: int, ok: bool, text: object) -> None:
     """Answer what a page has asked under ``number``."""
-    page.enqueue(msgspec.json.encode({"k": "reply", "id": number, "ok": ok, "is": text}).decode())
+    page.enqueue(msgspec.json.encode({"k": "reply", "id": number, "ok": ok, "result": text}).decode())
     page.flush()
 
 

@@ -1,6 +1,6 @@
 """The protocol between the page and the panel: client messages, channels, and the binary packet of plot samples.
 
-Little-endian: four uint32 (the mark, the era of simulation time, how many series, 0); then for each series two uint32
+Little-endian: four uint32 (the mark, the epoch of simulation time, how many series, 0); then for each series two uint32
 (its id, how many samples), its times [s of simulation time] and its values, float64 each. Everything lies at multiples
 of 8 bytes, where a browser puts typed arrays over it.
 """
@@ -30,7 +30,7 @@ MAX_SERIES = 32
 Name = Annotated[str, Meta(max_length=255)]
 Number = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Id = Annotated[int, Meta(ge=0, le=2**31)]
-ChannelName = Literal["clock", "fleet", "graph", "rates", "log", "poses", "robots", "sets", "values"]
+ChannelName = Literal["clock", "fleet", "graph", "rates", "log", "poses", "robots", "sets", "values", "world", "bodies"]
 
 
 class ClientMessageBase(
@@ -47,12 +47,14 @@ class PlotSeries(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     path: Name
 
 
-class Subscribe(ClientMessageBase, frozen=True, kw_only=True, tag="want"):
-    """All that the page wants to see from now on; ``fields`` are topics whose content it lists."""
+class Subscribe(ClientMessageBase, frozen=True, kw_only=True):
+    """All that the page wants to see from now on; ``fields`` are topics whose content it lists, ``scan`` is the
+    namespace of the robot whose laser it draws."""
 
     channels: Annotated[tuple[ChannelName, ...], Meta(max_length=16)] = ()
     series: Annotated[tuple[PlotSeries, ...], Meta(max_length=MAX_SERIES)] = ()
     fields: Annotated[tuple[Name, ...], Meta(max_length=4)] = ()
+    scan: Name = ""
 
 
 class Drive(ClientMessageBase, frozen=True, kw_only=True):
@@ -108,7 +110,7 @@ class Set(ClientRequest, frozen=True, kw_only=True):
     run: bool = False
 
 
-class Unset(ClientRequest, frozen=True, kw_only=True, tag="forget"):
+class Unset(ClientRequest, frozen=True, kw_only=True):
     """Take what was set of the named parameters back, of all when none is named."""
 
     set: SetName

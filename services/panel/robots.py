@@ -14,6 +14,7 @@ from messages.topics import BASE_STATUS, CMD_VEL, E_STOP, GOAL_POSE, GROUND_TRUT
 from models.palette import Palette, hexadecimal
 from services.panel.graph import NodeGraph
 from services.panel.subscriptions import SharedSubscriptions, SubscriptionGroup
+from services.runtime.tf.buffer import TransformBuffer
 
 WORLD = "world"
 
@@ -48,13 +49,17 @@ MAX_ORIGINS = 4096
 
 
 class RobotTracker:
-    """The robots in the graph; ``version`` grows with their state, ``pose_version`` with their motion."""
+    """The robots in the graph; ``version`` grows with their state, ``pose_version`` with their motion.
+
+    ``frames`` has the fixed transforms, as of the lasers on their bases.
+    """
 
     def __init__(self, subscriptions: SharedSubscriptions, graph: NodeGraph) -> None:
         self.by_namespace: dict[str, RobotState] = {}
         self.version = self.pose_version = 0
         self._subscriptions, self._graph = SubscriptionGroup(subscriptions), graph
         self._origins: dict[str, Pose2] = {}
+        self.frames = TransformBuffer()
         self._reconciled = -1
         self._topics: tuple[Topic[Any], ...] = ()
         self._palette = Palette()
@@ -111,6 +116,7 @@ class RobotTracker:
         self._subscriptions.set_topics(wanted)
 
     def _update_origins(self, message: TFMessage) -> None:
+        self.frames.add_static(message.transforms, b"")
         for each in message.transforms:
             known = each.child_frame_id in self._origins or len(self._origins) < MAX_ORIGINS
             if each.header.frame_id == WORLD and known:

@@ -58,6 +58,7 @@ __all__ = [
     "Bool",
     "CallFailed",
     "CameraInfo",
+    "Client",
     "Context",
     "EleaError",
     "Float32",
@@ -92,18 +93,24 @@ __all__ = [
     "Twist",
     "TwistStamped",
     "Vector3",
+    "connect",
     "main",
     "param",
 ]
 
 if TYPE_CHECKING:
+    from services.runtime.client import Client, connect
     from services.runtime.context import Context, Tick
 else:
 
     def __getattr__(name: str) -> Any:
-        """The types of the running loop, loaded when they are asked for: a ``--help`` has no use for them."""
+        """What opens a network, loaded when it is asked for: a ``--help`` has no use for it."""
         if name in ("Context", "Tick"):
             from services.runtime import context
 
             return getattr(context, name)
+        if name in ("Client", "connect"):
+            from services.runtime import client
+
+            return getattr(client, name)
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

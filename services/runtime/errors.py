@@ -7,12 +7,15 @@ EleaError
 │   ├── UnknownRecord            messages.records: no record has this name (LookupError)
 │   ├── BadDefinition            messages.cdr.definitions: the text of a message type cannot be read
 │   ├── UnknownModel             models: no robot or world has this name
+│   ├── BadWorld                 models.bodies: a world's file, or one that it names, cannot be read
 │   ├── BadUrdf                  models.urdf: a URDF cannot be read
 │   │   └── UnreadMesh           models.shapes: a mesh of a URDF is missing or bad
 │   ├── BadMesh                  models.mesh: a mesh cannot be read, or is too large
 │   ├── BadXacro                 models.xacro_file: a xacro cannot be expanded
 │   ├── FileNotAllowed           models.packages: a robot's description names a file that it may not read
+│   ├── BadTrajectory            services.controller_manager.trajectory_message: a trajectory cannot be followed
 │   ├── NoWheels                 models.urdf: a robot has no two wheels to drive on
+│   ├── BadTrajectory            services.controller_manager.trajectory_message: a trajectory cannot be followed
 │   └── ParameterConflict        services.params.schema: two nodes contradict each other about a parameter
 ├── WrongPayload (ValueError)    messages.base: a payload is not the expected record
 ├── NotWritable (ValueError)     messages.cdr.write: a message cannot be written as CDR

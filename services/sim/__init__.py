@@ -14,7 +14,7 @@ _FIXED = {"live": False}
 class SimParameters(Parameters, frozen=True, kw_only=True):
     """The world, its robots and how time runs; ``factor`` alone is live."""
 
-    world: str = param("empty", text="World, from models/worlds.", live=False)
+    world: str = param("empty", text="World: a name from models/worlds, or the path of a world's file.", live=False)
     robots: tuple[RobotEntry, ...] = param((), text="Robots to spawn at the start.")
     mode: Literal["lockstep", "real"] = param(
         "real", text="How time runs: in lockstep with the members, or by the wall clock.", live=False
@@ -36,6 +36,11 @@ class SimParameters(Parameters, frozen=True, kw_only=True):
     )
     stops_file: str = param(
         "", text="File that keeps emergency stops across restarts; in memory only if empty.", live=False
+    )
+    model_folders: tuple[str, ...] = param(
+        (),
+        text="Folders from which spawn requests may take robots; relative paths count from the first.",
+        live=False,
     )
     awaits: tuple[str, ...] = param((), text="Further nodes to wait for before time starts.", live=False)
     requires: tuple[str, ...] = param(

@@ -11,7 +11,7 @@ from messages.names import join
 from messages.se3 import Pose3
 from messages.simulation import DriveSettings
 from messages.topics import BASE_STATUS, CMD_VEL, CMD_VEL_OUT, JOINT_EFFORT, Topic
-from models import physics_urdf_path
+from models import display_name, physics_urdf_path
 from models.model import RobotModel
 from models.urdf import read_joint_limits
 from services.runtime.errors import BadInput
@@ -23,6 +23,7 @@ from services.sim.drive.config import effective_parameters, odometry_config
 from services.sim.drive.controller import DiffDriveController
 from services.sim.drive.glide import glide
 from services.sim.drive.odometry import Odometer
+from services.sim.drive.odometry_error import NO_ERROR
 from services.sim.drive.side_grip import SideGrip
 from services.sim.joints.config import check_positions
 from services.sim.joints.effort_controller import JointEffortController
@@ -135,6 +136,7 @@ def spawn_actuation(
     model: RobotModel,
     namespace: str,
     pose: Pose3,
+    seed: int,
     command_sources: CommandSources,
     delays: TransitDelayEstimator,
     wait: bool,
@@ -145,7 +147,7 @@ def spawn_actuation(
         joints = (*base.config.left_joints, *base.config.right_joints)
         motors = tuple(Motor(joint, base.config.torque) for joint in joints)
         body, grip = _spawn_body(world, entry, model, pose, base, motors=motors)
-        return BaseActuation(node, body, entry, model, base, command_sources, delays, grip)
+        return BaseActuation(node, body, entry, model, base, seed, command_sources, delays, grip)
     parameters = JointParameterSet(node, namespace, entry, wait)
     friction = tuple(parameters.config.joint_friction.items())
     body, _ = _spawn_body(world, entry, model, pose, parameters, joint_friction=friction)
@@ -163,7 +165,7 @@ def _spawn_body(
 ) -> tuple[BodyHandle, SideGrip | None]:
     try:
         check_positions(entry.model, entry.joints)
-        start = tuple(entry.joints.items())
+        start = tuple({**joints_off_zero(entry.model), **entry.joints}.items())
         urdf = physics_urdf_path(entry.model)
         body = Body(entry.name, urdf, pose, motors, model.fixed_base, start, joint_friction)
         adapted = adapt_body(body, entry.model)
@@ -172,6 +174,12 @@ def _spawn_body(
     except BadInput:
         parameters.close()
         raise
+
+
+def joints_off_zero(model: str) -> dict[str, float]:
+    """Where joints start whose limits leave out 0: at the nearest one, or the engine would throw them there."""
+    starts = {joint: limits.clamp(0.0) for joint, limits in read_joint_limits(model).items()}
+    return {joint: start for joint, start in starts.items() if start}
 
 
 class BaseActuation:
@@ -184,6 +192,7 @@ class BaseActuation:
         entry: RobotEntry,
         model: RobotModel,
         parameters: BaseParameterSet,
+        seed: int,
         command_sources: CommandSources,
         delays: TransitDelayEstimator,
         side_grip: SideGrip | None = None,
@@ -193,7 +202,10 @@ class BaseActuation:
         self.controller = DiffDriveController(parameters.config, command_sources, delays, node.log)
         self.noise = parameters.parameters.noise
         config = odometry_config(model, parameters.parameters)
-        self.odometer = Odometer(config, body, entry.name, self.controller)
+        self.odometer = Odometer(config, body, entry.name, self.controller, seed)
+        if config.source == "encoder" and self.odometer.error != NO_ERROR:
+            error = self.odometer.error.describe()
+            node.log.info(f"{entry.name}: odometry takes the wheels for other ones by the seed {seed}: {error}")
         self._open_loop = config.source == "open loop"
         self.command_topic: Topic[Any] = CMD_VEL_STAMPED if parameters.config.stamped else CMD_VEL
         self.extra_topics: tuple[Topic[Any], ...] = (
@@ -281,7 +293,7 @@ class BaseActuation:
     def status(
         self, now: int, refused: int, colliding: bool, collisions: int, stopped_by: tuple[str, ...]
     ) -> BaseStatus | None:
-        return self.controller.status(now, self._entry.model, refused, colliding, collisions, stopped_by)
+        return self.controller.status(now, display_name(self._entry.model), refused, colliding, collisions, stopped_by)
 
     def close(self) -> None:
         self._parameters.close()
@@ -351,7 +363,7 @@ class JointActuation:
         self._world.set_joints(self._entry.name, positions)
 
     def set_drive(self, request: DriveSettings, now: int) -> DriveSettings:
-        raise BadInput(f"{self._entry.name} is a {self._entry.model}, which has no driven wheels")
+        raise BadInput(f"{self._entry.name} is a {display_name(self._entry.model)}, which has no driven wheels")
 
     def apply_commands(self, commands: Subscriber[Any], now: int, lockstep_members: set[bytes], factor: float) -> None:
         self.controller.apply_commands(commands, now, lockstep_members, factor)

@@ -55,6 +55,8 @@ def frame_state(world: World, name: str) -> BodyState:
     """Where the frame ``name`` is in the world and how it moves; raises BadInput."""
     if name in WORLD_FRAMES:
         return WORLD_STATE
+    if name in world.world_bodies:
+        return world.world_body_state(name)
     link = find_link(world, name)
     return world.body(link.body).link_state(link.name)
 

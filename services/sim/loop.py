@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -14,6 +14,7 @@ from messages.se3 import Pose3
 from messages.simulation import SimStatus, SimTime, Steps
 from messages.topics import FLEET_STATE, SIM_STATUS, WORLD_MARKERS
 from models import UnknownModel
+from models.model import read_model
 from models.world import read_world
 from services.runtime.context import Context
 from services.runtime.discovery import wait_for_nodes
@@ -23,7 +24,10 @@ from services.runtime.parameters.client import ParameterClient
 from services.runtime.requests import DeferredReply
 from services.runtime.step import STEP_NS
 from services.sim import SimParameters
+from services.sim.parameters import RobotEntry
 from services.sim.physics.bullet import BulletWorld
+from services.sim.physics.world import World
+from services.sim.robot_loader import RobotLoader, with_own_files
 from services.sim.services import JointServices, PropertyServices, SimulationServices
 from services.sim.simulation import Simulation
 from services.sim.time_modes import Lockstep, RealTime, TimeMode
@@ -38,18 +42,21 @@ def run(ctx: Context[SimParameters]) -> None:
     params, node = ctx.params, ctx.node
     try:
         world_description = read_world(params.world)
+        for note in world_description.notes:
+            ctx.log.warn(note)
         with BulletWorld(world_description, STEP_NS) as world:
             stops_file = Path(params.stops_file) if params.stops_file else None
             simulation = Simulation(node, world, params.seed, params.mode == "real", stops_file)
             node.log.now = lambda: simulation.now
             for entry in params.robots:
-                simulation.spawn(entry, Pose3.planar(entry.x, entry.y, entry.yaw), wait=True)
+                own = with_own_files(entry)
+                simulation.spawn(own, start_pose(world, own), wait=True)
             node.advertise(WORLD_MARKERS).publish(world_markers(world_description))
             status_publisher = _StatusPublisher(node)
             time_mode = _time_mode(ctx, simulation, status_publisher)
             ParameterClient.of(node).watermarks = time_mode.watermarks
             loop = SimulationLoop(simulation, time_mode, node)
-            SimulationServices(simulation, node)
+            SimulationServices(simulation, node, RobotLoader(params.model_folders, loop.answer_between_ticks))
             JointServices(simulation, node)
             PropertyServices(simulation, time_mode, node, params, world_description)
 
@@ -64,6 +71,12 @@ def run(ctx: Context[SimParameters]) -> None:
             _run_loop(ctx, loop)
     except UnknownModel as error:
         raise BadInput(str(error)) from None
+
+
+def start_pose(world: World, entry: RobotEntry) -> Pose3:
+    """Where a robot of the fleet starts: at its x and y, and at its z above the ground that is there."""
+    (x, y, _), orientation = Pose3.planar(entry.x, entry.y, entry.yaw)
+    return Pose3((x, y, entry.z + world.ground_height(x, y, read_model(entry.model).radius)), orientation)
 
 
 def _run_loop(ctx: Context[SimParameters], loop: SimulationLoop) -> None:
@@ -103,7 +116,7 @@ class SimulationLoop:
 
     def __init__(self, simulation: Simulation, time_mode: TimeMode, node: Node) -> None:
         self.simulation, self.time_mode, self._node = simulation, time_mode, node
-        self._requests: deque[tuple[DeferredReply[SimTime], Callable[[], SimTime | DeferredReply[SimTime]]]] = deque()
+        self._requests: deque[tuple[DeferredReply[Any], Callable[[], Any]]] = deque()
         self._steps: _Steps | None = None
         node.serve(PAUSE, lambda _: self._between_ticks(lambda: self._set_paused(True)))
         node.serve(RESUME, lambda _: self._between_ticks(lambda: self._set_paused(False)))
@@ -154,6 +167,11 @@ class SimulationLoop:
         while self._requests:
             reply, act = self._requests.popleft()
             reply.answer(act)
+
+    def answer_between_ticks(self, reply: DeferredReply[Any], act: Callable[[], Any]) -> None:
+        """Answer a deferred reply between two ticks; may be called from any thread."""
+        self._requests.append((reply, act))
+        self._node.transport.wake()
 
     def _between_ticks(self, act: Callable[[], SimTime | DeferredReply[SimTime]]) -> DeferredReply[SimTime]:
         reply: DeferredReply[SimTime] = DeferredReply()

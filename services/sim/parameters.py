@@ -121,6 +121,20 @@ class BaseParameters(Parameters, frozen=True, kw_only=True):
             description="Source of odometry: the true pose, the wheel encoders, or the model's default.", extra=_FIXED
         ),
     ] = "model"
+    odometry_origin: Annotated[
+        Literal["model", "world", "start"],
+        Meta(
+            description="Where wheel odometry starts: at the true pose, at 0, or as the model's default.", extra=_FIXED
+        ),
+    ] = "model"
+    odometry_error: Annotated[
+        float,
+        Meta(
+            ge=0,
+            le=10,
+            description="Multiple of the model's random errors of wheel radii and separation in odometry; 0: none.",
+        ),
+    ] = 1.0
     noise: Annotated[bool, Meta(description="Add the noise of the real sensors.")] = True
 
     left_wheel: Annotated[str, Meta(description="Joint of the left wheel.", extra=_FIXED)] | None = None
@@ -282,6 +296,7 @@ class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     model: str
     x: Coordinate = 0.0
     y: Coordinate = 0.0
+    z: Coordinate = 0.0
     yaw: float = 0.0
     namespace: str = ""
     frame_prefix: str | None = None

@@ -7,7 +7,7 @@ from typing import Any
 
 from messages.base import Message
 from messages.elea import BaseStatus
-from messages.gazebo import LinkStates, ModelStates
+from messages.gazebo import LinkStates, ModelStates, WorldStates
 from messages.geometry import Twist, TwistStamped
 from messages.names import join
 from messages.nav import Odometry
@@ -29,6 +29,7 @@ from messages.topics import (
     ROBOT_DESCRIPTION,
     SCAN,
     SONAR,
+    WORLD_STATES,
     Topic,
 )
 from models import urdf_path
@@ -121,7 +122,7 @@ class RobotPublishers:
         self._publishers: dict[Topic[Any], RobotPublisher] = {
             topic: RobotPublisher(node, topic, topic_names(topic, model, namespace)) for topic in topics
         }
-        self._publishers[ROBOT_DESCRIPTION].publish(String(data=urdf_path(entry.model).read_text()))
+        self._publishers[ROBOT_DESCRIPTION].publish(String(data=urdf_path(entry.model).read_text(encoding="utf-8")))
         self._base_frame = self.frame_id(model.base_frame)
         self.reset()
 
@@ -245,6 +246,24 @@ def _due(tick: int, rate: float) -> bool:
 @cache
 def _steps(rate: float) -> int:
     return round(1e9 / rate / STEP_NS)
+
+
+class WorldStatesPublisher:
+    """The world's movable and moving bodies, in the order of its file; nothing is advertised where there are none."""
+
+    def __init__(self, node: Node, world: World) -> None:
+        self._world = world
+        self._publisher: Publisher[Any] | None = node.advertise(WORLD_STATES) if world.world_bodies else None
+
+    def publish(self, now: int, tick: int) -> None:
+        """Publish them if they are due at ``tick``."""
+        if self._publisher is None or not _due(tick, WORLD_STATES.rate) or not self._publisher.has_subscribers:
+            return
+        names = self._world.world_bodies
+        states = [pose_and_twist(self._world.world_body_state(name)) for name in names]
+        poses, twists = tuple(pose for pose, _ in states), tuple(twist for _, twist in states)
+        header = Header(stamp=Time.of(now), frame_id="world")
+        self._publisher.publish(WorldStates(header=header, name=names, pose=poses, twist=twists))
 
 
 class GazeboStatesPublisher:

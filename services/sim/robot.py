@@ -8,8 +8,9 @@ from messages.elea import ModelState
 from messages.names import join
 from messages.se3 import Pose3
 from messages.topics import E_STOP, JOINT_COMMAND
+from models import display_name
 from models.model import read_model
-from models.urdf import read_joint_limits
+from models.urdf import read_joints
 from services.runtime.node import Node
 from services.runtime.subscriber import Subscriber
 from services.sim.actuation import spawn_actuation
@@ -43,14 +44,14 @@ class Robot:
         self.entry, self.name, self.model = entry, entry.name, read_model(entry.model)
         self.namespace, self.frame_prefix = robot_namespace(entry), robot_frame_prefix(entry)
         self.actuation = spawn_actuation(
-            node, world, entry, self.model, self.namespace, pose, command_sources, delays, wait
+            node, world, entry, self.model, self.namespace, pose, seed, command_sources, delays, wait
         )
         self._node, self._world, self._body = node, world, world.body(entry.name)
         commands = self.actuation.command_topic
         self._command_subscribers: tuple[Subscriber[Any], ...] = tuple(
             node.subscribe(commands, name) for name in topic_names(commands, self.model, self.namespace)
         )
-        self.motors = JointMotors(self._body, entry.name, read_joint_limits(entry.model), delays, node.log)
+        self.motors = JointMotors(self._body, entry.name, read_joints(entry.model), delays, node.log)
         self._motor_subscriber: Subscriber[Any] | None = None
         if self.motors.joints:
             self._motor_subscriber = node.subscribe(JOINT_COMMAND, join(self.namespace, JOINT_COMMAND.name))
@@ -125,7 +126,9 @@ class Robot:
     def state(self) -> ModelState:
         """Pose and twist, as requests report them."""
         body = self._body.state()
-        return ModelState(name=self.name, model=self.entry.model, pose=body_pose(body), twist=body_twist(body))
+        return ModelState(
+            name=self.name, model=display_name(self.entry.model), pose=body_pose(body), twist=body_twist(body)
+        )
 
     @property
     def pose(self) -> Pose3:

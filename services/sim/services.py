@@ -45,7 +45,7 @@ from messages.se3 import Pose3, Vector, rotate
 from messages.sensor import JointState
 from messages.simulation import DriveSettings, GetModelState, ModelList, SetModelState, SetOdometry, SpawnModel
 from messages.std import Empty, Header, Time
-from models import UnknownModel
+from models import UnknownModel, display_name
 from models.model import read_model
 from models.urdf import read_joint_limits
 from models.world import WorldDescription
@@ -54,6 +54,7 @@ from services.runtime.node import Node
 from services.runtime.parameters.validation import build
 from services.runtime.step import STEP_NS
 from services.sim import SimParameters
+from services.sim.drive.odometry import body_pose, body_twist
 from services.sim.entities import (
     WORLD_STATE,
     ScopedName,
@@ -68,7 +69,8 @@ from services.sim.joints.effort_controller import JointEffortController
 from services.sim.joints.jobs import schedule_job
 from services.sim.joints.wrenches import LinkWrench
 from services.sim.parameters import BaseParameters, JointParameters, RobotEntry
-from services.sim.physics.world import GRAVITY, SOLVER_ITERATIONS, BodyState, JointFriction
+from services.sim.physics.world import GRAVITY, SOLVER_ITERATIONS, BodyState, JointFriction, World
+from services.sim.robot_loader import RobotLoader
 from services.sim.sensors import joint_state
 from services.sim.simulation import Simulation
 from services.sim.time_modes import TimeMode
@@ -77,9 +79,9 @@ from services.sim.time_modes import TimeMode
 class SimulationServices:
     """Requests about models: their spawning, their states and their emergency stops."""
 
-    def __init__(self, simulation: Simulation, node: Node) -> None:
-        self._simulation = simulation
-        node.serve(SPAWN, self._spawn)
+    def __init__(self, simulation: Simulation, node: Node, loader: RobotLoader | None = None) -> None:
+        self._simulation, self._loader = simulation, loader or RobotLoader()
+        node.serve(SPAWN, lambda request: self._loader.spawn(request, lambda model: self._spawn(request, model)))
         node.serve(DELETE, self._delete)
         node.serve(LIST, self._list)
         node.serve(GET_STATE, self._get_state)
@@ -91,15 +93,15 @@ class SimulationServices:
         node.serve(LIST_STOPS, lambda _: EmergencyStops(stops=simulation.stops.all))
         node.serve(RELEASE_STOP, lambda request: Done(text=simulation.release_stop(request.name, request.holder)))
 
-    def _spawn(self, request: SpawnModel) -> ModelState:
+    def _spawn(self, request: SpawnModel, model: str) -> ModelState:
         joints = positions_by_joint(request.joint_names, request.joint_positions)
         values = {each.name: each.value for each in request.parameters}
         place = to_world_pose(frame_state(self._simulation.world, request.reference_frame), pose_from_msg(request.pose))
         try:
-            wheeled = read_model(request.model).has_base
+            wheeled = read_model(model).has_base
             entry = RobotEntry(
                 name=request.name,
-                model=request.model,
+                model=model,
                 namespace=request.namespace,
                 frame_prefix=request.frame_prefix,
                 parameters=build(BaseParameters, values if wheeled else {}, request.name),
@@ -118,18 +120,21 @@ class SimulationServices:
         return ModelList(models=tuple(robot.state() for robot in self._simulation.robots))
 
     def _get_state(self, request: GetModelState) -> ModelState:
+        world = self._simulation.world
+        if request.name in world.world_bodies:
+            return world_body_model_state(world, request.name, request.relative_entity)
         robot = self._simulation.find(request.name)
         if not request.relative_entity:
             return robot.state()
-        world = self._simulation.world
         pose, twist = pose_and_twist(
             relative_state(frame_state(world, request.relative_entity), world.body(robot.name).state())
         )
-        return ModelState(name=robot.name, model=robot.entry.model, pose=pose, twist=twist)
+        return ModelState(name=robot.name, model=display_name(robot.entry.model), pose=pose, twist=twist)
 
     def _set_state(self, request: SetModelState) -> ModelState:
-        robot, world = self._simulation.find(request.name), self._simulation.world
-        if robot.model.fixed_base and request.twist != Twist():
+        world = self._simulation.world
+        robot = None if request.name in world.world_bodies else self._simulation.find(request.name)
+        if robot is not None and robot.model.fixed_base and request.twist != Twist():
             raise BadInput(f"{request.name} is held in the world: it takes a pose, but no twist")
         frame = frame_state(world, request.reference_frame)
         place = to_world_pose(frame, pose_from_msg(request.pose))
@@ -137,6 +142,8 @@ class SimulationServices:
         v, w = request.twist.linear, request.twist.angular
         linear, angular = rotate(axes, (v.x, v.y, v.z)), rotate(axes, (w.x, w.y, w.z))
         world.set_state(request.name, BodyState(place.position, place.orientation, linear, angular))
+        if robot is None:
+            return world_body_model_state(world, request.name)
         if robot.model.fixed_base:
             self._simulation.publish_static_tf()
         return robot.state()
@@ -150,6 +157,16 @@ class SimulationServices:
         return Done(
             text=f"odometry of {request.name} is at ({request.x:g} m, {request.y:g} m, {request.yaw:g} rad) now"
         )
+
+
+def world_body_model_state(world: World, name: str, relative_entity: str = "") -> ModelState:
+    """The state of a movable or moving body of the world, as that of a robot is told: its twist is in its own axes,
+    unless it is seen from ``relative_entity``."""
+    state = world.world_body_state(name)
+    if not relative_entity:
+        return ModelState(name=name, pose=body_pose(state), twist=body_twist(state))
+    pose, twist = pose_and_twist(relative_state(frame_state(world, relative_entity), state))
+    return ModelState(name=name, pose=pose, twist=twist)
 
 
 def pose_from_msg(pose: Pose) -> Pose3:
@@ -315,7 +332,7 @@ class PropertyServices:
         body = self._world.body(robot.name)
         return ModelProperties(
             name=robot.name,
-            model=robot.entry.model,
+            model=display_name(robot.entry.model),
             about=robot.model.about,
             namespace=robot.namespace,
             base_frame=robot.publishers.frame_id(robot.model.base_frame),
@@ -341,6 +358,6 @@ class PropertyServices:
             gravity=Vector3(z=-GRAVITY),
             iterations=SOLVER_ITERATIONS,
             ground_friction=self._world_description.friction,
-            obstacles=tuple(box.name for box in self._world_description.boxes),
+            obstacles=tuple(body.name for body in self._world_description.all_bodies),
             model_names=self._world.names,
         )

@@ -10,6 +10,9 @@ from messages.rosgraph import Clock
 from messages.se3 import Pose3
 from messages.std import Time
 from messages.topics import CLOCK, E_STOP, STOPS, TF, TF_STATIC
+from models import display_name
+from models.model import read_model
+from models.robot_facts import read_notes
 from services.runtime.errors import unknown_name
 from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.node import Node
@@ -21,8 +24,9 @@ from services.sim.emergency_stops import ALL_ROBOTS, EmergencyStopStore
 from services.sim.joints.wrenches import LinkWrenches
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import World
-from services.sim.publishers import GazeboStatesPublisher
+from services.sim.publishers import GazeboStatesPublisher, WorldStatesPublisher
 from services.sim.robot import Robot
+from services.sim.robot_loader import on_the_ground
 from services.sim.robot_names import check_robot_names
 from services.sim.tf import dynamic_transforms, static_transforms
 from services.sim.transit_delay import TransitDelayEstimator
@@ -56,6 +60,7 @@ class Simulation:
         self._tf_publisher: Publisher[Any] = node.advertise(TF)
         self._tf_static_publisher: Publisher[Any] = node.advertise(TF_STATIC)
         self._gazebo_states = GazeboStatesPublisher(node, world)
+        self._world_states = WorldStatesPublisher(node, world)
         self._e_stop_subscriber: Subscriber[Any] = node.subscribe(E_STOP, f"/{E_STOP.name}")
         self.stops = EmergencyStopStore(stops_file, self._command_sources.node_name, node.log)
         self._stops_publisher: Publisher[Any] = node.advertise(STOPS)
@@ -85,13 +90,24 @@ class Simulation:
         """Add a robot; raises BadInput when its name, namespace or frames are taken or wrong, or it would overlap
         with something.
 
-        What is stopped by its name, or while all are, is so from the start. With ``wait`` it starts on the parameters
+        A robot from outside whose root lies above the ground is put so high that it stands on it. What is stopped by
+        its name, or while all are, is so from the start. With ``wait`` it starts on the parameters
         that the parameter service has for it, else they come a moment later.
         """
         check_robot_names(entry, [robot.entry for robot in self.robots])
+        x, y, _ = pose.position
+        ground = self.world.ground_height(x, y, read_model(entry.model).radius)
+        pose, notes = on_the_ground(entry.model, pose, ground), read_notes(entry.model)
         robot = Robot(self._node, self.world, entry, pose, self._seed, self._command_sources, self._delays, wait)
         self._robots[entry.name] = robot, pose
         robot.stop(self.stops.holders(entry.name))
+        limited = ", ".join(
+            f"{joint} {most:.3g}" for joint, most in self.world.body(entry.name).limited_damping.items()
+        )
+        if limited:
+            notes = (*notes, f"damping of joints, cut to what a step carries (N m s/rad or N s/m): {limited}")
+        if notes:
+            self._node.log.info(f"{entry.name}: of {display_name(entry.model)} is assumed: {'; '.join(notes)}")
         self._set_input_steps()
         self.publish_static_tf()
         return robot
@@ -136,6 +152,7 @@ class Simulation:
             robot.publishers.publish_motion(now, tick)
             if tick % STATUS_STEPS == 0:
                 robot.publish_status(now)
+        self._world_states.publish(now, tick)
         if tick % TF_STEPS == 0:
             self._gazebo_states.publish()
             if self._tf_publisher.has_subscribers:

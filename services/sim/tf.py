@@ -18,8 +18,9 @@ from services.sim.robot_names import WORLD_FRAME
 def static_transforms(robots: Iterable[tuple[Robot, Pose3]], now: int) -> TFMessage:
     """All fixed transforms in one message, since a latched publisher keeps only its last.
 
-    ``world`` to ``odom`` is the identity for odometry in world coordinates, else where the robot was spawned, moved by
-    what odometry was set to since. A model with a fixed base has no odometry: its base stands in ``world``.
+    ``world`` to ``odom`` is the identity for odometry that began in world coordinates, else where the robot was
+    spawned, moved by what odometry was set to since. A model with a fixed base has no odometry: its base stands in
+    ``world``.
     """
     transforms = []
     for robot, spawn_pose in robots:
@@ -29,7 +30,7 @@ def static_transforms(robots: Iterable[tuple[Robot, Pose3]], now: int) -> TFMess
         header = Header(stamp=Time.of(now), frame_id=WORLD_FRAME)
         transforms.append(_stamped(header, child, origin))
         for joint in _published_joints(robot):
-            if joint.kind == "fixed":
+            if not joint.single_dof:
                 transforms.append(_joint_transform(robot.frame_prefix, joint, 0.0, now))
     return TFMessage(transforms=tuple(transforms))
 
@@ -72,9 +73,10 @@ def _odom_origin(robot: Robot, spawn_pose: Pose3) -> Pose3:
     odometer = robot.publishers.odometer
     if odometer.state is None:
         return IDENTITY
+    start = IDENTITY if odometer.config.in_world else spawn_pose
     if odometer.offset == se2.IDENTITY:
-        return spawn_pose
-    return spawn_pose @ Pose3.planar(*odometer.offset)
+        return start
+    return start @ Pose3.planar(*odometer.offset)
 
 
 def _joint_transform(prefix: str, joint: Joint, angle: float, now: int) -> TransformStamped:

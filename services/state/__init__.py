@@ -21,7 +21,7 @@ class StateParameters(Parameters):
     """Robots, and the sources of their URDFs and joint states; names as in ROS."""
 
     robots: tuple[str, ...] = param((), text="Namespaces of the robots to serve; the node's own if empty.", live=False)
-    model: str = param("", text="Name of a model in models/; empty to use urdf.", live=False)
+    model: str = param("", text="Name of a model in models/, or path of a robot; empty to use urdf.", live=False)
     urdf: str = param("", text="URDF file; empty to use the latched topic robot_description.", live=False)
     frame_prefix: str | None = param(
         None, text="Prefix of all frames without a leading slash; the namespace by default.", live=False

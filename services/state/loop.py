@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-import models
 from messages.names import BadName, absolute_namespace
 from messages.tf import TFMessage, split
 from messages.topics import TF, TF_STATIC
-from models.urdf import MAX_CHARACTERS, BadUrdf
+from models.robot_source import resolve_robot
+from models.urdf import BadUrdf
+from models.urdf import read_urdf as read_urdf_file
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 from services.runtime.transport.wire import SampleInfo
@@ -100,18 +101,15 @@ def make_robots(ctx: Context[StateParameters]) -> list[RobotStatePublisher]:
 
 
 def read_urdf(model: str, urdf: str) -> str:
-    """Return the URDF of the model or in the file; empty if neither is given. Raises BadInput."""
+    """Return the URDF of the model or in the file, which may be a xacro; empty if neither is given. Raises BadInput."""
     if not model and not urdf:
         return ""
     try:
-        path = models.urdf_path(model) if model else Path(urdf)
-        if path.stat().st_size > 4 * MAX_CHARACTERS:
-            raise BadInput(f"state: {path} has {path.stat().st_size} bytes: it is no URDF")
-        return path.read_text(encoding="utf-8")
-    except models.UnknownModel as error:
-        raise BadInput(f"state: {error}; for a URDF of your own, give urdf its path") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise BadInput(f"state: the URDF {urdf} cannot be read: {getattr(error, 'strerror', None) or error}") from None
+        if model or urdf.endswith(".xacro"):
+            return resolve_robot(model or urdf, Path.cwd()).urdf.read_text(encoding="utf-8")
+        return read_urdf_file(Path(urdf))
+    except BadInput as error:
+        raise BadInput(f"state: {error}") from None
 
 
 def heartbeat_detail(robots: Sequence[RobotStatePublisher]) -> str:

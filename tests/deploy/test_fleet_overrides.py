@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from deploy.fleet_file import FLEETS, parse_fleet, read_fleet
-from deploy.report.notes import start_lines
+from deploy.report.notes import fleet_notes, overrides_note, start_lines
 from messages.se3 import Pose3
 from models import WORLDS, urdf_path
 from models.model import read_model
@@ -47,10 +48,8 @@ def test_keys_of_the_run_of_robots_and_of_services_are_set() -> None:
     fleet = parsed("driver.laps=2", "waypoint.laps=3", "grader.reach_tolerance=0.1", "world=house", "waypoint.laps=4")
     assert fleet.robot[0].services[0].parameters == {"laps": 2}
     assert fleet.every_robot[0].parameters == {"laps": 4}, "the last one counts"
-    assert {each.kind: each.parameters for each in fleet.service} == {
-        "grader": {"reach_tolerance": 0.1},
-        "sim": {"world": "house"},
-    }
+    assert {each.kind: each.parameters for each in fleet.service} == {"grader": {"reach_tolerance": 0.1}}
+    assert fleet.world == "house"
     assert (fleet.robot[1].pose.x, fleet.robot[1].pose.y) == (-3.0, 1.0), "the start of that world"
     assert parsed("b.pose.y=2").robot[1].pose.y == 2.0
 
@@ -145,3 +144,12 @@ def test_the_doors_of_the_house_are_wide_enough() -> None:
     for room, (x, y) in rooms.items():
         assert (round(x / cell), round(y / cell)) in seen, room
     assert all(abs(i * cell) < 7.5 and abs(j * cell) < 5 for i, j in seen), "nobody gets out"
+
+
+def test_the_report_tells_how_far_odometry_is_from_the_wheels() -> None:
+    [note] = [each for each in fleet_notes(parsed("run.seed=3")) if each.startswith("Odometry")]
+    assert re.search(r"by the seed 3: a: left radius [+-]\d\.\d\d %, .*; b: left radius", note)
+    assert [note] != [each for each in fleet_notes(parsed("run.seed=4")) if each.startswith("Odometry")]
+    exact = fleet_notes(parsed("a.parameters.odometry=world", "b.parameters.odometry_error=0"))
+    assert not [each for each in exact if each.startswith("Odometry")]
+    assert overrides_note(("run.seed=3",)) == ("Changed on the command line: run.seed=3.",)

@@ -106,12 +106,14 @@ def test_run_to_its_goals(desk: FleetCommandLine) -> None:
 def test_missed_bound_is_exit_status_one(desk: FleetCommandLine) -> None:
     fleet = Path(desk.fleet("lockstep", "goals", "[0.3, 0]"))
     fleet.write_text(fleet.read_text() + "[bounds]\npath_length_m = 0.1\n")
-    assert "missed: r.path_length_m" in desk.run("up", str(fleet), "--report", str(desk.results), status=1)
+    arguments = ("up", str(fleet), "--no-picture", "--report", str(desk.results))
+    assert "missed: r.path_length_m" in desk.run(*arguments, status=1)
+    assert not (desk.results / "report.png").exists()
 
 
 def test_interrupt_ends_it_with_a_report_of_what_was_driven(desk: FleetCommandLine) -> None:
     fleet = desk.fleet("real", "goals", "[50, 0]")
-    up = desk.start("up", fleet, "--report", str(desk.results), "--no-view")
+    up = desk.start("up", fleet, "--report", str(desk.results), "--no-view", "--no-picture")
     assert up.stderr
     for line in up.stderr:
         if "processes ready after" in line:
@@ -126,7 +128,7 @@ def test_interrupt_ends_it_with_a_report_of_what_was_driven(desk: FleetCommandLi
 @pytest.mark.parametrize("topology", ["direct", "star"])
 def test_life_in_the_background(desk: FleetCommandLine, topology: str) -> None:
     fleet = desk.fleet("real", "never", "", topology)
-    started = json.loads(desk.run("up", fleet, "--detach", "--json", "--report", str(desk.results)))
+    started = json.loads(desk.run("up", fleet, "--detach", "--no-picture", "--json", "--report", str(desk.results)))
     before = desk.processes()
     pids = [started["pid"], *(each["pid"] for each in before.values())]
     assert {name: each["state"] for name, each in before.items()} == dict.fromkeys(

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import ClassVar
 
 import pytest
 
 import messages.topics
+from deploy.fleet_file import read_fleet
+from deploy.parameter_sets import parameter_sets
 from messages.base import Finite, Message
 from messages.std import Float32, Header
 from messages.topics import CMD_VEL
 from services.catalog import load_user_service
+from services.controller_manager.config import TYPES
 from services.runtime.parameters.validation import describe_parameters
 from services.runtime.testing import run_service
 from tests.docs.readme import DOCS, blocks
@@ -39,6 +43,19 @@ def test_the_service_with_a_parameter_runs_by_it(tmp_path: Path) -> None:
     with run_service(service, "/r", {"speed": 1.5}) as spinning:
         spinning.set_time(0.04)
         assert math.isclose(spinning.next(CMD_VEL).angular.z, 1.5)
+
+
+def test_the_controllers_and_their_fleet_are_read(tmp_path: Path) -> None:
+    page = (DOCS / "controllers.md").read_text()
+    [controllers] = blocks("yaml", page)
+    [fleet] = blocks("toml", page)
+    (tmp_path / "controllers.yaml").write_text(controllers)
+    (tmp_path / "arm.toml").write_text(fleet)
+    assert "/arm/controller_manager" in parameter_sets(read_fleet(tmp_path / "arm.toml"))
+    table = page.partition("## Types")[2].partition("## ")[0].replace("…/JointV", "effort_controllers/JointV")
+    assert {each for each in re.findall(r"`(\w+/\w+)`", table) if "_controller" in each or "_broadc" in each} == set(
+        TYPES
+    )
 
 
 def test_the_loop_in_memory_runs(capsys: pytest.CaptureFixture[str]) -> None:

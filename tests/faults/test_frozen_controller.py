@@ -1,4 +1,4 @@
-"""Fault 3: a controller freezes, and goes on later."""
+"""Fault 3: a controller freezes, and goes on later. test_hung_controller.py has one that is replaced instead."""
 
 from __future__ import annotations
 
@@ -28,17 +28,6 @@ def test_a_short_freeze_stops_the_robot_until_a_fresh_command(driving: Supervise
     assert fresh > continued
     assert robot.uncommanded_motion(frozen, continued) == []
     assert driving.process(NAME) == before
-
-
-def test_a_frozen_controller_is_replaced_and_its_thaw_comes_too_late(driving: SupervisedFleet) -> None:
-    robot, before = driving.robot("tb3_0"), driving.process(NAME)
-    driving.wait_full_speed("tb3_0")
-    frozen = driving.send_signal(NAME, signal.SIGSTOP)
-    born = driving.wait_restarted(before)
-    driving.wait_full_speed("tb3_0")
-    assert robot.seconds_to_stop(frozen) <= LATEST_STOP_S
-    assert robot.uncommanded_motion(frozen, born) == []
-    assert "no heartbeat for" in driving.log(NAME)
 
 
 def test_three_seconds_of_frost_without_a_supervisor(driving: SupervisedFleet) -> None:

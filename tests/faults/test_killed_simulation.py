@@ -24,16 +24,19 @@ def test_controllers_wait_without_time_and_follow_the_new_one(driving: Supervise
     driving.wait(lambda: all(driving.recorder.state(each) == "waiting" for each in controllers), "idle controllers")
     idle = max(driving.recorder.health[each][0] for each in controllers)
 
-    driving.wait_restarted(before)
+    born = driving.wait_restarted(before)
     driving.wait(lambda: robot.samples[-1].time < old, "a robot of the new simulation")
     began = next(each for each in robot.samples if each.sent > killed and each.time < old)
     driving.wait_full_speed(*driving.recorder.robots)
-    assert [each for each in robot.command_instants if idle < each < began.sent] == []
+    assert [each for each in robot.command_instants if idle < each < born] == []
     assert began.x < 0.1, "the world is as it was at the start"
     assert robot.base.stale_dropped == 0
-    fresh = robot.first_command_after(began.sent)
+    fresh = robot.first_command_after(born)
     assert fresh is not None
-    assert [each for each in robot.samples if began.sent <= each.sent < fresh and each.speed > LANDING] == []
+    # Where the observer has missed the first commands, as it joins the new simulation itself, it cannot judge.
+    heard = next(each for each in robot.command_samples if each.sent >= fresh)
+    unmoved = [each for each in robot.samples if began.sent <= each.sent < fresh]
+    assert not heard.consecutive or [each for each in unmoved if each.speed > LANDING] == []
     driving.wait(lambda: all(driving.recorder.state(each) == "running" for each in controllers), "controllers at work")
 
     ticks.update()

@@ -17,7 +17,7 @@ from services.runtime.errors import CallFailed, SeveralServers
 from services.runtime.graph import snapshot
 from services.runtime.requests import servers
 from services.runtime.transport.api import TIMEOUT
-from services.runtime.transport.request_queue import MAX_REASON_LENGTH, MAX_WAITING
+from services.runtime.transport.request_queue import MAX_BYTES, MAX_REASON_LENGTH, MAX_WAITING
 from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
 from tests.faults.conftest import FleetSlot
 from tests.faults.supervised_fleet import START_S, SupervisedFleet
@@ -68,7 +68,7 @@ def unharmed(asked: SupervisedFleet) -> Iterator[None]:
     assert node.call(PARAMS_SET, SetParameters(set=SET, values=assignments(publish_rate=20.0), run=True)).set == SET
     with pytest.raises(CallFailed, match="unknown process 'rooter'; did you mean 'router'"):
         node.call(SUPERVISOR_STOP, Name(name="rooter"))
-    asked.wait(lambda: all(asked.recorder.health[each][1].beat > beats[each] + 1 for each in NODES), "more heartbeats")
+    asked.wait(lambda: all(asked.recorder.health[each][1].beat > beats[each] for each in NODES), "more heartbeats")
     assert {name: each.pid for name, each in asked.recorder.processes.items()} == before
     assert all(each.restarts == 0 for each in asked.recorder.processes.values())
 
@@ -102,8 +102,9 @@ def test_a_flood_of_requests_stops_no_heart(session: zenoh.Session) -> None:
     payloads = {GET_STATE: nobody, PARAMS_SET: UNKNOWN, SUPERVISOR_STOP: nobody}
     flood = [
         session.get(request.name[1:], payload=payload, timeout=60.0)
-        for _ in range(MAX_WAITING + 200)
+        for number in range(MAX_WAITING + 200)
         for request, payload in payloads.items()
+        if number * len(payload) < 3 * MAX_BYTES
     ]
     said = [reply.err.payload.to_bytes() for each in flood for reply in each if reply.err is not None]
     assert len(said) == len(flood)

@@ -23,7 +23,7 @@ from services.sim.physics.world import Body, Motor
 from services.sim.transit_delay import TransitDelayEstimator
 
 URDF = Path(__file__).with_name("two_links.urdf")
-LIMITS = {each.name: each.limits for each in parse_urdf(URDF.read_text()).joints}
+JOINTS = parse_urdf(URDF.read_text()).joints
 
 
 class JointRig:
@@ -33,7 +33,7 @@ class JointRig:
         self.world, self.now = world, 0
         self.body = world.spawn(Body("arm", URDF, motors=motors, fixed=True))
         self.log = io.StringIO()
-        self.motors = JointMotors(self.body, "arm", LIMITS, TransitDelayEstimator(), Log("/sim", out=self.log))
+        self.motors = JointMotors(self.body, "arm", JOINTS, TransitDelayEstimator(), Log("/sim", out=self.log))
         transport = MemoryTransport(MemoryBus())
         self.topic = Subscriber(JOINT_COMMAND, "/arm/joint_command", "arm/joint_command", transport)
         self.publisher = Publisher(JOINT_COMMAND, "/arm/joint_command", "arm/joint_command", "/manager", transport)

@@ -23,6 +23,8 @@ from tests.harness.waiting import wait_until
 
 STOP_S = 10.0
 """Wall time that a process has to end by SIGINT before it is killed."""
+ROUTER_S = 30.0
+"""Wall time that a router has to start, on a machine that is busy."""
 
 
 class Process:
@@ -113,7 +115,9 @@ class Network:
     def __enter__(self) -> Self:
         self.router = start_service("router", "--param", f"listen={self.endpoint}", logs=self._logs)
         self._stack.enter_context(self.router)
-        wait_until(self._listens, what=f"a router on {self.endpoint}")
+        wait_until(self._listens, ROUTER_S, f"a router on {self.endpoint}")
+        # It tells newcomers who is there only once it says so; without that each would look around for a while.
+        wait_until(lambda: "listening on" in self.router.text, ROUTER_S, "a router that answers")
         return self
 
     def __exit__(self, *exception: object) -> None:

@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap_ros2._dynamic import generate_dynamic
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -39,6 +39,8 @@ from tests.harness.cases import case
 from tests.messages.ros_values import assert_same, ros_view, with_float32
 from tests.messages.strategies import DETERMINISTIC, values
 
+FEW = settings(DETERMINISTIC, max_examples=15)
+"""Examples of each record: what matters is that there are some of every one."""
 STORE = get_typestore(Stores.ROS2_JAZZY)
 RECORDED = sorted(
     {ROS_RECORDS.get(each, each) for each in RECORDS.values()} | set(EXTRAS.values()), key=lambda each: each.ROS_TYPE
@@ -73,8 +75,8 @@ def _check_other_readers(record: type[Message]) -> None:
     store, name, dynamic = independent(record)
     write = writer(record)
 
-    @DETERMINISTIC
-    @given(values(record))
+    @FEW
+    @given(values(record).filter(_fits_int64))
     def check(message: Message) -> None:
         data = write(message)
         wanted = ros_view(message)
@@ -82,6 +84,15 @@ def _check_other_readers(record: type[Message]) -> None:
         assert_same(wanted, dynamic(data))
 
     check()
+
+
+def _fits_int64(value: object) -> bool:
+    """Whether no whole number in it is larger: MessagePack takes twice as large ones, ROS 2 has no place for them."""
+    if isinstance(value, Message):
+        return all(_fits_int64(getattr(value, name)) for name in value.__struct_fields__)
+    if isinstance(value, tuple):
+        return all(map(_fits_int64, value))
+    return not isinstance(value, int) or value < 2**63
 
 
 @pytest.mark.slow
@@ -97,8 +108,8 @@ def _check_our_reader(record: type[Message]) -> None:
     extra = EXTRAS.get(record)
     read_extra = record_reader(extra, definitions(extra)) if extra else None
 
-    @DETERMINISTIC
-    @given(values(record))
+    @FEW
+    @given(values(record).filter(_fits_int64))
     def check(message: Message) -> None:
         main, beside = split(message)
         told = read(writer(ros)(main))

@@ -36,5 +36,5 @@ def test_the_usage_line_says_how_a_service_was_called() -> None:
 
 
 def test_every_service_is_declared_under_the_name_of_its_folder() -> None:
-    assert all(load_named_service(kind).name == kind for kind in service_kinds())
-    assert len(service_kinds()) == 14
+    assert {"sim", "controller_manager", "waypoint"} <= set(service_kinds())
+    assert [load_named_service(kind).name for kind in service_kinds()] == list(service_kinds())

@@ -68,14 +68,20 @@ def session(running: TwoRobotSimulation) -> Iterator[zenoh.Session]:
 
 @pytest.fixture(autouse=True)
 def _all_live(running: TwoRobotSimulation, driver: Process) -> Iterator[None]:
-    """Every process runs, and its loop turns."""
+    """Every process runs."""
     yield
     for process in (running.sim, running.reset_monitor, running.network.router, driver):
         assert process.status is None, process.text
+    assert "Traceback" not in running.sim.text + running.reset_monitor.text + driver.text
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _all_turn(running: TwoRobotSimulation, driver: Process) -> Iterator[None]:
+    """Every loop turns after all that the tests have sent."""
+    yield
     begun = len(running.health.received())
     for node in ("/sim", "/reset_monitor", "/tb3_0/waypoint"):
         wait_until(lambda n=node: turns(running, n, begun), WITHIN_S, f"ticks of {node}")  # type: ignore[misc]
-    assert "Traceback" not in running.sim.text + running.reset_monitor.text + driver.text
 
 
 def sessions(running: TwoRobotSimulation, node: str) -> list[str]:

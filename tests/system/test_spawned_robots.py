@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from messages.geometry import Pose, Twist
+from messages.parameters import Assignment
 from messages.requests import DELETE, SPAWN, Name
 from messages.se3 import rotate
 from messages.simulation import SpawnModel
@@ -47,7 +48,9 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TwoRobotSimula
     """A world with a waffle, a waffle_pi and a Pioneer beside its burgers."""
     with two_robot_simulation(tmp_path_factory.mktemp("spawned")) as made:
         for model, (x, y) in PLACES.items():
-            state = made.node.call(SPAWN, SpawnModel(name=model, model=model, pose=Pose.planar(x, y, 1.0)))
+            exact = () if model == "p3dx" else (Assignment(name="odometry", value="world"),)
+            asked = SpawnModel(name=model, model=model, pose=Pose.planar(x, y, 1.0), parameters=exact)
+            state = made.node.call(SPAWN, asked)
             assert (state.name, state.model) == (model, model)
             assert state.pose.orientation.yaw == pytest.approx(1.0, abs=1e-9)
         yield made
@@ -81,17 +84,17 @@ def test_a_newcomer_drives(running: TwoRobotSimulation, model: str) -> None:
     assert abs(speed(truth.wait_after(0.6))) < 1e-3
 
 
-@pytest.mark.parametrize("model", PLACES)
-def test_sensors_work_while_somebody_looks(running: TwoRobotSimulation, model: str) -> None:
-    names = {f"/{model}/{topic.name}" for topic in ALL[model]}
+def test_sensors_work_while_somebody_looks(running: TwoRobotSimulation) -> None:
+    sensors = {f"/{model}/{topic.name}": topic for model in PLACES for topic in ALL[model]}
+    names = set(sensors)
     assert counts(running, names) == dict.fromkeys(names, 0)
     inputs: list[MessageRecorder[Any]] = [
-        MessageRecorder(running.node.subscribe(topic, f"/{model}/{topic.name}")) for topic in ALL[model]
+        MessageRecorder(running.node.subscribe(topic, name)) for name, topic in sensors.items()
     ]
     for each in inputs:
         wait_until(lambda each=each: len(each.received()) > 2, WITHIN_S, f"messages on {each.source.name}")  # type: ignore[misc]
-        frame = each.received()[-1].header.frame_id
-        assert frame == "" if each.source.topic is JOINT_STATES else frame.startswith(f"{model}/")
+        frame, model = each.received()[-1].header.frame_id, each.source.name.split("/")[1]
+        assert frame == "" if each.source.topic is JOINT_STATES else frame.startswith(f"{model}/"), each.source.name
     running.node.unregister(*(each.source for each in inputs))
     wait_until(lambda: counts(running, names) == counts(running, names), WITHIN_S, "sensors that rest")
 

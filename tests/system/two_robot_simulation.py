@@ -56,8 +56,9 @@ class TwoRobotSimulation:
 
 @contextmanager
 def two_robot_simulation(logs: Path, mode: str = "real") -> Iterator[TwoRobotSimulation]:
-    """Two burgers at rest, and the reset monitor; in lockstep the simulation waits for it."""
-    robots = [{"name": name, "model": "burger", "y": y} for name, y in STARTS.items()]
+    """Two burgers at rest with exact odometry, and the reset monitor; in lockstep the simulation waits for it."""
+    exact = {"odometry": "world"}
+    robots = [{"name": name, "model": "burger", "y": y, "parameters": exact} for name, y in STARTS.items()]
     lockstep = ["--lockstep"] if mode == "lockstep" else []
     settings = {"robots": robots, "mode": mode, "factor": FACTOR, "members": ["/reset_monitor"] if lockstep else []}
     arguments = [word for key, value in settings.items() for word in ("--param", f"{key}={json.dumps(value)}")]

@@ -97,7 +97,7 @@ def build(record: type[P], values: Mapping[str, Any], where: str = "") -> P:
     """The record with ``values``; raises BadInput with the parameter, the bound and the value, or what contradicts
     each other."""
     prefix = f"{where}: " if where else ""
-    names = [each.name for each in msgspec.structs.fields(record)]
+    names = record.__struct_fields__
     for name, value in values.items():
         if name not in names:
             raise unknown_name("parameter", name, names, where)

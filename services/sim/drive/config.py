@@ -9,17 +9,17 @@ from typing import Any, Literal
 import msgspec
 
 from messages.base import Packed36, covariance
-from models import model_config_path, urdf_path
-from models.model import PlanarConfig, RobotModel, WheelConfig, read_model
+from models import model_config_path, physics_urdf_path
+from models.model import OdometryErrorConfig, PlanarConfig, RobotModel, WheelConfig, read_model
 from models.robot_cache import is_made
 from models.robot_facts import read_facts
 from models.urdf import NoWheels, WheelPair, read_wheels
+from services.driving.pid import PidGains
 from services.runtime.errors import BadInput
 from services.runtime.parameters.validation import build
 from services.sim.drive.driver import Drive
 from services.sim.drive.kinematics import WheelGeometry, describe_mismatch
 from services.sim.drive.limiter import NO_RAMP, UNLIMITED, AxisLimits, WheelRamp, braking_limits
-from services.sim.drive.pid import PidGains
 from services.sim.parameters import AxisParameters, BaseParameters, PidParameters
 
 
@@ -72,21 +72,31 @@ class DriveConfig:
 
 @dataclass(frozen=True)
 class OdometryConfig:
-    """Where odometry comes from, and what is said of it; a covariance of None is that of its source."""
+    """Where odometry comes from, and what is said of it; a covariance of None is that of its source.
+
+    Odometry that counts begins at the robot's pose in the world with ``in_world``, else at 0. ``error_multiple`` is of
+    the standard deviations ``error`` of the wheels' figures.
+    """
 
     source: Literal["world", "encoder", "open loop"]
+    in_world: bool
+    error: OdometryErrorConfig
+    error_multiple: float
     window: int
     pose: Packed36 | None
     twist: Packed36 | None
+
+
+_DEFAULTS = BaseParameters()
 
 
 def effective_parameters(name: str, model: RobotModel, stated: BaseParameters) -> BaseParameters:
     """What is ``stated``, completed by the model's ``[drive]`` where it is None; raises BadInput for a bad file."""
     where = f"{model_config_path(name)}: [drive]"
     ours = build(BaseParameters, model.drive, where)
-    for each in msgspec.structs.fields(BaseParameters):
-        if each.name in model.drive and each.default is not None:
-            raise BadInput(f"{where}: {each.name} is for a fleet to say, not for a model")
+    for each in model.drive:
+        if getattr(_DEFAULTS, each) is not None:
+            raise BadInput(f"{where}: {each} is for a fleet to say, not for a model")
     merged: BaseParameters = _merged(ours, stated)
     return with_model_defaults(model, merged)
 
@@ -148,6 +158,10 @@ def odometry_config(model: RobotModel, parameters: BaseParameters) -> OdometryCo
     pose, twist = parameters.pose_covariance_diagonal, parameters.twist_covariance_diagonal
     return OdometryConfig(
         source=source,
+        in_world=(model.odometry_origin if parameters.odometry_origin == "model" else parameters.odometry_origin)
+        == "world",
+        error=model.odometry_error,
+        error_multiple=parameters.odometry_error,
         window=parameters.velocity_rolling_window_size or DEFAULT_WINDOW,
         pose=None if pose is None else covariance(*pose),
         twist=None if twist is None else covariance(*twist),
@@ -270,7 +284,7 @@ def _planar_drive(planar: PlanarConfig, parameters: BaseParameters, geometry: Wh
 
 def _check_against_urdf(name: str, left: str, right: str, used: WheelGeometry, parameters: BaseParameters) -> list[str]:
     """Warnings about figures and wheels that do not fit the URDF; raises BadInput."""
-    urdf = urdf_path(name)
+    urdf = physics_urdf_path(name)
     try:
         pair = read_wheels(urdf, left, right)
     except NoWheels as error:
@@ -302,13 +316,13 @@ def _check_sides(pair: WheelPair, left: str, right: str, allowed: bool) -> list[
 def _merged(ours: Any, stated: Any) -> Any:
     """``stated`` with the fields of ``ours`` where it has None; tables are merged field by field."""
     fields = {}
-    for each in msgspec.structs.fields(stated):
-        mine, theirs = getattr(ours, each.name), getattr(stated, each.name)
+    for name in stated.__struct_fields__:
+        mine, theirs = getattr(ours, name), getattr(stated, name)
         if theirs is None:
             theirs = mine
         elif isinstance(theirs, msgspec.Struct) and mine is not None:
             theirs = _merged(mine, theirs)
-        fields[each.name] = theirs
+        fields[name] = theirs
     return type(stated)(**fields)
 
 

@@ -9,6 +9,7 @@ from messages.base import Message
 from messages.elea import BaseStatus
 from messages.geometry import Twist, TwistStamped
 from messages.std import Header, Time
+from services.driving.pid import INITIAL_PID_STATE, pid_command
 from services.runtime.log import Log
 from services.runtime.step import STEP_NS
 from services.runtime.transport.wire import MEMBER_BYTES, SampleInfo
@@ -16,7 +17,6 @@ from services.sim.command_sources import FOREIGN_SOURCE, CommandSources
 from services.sim.drive.arbiter import BRAKE, Arbiter
 from services.sim.drive.config import DriveConfig
 from services.sim.drive.driver import AT_REST, commanded_velocity, step_drive, wheel_speeds
-from services.sim.drive.pid import INITIAL_PID_STATE, pid_torque
 from services.sim.transit_delay import TransitDelayEstimator
 
 STEP_S = STEP_NS / 1e9
@@ -108,8 +108,8 @@ class DiffDriveController:
         gains = self.config.gains
         assert gains is not None
         wanted, (left, right) = wheel_speeds(self.drive, self._state), self._pid_states
-        one, left = pid_torque(gains, left, wanted[0] - speeds[0], STEP_S)
-        other, right = pid_torque(gains, right, wanted[1] - speeds[1], STEP_S)
+        one, left = pid_command(gains, left, wanted[0] - speeds[0], STEP_S)
+        other, right = pid_command(gains, right, wanted[1] - speeds[1], STEP_S)
         self._pid_states = left, right
         return one, other
 

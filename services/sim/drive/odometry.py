@@ -21,6 +21,7 @@ from services.runtime.errors import BadInput
 from services.sim.drive.config import OdometryConfig
 from services.sim.drive.controller import STEP_S, DiffDriveController
 from services.sim.drive.kinematics import WheelGeometry
+from services.sim.drive.odometry_error import assumed_geometry, draw_errors, odometry_error
 from services.sim.physics.world import BodyHandle, BodyState
 
 MIN_INTERVAL_S = 1e-4
@@ -155,16 +156,23 @@ ROUNDING = 1e-6
 
 
 class Odometer:
-    """Keeps the ``odometry`` of a base that counts; None where odometry is the true pose in the world.
+    """Keeps the ``state`` of odometry that counts; None where odometry is the true pose in the world.
 
-    ``moved`` is where the odometry's frame lies now, seen from where it was at the start.
+    ``offset`` is where the odometry's frame lies now, seen from where it was at the start: in the world with
+    ``config.in_world``, else where the robot stood. ``seed`` is that of the run, from which its error is drawn.
     """
 
     def __init__(
-        self, settings: OdometryConfig, body: BodyHandle, name: str, controller: DiffDriveController | None
+        self,
+        settings: OdometryConfig,
+        body: BodyHandle,
+        name: str,
+        controller: DiffDriveController | None,
+        seed: int = 0,
     ) -> None:
-        self.reconfigure(settings)
         self._body, self._name, self._controller = body, name, controller
+        self._draws = draw_errors(seed, name)
+        self.reconfigure(settings)
         if controller is not None:
             sides = controller.config.left_joints, controller.config.right_joints
             self._left, self._right = (tuple(body.joints.index(joint) for joint in side) for side in sides)
@@ -174,7 +182,9 @@ class Odometer:
     def reset(self) -> None:
         """Count from here, with the wheels as they stand."""
         counts = self._controller is not None and self.config.source != "world"
-        self.state: OdometryState | None = initial_odometry(*self._angles()) if counts else None
+        here = body_pose(self._body.state()) if counts and self.config.in_world else None
+        start = IDENTITY if here is None else Pose2.from_msg(here)
+        self.state: OdometryState | None = initial_odometry(*self._angles(), *start) if counts else None
         self.offset = IDENTITY
         self._last_update = -1
         self.reset_phase()
@@ -189,7 +199,7 @@ class Odometer:
         if self.state is None or self._controller is None or self.config.source != "encoder":
             return
         if 0 <= self._last_update < now:
-            geometry = self._controller.drive.geometry
+            geometry = assumed_geometry(self._controller.drive.geometry, self.error)
             self.state = integrate_encoders(
                 self.state, *self._angles(), (now - self._last_update) / 1e9, geometry, self.config.window
             )
@@ -228,8 +238,9 @@ class Odometer:
         self.state = self.state._replace(x=x, y=y, heading=heading)
 
     def reconfigure(self, settings: OdometryConfig) -> None:
-        """Tell it with other covariances, over another window; the source stays what it was."""
+        """Tell it with other covariances, over another window, with another error; the source stays what it was."""
         self.config = settings
+        self.error = odometry_error(settings.error, settings.error_multiple, self._draws)
         self.pose_covariance: Packed36 = PLANAR_COVARIANCE if settings.pose is None else settings.pose
         self.twist_covariance: Packed36 = ZERO_COVARIANCE if settings.twist is None else settings.twist
 

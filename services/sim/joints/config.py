@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import msgspec
 
+from models import display_name
 from models.urdf import read_joint_limits
 from services.runtime.errors import BadInput, unknown_name
 from services.sim.joints.effort_controller import EffortRule
@@ -54,7 +55,7 @@ def check_positions(model: str, joints: Mapping[str, float]) -> None:
     known = read_joint_limits(model)
     for joint, position in joints.items():
         if joint not in known:
-            raise unknown_name("joint", joint, known, model)
+            raise unknown_name("joint", joint, known, display_name(model))
         lower, upper = known[joint].lower, known[joint].upper
         if not (lower is None or lower <= position) or not (upper is None or position <= upper):
             raise BadInput(f"joint {joint} = {position:g}: its limits are {lower:g} and {upper:g}")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf, sqrt
 
 from messages.joints import JointCommand, JointTarget
-from models.urdf import SINGLE_DOF, JointLimits
+from models.urdf import Joint, JointLimits
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.log import Log
 from services.runtime.step import STEP_NS
@@ -42,24 +42,25 @@ class _Driven:
 class JointMotors:
     """Drives joints as ``JointCommand`` says, within the URDF's limits of position, velocity and effort.
 
-    A joint whose command is over is held where it is, or let go if it felt an effort. While the robot is stopped, all
-    joints that were commanded are held, also those that felt an effort, as by a brake.
+    A joint whose command is over is held where it is, or let go if it felt an effort. Joints that mimic a commanded one
+    follow it, as the URDF says. While the robot is stopped, all joints that were commanded are held, also those that
+    felt an effort, as by a brake.
     """
 
     def __init__(
         self,
         body: BodyHandle,
         name: str,
-        limits: Mapping[str, JointLimits],
+        joints: Sequence[Joint],
         delays: TransitDelayEstimator,
         log: Log,
     ) -> None:
-        self._body, self._name, self._limits, self._delays, self._log = body, name, limits, delays, log
-        driven = body.motor_joints
-        self._wheels = frozenset(driven)
-        self.joints = tuple(
-            joint for joint, limit in limits.items() if joint not in driven and limit.kind in SINGLE_DOF
-        )
+        self._body, self._name, self._delays, self._log = body, name, delays, log
+        self._limits = {each.name: each.limits for each in joints}
+        self._wheels = frozenset(body.motor_joints)
+        movable = [each for each in joints if each.single_dof and each.name not in self._wheels]
+        self._mimics = {each.name: each.mimic for each in movable if each.mimic is not None}
+        self.joints = tuple(each.name for each in movable if each.mimic is None)
         """The joints that can be commanded."""
         self.commanded = False
         """Whether a controller manager has ever sent something."""
@@ -135,6 +136,12 @@ class JointMotors:
                 self._efforts[joint] = net_effort(_TOTAL, limits, rate, (each.target.value,))
             else:
                 motors[joint] = self._motor_target(joint, each, position[place], inertias[place], now)
+        for joint, mimic in self._mimics.items():
+            if mimic.joint in self._driven:
+                leader, place = places[mimic.joint], places[joint]
+                goal = within(self._limits[joint], mimic.factor * position[leader] + mimic.offset)
+                wanted = mimic.factor * velocity[leader] + POSITION_GAIN * (goal - position[place]) / STEP_S
+                motors[joint] = MotorTarget(wanted, _strength(self._limits[joint]))
         if motors:
             self._body.drive_joints(motors)
         if self._efforts:
@@ -142,7 +149,6 @@ class JointMotors:
 
     def _motor_target(self, joint: str, driven: _Driven, position: float, inertia: float, now: int) -> MotorTarget:
         limits, target = self._limits[joint], driven.target
-        effort = UNLIMITED_EFFORT if limits.effort is None else limits.effort
         fastest = limits.velocity or inf
         if target.interface == "velocity":
             wanted = target.value
@@ -161,7 +167,7 @@ class JointMotors:
                 most = sqrt(2 * BRAKING_SHARE * limits.effort / inertia * abs(error))
                 wanted = max(-most, min(most, wanted))
             wanted += target.rate
-        return MotorTarget(max(-fastest, min(fastest, wanted)), effort)
+        return MotorTarget(max(-fastest, min(fastest, wanted)), _strength(limits))
 
     def _replace(
         self, command: JointCommand, now: int, until: float, source: bytes, topic: Subscriber[JointCommand]
@@ -189,6 +195,8 @@ class JointMotors:
         joint = target.joint_name
         if joint in self._wheels:
             raise BadInput(f"{self._name}::{joint} is driven by the robot's base: command cmd_vel instead")
+        if joint in self._mimics:
+            raise BadInput(f"{self._name}::{joint} follows {self._mimics[joint].joint} by the URDF: command that one")
         if joint not in self.joints:
             raise unknown_name("joint", joint, self.joints, self._name)
 
@@ -198,6 +206,7 @@ class JointMotors:
         for joint in free:
             del self._driven[joint]
             self._efforts.pop(joint, None)
+            self._body.release_joints([each for each, mimic in self._mimics.items() if mimic.joint == joint])
         self._hold([joint for joint in joints if joint not in free])
 
     def _hold(self, joints: list[str] | tuple[str, ...]) -> None:
@@ -210,6 +219,11 @@ class JointMotors:
 
 
 _TOTAL = EffortRule()
+
+
+def _strength(limits: JointLimits) -> float:
+    """The most effort of a joint's motor, N m or N."""
+    return UNLIMITED_EFFORT if limits.effort is None else limits.effort
 
 
 def within(limits: JointLimits, position: float) -> float:

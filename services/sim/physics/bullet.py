@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from messages.se3 import Pose3, rotated_axes
+from models.bodies import Light
 from models.world import WorldDescription
 from services.runtime.errors import BadInput, unknown_name
 from services.sim.physics._pybullet import pybullet
@@ -25,8 +26,15 @@ from services.sim.physics.world import (
     Configuration,
     Contact,
 )
+from services.sim.physics.world_bodies import ground_height
 
 SECOND = 1_000_000_000
+
+STANDING = 0.7
+"""Least vertical part of a contact's normal on a ramp or height map, the cosine of 45 degrees, that is no collision."""
+
+_AROUND = 12
+"""Directions in which the ground about a place is looked at."""
 
 
 class BulletWorld:
@@ -42,7 +50,7 @@ class BulletWorld:
 
     def __enter__(self) -> Self:
         self._client = connect(self._step_ns / SECOND)
-        self._obstacles = load_world(self._client, self.description)
+        self._load_world()
         self._collision_checker = CollisionChecker(self.description)
         return self
 
@@ -66,13 +74,33 @@ class BulletWorld:
             raise unknown_name("body", name, self._bodies)
         return body
 
+    @property
+    def world_bodies(self) -> tuple[str, ...]:
+        """The world's movable and moving bodies."""
+        return tuple(self._world.handles)
+
+    def world_body_state(self, name: str) -> BodyState:
+        if (handle := self._world.handles.get(name)) is None:
+            raise unknown_name("movable body", name, self._world.handles)
+        return handle.state()
+
+    def ground_height(self, x: float, y: float, radius: float) -> float:
+        """The highest ground within ``radius`` of a place, m: that of ramps, height maps and floors, or 0."""
+        grounds, highest = self._world.grounds, 0.0
+        if grounds:
+            for step in range(_AROUND * 3):
+                reach, turn = radius * (step // _AROUND) / 2, 2 * math.pi * (step % _AROUND) / _AROUND
+                height = ground_height(self._client, grounds, x + reach * math.cos(turn), y + reach * math.sin(turn))
+                highest = max(highest, height or 0.0)
+        return highest
+
     def spawn(self, body: Body) -> BulletBody:
         """Add a body; raises BadInput for a taken name, an overlap, or a URDF without a motor's joint."""
         if body.name in self._bodies:
             raise BadInput(f"a body named {body.name!r} is already in the world; delete it first")
-        if body.name in self._obstacles.values():
+        if body.name in self._world.names.values():
             raise BadInput(f"{body.name!r} is an obstacle of this world; take another name")
-        self._collision_checker.add(body, self._configurations())
+        self._collision_checker.add(body, self._configurations(), self._places())
         added = BulletBody(self._client, body)
         try:
             _load(added)
@@ -92,19 +120,27 @@ class BulletWorld:
         """Empty the client and load everything in the order of its spawning: bit for bit a fresh start."""
         pybullet.resetSimulation(physicsClientId=self._client)
         configure(self._client, self._step_ns / SECOND)
-        self._obstacles = load_world(self._client, self.description)
+        self._load_world()
         for body in self._bodies.values():
             _load(body)
 
     def step(self) -> None:
         """Advance by ``step_ns``."""
+        seconds = self._step_ns / SECOND
+        for handle in self._moving:
+            handle.follow_path(self._steps * seconds, seconds)
+        self._steps += 1
         pybullet.stepSimulation(self._client)
 
     def set_state(self, name: str, state: BodyState) -> None:
-        """Move a body; raises BadInput where it would overlap."""
-        body, pose = self.body(name), Pose3(state.position, state.orientation)
+        """Move a body, or a movable one of the world; raises BadInput where it would overlap."""
+        pose = Pose3(state.position, state.orientation)
+        if name in self._world.handles:
+            self._set_world_body_state(name, state)
+            return
+        body = self.body(name)
         self._check(name, Configuration(pose, body.configuration.joints))
-        body.place(pose)
+        body.set_pose(pose)
         body.set_velocity(state.linear, state.angular)
 
     def set_joints(self, name: str, positions: Mapping[str, float]) -> None:
@@ -117,16 +153,22 @@ class BulletWorld:
         body.set_joints(positions)
 
     def contacts(self) -> tuple[Contact, ...]:
-        """The pairs that touched in the last step."""
+        """The pairs that touched in the last step; who stands on a ramp, say, does not touch it."""
+        grounds = self._world.grounds
         named = {loaded.body_id: name for name, loaded in self._bodies.items()}
-        everything = self._obstacles | named
+        everything = self._world.names | named
         pairs = set()
         for point in pybullet.getContactPoints(physicsClientId=self._client):
             one, other = point[1], point[2]
             # Bullet lists what comes near, too; a touch has depth or transmits a force.
             if one in everything and other in everything and (point[8] <= 0 or point[9] > 0):
+                if abs(point[7][2]) > STANDING and not grounds.isdisjoint((one, other)):
+                    continue
                 first, second = sorted((everything[one], everything[other]))
-                pairs.add(Contact(first, second) if first in self._bodies else Contact(second, first))
+                if first in self._bodies:
+                    pairs.add(Contact(first, second))
+                elif second in self._bodies:
+                    pairs.add(Contact(second, first))
         return tuple(sorted(pairs))
 
     def cast_rays(self, origins: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -136,16 +178,34 @@ class BulletWorld:
 
     def render(self, eye: Pose3, camera: CameraModel) -> bytes:
         """A picture, drawn in software: 320 by 240 pixels take about 30 ms."""
-        return render_image(self._client, eye, camera)
+        return render_image(self._client, eye, camera, self.description.lights[:1])
 
     def close(self) -> None:
         """End both clients."""
         self._collision_checker.close()
         pybullet.disconnect(physicsClientId=self._client)
 
+    def _load_world(self) -> None:
+        self._world, self._steps = load_world(self._client, self.description), 0
+        self._moving = [each for each in self._world.handles.values() if each.body.kind == "moving"]
+
+    def _set_world_body_state(self, name: str, state: BodyState) -> None:
+        handle = self._world.handles[name]
+        if handle.body.kind == "moving":
+            raise BadInput(f"{name!r} follows its path: nothing else moves it")
+        others = {other: pose for other, pose in self._places().items() if other != name}
+        pose = Pose3(state.position, state.orientation)
+        self._collision_checker.check_world_body(name, pose, self._configurations(), others)
+        handle.set_state(state)
+
     def _check(self, name: str, configuration: Configuration) -> None:
         others = {other: where for other, where in self._configurations().items() if other != name}
-        self._collision_checker.check(name, configuration, others)
+        self._collision_checker.check(name, configuration, others, self._places())
+
+    def _places(self) -> dict[str, Pose3]:
+        """Where the world's movable and moving bodies are."""
+        states = {name: handle.state() for name, handle in self._world.handles.items()}
+        return {name: Pose3(state.position, state.orientation) for name, state in states.items()}
 
     def _configurations(self) -> dict[str, Configuration]:
         return {name: body.configuration for name, body in self._bodies.items()}
@@ -156,8 +216,15 @@ def _load(body: BulletBody) -> None:
     body.set_speeds((0.0,) * len(body.max_torques))
 
 
-def render_image(client: int, eye: Pose3, camera: CameraModel) -> bytes:
-    """The picture seen from ``eye`` (z forward, x right, y down): rows from the top, three bytes RGB per pixel."""
+def render_image(client: int, eye: Pose3, camera: CameraModel, lights: tuple[Light, ...] = ()) -> bytes:
+    """The picture seen from ``eye`` (z forward, x right, y down): rows from the top, three bytes RGB per pixel.
+
+    The first of ``lights`` replaces PyBullet's own.
+    """
+    lit = {}
+    for light in lights[:1]:
+        x, y, z = light.direction
+        lit = {"lightDirection": (-x, -y, -z), "lightColor": light.colour}
     axes = np.array(rotated_axes(eye.orientation)).T
     position = np.array(eye.position)
     view = pybullet.computeViewMatrix(
@@ -175,6 +242,7 @@ def render_image(client: int, eye: Pose3, camera: CameraModel) -> bytes:
         projection,
         renderer=pybullet.ER_TINY_RENDERER,
         flags=pybullet.ER_NO_SEGMENTATION_MASK,
+        **lit,
         physicsClientId=client,
     )
     pixels = np.asarray(image[2], np.uint8).reshape(camera.height, camera.width, 4)

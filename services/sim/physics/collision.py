@@ -15,10 +15,14 @@ from services.sim.physics._pybullet import pybullet
 from services.sim.physics.bullet_body import BulletBody
 from services.sim.physics.engine import connect, is_roller, load_world
 from services.sim.physics.world import Body, Configuration
+from services.sim.physics.world_bodies import ground_height
 
 MAX_PENETRATION = 0.002
 """Bodies may reach this far, m, into each other or the ground: what resting on it takes, and rounding."""
 
+
+MAX_SUNK = 0.1
+"""The origin of a body on a height map may be so far, m, below its surface."""
 
 _GROUND = 0
 """The number of what was loaded first."""
@@ -29,30 +33,59 @@ class CollisionChecker:
 
     def __init__(self, world: WorldDescription) -> None:
         self._client = connect(1.0)
-        self._static_bodies = {_GROUND: "the ground", **load_world(self._client, world)}
+        self._world = load_world(self._client, world)
+        self._static_bodies = {_GROUND: "the ground", **self._world.names}
         self._copies: dict[str, BulletBody] = {}
 
-    def add(self, body: Body, others: Mapping[str, Configuration]) -> None:
-        """Copy a newcomer; raises BadInput if it would overlap with ``others``, an obstacle or the ground."""
+    def add(self, body: Body, others: Mapping[str, Configuration], places: Mapping[str, Pose3]) -> None:
+        """Copy a newcomer; raises BadInput if it would overlap with ``others``, the world's bodies or the ground."""
         name = body.name
         copy = BulletBody(self._client, body)
         copy.load()
         self._copies[name] = copy
         try:
-            self.check(name, Configuration(body.pose, dict(body.initial_positions)), others)
+            self.check(name, Configuration(body.pose, dict(body.initial_positions)), others, places)
         except BadInput:
             self.remove(name)
             raise
 
-    def check(self, name: str, configuration: Configuration, others: Mapping[str, Configuration]) -> None:
-        """Raise BadInput, with what and by how much, if ``name`` would overlap with anything in a stance."""
+    def check(
+        self,
+        name: str,
+        configuration: Configuration,
+        others: Mapping[str, Configuration],
+        places: Mapping[str, Pose3],
+    ) -> None:
+        """Raise BadInput, with what and by how much, if a body would overlap with anything.
+
+        Args:
+            name: The body.
+            configuration: Where it is to be, and how its joints stand.
+            others: Where the other spawned bodies are.
+            places: Where the world's movable and moving bodies are.
+        """
         copy, pose = self._copies[name], configuration.pose
         self._set_configuration(copy, configuration)
+        self._set_places(places)
         for number, obstacle in self._static_bodies.items():
             self._check_pair(name, pose, copy.body_id, number, obstacle)
         for other, placed in others.items():
             self._set_configuration(self._copies[other], placed)
             self._check_pair(name, pose, copy.body_id, self._copies[other].body_id, repr(other))
+        self._check_above_ground(name, pose)
+
+    def check_world_body(
+        self, name: str, pose: Pose3, others: Mapping[str, Configuration], places: Mapping[str, Pose3]
+    ) -> None:
+        """The same for a movable body of the world, which is to be at ``pose``."""
+        handle = self._world.handles[name]
+        self._set_places({**places, name: pose})
+        for number, obstacle in self._static_bodies.items():
+            if number != handle.number:
+                self._check_pair(name, pose, handle.number, number, obstacle)
+        for other, placed in others.items():
+            self._set_configuration(self._copies[other], placed)
+            self._check_pair(name, pose, self._copies[other].body_id, handle.number, repr(other))
 
     def remove(self, name: str) -> None:
         """Drop the copy of a body that left."""
@@ -62,8 +95,12 @@ class CollisionChecker:
         """End the client."""
         pybullet.disconnect(physicsClientId=self._client)
 
+    def _set_places(self, places: Mapping[str, Pose3]) -> None:
+        for name, pose in places.items():
+            self._world.handles[name].set_pose(pose)
+
     def _set_configuration(self, copy: BulletBody, configuration: Configuration) -> None:
-        copy.place(configuration.pose)
+        copy.set_pose(configuration.pose)
         copy.set_joints(configuration.joints)
 
     def _check_pair(self, name: str, pose: Pose3, copy: int, number: int, other: str) -> None:
@@ -75,7 +112,22 @@ class CollisionChecker:
                 f"{name!r} at x {x:.3f} m, y {y:.3f} m, z {z:.3f} m would overlap with {other} by {depth:.3f} m"
             )
 
+    def _check_above_ground(self, name: str, pose: Pose3) -> None:
+        """Height maps are surfaces: what is below one overlaps with nothing."""
+        x, y, z = pose.position
+        height = ground_height(self._client, self._world.height_maps, x, y)
+        if height is not None and height > z + MAX_SUNK:
+            raise BadInput(
+                f"{name!r} at x {x:.3f} m, y {y:.3f} m, z {z:.3f} m would be below the height map, whose ground is "
+                f"{height:.3f} m high there"
+            )
+
     def _may_collide(self, copy: int, number: int, link: int, other: int) -> bool:
         # Distances know nothing of who may touch whom.
-        ground = number == _GROUND
-        return ground or not (is_roller(self._client, copy, link) or is_roller(self._client, number, other))
+        if number == _GROUND or number in self._world.grounds:
+            return True
+        return not (self._rolls(copy, link) or self._rolls(number, other))
+
+    def _rolls(self, number: int, link: int) -> bool:
+        """Whether a link rolls; a ball of the world's does not count as a wheel."""
+        return number not in self._static_bodies and is_roller(self._client, number, link)

@@ -1,4 +1,4 @@
-"""PyBullet as this project sets it up: one private client, its ground and obstacles, and bodies loaded with care.
+"""PyBullet as this project sets it up: one private client, its ground and bodies, and robots loaded with care.
 
 Each setting below is there for a measured reason, given beside it; ``models/README.md`` tells what a URDF must bring.
 """
@@ -11,14 +11,10 @@ from messages.se3 import Pose3
 from models.world import Box, WorldDescription
 from services.runtime.errors import BadInput
 from services.sim.physics._pybullet import pybullet, stdout_to_stderr
+from services.sim.physics.collision_groups import BODY, GROUND, ROLLER, set_contact_dynamics
 from services.sim.physics.world import GRAVITY, SOLVER_ITERATIONS
+from services.sim.physics.world_bodies import LoadedWorld, load_bodies
 
-# Who may touch whom, as (group, mask): rolling parts touch the ground alone, because a sphere is wider than the wheel
-# it stands for. Masks are spelt out: with the mask -1 PyBullet lets rolling parts and bodies collide all the same.
-_BODY_BIT, _ROLLER_BIT, _GROUND_BIT = 1, 2, 4
-_BODY = (_BODY_BIT, _BODY_BIT | _GROUND_BIT)
-_ROLLER = (_ROLLER_BIT, _GROUND_BIT)
-_GROUND = (_GROUND_BIT, _BODY_BIT | _ROLLER_BIT)
 _SPHERE = pybullet.GEOM_SPHERE
 
 
@@ -45,12 +41,14 @@ def configure(client: int, step: float) -> None:
     pybullet.setGravity(0, 0, -GRAVITY, physicsClientId=client)
 
 
-def load_world(client: int, world: WorldDescription) -> dict[int, str]:
-    """Put the ground and the obstacles into a client; returns the obstacles' names by their numbers."""
+def load_world(client: int, world: WorldDescription) -> LoadedWorld:
+    """Put the ground, whose number is 0, and the bodies into a client."""
     plane = pybullet.createCollisionShape(pybullet.GEOM_PLANE, physicsClientId=client)
     ground = pybullet.createMultiBody(0, plane, physicsClientId=client)
-    _set_contact_dynamics(client, ground, -1, world.friction, _GROUND)
-    return {_load_box(client, box): box.name for box in world.boxes}
+    set_contact_dynamics(client, ground, -1, world.friction, GROUND)
+    loaded = LoadedWorld({_load_box(client, box): box.name for box in world.boxes})
+    load_bodies(client, world, loaded)
+    return loaded
 
 
 def _load_box(client: int, box: Box) -> int:
@@ -59,7 +57,7 @@ def _load_box(client: int, box: Box) -> int:
     look = pybullet.createVisualShape(pybullet.GEOM_BOX, halfExtents=half, rgbaColor=box.colour, physicsClientId=client)
     orientation = Pose3.planar(0.0, 0.0, box.yaw).orientation
     number: int = pybullet.createMultiBody(0, shape, look, box.position, orientation, physicsClientId=client)
-    _set_contact_dynamics(client, number, -1, 0.5, _BODY)
+    set_contact_dynamics(client, number, -1, 0.5, BODY)
     return number
 
 
@@ -85,7 +83,7 @@ def load_urdf(client: int, urdf: Path, pose: Pose3, fixed: bool = False) -> int:
         raise BadInput(f"{urdf}: PyBullet cannot load this URDF ({error}); its reasons stand on stderr") from error
     for link in range(-1, pybullet.getNumJoints(number, physicsClientId=client)):
         friction = pybullet.getDynamicsInfo(number, link, physicsClientId=client)[1]
-        _set_contact_dynamics(client, number, link, friction, _ROLLER if is_roller(client, number, link) else _BODY)
+        set_contact_dynamics(client, number, link, friction, ROLLER if is_roller(client, number, link) else BODY)
         if link >= 0:
             # Every movable joint is born with a motor that brakes it.
             pybullet.setJointMotorControl2(number, link, pybullet.VELOCITY_CONTROL, force=0, physicsClientId=client)
@@ -96,10 +94,3 @@ def is_roller(client: int, number: int, link: int) -> bool:
     """Whether a link of a body rolls, that is, collides as a sphere."""
     shapes = pybullet.getCollisionShapeData(number, link, physicsClientId=client)
     return bool(shapes) and all(shape[2] == _SPHERE for shape in shapes)
-
-
-def _set_contact_dynamics(client: int, number: int, link: int, friction: float, touches: tuple[int, int]) -> None:
-    # Two calls: in one, PyBullet leaves the friction at 0.5, and a burger spins 3.9 % short.
-    pybullet.changeDynamics(number, link, lateralFriction=friction, physicsClientId=client)
-    pybullet.changeDynamics(number, link, linearDamping=0, angularDamping=0, physicsClientId=client)
-    pybullet.setCollisionFilterGroupMask(number, link, *touches, physicsClientId=client)

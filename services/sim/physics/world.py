@@ -130,6 +130,10 @@ class BodyHandle(Protocol):
         """The links, the root first."""
 
     @property
+    def limited_damping(self) -> Mapping[str, float]:
+        """Joints whose damping is less than what was asked for, since a step carries no more; and how much it is."""
+
+    @property
     def motor_joints(self) -> tuple[str, ...]:
         """The joints of the body's motors, in the order of ``set_speeds``."""
 
@@ -191,6 +195,16 @@ class World(Protocol):
     def names(self) -> tuple[str, ...]:
         """All bodies, in the order of their spawning."""
 
+    @property
+    def world_bodies(self) -> tuple[str, ...]:
+        """The world's own bodies that are movable or moving, in the order of its file."""
+
+    def world_body_state(self, name: str) -> BodyState:
+        """Pose and velocity of one of ``world_bodies``."""
+
+    def ground_height(self, x: float, y: float, radius: float) -> float:
+        """The highest ground within ``radius`` of a place, m: that of ramps, height maps and floors, or 0."""
+
     def body(self, name: str) -> BodyHandle:
         """The body of a name."""
 
@@ -201,13 +215,15 @@ class World(Protocol):
         """Remove a body."""
 
     def reset(self) -> None:
-        """Start over: all present bodies as they were spawned, at rest, motors at zero. Handles stay valid."""
+        """Start over: all present bodies as they were spawned, at rest, motors at zero, the world's as its file has
+        them. Handles stay valid."""
 
     def step(self) -> None:
         """Advance by ``step_ns``."""
 
     def set_state(self, name: str, state: BodyState) -> None:
-        """Move a body; its joints keep their angles. Refused where it would overlap."""
+        """Move a body, whose joints keep their angles, or a movable one of ``world_bodies``. Refused where it would
+        overlap."""
 
     def set_joints(self, name: str, positions: Mapping[str, float]) -> None:
         """Put joints at positions, at rest; the others stay as they are. Refused where the body would overlap then."""

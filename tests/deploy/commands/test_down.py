@@ -7,10 +7,10 @@ from pathlib import Path
 
 import psutil
 
-from deploy.live.connect import connect
 from messages.base import encode
 from messages.names import key
 from messages.requests import SUPERVISOR_START, SUPERVISOR_STOP, Name
+from services.runtime.light_node import open_transport
 from services.runtime.requests import call
 from services.runtime.transport.unix_sockets import router_endpoint
 from tests.deploy.supervisor.supervisor_harness import has_ended
@@ -44,7 +44,7 @@ def test_down_after_a_stopped_process_a_hung_one_and_two_starts_at_once(tmp_path
         wait_until(lambda: (tmp_path / "results" / "processes.json").exists(), 60, "a run")
         before = desk.wait_until_ready("r/waypoint", 0)
         pids = {desk.wait_until_ready(name, 0)["pid"] for name in ("router", "sim", "params", "grader", "r/waypoint")}
-        with connect(router_endpoint(desk.port)) as transport:
+        with open_transport(router_endpoint(desk.port)) as transport:
             call(transport, SUPERVISOR_STOP, key(SUPERVISOR_STOP.name), Name(name="r/waypoint"), 20.0)
             wait_until(lambda: has_ended(before["pid"]))
             wait_until(lambda: desk.processes()["r/waypoint"]["state"] == "stopped", 30)

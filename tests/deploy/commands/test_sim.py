@@ -133,7 +133,7 @@ def test_properties(line: SimCommandLine) -> None:
         (("configure", "arm", "bear_link=3"), 1, "its limits are -1.5708 and 1.5708"),
         (("configure", "arm"), 2, "Missing argument"),
         (("spawn", "arn", "new"), 1, "unknown model 'arn'; did you mean 'arm'"),
-        (("spawn", "burger", "tb3"), 1, "already there"),
+        (("spawn", "burger", "tb3"), 1, "already a robot 'tb3'"),
         (("delete", "nobody"), 1, "unknown model 'nobody'"),
         (("step", "0"), 2, "0 is not in the range"),
         (("stepp",), 2, "unknown verb 'stepp'; did you mean 'step'"),

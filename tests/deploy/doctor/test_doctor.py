@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 
 from deploy.doctor import fleet, installation, machine, network
-from deploy.network_address import NetworkAddress
 from messages.base import encode
 from messages.elea import Health, InputHealth
 from messages.topics import ODOM, Quality
 from services.runtime.fleet_instances import FleetInstance
 from services.runtime.graph import Entity
+from services.runtime.network_address import NetworkAddress
 from services.runtime.process import ROOT
 from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.wire import encoding

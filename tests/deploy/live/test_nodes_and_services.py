@@ -15,8 +15,8 @@ import pytest
 
 from deploy.commands.completion import PARAMETER, SET
 from messages.requests import SIM_REQUESTS
+from models.yaml_reader import read_yaml
 from services.runtime.process import ROOT
-from services.runtime.yaml_reader import read_yaml
 from tests.harness.background_fleet import BackgroundFleet, background_fleet, interrupt
 from tests.harness.waiting import wait_until
 

@@ -26,13 +26,13 @@ def test_no_other_user_comes_in(running: BackgroundFleet) -> None:
     assert len(listening) == len(family) - 1, "each, but for the warden"
     assert {Path(each).parent for each in listening} == {router.parent}
 
-    with run_as_other_user(fleet["router"], sorted(listening)) as program:
+    tcp = f"tcp/127.0.0.1:{running.command_line.port}"
+    with run_as_other_user(fleet["router"], sorted(listening)) as program, run_as_other_user(tcp) as other:
         out, err = program.communicate(timeout=60)
+        assert "out: Unable to connect" in other.communicate(timeout=60)[1]
     assert out.split() == ["PermissionError"] * len(listening)
     assert program.returncode == 1
     assert "out: Unable to connect" in err
-    with run_as_other_user(f"tcp/127.0.0.1:{running.command_line.port}") as program:
-        assert "out: Unable to connect" in program.communicate(timeout=60)[1]
 
 
 def _unix() -> list[str]:

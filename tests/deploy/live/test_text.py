@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from deploy.live.message_format import csv_cells, csv_row, to_flow_yaml, to_yaml, truncate
 from messages.nav import Odometry
 from messages.plain import plain_record
-from services.runtime.yaml_reader import read_yaml
+from models.yaml_reader import read_yaml
 
 TEXTS = st.text(max_size=20)
 SCALARS = st.none() | st.booleans() | st.integers(-(2**63), 2**63) | st.floats(allow_nan=False) | TEXTS

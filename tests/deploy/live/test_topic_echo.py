@@ -7,7 +7,7 @@ import io
 
 import pytest
 
-from services.runtime.yaml_reader import read_yaml
+from models.yaml_reader import read_yaml
 from tests.harness.background_fleet import WEATHER, BackgroundFleet, external_publisher
 
 

@@ -10,8 +10,8 @@ from messages.geometry import PoseStamped, Twist, Vector3
 from messages.sensor import Image, JointState, LaserScan
 from messages.std import Bool, Empty, Float32, Header, String, Time
 from messages.tf import TFMessage
+from models.yaml_reader import read_yaml
 from services.runtime.errors import BadInput
-from services.runtime.yaml_reader import read_yaml
 
 NOW = 1_500_000_000
 STAMP = Time(sec=1, nanosec=500_000_000)

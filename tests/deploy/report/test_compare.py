@@ -38,10 +38,14 @@ class Runs:
     def __init__(self, folder: Path) -> None:
         self.terminal = CommandLine(folder)
         self.left, self.right, self.slower = (folder / name for name in ("left", "right", "slower"))
+        started = []
         for results, speed in ((self.left, 0.2), (self.right, 0.2), (self.slower, 0.1)):
-            fleet = folder / "one.toml"
+            fleet = folder / f"{results.name}.toml"
             fleet.write_text(FLEET.format(speed=speed))
-            ran = self.terminal.run_fleet(fleet, results, "--record", "--no-saved")
+            terminal = CommandLine(folder)
+            started.append((terminal, terminal.start_fleet(fleet, results, "--record", "--no-saved"), results))
+        for terminal, process, results in started:
+            ran = terminal.finish(process)
             assert (results / MEASUREMENTS_FILE).is_file(), ran.err
 
     def diff(self, left: Path, right: Path) -> tuple[int, str, dict[str, Any]]:

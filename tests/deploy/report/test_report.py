@@ -20,12 +20,15 @@ from deploy.report.table import format_fixed, format_number, print_report
 from deploy.report.write import build_report, read_measurements, to_json, write_report
 from deploy.supervisor.node import RunMonitor
 from messages.elea import LockstepState
+from messages.geometry import Pose, Vector3
 from messages.parameters import ScheduledChange, ScheduledChanges
 from messages.simulation import SimStatus
-from messages.std import Time
+from messages.std import ColorRGBA, Time
+from messages.visualization import Marker, MarkerArray
 from models.palette import colour, hexadecimal
+from services.driving.world_bodies import world_bodies
 from services.grader.records import EndReason, Measurements
-from services.grader.results import prepare_folder, write_atomic, write_results
+from services.grader.results import prepare_folder, world_arrays, write_atomic, write_results
 from services.runtime.errors import BadInput
 from tests.services.grader.simulated_run import measure_all, robot_messages
 
@@ -120,6 +123,39 @@ def test_everything_drawn_has_data_units_and_a_look_of_its_own(folder: Path, mea
         assert [line.get_color() for line in axes.lines] == [hexadecimal(colour(0)), hexadecimal(colour(1))]
     assert shorten_name("/robot_control/tracking_controller/error", 20) == "\N{HORIZONTAL ELLIPSIS}ng_controller/error"
     assert shorten_name("tb3_0", 20) == "tb3_0"
+
+
+def test_the_picture_has_the_world_around_what_was_driven(tmp_path: Path) -> None:
+    """The robots drive within 1 m; a box stands beside, one moves along, a third is far off, a wall goes far away."""
+    run = measure_all(list(robot_messages("tb3_0", 0.0)), ("tb3_0",))
+    size = Vector3(x=0.4, y=0.4, z=0.4)
+    long, red = Vector3(x=200.0, y=0.1, z=0.4), ColorRGBA(r=1.0, a=1.0)
+    array = MarkerArray(
+        markers=tuple(
+            Marker(ns=kind, text=name, type=Marker.CUBE, pose=Pose.planar(x, y), scale=scale, color=red)
+            for name, kind, x, y, scale in (
+                ("beside", "fixed", 1.0, 0.2, size),
+                ("cart", "moving", 0.0, 0.9, size),
+                ("far", "fixed", 50.0, 0.0, size),
+                ("wall", "fixed", 0.0, -0.5, long),
+            )
+        )
+    )
+    world = [(body, body.footprints()) for body in world_bodies(array)]
+    arrays = world_arrays(world, {"cart": [(0.0, 0.9), (0.5, 0.9)]})
+    write_results(tmp_path, run.measurements("goals"), run.robots, arrays)
+    figure = draw_figure(write_report(tmp_path, FACTS, {}), tmp_path / "trajectories.npz")
+    above = figure.axes[0]
+    (bodies,) = above.collections
+    assert len(bodies.get_paths()) == 4
+    assert bodies.get_facecolors()[0][:3].tolist() == [1.0, 0.0, 0.0]
+    assert any(line.get_xdata().tolist() == [0.0, 0.5] for line in above.lines), "the way of the cart"
+    figure.canvas.draw()
+    (left, right), (bottom, top) = above.get_xlim(), above.get_ylim()
+    assert right > 1.2
+    assert bottom < -0.55
+    assert right - left < 6, "neither the far box nor the end of the wall is shown"
+    assert top > 1.1
 
 
 def test_numbers_have_no_rests_of_calculations() -> None:

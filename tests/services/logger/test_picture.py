@@ -1,33 +1,17 @@
-"""A real viewer without a window opens the recording, finds no fault, and draws it."""
+"""A real viewer without a window opens the recording and finds no fault; test_view.py looks at what it draws."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib.image
-import numpy as np
 import psutil
 import pytest
 
-from models.palette import COLOURS
 from services.logger.screenshots import headless_viewer, screenshot
 from services.runtime.errors import BadInput
 from tests.services.logger.conftest import LENGTH_S, RecordedDrive
 
 PACKAGES = r"libvulkan1 mesa-vulkan-drivers"
-
-
-@pytest.mark.process
-def test_the_picture_shows_every_trail_in_its_colour(driven: RecordedDrive, tmp_path: Path) -> None:
-    png = tmp_path / "run.png"
-    screenshot(driven.file, png)
-    pixels = np.rint(matplotlib.image.imread(png)[:, :, :3] * 255).astype(int)
-    assert pixels.shape == (1080, 1920, 3)
-    world, plots = pixels[:, :1000], pixels[:, 1060:]
-    for colour in COLOURS[:4]:
-        assert count_of(world, colour) > 300, f"trail {colour}"
-    assert sum(count_of(plots, colour) for colour in COLOURS[:4]) > 300
-    assert children() == []
 
 
 @pytest.mark.process
@@ -68,10 +52,6 @@ def test_what_is_no_recording_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=r"bad\.rrd is not a recording"):
         screenshot(tmp_path / "bad.rrd", tmp_path / "run.png")
     assert children() == []
-
-
-def count_of(pixels: np.ndarray, colour: tuple[int, int, int]) -> int:
-    return int((np.abs(pixels - np.array(colour)).max(axis=2) < 25).sum())
 
 
 def children() -> list[str]:

@@ -78,6 +78,7 @@ def test_pictures_show_every_trail_and_the_arm(run: Path, tmp_path: Path) -> Non
     for colour in COLOURS[1:5]:
         assert near(world, colour).sum() > 100, f"trail {colour}"
     assert near(plots, COLOURS[0]).sum() > 50, "the arm's angle"
+    assert sum(near(plots, colour).sum() for colour in COLOURS[1:5]) > 150, "what the robots' plots show"
     right, left = (middle(seen[f"run-arm-{at}s.png"][:, :660]) for at in (UP, DOWN))
     assert right - left > 100, "from near by, it is seen to swing"
 

@@ -26,7 +26,7 @@ def test_a_goal_of_the_world_goes_out_in_the_frame_that_the_robot_drives_by(at: 
     page = at.page()
     at.send(page, Goal(id=1, robot="/a", x=1.0, y=5.0, yaw=pi / 2))
     at.spin(tell=True)
-    assert "no odometry from /a yet" in at.messages_to(page, "reply")[0]["is"]
+    assert "no odometry from /a yet" in at.messages_to(page, "reply")[0]["result"]
     at.send(page, Subscribe(channels=("poses", "robots")))
     at.spin(0.2, tell=True)
     at.send(page, Goal(id=2, robot="/a", x=1.0, y=5.0, yaw=pi / 2))
@@ -106,14 +106,14 @@ def test_a_request_is_answered_while_the_loop_goes_on_or_refused_when_nobody_ser
     at.spin(0.1)
     reply = at.messages_to(page, "reply")[0]
     assert not reply["ok"]
-    assert "no server for /sim/pause" in reply["is"]
+    assert "no server for /sim/pause" in reply["result"]
     at.robot.node.serve(PAUSE, lambda _: SimTime(tick=5))
     at.send(page, Pause(id=2))
     at.spin()
     assert at.messages_to(page, "reply") == []
     at.robot.node.spin_once()
     at.spin(0.1)
-    assert at.messages_to(page, "reply")[0]["is"]["tick"] == 5
+    assert at.messages_to(page, "reply")[0]["result"]["tick"] == 5
 
 
 def test_a_page_has_few_requests_under_way(at: HubHarness) -> None:
@@ -124,7 +124,7 @@ def test_a_page_has_few_requests_under_way(at: HubHarness) -> None:
     at.spin()
     replies = at.messages_to(page, "reply")
     assert len(replies) == 12
-    assert all("wait for their answers" in each["is"] for each in replies)
+    assert all("wait for their answers" in each["result"] for each in replies)
 
 
 def test_the_graph_follows_who_comes_and_goes(at: HubHarness) -> None:
@@ -231,7 +231,7 @@ def test_a_panel_that_returns_takes_its_stops_up_and_resets_them(at: HubHarness)
     assert [each.data for each in at.robot.received("stops")] == [True]
     at.send(page, Estop(id=3, robot="/a", on=False))
     at.spin(0.1, tell=True)
-    assert "may move when /tool reset theirs" in at.messages_to(page, "reply")[-1]["is"]
+    assert "may move when /tool reset theirs" in at.messages_to(page, "reply")[-1]["result"]
     sim.tell(at, ("/a/e_stop", "/panel"))
     assert [each.data for each in at.robot.received("stops")] == [False], "what is told may be older than the reset"
     sim.tell(at)

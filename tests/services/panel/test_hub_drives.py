@@ -140,7 +140,7 @@ def test_a_stop_is_latched_for_one_and_for_all(at: HubHarness) -> None:
     at.spin()
     replies = {each["id"]: each for each in at.messages_to(page, "reply")}
     assert [replies[1]["ok"], replies[2]["ok"], replies[3]["ok"]] == [True, True, False]
-    assert "all robots are stopped" in replies[3]["is"]
+    assert "all robots are stopped" in replies[3]["result"]
     at.send(page, Estop(id=4, on=False))
     at.spin()
     assert at.robot.received("all_stops") == [Bool(data=False)]

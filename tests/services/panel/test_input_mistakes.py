@@ -10,6 +10,7 @@ from playwright.sync_api import Page, expect
 from messages.requests import WORLD_PROPERTIES
 from messages.std import Empty
 from messages.topics import GOAL_POSE, ODOM
+from tests.harness.cases import case
 from tests.harness.waiting import wait_until
 from tests.services.panel.conftest import WITHIN_S, PageOpener, PanelFleet
 
@@ -137,20 +138,20 @@ def test_a_button_under_the_pointer_keeps_the_colours_that_its_words_are_read_on
 def test_on_a_phone_the_chosen_robot_is_in_sight(pages: PageOpener) -> None:
     page = pages.open("robots", 390, 844)
     for robot in ("/tb3_2", "/tb3_0"):
-        page.evaluate("(robot) => window.elea.map.hand.select(robot)", robot)
+        page.evaluate("(robot) => window.elea.map.actions.select(robot)", robot)
         expect(page.locator(f"[data-robot='{robot}']")).to_be_in_viewport(ratio=0.95)
 
 
-@pytest.mark.parametrize("size", [(390, 844), (800, 600), (1024, 768), (1280, 720)])
-def test_what_stops_robots_is_whole_on_every_screen_also_when_they_are_stopped(
-    pages: PageOpener, size: tuple[int, int]
-) -> None:
-    page = pages.open("robots", *size)
+def test_what_stops_robots_is_whole_on_every_screen_also_when_they_are_stopped(pages: PageOpener) -> None:
+    page = pages.open("robots")
     page.click("[data-robot='/tb3_1'] .stop")
     for text in ("STOPPED 1/3", "STOPPED"):
         expect(page.locator("#stop")).to_have_text(text)
-        for button in ("#stop", "#stop-reset", "#pause", "#stick"):
-            expect(page.locator(button)).to_be_in_viewport(ratio=1)
+        for width, height in ((390, 844), (800, 600), (1024, 768), (1280, 720)):
+            page.set_viewport_size({"width": width, "height": height})
+            for button in ("#stop", "#stop-reset", "#pause", "#stick"):
+                with case(width, height, button):
+                    expect(page.locator(button)).to_be_in_viewport(ratio=1)
         page.click("#stop")
     page.click("#stop-reset")
     expect(page.locator("#stop")).to_have_text("STOP")
@@ -170,5 +171,5 @@ def test_the_first_look_is_at_everything(pages: PageOpener) -> None:
     page.mouse.wheel(0, -200)
     wait_until(lambda: page.evaluate("window.elea.map.camera.scale") > scale, WITHIN_S, "nearer")
     near = page.evaluate("window.elea.map.camera.scale")
-    page.evaluate("window.elea.map.know(window.elea.map.robots)")
+    page.evaluate("window.elea.map.setRobots(window.elea.map.robots)")
     assert page.evaluate("window.elea.map.camera.scale") == near, "what a hand has moved stays"

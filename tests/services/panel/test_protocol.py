@@ -23,14 +23,14 @@ WRONG = [
     "x",
     "[]",
     "null",
-    '{"k":"want"',
+    '{"k":"subscribe"',
     '{"k":"explode"}',
-    '{"k":"want","channels":["secrets"]}',
-    '{"k":"want","more":1}',
-    json.dumps({"k": "want", "series": [{"id": 1, "topic": "/a", "path": "a..b"}]}),
-    json.dumps({"k": "want", "series": [{"id": 1, "topic": "no slash", "path": "x"}]}),
-    json.dumps({"k": "want", "series": [{"id": n, "topic": "/a", "path": "x"} for n in range(33)]}),
-    json.dumps({"k": "want", "fields": ["/a/*"]}),
+    '{"k":"subscribe","channels":["secrets"]}',
+    '{"k":"subscribe","more":1}',
+    json.dumps({"k": "subscribe", "series": [{"id": 1, "topic": "/a", "path": "a..b"}]}),
+    json.dumps({"k": "subscribe", "series": [{"id": 1, "topic": "no slash", "path": "x"}]}),
+    json.dumps({"k": "subscribe", "series": [{"id": n, "topic": "/a", "path": "x"} for n in range(33)]}),
+    json.dumps({"k": "subscribe", "fields": ["/a/*"]}),
     '{"k":"drive","robot":"/a","v":1e999}',
     '{"k":"drive","robot":"/a","v":"fast"}',
     '{"k":"drive","robot":"/a","v":NaN}',
@@ -56,7 +56,7 @@ def test_senseless_words_are_refused_with_a_reason_and_counted(desk: ServerHarne
         page.send(b"\x00\xff")
         assert "only text" in receive(page)["reason"]
         assert desk.board.drain() == [], "none of it reached the loop"
-        page.send('{"k":"want","channels":["log"]}')
+        page.send('{"k":"subscribe","channels":["log"]}')
         page.send("?")
         receive(page)
         assert [said for _, said in desk.board.drain()] == [Subscribe(channels=("log",))]

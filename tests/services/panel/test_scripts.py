@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from playwright.sync_api import Page
+from playwright.sync_api import Browser, Page
 
-from tests.services.panel.conftest import PageOpener
+from tests.services.panel.conftest import PageOpener, PanelFleet
 
 
-@pytest.fixture
-def page(pages: PageOpener) -> Page:
-    return pages.open("log")
+@pytest.fixture(scope="module")
+def page(browser: Browser, fleet: PanelFleet) -> Iterator[Page]:
+    """One for all tests: none of them changes what it shows for good."""
+    pages = PageOpener(browser, fleet)
+    opened = pages.open("log")
+    yield opened
+    opened.context.close()
+    assert pages.errors == []
 
 
 def test_a_history_is_bounded_and_rises(page: Page) -> None:
@@ -132,17 +138,17 @@ def test_a_wide_range_has_a_fine_slider_near_what_is_usual(page: Page) -> None:
 def test_a_button_asks_once_however_often_it_is_pressed_and_a_greyed_one_says_why(page: Page) -> None:
     got = page.evaluate(
         """async () => {
-          const { allow, el, whileAsking } = await import("/static/js/dom.js");
+          const { el, setEnabled, whilePending } = await import("/static/js/dom.js");
           let asked = 0, answer;
           const button = el("button", { title: "Start it", onclick: () =>
-            whileAsking([button], new Promise((done) => { asked++; answer = done; })) });
+            whilePending([button], new Promise((done) => { asked++; answer = done; })) });
           button.click(); button.click(); button.click();
           const during = [asked, button.disabled];
-          allow(button, "it runs already");
+          setEnabled(button, "it runs already");
           answer();
           await new Promise((done) => setTimeout(done, 20));
           const refused = [button.disabled, button.title];
-          allow(button, "");
+          setEnabled(button, "");
           return { during, refused, after: [button.disabled, button.title] };
         }"""
     )

@@ -21,7 +21,7 @@ from tests.services.params.parameter_client import (
 )
 
 KILLS = 20
-LANES = 2
+LANES = 4
 """Services at work side by side, each with a file and a domain of its own."""
 SEED = 4
 UNSET = 37.5, 38.5

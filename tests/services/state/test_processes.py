@@ -124,7 +124,7 @@ def test_a_second_publisher_of_a_frame_is_told_by_both_sides(scene: TfHarness) -
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (("urdf=nowhere.urdf",), "the URDF nowhere.urdf cannot be read: No such file"),
+        (("urdf=nowhere.urdf",), "nowhere.urdf cannot be read: No such file"),
         (("model=burgr",), "did you mean 'burger'"),
         (("model=burger", "urdf=x"), "both model"),
         (("model=burger", "publish_default_positions=true", 'zeros=["elbow=1"]'), "no joint 'elbow'"),

@@ -1,4 +1,4 @@
-// Where one looks at the ground from above: metres to pixels and back, moved by hand, wheel and two fingers.
+// Where one looks at the ground from above: metres to pixels and back, moved by pointer, wheel and two fingers.
 
 export class Camera {
   constructor() {

@@ -1,6 +1,6 @@
 // The topics and their fields, live, to choose from for a plot.
 
-import { el, say } from "./dom.js";
+import { el, setText } from "./dom.js";
 import { ownFirst, store } from "./store.js";
 
 const MOST_OPEN = 3;
@@ -23,7 +23,7 @@ export function startChooser(link, plot) {
       if (topics.children[index] !== row) topics.insertBefore(row, topics.children[index] ?? null);
     });
     open = open.filter((name) => rows.has(name));
-    wish();
+    subscribe();
   }
 
   function make(name) {
@@ -46,11 +46,11 @@ export function startChooser(link, plot) {
       if (!shown) { body.replaceChildren(); fields.clear(); }
       else if (!fields.size) body.replaceChildren(el("p", { class: "hint" }, "waiting for a message"));
     }
-    wish();
+    subscribe();
   }
 
-  function wish() {
-    link.want("chooser", visible ? { channels: ["graph"], fields: open } : { channels: ["graph"] });
+  function subscribe() {
+    link.subscribe("chooser", visible ? { channels: ["graph"], fields: open } : { channels: ["graph"] });
   }
 
   function fill({ topic, fields }) {
@@ -61,7 +61,7 @@ export function startChooser(link, plot) {
       known.fields.clear();
       known.body.replaceChildren(...fields.map(([path, value]) => leaf(known, topic, path, value)));
     }
-    for (const [path, value] of fields) say(known.fields.get(path).value, text(value));
+    for (const [path, value] of fields) setText(known.fields.get(path).value, text(value));
   }
 
   function leaf(known, topic, path, value) {
@@ -78,11 +78,11 @@ export function startChooser(link, plot) {
 
   link.on("graph", list);
   link.on("fields", fill);
-  wish();
+  subscribe();
   return {
     element,
-    show() { visible = true; wish(); },
-    hide() { visible = false; wish(); },
+    show() { visible = true; subscribe(); },
+    hide() { visible = false; subscribe(); },
     refresh() {
       for (const [topic, { fields }] of rows) {
         for (const [path, { row }] of fields) if (row.tagName === "BUTTON") row.setAttribute("aria-pressed", String(plot.has(topic, path)));

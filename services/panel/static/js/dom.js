@@ -29,7 +29,7 @@ export const robotName = (ns) => ns.slice(1) || ns;
 export const byId = (id) => document.getElementById(id);
 
 // Set text only when it differs: a write costs layout.
-export function say(element, text) {
+export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
@@ -38,7 +38,7 @@ export function show(element, visible) {
 }
 
 // Give a place other contents, and leave what stays the same where it is: a button that is pressed just now, the focus.
-export function renew(place, children) {
+export function updateChildren(place, children) {
   const wanted = el("div", {}, ...children);
   if (alike(place, wanted, true)) copy(place, wanted, true);
   else place.replaceChildren(...wanted.childNodes);
@@ -56,23 +56,23 @@ function copy(a, b, outermost = false) {
 }
 
 // Disable buttons until what they have asked for is answered: a second click would ask for it twice.
-export async function whileAsking(buttons, asked) {
-  for (const each of buttons) { each.disabled = true; each.classList.add("asking"); }
+export async function whilePending(buttons, asked) {
+  for (const each of buttons) { each.disabled = true; each.classList.add("pending"); }
   try { return await asked; } finally {
-    for (const each of buttons) { each.disabled = Boolean(each.dataset.why); each.classList.remove("asking"); }
+    for (const each of buttons) { each.disabled = Boolean(each.dataset.why); each.classList.remove("pending"); }
   }
 }
 
 // Enable a control, or grey it and say why in its tooltip; `reason` is empty while it can be used.
-export function allow(control, reason) {
+export function setEnabled(control, reason) {
   const title = control.dataset.title ?? (control.dataset.title = control.title);
   control.dataset.why = reason;
-  if (!control.classList.contains("asking")) control.disabled = Boolean(reason);
+  if (!control.classList.contains("pending")) control.disabled = Boolean(reason);
   control.title = reason || title;
 }
 
 // A button that asks once more before it acts.
-export function careful(label, act, attributes = {}) {
+export function confirmButton(label, act, attributes = {}) {
   let armed = 0;
   const button = el("button", { ...attributes, onclick: () => {
     if (armed) { calm(); act(button); return; }
@@ -90,7 +90,7 @@ export function careful(label, act, attributes = {}) {
 }
 
 // A small sentence that passes.
-export function note(text, kind = "") {
+export function notify(text, kind = "") {
   const notes = byId("notes");
   const last = notes.lastElementChild;
   if (last && last.dataset.text === text) return;
@@ -102,7 +102,7 @@ export function note(text, kind = "") {
 }
 
 // What a browser remembers of this page; without storage it forgets.
-export const memory = {
+export const storage = {
   get(name, otherwise) {
     try {
       const kept = localStorage.getItem(`elea.${name}`);

@@ -1,9 +1,9 @@
-// The hand: a stick on the screen and keys, each for as long as it is held. The panel stops the robot when this page
+// Driving: a stick on the screen and keys, each for as long as it is held. The panel stops the robot when this page
 // falls silent; here everything that could leave a key stuck lets go as well.
 
-import { el, memory, note, robotName, say, show } from "./dom.js";
+import { el, notify, robotName, setText, show, storage } from "./dom.js";
 
-const PERIOD = 50; // ms between two words while the hand is there
+const PERIOD = 50; // ms between two commands while the stick or a key is held
 const KEYS = {
   i: [1, 0], w: [1, 0], ArrowUp: [1, 0],
   ",": [-1, 0], s: [-1, 0], x: [-1, 0], ArrowDown: [-1, 0],
@@ -16,8 +16,8 @@ export function startDrive(link, chosen) {
   const held = new Map(); // by the key's place on the keyboard: with Shift in between, its name is another when it goes up
   let enabled = false, stick = null, timer = 0, limits = { v: 1, w: 3 };
 
-  const speed = el("input", { type: "range", min: 0.05, max: 1, step: 0.01, value: memory.get("speed", 0.2), "aria-label": "Speed", oninput: () => shown() });
-  const turn = el("input", { type: "range", min: 0.1, max: 3, step: 0.05, value: memory.get("turn", 1), "aria-label": "Turn rate", oninput: () => shown() });
+  const speed = el("input", { type: "range", min: 0.05, max: 1, step: 0.01, value: storage.get("speed", 0.2), "aria-label": "Speed", oninput: () => shown() });
+  const turn = el("input", { type: "range", min: 0.1, max: 3, step: 0.05, value: storage.get("turn", 1), "aria-label": "Turn rate", oninput: () => shown() });
   const speedText = el("span", { class: "num" }), turnText = el("span", { class: "num" });
   const knob = el("div", { class: "knob" });
   const pad = el("div", { class: "pad", id: "stick", title: "Drag and hold to drive" }, knob);
@@ -31,14 +31,14 @@ export function startDrive(link, chosen) {
       el("small", { class: "quiet keys" }, el("span", {}, "Hold W A S D or the arrows,"), el("span", {}, "or u i o  j l  m , . to drive by keys")))));
 
   function shown() {
-    say(speedText, `${Number(speed.value).toFixed(2)} m/s`);
-    say(turnText, `${Number(turn.value).toFixed(2)} rad/s`);
-    memory.set("speed", Number(speed.value));
-    memory.set("turn", Number(turn.value));
+    setText(speedText, `${Number(speed.value).toFixed(2)} m/s`);
+    setText(turnText, `${Number(turn.value).toFixed(2)} rad/s`);
+    storage.set("speed", Number(speed.value));
+    storage.set("turn", Number(turn.value));
   }
 
-  // What the hand wants, as shares of the two speeds; null when it is not there.
-  function wanted() {
+  // What stick and keys command, as shares of the two speeds; null when neither is held.
+  function command() {
     if (stick) return stick;
     if (!held.size) return null;
     let v = 0, w = 0;
@@ -46,13 +46,13 @@ export function startDrive(link, chosen) {
     return [Math.max(-1, Math.min(1, v)), Math.max(-1, Math.min(1, w))];
   }
 
-  function tell() {
-    const share = wanted(), robot = chosen();
+  function sendCommand() {
+    const share = command(), robot = chosen();
     if (!share || !robot?.drives) { release(); return; }
     const v = share[0] * Number(speed.value), w = share[1] * Number(turn.value);
-    link.say({ k: "drive", robot: robot.ns, v: Number(v.toFixed(3)), w: Number(w.toFixed(3)) });
-    say(motion, `${v.toFixed(2)} m/s, ${w.toFixed(2)} rad/s`);
-    if (!timer) timer = setInterval(tell, PERIOD);
+    link.send({ k: "drive", robot: robot.ns, v: Number(v.toFixed(3)), w: Number(w.toFixed(3)) });
+    setText(motion, `${v.toFixed(2)} m/s, ${w.toFixed(2)} rad/s`);
+    if (!timer) timer = setInterval(sendCommand, PERIOD);
   }
 
   function release() {
@@ -60,11 +60,11 @@ export function startDrive(link, chosen) {
     stick = null;
     knob.style.transform = "";
     pad.classList.remove("held");
-    say(motion, "");
+    setText(motion, "");
     if (!timer) return;
     clearInterval(timer);
     timer = 0;
-    link.say({ k: "release" });
+    link.send({ k: "release" });
   }
 
   const typing = (target) => target.closest?.("input:not([type=range]):not([type=checkbox]), select, textarea");
@@ -73,14 +73,14 @@ export function startDrive(link, chosen) {
     if (!enabled || !(key in KEYS) || event.ctrlKey || event.metaKey || event.altKey || typing(event.target)) return;
     event.preventDefault();
     if (event.repeat) return;
-    if (!chosen()?.drives) { note("choose a robot that drives"); return; }
+    if (!chosen()?.drives) { notify("choose a robot that drives"); return; }
     if (event.target.matches?.("input")) event.target.blur();
     held.set(event.code, KEYS[key]);
-    tell();
+    sendCommand();
   });
   window.addEventListener("keyup", (event) => {
     if (event.key === "Meta") release(); // macOS tells of no key that goes up meanwhile
-    else if (held.delete(event.code)) tell();
+    else if (held.delete(event.code)) sendCommand();
   });
   for (const kind of ["blur", "pagehide", "contextmenu"]) window.addEventListener(kind, release);
   document.addEventListener("visibilitychange", () => { if (document.hidden) release(); });
@@ -100,7 +100,7 @@ export function startDrive(link, chosen) {
     pad.setPointerCapture(event.pointerId);
     pad.classList.add("held");
     follow(event);
-    tell();
+    sendCommand();
   });
   pad.addEventListener("pointermove", (event) => { if (stick) follow(event); });
   for (const kind of ["pointerup", "pointercancel", "lostpointercapture"]) pad.addEventListener(kind, release);
@@ -112,16 +112,16 @@ export function startDrive(link, chosen) {
     turn.max = told.w;
     shown();
   });
-  link.on("error", ({ reason }) => { if (timer) note(reason, "bad"); });
+  link.on("error", ({ reason }) => { if (timer) notify(reason, "bad"); });
   shown();
   return {
     element,
     release,
     enable(on) { enabled = on; if (!on) release(); },
     choose(robot) {
-      say(title, robot ? `Drive ${robotName(robot.ns)}` : "Drive");
+      setText(title, robot ? `Drive ${robotName(robot.ns)}` : "Drive");
       const reason = !robot ? "Choose a robot first." : robot.drives ? "" : `${robotName(robot.ns)} has no wheels to drive: it takes no cmd_vel.`;
-      say(why, reason);
+      setText(why, reason);
       show(why, Boolean(reason));
       speed.disabled = turn.disabled = Boolean(reason);
       element.classList.toggle("off", Boolean(reason));

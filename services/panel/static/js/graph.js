@@ -1,6 +1,6 @@
 // The view of the graph: who publishes and reads what, how often, what was lost, and how old the last word is.
 
-import { el, memory, renew, say, svg } from "./dom.js";
+import { el, setText, storage, svg, updateChildren } from "./dom.js";
 import { layout, NODE, ROW } from "./graph_layout.js";
 import { details, loss, rate } from "./graph_details.js";
 import { store } from "./store.js";
@@ -9,7 +9,7 @@ const QUIET = /^\/(rosout|health|clock)$|\/parameter_(descriptions|updates)$/;
 
 export function startGraph(link) {
   const filter = el("input", { type: "search", placeholder: "Filter topics and nodes", "aria-label": "Filter the graph", oninput: () => draw() });
-  const all = el("input", { type: "checkbox", checked: memory.get("housekeeping", false), onchange: () => { memory.set("housekeeping", all.checked); draw(); } });
+  const all = el("input", { type: "checkbox", checked: storage.get("housekeeping", false), onchange: () => { storage.set("housekeeping", all.checked); draw(); } });
   const drawing = el("div", { class: "drawing scroll" }), table = el("tbody");
   const aside = el("aside", { class: "pane details" });
   const count = el("span", { class: "quiet num" });
@@ -28,7 +28,7 @@ export function startGraph(link) {
   function draw() {
     if (!visible) return;
     const topics = shownTopics();
-    say(count, `${store.nodes.length} nodes, ${topics.length} of ${store.topics.length} topics`);
+    setText(count, `${store.nodes.length} nodes, ${topics.length} of ${store.topics.length} topics`);
     const { left, middle, right, height } = layout(topics);
     const width = Math.max(640, drawing.clientWidth - 20), side = width < 760 ? 140 : 170, wide = Math.min(380, width - 2 * side - 110);
     const from = (width - wide) / 2;
@@ -51,10 +51,10 @@ export function startGraph(link) {
       const row = el("tr", { onclick: () => choose({ topic: topic.name }) }, el("td", {}, el("button", { class: "link" }, topic.name)), ...cells);
       marks.push(() => {
         const known = store.rates.topics[topic.name];
-        say(cells[0], rate(known, topic));
-        say(cells[1], String(loss(topic.name) || ""));
+        setText(cells[0], rate(known, topic));
+        setText(cells[1], String(loss(topic.name) || ""));
         cells[1].classList.toggle("bad", loss(topic.name) > 0);
-        say(cells[2], known?.age === null || known?.age === undefined ? "" : `${known.age.toFixed(0)} s`);
+        setText(cells[2], known?.age === null || known?.age === undefined ? "" : `${known.age.toFixed(0)} s`);
       });
       return row;
     }));
@@ -95,7 +95,7 @@ export function startGraph(link) {
       svg("text", { x: x + 8, y: y + 4 }, clipped(topic.name, Math.floor((width - 90) / 7))), number, svg("title", {}, topic.name));
     marks.push(() => {
       const lost = loss(topic.name), text = rate(store.rates.topics[topic.name], topic);
-      say(number, lost ? `${lost} lost · ${text}` : text);
+      setText(number, lost ? `${lost} lost · ${text}` : text);
       box.classList.toggle("bad", lost > 0);
       box.classList.toggle("idle", topic.pubs.length === 0);
     });
@@ -119,7 +119,7 @@ export function startGraph(link) {
       each.classList.toggle("lit", Boolean(chosen) && lit);
     }
     element.classList.toggle("with-details", Boolean(chosen));
-    renew(aside, chosen ? details(chosen, choose) : []);
+    updateChildren(aside, chosen ? details(chosen, choose) : []);
   }
 
   function choose(what) {
@@ -135,10 +135,10 @@ export function startGraph(link) {
   });
   link.on("rates", () => { if (visible) refresh(); });
   new ResizeObserver(() => draw()).observe(drawing);
-  link.want("graph", { channels: ["graph"] });
+  link.subscribe("graph", { channels: ["graph"] });
   return {
     element,
-    show() { visible = true; link.want("graph", { channels: ["graph", "rates"] }); draw(); },
-    hide() { visible = false; link.want("graph", { channels: ["graph"] }); },
+    show() { visible = true; link.subscribe("graph", { channels: ["graph", "rates"] }); draw(); },
+    hide() { visible = false; link.subscribe("graph", { channels: ["graph"] }); },
   };
 }

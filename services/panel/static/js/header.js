@@ -1,6 +1,6 @@
 // The bar at the top: simulation time and its controls, the emergency stop, what the fleet is called.
 
-import { allow, byId, careful, note, say, show, whileAsking } from "./dom.js";
+import { byId, confirmButton, notify, setEnabled, setText, show, whilePending } from "./dom.js";
 import { findParameter } from "./store.js";
 
 export function clockText(seconds) {
@@ -11,38 +11,38 @@ export function clockText(seconds) {
 
 export function startHeader(link) {
   let paused = false;
-  link.want("header", { channels: ["clock", "fleet", "robots", "sets", "values"] });
+  link.subscribe("header", { channels: ["clock", "fleet", "robots", "sets", "values"] });
 
-  const ask = (word, done, ...buttons) => whileAsking(buttons, link.ask(word)).then(
-    (answer) => { if (done) note(typeof answer === "string" ? answer : done); },
-    (error) => note(error.message, "bad"),
+  const request = (message, done, ...buttons) => whilePending(buttons, link.call(message)).then(
+    (answer) => { if (done) notify(typeof answer === "string" ? answer : done); },
+    (error) => notify(error.message, "bad"),
   );
-  byId("pause").addEventListener("click", () => ask({ k: paused ? "resume" : "pause" }, "", byId("pause")));
-  byId("step").addEventListener("click", () => ask({ k: "step", count: Number(byId("steps").value) }, "", byId("step")));
+  byId("pause").addEventListener("click", () => request({ k: paused ? "resume" : "pause" }, "", byId("pause")));
+  byId("step").addEventListener("click", () => request({ k: "step", count: Number(byId("steps").value) }, "", byId("step")));
   for (const [id, time, done] of [["reset", true, "time and world are reset"], ["reset-world", false, "the world is reset"]]) {
     const plain = byId(id);
-    const button = careful(plain.textContent, () => ask({ k: "reset", time }, done, byId(id)), { id, title: plain.title });
+    const button = confirmButton(plain.textContent, () => request({ k: "reset", time }, done, byId(id)), { id, title: plain.title });
     button.className = plain.className;
     plain.replaceWith(button);
   }
-  byId("stop").addEventListener("click", () => ask({ k: "estop", on: true }, "stop")); // never greyed: it stops, however often
-  byId("stop-reset").addEventListener("click", () => ask({ k: "estop", on: false }, "reset", byId("stop-reset")));
+  byId("stop").addEventListener("click", () => request({ k: "estop", on: true }, "stop")); // never greyed: it stops, however often
+  byId("stop-reset").addEventListener("click", () => request({ k: "estop", on: false }, "reset", byId("stop-reset")));
 
   link.on("clock", (clock) => {
     paused = clock.paused;
-    say(byId("clock"), clock.alive ? clockText(clock.t) : "no clock");
-    say(byId("factor"), !clock.alive ? "" : paused ? "paused" : clock.factor === null ? "" : `×${clock.factor.toFixed(clock.factor < 10 ? 2 : 1)}`);
+    setText(byId("clock"), clock.alive ? clockText(clock.t) : "no clock");
+    setText(byId("factor"), !clock.alive ? "" : paused ? "paused" : clock.factor === null ? "" : `×${clock.factor.toFixed(clock.factor < 10 ? 2 : 1)}`);
     byId("dot").className = `dot ${!clock.alive ? "bad" : paused ? "warn" : "good"}`;
-    say(byId("pause"), paused ? "Resume" : "Pause");
-    for (const id of ["step", "steps"]) allow(byId(id), paused ? "" : "Pause first: time runs");
+    setText(byId("pause"), paused ? "Resume" : "Pause");
+    for (const id of ["step", "steps"]) setEnabled(byId(id), paused ? "" : "Pause first: time runs");
   });
   link.on("about", ({ dropped }) => {
-    say(byId("drops"), `${dropped} frames left out`);
+    setText(byId("drops"), `${dropped} frames left out`);
     show(byId("drops"), dropped > 0);
   });
   link.on("fleet", ({ state }) => {
-    say(byId("fleet"), state ? state.fleet : "elea");
-    say(byId("mode"), state ? state.mode : "");
+    setText(byId("fleet"), state ? state.fleet : "elea");
+    setText(byId("mode"), state ? state.mode : "");
     document.title = state ? `${state.fleet} · Elea` : "Elea panel";
   });
   link.on("robots", ({ robots, all_stopped }) => {
@@ -51,7 +51,7 @@ export function startHeader(link) {
     const some = stopped > 0 || all_stopped || robots.some((each) => each.asked);
     show(byId("stop-reset"), some);
     byId("stop").classList.toggle("latched", some);
-    say(byId("stop"), stopped === 0 ? "STOP" : stopped === bases.length ? "STOPPED" : `STOPPED ${stopped}/${bases.length}`);
+    setText(byId("stop"), stopped === 0 ? "STOP" : stopped === bases.length ? "STOPPED" : `STOPPED ${stopped}/${bases.length}`);
   });
   startFactor(link);
 }
@@ -74,8 +74,8 @@ function startFactor(link) {
   box.addEventListener("change", () => {
     const found = findParameter("factor", (set) => set.includes("sim"));
     if (!found || box.value === "") { refresh(true); return; }
-    link.ask({ k: "set", set: found.set, values: { factor: Number(box.value) }, run: true }).catch((error) => {
-      note(error.message, "bad");
+    link.call({ k: "set", set: found.set, values: { factor: Number(box.value) }, run: true }).catch((error) => {
+      notify(error.message, "bad");
       refresh(true);
     });
   });

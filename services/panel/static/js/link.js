@@ -1,16 +1,16 @@
-// The socket to the panel: news in, wishes and requests out, each request with a deadline.
+// The socket to the panel: subscriptions and requests out, messages in; each request has a deadline.
 
 const DEADLINE = 8000; // ms; the panel's own is shorter, and names the reason
-const MARK = 0x31454c45;
+const MAGIC = 0x31454c45;
 
 export class Link {
   constructor() {
     this.listeners = new Map();
-    this.waiting = new Map();
-    this.wishes = new Map();
+    this.pending = new Map();
+    this.subscriptions = new Map();
     this.number = 0;
-    this.said = "";
-    this.open = this.heard = false;
+    this.lastSent = "";
+    this.open = this.accepted = false;
     this.retry = 300;
   }
 
@@ -24,84 +24,86 @@ export class Link {
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       this.open = true;
-      this.said = "";
-      this.tell();
+      this.lastSent = "";
+      this.sendSubscriptions();
     };
     socket.onmessage = (event) => {
-      if (!this.heard) this.welcome();
-      this.hear(event.data);
+      if (!this.accepted) this.onAccepted();
+      this.receive(event.data);
     };
-    socket.onclose = (event) => this.lost(event);
+    socket.onclose = (event) => this.onClose(event);
   }
 
-  // Open is not yet in: with too many pages the panel opens, says so, and closes.
-  welcome() {
-    this.heard = true;
+  // An open socket is not accepted yet: with too many pages the panel opens, gives the reason, and closes.
+  onAccepted() {
+    this.accepted = true;
     this.retry = 300;
     this.emit("link", { open: true });
   }
 
-  // What one part of the page wants to see: {channels, series, fields}; all parts' wishes go out as one.
-  want(part, wish) {
-    this.wishes.set(part, wish);
-    clearTimeout(this.telling);
-    this.telling = setTimeout(() => this.tell(), 20);
+  // Set what one part of the page shows: {channels, series, fields, scan}; those of all parts are sent as one.
+  subscribe(part, subscription) {
+    this.subscriptions.set(part, subscription);
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.sendSubscriptions(), 20);
   }
 
-  // A request; resolves to its answer, rejects with the reason.
-  ask(word) {
+  // Send a request; resolves to its result, rejects with the reason.
+  call(request) {
     return new Promise((resolve, reject) => {
       if (!this.open) { reject(new Error("not connected")); return; }
       const id = ++this.number;
       const timer = setTimeout(() => {
-        this.waiting.delete(id);
+        this.pending.delete(id);
         reject(new Error("no answer within 8 s"));
       }, DEADLINE);
-      this.waiting.set(id, { resolve, reject, timer });
-      this.socket.send(JSON.stringify({ ...word, id }));
+      this.pending.set(id, { resolve, reject, timer });
+      this.socket.send(JSON.stringify({ ...request, id }));
     });
   }
 
-  // Something without an answer; false when it could not leave at once, so that nothing old piles up.
-  say(word) {
+  // Send what has no answer; false when it could not be sent at once, so that nothing old piles up.
+  send(message) {
     if (!this.open || this.socket.bufferedAmount > 4096) return false;
-    this.socket.send(JSON.stringify(word));
+    this.socket.send(JSON.stringify(message));
     return true;
   }
 
-  tell() {
+  sendSubscriptions() {
     const channels = new Set(), series = [], fields = new Set();
-    for (const wish of this.wishes.values()) {
-      wish.channels?.forEach((each) => channels.add(each));
-      wish.fields?.forEach((each) => fields.add(each));
-      if (wish.series) series.push(...wish.series);
+    let scan = "";
+    for (const each of this.subscriptions.values()) {
+      each.channels?.forEach((name) => channels.add(name));
+      each.fields?.forEach((name) => fields.add(name));
+      if (each.series) series.push(...each.series);
+      scan = each.scan || scan;
     }
-    const text = JSON.stringify({ k: "want", channels: [...channels], series, fields: [...fields] });
-    if (this.open && text !== this.said) {
-      this.said = text;
+    const text = JSON.stringify({ k: "subscribe", channels: [...channels], series, fields: [...fields], scan });
+    if (this.open && text !== this.lastSent) {
+      this.lastSent = text;
       this.socket.send(text);
     }
   }
 
-  hear(data) {
-    if (data instanceof ArrayBuffer) { this.samples(data); return; }
+  receive(data) {
+    if (data instanceof ArrayBuffer) { this.receiveSamples(data); return; }
     const message = JSON.parse(data);
     if (message.k === "reply") {
-      const asked = this.waiting.get(message.id);
-      if (!asked) return;
-      this.waiting.delete(message.id);
-      clearTimeout(asked.timer);
-      if (message.ok) asked.resolve(message.is);
-      else asked.reject(new Error(message.is));
+      const request = this.pending.get(message.id);
+      if (!request) return;
+      this.pending.delete(message.id);
+      clearTimeout(request.timer);
+      if (message.ok) request.resolve(message.result);
+      else request.reject(new Error(message.result));
       return;
     }
     this.emit(message.k, message);
   }
 
-  samples(buffer) {
+  receiveSamples(buffer) {
     const head = new Uint32Array(buffer, 0, 4);
-    if (head[0] !== MARK) return;
-    this.emit("era", head[1]);
+    if (head[0] !== MAGIC) return;
+    this.emit("epoch", head[1]);
     for (let at = 16, left = head[2]; left > 0; left--) {
       const [id, count] = new Uint32Array(buffer, at, 2);
       const times = new Float64Array(buffer, at + 8, count);
@@ -115,19 +117,19 @@ export class Link {
     for (const listener of this.listeners.get(kind) ?? []) listener(message);
   }
 
-  async lost(event) {
-    this.open = this.heard = false;
-    for (const { reject, timer } of this.waiting.values()) {
+  async onClose(event) {
+    this.open = this.accepted = false;
+    for (const { reject, timer } of this.pending.values()) {
       clearTimeout(timer);
       reject(new Error("the connection was lost"));
     }
-    this.waiting.clear();
-    this.emit("link", { open: false, reason: event.reason || await this.why() });
+    this.pending.clear();
+    this.emit("link", { open: false, reason: event.reason || await this.closeReason() });
     setTimeout(() => this.start(), this.retry);
     this.retry = Math.min(4000, this.retry * 1.7);
   }
 
-  async why() {
+  async closeReason() {
     try {
       const answer = await fetch("/session", { signal: AbortSignal.timeout(2000) });
       if (answer.status === 401) return "The token of this page no longer counts: open the address that ./elea panel prints.";

@@ -1,6 +1,6 @@
 // The log of all nodes: by level, node and words; it follows the newest line until somebody scrolls up.
 
-import { el, say } from "./dom.js";
+import { el, setText } from "./dom.js";
 import { clockText } from "./header.js";
 
 const MOST = 1500;
@@ -30,19 +30,19 @@ export function startLog(link) {
     counted();
   }
 
-  const counted = () => say(count, `${body.children.length} of ${lines.length}`);
+  const counted = () => setText(count, `${body.children.length} of ${lines.length}`);
 
-  link.on("log", ({ lines: news, anew }) => {
-    if (anew) lines = [];
-    lines.push(...news);
+  link.on("log", ({ lines: added, first }) => {
+    if (first) lines = [];
+    lines.push(...added);
     if (lines.length > MOST) lines = lines.slice(-MOST);
-    if (anew) { redraw(); return; }
+    if (first) { redraw(); return; }
     const follows = body.scrollHeight - body.scrollTop - body.clientHeight < 40;
-    body.append(...news.filter(fits).map(drawn));
+    body.append(...added.filter(fits).map(drawn));
     while (body.children.length > MOST) body.firstElementChild.remove();
     if (follows && visible) body.scrollTop = body.scrollHeight;
     counted();
   });
-  link.want("log", { channels: ["log"] });
+  link.subscribe("log", { channels: ["log"] });
   return { element, show() { visible = true; body.scrollTop = body.scrollHeight; }, hide() { visible = false; } };
 }

@@ -1,19 +1,22 @@
-// The map from above: grid, trails, plans, robots as they are and as they believe to be, and the goal under the hand.
+// The map from above: grid, world, trails, plans, robots where they are and where odometry has them, and the goal that is being set.
 
 import { Camera } from "./camera.js";
 import { el, robotName } from "./dom.js";
 import { drawGrid } from "./map_grid.js";
+import { WorldLayer } from "./map_world.js";
 import { colour, onTheme, paint } from "./theme.js";
 
 const TRAIL = 4000; // points of a robot's trail
 const APART = 0.02; // m between two of them
 const SETTLE = 2000; // ms in which the first look may still widen
+const AROUND = 6; // m around robots and plans in which bodies of the world belong to the first look
 
 export class GroundMap {
-  // `hand` answers the pointer: {select(ns), goal(x, y, yaw) or null when clicks send none}.
-  constructor(hand) {
-    this.hand = hand;
+  // `actions` are what a pointer can cause: {select(ns), goal(x, y, yaw) or null when clicks send none}.
+  constructor(actions) {
+    this.actions = actions;
     this.camera = new Camera();
+    this.world = new WorldLayer();
     this.robots = [];
     this.poses = {};
     this.trails = new Map();
@@ -36,7 +39,7 @@ export class GroundMap {
     }, { passive: false });
   }
 
-  take(poses) {
+  setPoses(poses) {
     this.poses = poses;
     this.dirty = true;
     for (const [ns, [x, y]] of Object.entries(poses)) {
@@ -48,22 +51,38 @@ export class GroundMap {
       if (step > APART) trail.push(x, y);
       if (trail.length > 2 * TRAIL) trail.splice(0, TRAIL);
     }
-    if (!this.fitted) this.settle();
+    if (!this.fitted) this.fitAtStart();
   }
 
-  know(robots) {
+  setRobots(robots) {
     this.robots = robots;
     for (const ns of this.trails.keys()) if (!robots.some((each) => each.ns === ns)) this.trails.delete(ns);
     this.dirty = true;
-    this.settle();
+    this.fitAtStart();
+  }
+
+  setBodies(bodies) {
+    this.world.setBodies(bodies);
+    this.dirty = true;
+    this.fitAtStart();
+  }
+
+  setOutlines(outlines) {
+    this.world.setOutlines(outlines);
+    this.dirty = true;
+  }
+
+  setScan(scan) {
+    this.world.scan = scan;
+    this.dirty = true;
   }
 
   // The first look is at everything: all robots, and plans that are told a moment later; then nothing moves by itself.
-  settle() {
+  fitAtStart() {
     const all = this.robots.length > 0 && this.robots.every(({ ns }) => this.poses[ns]);
     if (this.touched || !all || !this.canvas.clientWidth) return;
-    this.settled ??= performance.now() + SETTLE;
-    if (performance.now() <= this.settled) this.fit();
+    this.startEnds ??= performance.now() + SETTLE;
+    if (performance.now() <= this.startEnds) this.fit();
   }
 
   clear() { this.trails.clear(); this.dirty = true; }
@@ -72,7 +91,7 @@ export class GroundMap {
     this.fitted = true;
     const points = Object.values(this.poses).map(([x, y]) => [x, y]);
     for (const robot of this.robots) points.push(...robot.plan);
-    this.camera.fit(points);
+    this.camera.fit([...points, ...this.world.cornersNear(points, AROUND)]);
     this.dirty = true;
   }
 
@@ -82,12 +101,12 @@ export class GroundMap {
     this.canvas.height = height * ratio;
     this.camera.width = width;
     this.camera.height = height;
-    if (!this.fitted) this.settle();
+    if (!this.fitted) this.fitAtStart();
     this.dirty = true;
     this.draw();
   }
 
-  paintOf(ns) { return this.robots.find((each) => each.ns === ns)?.colour ?? paint(0); }
+  colourOf(ns) { return this.robots.find((each) => each.ns === ns)?.colour ?? paint(0); }
 
   draw() {
     if (!this.dirty || !this.canvas.width) return;
@@ -98,8 +117,10 @@ export class GroundMap {
     context.fillStyle = this.colours.ground;
     context.fillRect(0, 0, this.camera.width, this.camera.height);
     drawGrid(context, this.camera, this.colours);
-    for (const [ns, trail] of this.trails) this.drawTrail(context, trail, this.paintOf(ns));
+    this.world.draw(context, this.camera, this.colours);
+    for (const [ns, trail] of this.trails) this.drawTrail(context, trail, this.colourOf(ns));
     for (const robot of this.robots) if (robot.plan.length) this.drawPlan(context, robot);
+    this.world.drawScan(context, this.camera, this.selected, this.colourOf(this.selected));
     for (const [ns, pose] of Object.entries(this.poses)) this.drawRobot(context, ns, pose);
     if (this.aim) this.drawAim(context);
   }
@@ -116,7 +137,7 @@ export class GroundMap {
 
   drawPlan(context, robot) {
     const points = robot.plan.map(([x, y]) => this.camera.toScreen(x, y)), pose = this.poses[robot.ns];
-    context.strokeStyle = context.fillStyle = this.paintOf(robot.ns);
+    context.strokeStyle = context.fillStyle = this.colourOf(robot.ns);
     context.globalAlpha = robot.ns === this.selected ? 0.9 : 0.45;
     context.lineWidth = 1;
     context.setLineDash([3, 4]);
@@ -142,7 +163,7 @@ export class GroundMap {
   }
 
   drawRobot(context, ns, [x, y, yaw, ex, ey, eyaw]) {
-    const robot = this.robots.find((each) => each.ns === ns), paint = this.paintOf(ns);
+    const robot = this.robots.find((each) => each.ns === ns), paint = this.colourOf(ns);
     const size = Math.max(9, (robot?.radius || 0.13) * this.camera.scale);
     const apart = Math.hypot(ex - x, ey - y) * this.camera.scale > 3 || Math.abs(Math.atan2(Math.sin(eyaw - yaw), Math.cos(eyaw - yaw))) > 0.1;
     if (apart) {
@@ -199,7 +220,7 @@ export class GroundMap {
     this.pointers.set(event.pointerId, [event.offsetX, event.offsetY]);
     this.moved = 0;
     if (this.pointers.size > 1) { this.aim = null; return; }
-    if (this.hand.aims()) {
+    if (this.actions.aims()) {
       const [x, y] = this.camera.toWorld(event.offsetX, event.offsetY);
       this.aim = { x, y, yaw: this.towards(x, y), px: event.offsetX, py: event.offsetY };
       this.dirty = true;
@@ -238,7 +259,7 @@ export class GroundMap {
     this.aim = null;
     this.dirty = true;
     if (event.type === "pointercancel" || this.pointers.size) return;
-    if (aim) this.hand.goal(aim.x, aim.y, aim.yaw);
+    if (aim) this.actions.goal(aim.x, aim.y, aim.yaw);
     else if (this.moved < 5) this.pick(event.offsetX, event.offsetY);
   }
 
@@ -246,6 +267,6 @@ export class GroundMap {
     const near = Object.entries(this.poses)
       .map(([ns, [x, y]]) => { const [sx, sy] = this.camera.toScreen(x, y); return [Math.hypot(sx - px, sy - py), ns]; })
       .sort((a, b) => a[0] - b[0])[0];
-    if (near && near[0] < 30) this.hand.select(near[1]);
+    if (near && near[0] < 30) this.actions.select(near[1]);
   }
 }

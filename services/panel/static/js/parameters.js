@@ -1,12 +1,12 @@
 // The parameters of all sets, as their descriptions make them; what is set anywhere is shown everywhere.
 
-import { careful, el, memory, note, say, show, whileAsking } from "./dom.js";
+import { confirmButton, el, notify, setText, show, storage, whilePending } from "./dom.js";
 import { ownFirst, store } from "./store.js";
 import { Widget } from "./widget.js";
 
 export function startParameters(link) {
-  const filter = el("input", { type: "search", placeholder: "Filter parameters", "aria-label": "Filter parameters", oninput: () => sift() });
-  const run = el("input", { type: "checkbox", id: "run-only", checked: memory.get("run", true), onchange: () => memory.set("run", run.checked) });
+  const filter = el("input", { type: "search", placeholder: "Filter parameters", "aria-label": "Filter parameters", oninput: () => applyFilter() });
+  const run = el("input", { type: "checkbox", id: "run-only", checked: storage.get("run", true), onchange: () => storage.set("run", run.checked) });
   const empty = el("p", { class: "hint" }, "No parameters are described. Does the service params run?");
   const list = el("div", { class: "sets" });
   const element = el("aside", { class: "pane parameters" }, filter,
@@ -29,36 +29,36 @@ export function startParameters(link) {
       }
       if (list.children[index] !== set.element) list.insertBefore(set.element, list.children[index] ?? null);
     });
-    sift();
+    applyFilter();
   }
 
   function make(schema, text, open) {
     const set = { widgets: new Map(), text, note: el("p", { class: "reason", hidden: true }) };
-    const change = async (values) => fill(await link.ask({ k: "set", set: schema.set, values, run: run.checked }));
+    const change = async (values) => fill(await link.call({ k: "set", set: schema.set, values, run: run.checked }));
     for (const description of schema.parameters) {
-      set.widgets.set(description.name, new Widget(description, change, (name, button) => forget(schema.set, [name], button)));
+      set.widgets.set(description.name, new Widget(description, change, (name, button) => unset(schema.set, [name], button)));
     }
     const history = el("ol", { class: "history", hidden: true });
     set.element = el("details", { class: "set", open },
       el("summary", {}, el("span", { class: "name" }, schema.set), el("small", { class: "quiet" }, `${schema.parameters.length}`)),
       el("div", { class: "line tools" },
-        el("button", { class: "small", title: "Take the newest change back", onclick: ({ currentTarget }) => act({ k: "undo", set: schema.set }, currentTarget) }, "Undo"),
-        careful("Reset all", (button) => forget(schema.set, [], button), { class: "small", title: "Fleet file and defaults count again" }),
-        el("button", { class: "small", onclick: ({ currentTarget }) => recall(schema.set, history, currentTarget) }, "History")),
+        el("button", { class: "small", title: "Take the newest change back", onclick: ({ currentTarget }) => request({ k: "undo", set: schema.set }, currentTarget) }, "Undo"),
+        confirmButton("Reset all", (button) => unset(schema.set, [], button), { class: "small", title: "Fleet file and defaults count again" }),
+        el("button", { class: "small", onclick: ({ currentTarget }) => showHistory(schema.set, history, currentTarget) }, "History")),
       set.note, history, ...[...set.widgets.values()].map((each) => each.element));
     return set;
   }
 
-  const act = (word, ...buttons) => whileAsking(buttons, link.ask(word)).catch((error) => note(error.message, "bad"));
-  const forget = (set, names, ...buttons) => act({ k: "forget", set, names }, ...buttons);
+  const request = (message, ...buttons) => whilePending(buttons, link.call(message)).catch((error) => notify(error.message, "bad"));
+  const unset = (set, names, ...buttons) => request({ k: "unset", set, names }, ...buttons);
 
-  async function recall(set, element, button) {
+  async function showHistory(set, element, button) {
     if (!element.hidden) { element.hidden = true; return; }
     try {
-      const { changes } = await whileAsking([button], link.ask({ k: "history", set, limit: 30 }));
+      const { changes } = await whilePending([button], link.call({ k: "history", set, limit: 30 }));
       element.replaceChildren(...(changes.length ? changes.map(line) : [el("li", { class: "quiet" }, "nothing was changed")]));
       element.hidden = false;
-    } catch (error) { note(error.message, "bad"); }
+    } catch (error) { notify(error.message, "bad"); }
   }
 
   function line(change) {
@@ -70,12 +70,12 @@ export function startParameters(link) {
   function fill(values) {
     const set = sets.get(values.set);
     if (!set) return;
-    say(set.note, values.note);
+    setText(set.note, values.note);
     show(set.note, Boolean(values.note));
     for (const { name, value, origin } of values.values) set.widgets.get(name)?.update(value, origin);
   }
 
-  function sift() {
+  function applyFilter() {
     const wanted = filter.value.trim().toLowerCase();
     for (const [name, { element: shown, widgets }] of sets) {
       let any = false;

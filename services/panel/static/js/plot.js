@@ -1,6 +1,6 @@
 // One plot: its lines, its legend, and the stretch of time that it shows.
 
-import { el, note, say } from "./dom.js";
+import { el, notify, setText } from "./dom.js";
 import { csv, merged } from "./merge.js";
 import { colour, paint } from "./theme.js";
 
@@ -63,7 +63,7 @@ export class Plot {
 
   add(topic, path) {
     if (this.has(topic, path)) return;
-    if (this.source.all.size >= 32 && !this.source.has(topic, path)) { note("32 series are followed at once, no more", "bad"); return; }
+    if (this.source.all.size >= 32 && !this.source.has(topic, path)) { notify("32 series are followed at once, no more", "bad"); return; }
     const series = this.source.open(topic, path);
     const used = new Set(this.lines.map((line) => line.paint));
     let index = 0;
@@ -141,7 +141,7 @@ export class Plot {
     const span = Number.isFinite(max - min) ? max - min : 0;
     this.lines.forEach((line, k) => {
       const value = index === null || index === undefined ? line.series.ring.newest : this.chart.data[k + 1][index];
-      say(line.value, short(value, span));
+      setText(line.value, short(value, span));
     });
   }
 

@@ -1,7 +1,7 @@
 // The view of plots: which there are, the stretch of time that they share, the fields to choose, the parameters.
 
 import { startChooser } from "./chooser.js";
-import { allow, el, memory } from "./dom.js";
+import { el, setEnabled, storage } from "./dom.js";
 import { startParameters } from "./parameters.js";
 import { Plot } from "./plot.js";
 import { Series } from "./series.js";
@@ -13,7 +13,7 @@ const WINDOWS = [5, 10, 30, 60, 300];
 export function startPlots(link) {
   const series = new Series(link);
   const stack = el("div", { class: "stack" });
-  let plots = [], active = null, visible = false, fixed = null, paused = false, span = memory.get("window", 30);
+  let plots = [], active = null, visible = false, fixed = null, paused = false, span = storage.get("window", 30);
   let restored = false, busyUntil = 0, dirty = true;
 
   const board = {
@@ -34,7 +34,7 @@ export function startPlots(link) {
     },
     changed() {
       dirty = true;
-      if (restored) memory.set("plots", plots.map((each) => each.lines.map((line) => [line.series.topic, line.series.path])));
+      if (restored) storage.set("plots", plots.map((each) => each.lines.map((line) => [line.series.topic, line.series.path])));
       chooser.refresh();
     },
   };
@@ -56,7 +56,7 @@ export function startPlots(link) {
   const follow = el("button", { title: "Back to the newest (a double click does the same)", onclick: () => board.follow() }, "Follow");
   const windows = el("select", { id: "plots-window", "aria-label": "Seconds shown", onchange: () => {
     span = Number(windows.value);
-    memory.set("window", span);
+    storage.set("window", span);
     board.follow();
   } }, ...WINDOWS.map((each) => el("option", { value: each, selected: each === span }, each < 60 ? `${each} s` : `${each / 60} min`)));
   const toggles = [["fields", "Fields"], ["parameters", "Parameters"]].map(([part, title]) => el("button", {
@@ -65,7 +65,7 @@ export function startPlots(link) {
       if (shown && innerWidth < 900) element.classList.remove(part === "fields" ? "with-parameters" : "with-fields");
       for (const each of toggles) each.setAttribute("aria-pressed", String(element.classList.contains(`with-${each.id.slice(5)}`)));
       event.currentTarget.blur();
-      memory.set("panes", [...element.classList].filter((name) => name.startsWith("with-")));
+      storage.set("panes", [...element.classList].filter((name) => name.startsWith("with-")));
     },
   }, title));
 
@@ -74,7 +74,7 @@ export function startPlots(link) {
     toggle: (topic, path) => active?.toggle(topic, path),
   });
   const parameters = startParameters(link);
-  const panes = innerWidth < 900 ? [] : memory.get("panes", innerWidth < 1200 ? ["with-fields"] : ["with-fields", "with-parameters"]);
+  const panes = innerWidth < 900 ? [] : storage.get("panes", innerWidth < 1200 ? ["with-fields"] : ["with-fields", "with-parameters"]);
   const element = el("div", { class: `view plots ${panes.join(" ")}` },
     el("div", { class: "toolbar" }, toggles[0], el("button", { id: "add-plot", onclick: () => { addPlot(); board.changed(); } }, "+ Plot"),
       windows, pause, follow, el("span", { class: "fill" }), toggles[1]),
@@ -83,7 +83,7 @@ export function startPlots(link) {
 
   function refresh() {
     pause.setAttribute("aria-pressed", String(paused));
-    allow(follow, fixed === null ? "It follows the newest already" : "");
+    setEnabled(follow, fixed === null ? "It follows the newest already" : "");
     dirty = true;
   }
 
@@ -123,7 +123,7 @@ export function startPlots(link) {
 
 // The plots of last time, unless none of their topics is there: another fleet runs.
 function remembered() {
-  const kept = memory.get("plots", null);
+  const kept = storage.get("plots", null);
   const there = (topic) => store.topics.some((each) => each.name === topic && each.pubs.length);
   return kept?.flat().some(([topic]) => there(topic)) ? kept : null;
 }

@@ -1,6 +1,6 @@
 // The processes of the fleet, with what may be done to each.
 
-import { careful, el, note, say, whileAsking } from "./dom.js";
+import { confirmButton, el, notify, setText, whilePending } from "./dom.js";
 import { ownFirst, store } from "./store.js";
 
 const KINDS = { ready: "good", starting: "warn", waiting: "warn", "backing off": "bad", failed: "bad", stopping: "warn", stopped: "off", finished: "off" };
@@ -14,15 +14,15 @@ export function startProcesses(link) {
 
   const order = (verb, name) => {
     const { start, restart, stop } = rows.get(name);
-    return whileAsking([start, restart, stop], link.ask({ k: "process", verb, name }))
-      .then(({ text }) => note(text), (error) => note(error.message, "bad"));
+    return whilePending([start, restart, stop], link.call({ k: "process", verb, name }))
+      .then(({ text }) => notify(text), (error) => notify(error.message, "bad"));
   };
 
   function row(name) {
     const cells = { state: el("span"), pid: el("td", { class: "num" }), restarts: el("td", { class: "num" }), cpu: el("td", { class: "num" }), memory: el("td", { class: "num" }), beat: el("td", { class: "quiet" }), reason: el("small", { class: "quiet" }) };
     cells.start = el("button", { class: "small", onclick: () => order("start", name) }, "Start");
-    cells.restart = careful("Restart", () => order("restart", name), { class: "small" });
-    cells.stop = careful("Stop", () => order("stop", name), { class: "small" });
+    cells.restart = confirmButton("Restart", () => order("restart", name), { class: "small" });
+    cells.stop = confirmButton("Stop", () => order("stop", name), { class: "small" });
     cells.row = el("tr", {}, el("td", {}, el("b", {}, name)), el("td", {}, cells.state, cells.reason), cells.pid, cells.restarts, cells.cpu, cells.memory, cells.beat,
       el("td", { class: "actions" }, cells.start, cells.restart, cells.stop));
     cells.row.dataset.process = name;
@@ -38,22 +38,22 @@ export function startProcesses(link) {
       if (body.children[index] !== rows.get(process.name).row) body.insertBefore(rows.get(process.name).row, body.children[index] ?? null);
       const [cpu, memory] = usage[process.name] ?? [];
       const cells = rows.get(process.name), runs = !["stopped", "finished", "failed"].includes(process.state);
-      say(cells.state, process.state);
+      setText(cells.state, process.state);
       cells.state.className = `badge ${KINDS[process.state] ?? ""}`;
-      say(cells.pid, process.pid ? String(process.pid) : "–");
-      say(cells.restarts, String(process.restarts));
-      say(cells.reason, process.reason);
+      setText(cells.pid, process.pid ? String(process.pid) : "–");
+      setText(cells.restarts, String(process.restarts));
+      setText(cells.reason, process.reason);
       cells.start.hidden = runs;
       cells.stop.hidden = cells.restart.hidden = !runs;
-      say(cells.cpu, cpu === undefined ? "–" : `${cpu.toFixed(cpu < 10 ? 1 : 0)} %`);
-      say(cells.memory, memory === undefined ? "–" : `${memory} MiB`);
+      setText(cells.cpu, cpu === undefined ? "–" : `${cpu.toFixed(cpu < 10 ? 1 : 0)} %`);
+      setText(cells.memory, memory === undefined ? "–" : `${memory} MiB`);
     });
   }
 
   function beats() {
     for (const [name, { beat }] of rows) {
       const health = store.rates.nodes[`/${name}`];
-      say(beat, health ? `${health.age < 1.6 ? "" : `${health.age.toFixed(0)} s ago · `}${health.state}${health.note ? ` · ${health.note}` : ""}` : "–");
+      setText(beat, health ? `${health.age < 1.6 ? "" : `${health.age.toFixed(0)} s ago · `}${health.state}${health.note ? ` · ${health.note}` : ""}` : "–");
       beat.classList.toggle("bad", Boolean(health && health.age > 3));
     }
   }
@@ -62,7 +62,7 @@ export function startProcesses(link) {
   link.on("rates", beats);
   return {
     element,
-    show() { link.want("processes", { channels: ["fleet", "rates"] }); },
-    hide() { link.want("processes", {}); },
+    show() { link.subscribe("processes", { channels: ["fleet", "rates"] }); },
+    hide() { link.subscribe("processes", {}); },
   };
 }

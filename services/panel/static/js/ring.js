@@ -25,7 +25,7 @@ export class Ring {
     for (let i = 0; i < times.length; i++) {
       const t = times[i];
       if (t <= this.last) {
-        if (t < this.last - 1) this.clear(); // time began anew
+        if (t < this.last - 1) this.clear(); // time began again
         else continue; // told twice, or late
       }
       if (this.end === this.times.length) this.makeRoom();

@@ -1,14 +1,18 @@
 // The view of robots: the map, the list of robots with their stops, goals, and the stick.
 
-import { allow, el, note, robotName, say, show, whileAsking } from "./dom.js";
+import { el, notify, robotName, setEnabled, setText, show, storage, whilePending } from "./dom.js";
 import { startDrive } from "./drive.js";
 import { GroundMap } from "./map.js";
 
 export function startRobots(link) {
-  let robots = [], selected = "", aiming = false, visible = false, era = null, poses = {};
+  let robots = [], selected = "", aiming = false, visible = false, epoch = null, poses = {};
 
   const ground = new GroundMap({ select, aims: () => aiming && Boolean(selected), goal });
   const goalButton = el("button", { id: "goal-mode", title: "Then click where the robot is to go; drag to say which way it is to look (Esc ends it)", onclick: () => aim(!aiming) }, "Send goal");
+  const laserButton = el("button", { id: "laser", title: "Show what the laser of the chosen robot sees", onclick: () => {
+    storage.set("laser", !storage.get("laser", true));
+    subscribe();
+  } }, "Laser");
   const hint = el("span", { class: "quiet hint-line" });
   const list = el("div", { class: "robots", id: "robots" });
   const rows = new Map();
@@ -17,38 +21,47 @@ export function startRobots(link) {
     el("div", { class: "ground-box" },
       el("div", { class: "toolbar over" }, goalButton,
         el("button", { onclick: () => ground.fit() }, "Fit"),
-        el("button", { onclick: () => ground.clear() }, "Clear trails"), hint),
+        el("button", { onclick: () => ground.clear() }, "Clear trails"), laserButton, hint),
       ground.canvas),
     el("aside", { class: "pane side" }, list, drive.element));
+
+  // The laser is computed for those who look at it alone.
+  function subscribe() {
+    const laser = storage.get("laser", true);
+    laserButton.setAttribute("aria-pressed", String(laser));
+    if (!laser || ground.world.scan?.ns !== selected) ground.setScan(null);
+    link.subscribe("map", visible ? { channels: ["poses", "world", "bodies"], scan: laser ? selected : "" } : {});
+  }
 
   function select(ns) {
     if (ns === selected) return;
     drive.release();
     selected = ground.selected = ns;
     ground.dirty = true;
-    fill();
+    subscribe();
+    refresh();
     rows.get(ns)?.row.scrollIntoView({ block: "nearest", inline: "nearest" });
   }
 
   function aim(on) {
     const robot = robots.find((each) => each.ns === selected);
-    if (on && !robot?.goals) { note(robot ? `${selected} takes no goals: no waypoint service runs for it` : "choose a robot first", "bad"); on = false; }
+    if (on && !robot?.goals) { notify(robot ? `${selected} takes no goals: no waypoint service runs for it` : "choose a robot first", "bad"); on = false; }
     aiming = on;
     goalButton.setAttribute("aria-pressed", String(aiming));
     ground.canvas.classList.toggle("aiming", aiming);
-    fill();
+    refresh();
   }
 
   function goal(x, y, yaw) {
     const round = (value) => Math.round(value * 1000) / 1000;
-    whileAsking([goalButton], link.ask({ k: "goal", robot: selected, x: round(x), y: round(y), yaw: round(yaw) })).then((text) => note(text), (error) => note(error.message, "bad"));
+    whilePending([goalButton], link.call({ k: "goal", robot: selected, x: round(x), y: round(y), yaw: round(yaw) })).then((text) => notify(text), (error) => notify(error.message, "bad"));
   }
 
-  function row(ns) {
+  function makeRow(ns) {
     const parts = { pose: el("span", { class: "num quiet" }), state: el("span", { class: "state" }) };
     parts.swatch = el("i", { class: "swatch" });
-    parts.stop = el("button", { class: "stop small", title: ns === "/" ? "Stop all robots until they are reset: /e_stop is theirs, too" : "Stop this robot until it is reset", "aria-label": `Stop ${robotName(ns)}`, onclick: (event) => { event.stopPropagation(); order(ns, true); } }, "Stop");
-    parts.reset = el("button", { class: "small", title: "Let this robot move again", "aria-label": `Reset ${robotName(ns)}`, onclick: (event) => { event.stopPropagation(); order(ns, false); } }, "Reset");
+    parts.stop = el("button", { class: "stop small", title: ns === "/" ? "Stop all robots until they are reset: /e_stop is theirs, too" : "Stop this robot until it is reset", "aria-label": `Stop ${robotName(ns)}`, onclick: (event) => { event.stopPropagation(); setStop(ns, true); } }, "Stop");
+    parts.reset = el("button", { class: "small", title: "Let this robot move again", "aria-label": `Reset ${robotName(ns)}`, onclick: (event) => { event.stopPropagation(); setStop(ns, false); } }, "Reset");
     parts.name = el("button", { class: "bare pick", title: "Choose this robot to drive and to send" }, robotName(ns));
     parts.row = el("div", { class: "robot", onclick: () => select(ns) },
       el("div", { class: "line" }, parts.swatch, parts.name, parts.model = el("small", { class: "quiet" }), el("span", { class: "fill" }), parts.reset, parts.stop),
@@ -58,20 +71,21 @@ export function startRobots(link) {
   }
 
   // A stop is never greyed; its reset is, until it is answered.
-  const order = (robot, on) => whileAsking(on ? [] : [rows.get(robot).reset], link.ask({ k: "estop", robot, on })).then((text) => note(text, on ? "stop" : ""), (error) => note(error.message, "bad"));
+  const setStop = (robot, on) => whilePending(on ? [] : [rows.get(robot).reset], link.call({ k: "estop", robot, on })).then((text) => notify(text, on ? "stop" : ""), (error) => notify(error.message, "bad"));
 
-  function fill() {
+  function refresh() {
     const gone = !robots.some((each) => each.ns === selected);
     if (gone) selected = ground.selected = (robots.find((each) => each.goals) ?? robots.find((each) => each.drives) ?? robots[0])?.ns ?? "";
+    if (gone) subscribe();
     for (const [ns, parts] of rows) if (!robots.some((each) => each.ns === ns)) { parts.row.remove(); rows.delete(ns); }
     robots.forEach((robot, index) => {
-      if (!rows.has(robot.ns)) rows.set(robot.ns, row(robot.ns));
+      if (!rows.has(robot.ns)) rows.set(robot.ns, makeRow(robot.ns));
       const parts = rows.get(robot.ns);
       if (list.children[index] !== parts.row) list.insertBefore(parts.row, list.children[index] ?? null);
       parts.swatch.style.background = robot.colour;
-      say(parts.model, robot.model);
-      const [text, kind] = condition(robot);
-      say(parts.state, text);
+      setText(parts.model, robot.model);
+      const [text, kind] = stateText(robot);
+      setText(parts.state, text);
       parts.state.className = `state ${kind}`;
       parts.name.setAttribute("aria-pressed", String(robot.ns === selected));
       parts.row.classList.toggle("chosen", robot.ns === selected);
@@ -83,12 +97,12 @@ export function startRobots(link) {
     if (!robots.length && !list.children.length) list.append(el("p", { class: "hint" }, "No robots are in sight."));
     if (robots.length) list.querySelector(".hint")?.remove();
     const robot = robots.find((each) => each.ns === selected);
-    say(hint, aiming ? `Click where ${robotName(selected)} is to go; drag to turn it.` : "");
-    allow(goalButton, robot?.goals ? "" : robot ? `${robotName(selected)} takes no goals: no waypoint service runs for it` : "Choose a robot first");
+    setText(hint, aiming ? `Click where ${robotName(selected)} is to go; drag to turn it.` : "");
+    setEnabled(goalButton, robot?.goals ? "" : robot ? `${robotName(selected)} takes no goals: no waypoint service runs for it` : "Choose a robot first");
     drive.choose(robot);
   }
 
-  function condition(robot) {
+  function stateText(robot) {
     const others = robot.stopped_by.join(", ");
     if (robot.stopped && robot.asked) return [others ? `stopped, also by ${others}` : "stopped", "bad"];
     if (robot.stopped) return [`stopped by ${others || "another node"}`, "bad"];
@@ -100,23 +114,26 @@ export function startRobots(link) {
     return [robot.source ? `obeys ${robot.source}` : robot.drives ? "at rest" : "does not drive", ""];
   }
 
-  link.on("robots", (news) => { robots = news.robots; ground.know(robots); fill(); });
+  link.on("robots", (message) => { robots = message.robots; ground.setRobots(robots); refresh(); });
   link.on("poses", ({ at }) => {
     poses = at;
-    ground.take(at);
+    ground.setPoses(at);
   });
-  link.on("clock", (clock) => { if (era !== null && clock.era !== era) ground.clear(); era = clock.era; });
+  link.on("world", ({ bodies }) => ground.setBodies(bodies));
+  link.on("bodies", ({ outlines }) => ground.setOutlines(outlines));
+  link.on("scan", (scan) => { if (scan.ns === selected && storage.get("laser", true)) ground.setScan(scan); });
+  link.on("clock", (clock) => { if (epoch !== null && clock.epoch !== epoch) { ground.clear(); ground.setScan(null); } epoch = clock.epoch; });
   window.addEventListener("keydown", (event) => { if (event.key === "Escape" && aiming) aim(false); });
 
-  let slow = 0;
+  let lastText = 0;
   function frame(now) {
     if (visible) {
       ground.draw();
-      if (now - slow > 200) {
-        slow = now;
+      if (now - lastText > 200) {
+        lastText = now;
         for (const { ns, drives } of robots) {
           const [x, y, , , , , speed] = poses[ns] ?? [];
-          if (x !== undefined) say(rows.get(ns).pose, `${x.toFixed(2)}, ${y.toFixed(2)} m${drives ? ` · ${speed.toFixed(2)} m/s` : ""}`);
+          if (x !== undefined) setText(rows.get(ns).pose, `${x.toFixed(2)}, ${y.toFixed(2)} m${drives ? ` · ${speed.toFixed(2)} m/s` : ""}`);
         }
       }
     }
@@ -127,7 +144,7 @@ export function startRobots(link) {
   return {
     element,
     map: ground,
-    show() { visible = true; ground.dirty = true; link.want("map", { channels: ["poses"] }); drive.enable(true); },
-    hide() { visible = false; aim(false); link.want("map", {}); drive.enable(false); },
+    show() { visible = true; ground.dirty = true; subscribe(); drive.enable(true); },
+    hide() { visible = false; aim(false); subscribe(); drive.enable(false); },
   };
 }

@@ -8,11 +8,11 @@ export class Series {
     this.all = new Map(); // "topic path" -> {id, topic, path, ring, users}
     this.byId = new Map();
     this.number = 0;
-    this.era = null;
+    this.epoch = null;
     this.fresh = false;
-    link.on("era", (era) => {
-      if (this.era !== null && era !== this.era) for (const each of this.all.values()) each.ring.clear();
-      this.era = era;
+    link.on("epoch", (epoch) => {
+      if (this.epoch !== null && epoch !== this.epoch) for (const each of this.all.values()) each.ring.clear();
+      this.epoch = epoch;
     });
     link.on("samples", ({ id, times, values }) => {
       this.byId.get(id)?.ring.push(times, values);
@@ -31,7 +31,7 @@ export class Series {
       this.byId.set(series.id, series);
     }
     series.users++;
-    this.tell();
+    this.updateSubscription();
     return series;
   }
 
@@ -39,7 +39,7 @@ export class Series {
     if (--series.users === 0) {
       this.all.delete(series.key);
       this.byId.delete(series.id);
-      this.tell();
+      this.updateSubscription();
     }
   }
 
@@ -60,8 +60,8 @@ export class Series {
   }
 
   // Samples are asked for in any case: a plot that is looked at again has its history.
-  tell() {
+  updateSubscription() {
     const series = [...this.all.values()].map(({ id, topic, path }) => ({ id, topic, path }));
-    this.link.want("series", { series });
+    this.link.subscribe("series", { series });
   }
 }

@@ -13,16 +13,16 @@ export function startStore(link) {
   link.on("values", ({ sets }) => { for (const each of sets) store.values.set(each.set, each); });
 }
 
-// The robots' processes, topics and sets, and the user's own, before those of the house, each group in its own order.
-const HOUSE = ["router", "sim", "params", "grader", "logger", "panel", "recorder", "state", "player", "supervisor"];
-const OF_ALL = ["clock", "e_stop", "health", "rosout", "tf", "tf_static", "gazebo"];
+// The robots' processes, topics and sets, and the user's own, before Elea's own, each group in its own order.
+const BUILTIN_NODES = ["router", "sim", "params", "grader", "logger", "panel", "recorder", "state", "player", "supervisor"];
+const GLOBAL_TOPICS = ["clock", "e_stop", "health", "rosout", "tf", "tf_static", "gazebo"];
 
 export function ownFirst(items, name) {
-  const house = (item) => {
+  const builtin = (item) => {
     const first = name(item).replace(/^\//, "").split("/")[0];
-    return HOUSE.includes(first) || OF_ALL.includes(first);
+    return BUILTIN_NODES.includes(first) || GLOBAL_TOPICS.includes(first);
   };
-  return [...items.filter((item) => !house(item)), ...items.filter(house)];
+  return [...items.filter((item) => !builtin(item)), ...items.filter(builtin)];
 }
 
 // A live parameter by its name, in the first set whose name fits: its set, description and value.

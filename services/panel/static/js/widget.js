@@ -1,12 +1,12 @@
 // One parameter as a slider, box, switch or menu. The service decides what is allowed; its reason is shown here.
 
-import { el, say, show } from "./dom.js";
+import { el, setText, show } from "./dom.js";
 
 const PACE = 120; // ms between two changes while a slider is dragged
 
 export class Widget {
-  // `change({name: value})` is a promise that rejects with the reason; `forget(name)` takes back what was set.
-  constructor(description, change, forget) {
+  // `change({name: value})` is a promise that rejects with the reason; `unset(name)` takes back what was set.
+  constructor(description, change, unset) {
     this.description = description;
     this.change = change;
     this.busy = false;
@@ -15,7 +15,7 @@ export class Widget {
     const d = description;
     this.origin = el("span", { class: "origin" });
     this.reason = el("p", { class: "reason bad", hidden: true });
-    this.back = el("button", { class: "bare", hidden: true, title: "Take back what was set", onclick: () => forget(d.name, this.back) }, "↺");
+    this.back = el("button", { class: "bare", hidden: true, title: "Take back what was set", onclick: () => unset(d.name, this.back) }, "↺");
     const control = this.make(d);
     this.element = el("div", { class: `parameter ${d.live ? "" : "fixed"}`, title: d.text },
       el("div", { class: "line" }, el("span", { class: "name" }, d.name), this.origin, this.back),
@@ -94,7 +94,7 @@ export class Widget {
   }
 
   refuse(reason) {
-    say(this.reason, reason);
+    setText(this.reason, reason);
     show(this.reason, Boolean(reason));
     if (reason && this.value !== undefined) this.write(this.value);
   }
@@ -103,7 +103,7 @@ export class Widget {
     const changed = JSON.stringify(value) !== JSON.stringify(this.value);
     this.value = value;
     if (changed) this.refuse(""); // it was of a value that nobody wants any more
-    say(this.origin, origin === "default" ? "" : origin);
+    setText(this.origin, origin === "default" ? "" : origin);
     show(this.back, origin === "run" || origin === "saved");
     if (!this.held && !this.busy && document.activeElement !== this.box) this.write(value);
     else if (changed && !this.held && !this.busy) this.write(value);

@@ -147,14 +147,16 @@ class SimulationHarness:
 
 
 @contextmanager
-def run_simulation(model: str = "p3dx", at: Pose3 | None = None, **parameters: object) -> Iterator[SimulationHarness]:
+def run_simulation(
+    model: str = "p3dx", at: Pose3 | None = None, seed: int = 0, **parameters: object
+) -> Iterator[SimulationHarness]:
     """A robot ``p3dx`` of some model alone in an empty world."""
     bus, log, identity = MemoryBus(), io.StringIO(), Identity.of("sim", "/")
     with (
         BulletWorld(WorldDescription(), STEP_NS) as world,
         Node(MemoryTransport(bus), identity, "sim", Log(identity.node, out=log)) as node,
     ):
-        stage = Simulation(node, world, 0)
+        stage = Simulation(node, world, seed)
         SimulationServices(stage, node)
         stage.spawn(RobotEntry(name=NAME, model=model, parameters=base_parameters(**parameters)), at or Pose3())
         yield SimulationHarness(SimulationLoop(stage, RealTime(stage, node, 1000), node), bus, node, log)

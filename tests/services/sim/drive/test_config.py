@@ -11,12 +11,12 @@ import pytest
 
 from models import WHEELED, model_config_path
 from models.model import RobotModel, read_model
+from services.driving.pid import PidGains
 from services.runtime.errors import BadInput
 from services.sim.drive.config import DriveConfig, drive_config, effective_parameters, odometry_config
 from services.sim.drive.driver import Drive
 from services.sim.drive.kinematics import WheelGeometry
 from services.sim.drive.limiter import AxisLimits
-from services.sim.drive.pid import PidGains
 from tests.services.sim.drive.simulation_harness import base_parameters, run_simulation
 
 
@@ -37,7 +37,8 @@ def test_a_turtlebot_is_driven_as_its_plugin_does(name: str) -> None:
     assert wheels is not None
     assert settings(name).drive == Drive.of(wheels)
     assert settings(name, clamp=False, jump=0.01).drive == Drive.of(wheels, clamp=False, jump=0.01)
-    assert odometry_config(read_model(name), base_parameters()).source == "world"
+    assert odometry_config(read_model(name), base_parameters()).source == "encoder", "as the real one's, not Gazebo's"
+    assert odometry_config(read_model(name), base_parameters(odometry="world")).source == "world"
 
 
 def test_the_pioneer_is_driven_as_its_packages_do() -> None:

@@ -28,6 +28,7 @@ from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.sim import SimParameters
 from services.sim.loop import SimulationLoop
 from services.sim.physics.bullet import BulletWorld
+from services.sim.robot_loader import RobotLoader, with_own_files
 from services.sim.services import JointServices, PropertyServices, SimulationServices
 from services.sim.simulation import Simulation
 from services.sim.time_modes import RealTime
@@ -102,22 +103,26 @@ class JointSimulation:
 
 
 @contextmanager
-def run_joint_simulation(*robots: dict[str, Any]) -> Iterator[JointSimulation]:
-    """A stage with these robots, an arm of the name ``arm`` when none is stated."""
+def run_joint_simulation(
+    *robots: dict[str, Any], scene: WorldDescription = SCENE, folders: tuple[str, ...] = ()
+) -> Iterator[JointSimulation]:
+    """A stage with these robots, an arm of the name ``arm`` when none is stated; requests may take others from
+    ``folders``."""
     bus, log, identity = MemoryBus(), io.StringIO(), Identity.of("sim", "/")
     params = build(SimParameters, {"robots": [*robots] or [{"name": "arm", "model": "arm"}]})
     with (
-        BulletWorld(SCENE, STEP_NS) as world,
+        BulletWorld(scene, STEP_NS) as world,
         Node(MemoryTransport(bus), identity, "sim", Log(identity.node, out=log)) as node,
     ):
         stage = Simulation(node, world, 0)
         timing = RealTime(stage, node, 1000)
-        SimulationServices(stage, node)
+        loop = SimulationLoop(stage, timing, node)
+        SimulationServices(stage, node, RobotLoader(folders, loop.answer_between_ticks))
         JointServices(stage, node)
-        PropertyServices(stage, timing, node, params, SCENE)
+        PropertyServices(stage, timing, node, params, scene)
         for entry in params.robots:
-            stage.spawn(entry, Pose3((entry.x, entry.y, 0.0)))
-        yield JointSimulation(SimulationLoop(stage, timing, node), bus, node, log)
+            stage.spawn(with_own_files(entry), Pose3((entry.x, entry.y, 0.0)))
+        yield JointSimulation(loop, bus, node, log)
 
 
 def robot_entry(name: str, model: str = "arm", **more: Any) -> dict[str, Any]:

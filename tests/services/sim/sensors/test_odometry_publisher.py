@@ -72,7 +72,7 @@ def test_odometry_is_put_and_the_frames_still_chain() -> None:
 
 def test_the_true_pose_cannot_be_put() -> None:
     with (
-        run_simulation("burger") as world,
+        run_simulation("burger", odometry="world") as world,
         pytest.raises(CallFailed, match="true pose in the world, which cannot be set"),
     ):
         world.call(SET_ODOMETRY, SetOdometry(name=NAME, x=1.0))

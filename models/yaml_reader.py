@@ -1,12 +1,13 @@
-"""Reads YAML: values on the command line, files of parameters, and the metadata of bags."""
+"""Reads YAML: values on the command line, files of parameters and controllers, and the metadata of bags."""
 
 from __future__ import annotations
 
 import re
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from services.runtime.errors import BadInput
+from messages.errors import BadInput
 
 if TYPE_CHECKING:
     import yaml
@@ -54,3 +55,31 @@ def _loader() -> type[yaml.SafeLoader]:
         "tag:yaml.org,2002:float", re.compile(r"[-+]?\d+(?:\.\d*)?[eE][-+]?\d+$"), list("-+0123456789")
     )
     return Loader
+
+
+class YamlSource:
+    """A YAML text and the name of its file, for errors that name the line of a key, as ``TomlSource`` does for TOML."""
+
+    def __init__(self, path: Path, text: str) -> None:
+        self.path, self._text = path, text
+
+    def location(self, *keys: str | int) -> str:
+        """``file:line`` of the key at ``keys`` in a valid text, or of the nearest key around it.
+
+        Keys may be written as one with dots between them, as ROS 2 takes them.
+        """
+        import yaml
+
+        node, line, rest = yaml.compose(self._text, _loader()), 0, list(map(str, keys))
+        while rest:
+            entries: dict[str, tuple[Any, Any]] = {}
+            if isinstance(node, yaml.MappingNode):
+                entries = {str(name.value): (name, value) for name, value in node.value}
+            elif isinstance(node, yaml.SequenceNode):
+                entries = {str(index): (value, value) for index, value in enumerate(node.value)}
+            found = next((n for n in range(1, len(rest) + 1) if ".".join(rest[:n]) in entries), None)
+            if found is None:
+                break
+            at, node = entries[".".join(rest[:found])]
+            line, rest = at.start_mark.line, rest[found:]
+        return f"{self.path}:{line + 1}"

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from services.sim.drive.pid import INITIAL_PID_STATE, PidGains, PidState, pid_torque
+from services.driving.pid import INITIAL_PID_STATE, PidGains, PidState, pid_command
 
 DT = 0.01
 
@@ -16,7 +16,7 @@ DT = 0.01
 def series(gains: PidGains, errors: list[float]) -> list[float]:
     memory, out = INITIAL_PID_STATE, []
     for error in errors:
-        effort, memory = pid_torque(gains, memory, error, DT)
+        effort, memory = pid_command(gains, memory, error, DT)
         out.append(effort)
     return out
 
@@ -55,4 +55,4 @@ def test_the_torque_is_finite_and_limited_whatever_the_error(errors: list[float]
 @pytest.mark.parametrize(("error", "dt"), [(math.nan, DT), (math.inf, DT), (1.0, 0.0), (1.0, -DT), (1.0, math.nan)])
 def test_no_error_or_no_time_gives_nothing_and_changes_nothing(error: float, dt: float) -> None:
     memory = PidState(0.3, 2.0)
-    assert pid_torque(PidGains(5.0, 1.0, 1.0, -1, 1), memory, error, dt) == (0.0, memory)
+    assert pid_command(PidGains(5.0, 1.0, 1.0, -1, 1), memory, error, dt) == (0.0, memory)

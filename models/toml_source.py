@@ -30,6 +30,16 @@ class TomlSource:
         return f"{self.path}:{line_of(self._text, path)}"
 
 
+def key_path(text: str) -> tuple[TomlKey, ...]:
+    """The path that ends msgspec's errors, ``.robot[2].pose.x``, taken apart, as far as keys are named."""
+    steps: list[TomlKey] = []
+    for name, index, rest in re.findall(r"\.(\w+)|\[(\d+)\]|(\[\.\.\.\])", text):
+        if rest:
+            break
+        steps.append(name or int(index))
+    return tuple(steps)
+
+
 def line_of(text: str, path: Sequence[TomlKey]) -> int:
     """The line, from 1, of the key at ``path`` in a valid TOML text; of the nearest part that exists, if it does not.
 

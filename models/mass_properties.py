@@ -1,0 +1,84 @@
+"""Mass properties of the bodies of a world, from their shapes."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from messages.se3 import Pose3, Vector, rotated_axes
+from models.bodies import BodyPart, BoxShape, CylinderShape, RampShape, SphereShape, WorldBody
+from models.shape_mesh import shape_mesh
+
+
+class MassProperties(NamedTuple):
+    """Centre of mass [m] in the body's frame, and the moments of inertia [kg m2] about that frame's axes through it."""
+
+    centre: Vector
+    moments: Vector
+
+
+def mass_properties(body: WorldBody) -> MassProperties:
+    """Those that are stated, else those of shapes of one density; products of inertia are left out.
+
+    A mesh counts as the box around it, a ramp as the wedge that it is.
+    """
+    parts = [part for part in body.parts if part.solid] or list(body.parts)
+    volumes = [_volume_and_centre(part) for part in parts]
+    total = sum(volume for volume, _ in volumes)
+    shares = [volume / total for volume, _ in volumes]
+    centre = body.centre or (
+        sum(share * middle[0] for share, (_, middle) in zip(shares, volumes, strict=True)),
+        sum(share * middle[1] for share, (_, middle) in zip(shares, volumes, strict=True)),
+        sum(share * middle[2] for share, (_, middle) in zip(shares, volumes, strict=True)),
+    )
+    moments = [0.0, 0.0, 0.0]
+    for part, share, (_, middle) in zip(parts, shares, volumes, strict=True):
+        own, axes = _moments_of_unit_mass(part), rotated_axes(part.pose.orientation)
+        away = [middle[axis] - centre[axis] for axis in range(3)]
+        for axis in range(3):
+            turned = sum(axes[k][axis] ** 2 * own[k] for k in range(3))
+            steiner = sum(away[k] ** 2 for k in range(3) if k != axis)
+            moments[axis] += body.mass * share * (turned + steiner)
+    return MassProperties(centre, body.moments or (moments[0], moments[1], moments[2]))
+
+
+def _volume_and_centre(part: BodyPart) -> tuple[float, Vector]:
+    """The volume [m3] of a part and its centre in the body's frame."""
+    shape = part.shape
+    match shape:
+        case CylinderShape(radius, length):
+            return math.pi * radius**2 * length, part.pose.position
+        case SphereShape(radius):
+            return 4 / 3 * math.pi * radius**3, part.pose.position
+        case BoxShape((x, y, z)):
+            return x * y * z, part.pose.position
+        case RampShape((x, y, z)):
+            return x * y * z / 2, _in_body(part, (x / 6, 0.0, -z / 6))
+        case _:
+            low, high = shape_mesh(shape).bounds.tolist()
+            sizes = [max(1e-6, b - a) for a, b in zip(low, high, strict=True)]
+            x, y, z = ((a + b) / 2 for a, b in zip(low, high, strict=True))
+            return sizes[0] * sizes[1] * sizes[2], _in_body(part, (x, y, z))
+
+
+def _in_body(part: BodyPart, point: Vector) -> Vector:
+    return (part.pose @ Pose3(point)).position
+
+
+def _moments_of_unit_mass(part: BodyPart) -> Vector:
+    """Moments of inertia of the shape about its own axes through its centre, m2."""
+    match part.shape:
+        case SphereShape(radius):
+            each = 0.4 * radius**2
+            return each, each, each
+        case CylinderShape(radius, length):
+            across = radius**2 / 4 + length**2 / 12
+            return across, across, radius**2 / 2
+        case BoxShape((x, y, z)):
+            return (y * y + z * z) / 12, (x * x + z * z) / 12, (x * x + y * y) / 12
+        case RampShape((x, y, z)):
+            return y * y / 12 + z * z / 18, (x * x + z * z) / 18, x * x / 18 + y * y / 12
+        case shape:
+            low, high = shape_mesh(shape).bounds.tolist()
+            x, y, z = (max(1e-3, b - a) for a, b in zip(low, high, strict=True))
+            return (y * y + z * z) / 12, (x * x + z * z) / 12, (x * x + y * y) / 12

@@ -1,0 +1,110 @@
+"""Finds what SDF files name: models by ``model://`` or a path, and the files in them.
+
+A model is looked for as ``models.packages`` looks for one, and also, as packages for Gazebo lay them, in the folder
+``models`` of every folder above the file, and in GAZEBO_RESOURCE_PATH, IGN_GAZEBO_RESOURCE_PATH and SDF_PATH.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import unquote
+
+from messages.errors import BadInput, did_you_mean
+from models.packages import OWNER, FileAccess, PackagePath, find_file
+from models.sdf_xml import read_sdf
+
+FURTHER_VARIABLES = ("GAZEBO_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "SDF_PATH")
+_MOST_LISTED = 500
+
+
+def find_resource(uri: str, source: Path, packages: PackagePath, access: FileAccess = OWNER) -> Path:
+    """The file or folder that ``source`` names by a URI; raises BadInput."""
+    uri = unquote(uri.strip())
+    scheme, _, rest = uri.partition("://")
+    missing = None
+    if scheme in ("model", "package"):
+        name = rest.partition("/")[0]
+        for folder in _model_folders(source, packages):
+            if name and (folder / name).is_dir():
+                # Named from inside the model, it is found there and checked not to lead out of it.
+                found = find_file(uri, folder / name / "model.sdf", packages, access)
+                if found.exists():
+                    return found
+                missing = missing or found
+    try:
+        found = find_file(uri, source, packages, access)
+    except BadInput as error:
+        if missing is not None:
+            raise BadInput(f"{uri}: there is no {missing}") from None
+        near = did_you_mean(rest.partition("/")[0], _models(source, packages)) if scheme == "model" else ""
+        text = str(error)
+        raise BadInput(text if not near else re.sub(r"; did you mean [^;]*?\?(?=:)", "", text) + near) from None
+    if not found.exists():
+        raise BadInput(f"{uri}: there is no {missing or found}")
+    return found
+
+
+def find_model_file(uri: str, source: Path, packages: PackagePath, access: FileAccess = OWNER) -> Path | None:
+    """The SDF that an ``<include>`` of ``source`` names; None for one on the Internet. Raises BadInput."""
+    uri = uri.strip()
+    if re.match(r"https?://", uri):
+        # The models of Fuel have their name last; one that lies on this machine is taken.
+        name = re.sub(r"/\d+$", "", uri.rstrip("/")).rpartition("/")[2]
+        try:
+            return find_model_file(f"model://{name}", source, packages, access)
+        except BadInput:
+            return None
+    try:
+        found = find_resource(uri, source, packages, access)
+    except BadInput:
+        if "/" in uri:
+            raise
+        found = find_resource(f"model://{uri}", source, packages, access)
+    if found.is_dir():
+        found = _sdf_of(found, uri)
+    access.check(found, uri)
+    return found.resolve()
+
+
+def _sdf_of(folder: Path, uri: str) -> Path:
+    """The SDF of the newest version that a model's ``model.config`` names."""
+    config = folder / "model.config"
+    if config.is_file():
+        sheets = [each for each in read_sdf(config, ("model",)).children if each.tag == "sdf" and each.text]
+        for each in sorted(sheets, key=lambda each: _version(each.attributes.get("version", "0")), reverse=True):
+            file = (folder / each.text).resolve()
+            if not file.is_relative_to(folder.resolve()):
+                raise BadInput(f"{uri}: {config}:{each.line}: {each.text} leads out of the model")
+            if file.is_file():
+                return file
+    if (folder / "model.sdf").is_file():
+        return folder / "model.sdf"
+    raise BadInput(f"{uri}: {folder} has neither a model.config that names an SDF nor a model.sdf")
+
+
+def _model_folders(source: Path, packages: PackagePath) -> Iterator[Path]:
+    """Folders of models beside those of ``models.packages``."""
+    for each in packages.folders:
+        yield from (each, each / "models")
+    for above in list(Path(os.path.abspath(source)).parents)[:-1]:
+        yield above / "models"
+    for variable in FURTHER_VARIABLES:
+        yield from (Path(each) for each in packages.environment.get(variable, "").split(os.pathsep) if each)
+
+
+def _models(source: Path, packages: PackagePath) -> list[str]:
+    """Names of models that may have been meant."""
+    found: list[str] = []
+    for folder in _model_folders(source, packages):
+        try:
+            found += [each.name for each in sorted(folder.iterdir())[:_MOST_LISTED] if each.is_dir()]
+        except OSError:
+            continue
+    return found[:_MOST_LISTED]
+
+
+def _version(text: str) -> tuple[int, ...]:
+    return tuple(int(each) for each in re.findall(r"\d{1,9}", text)) or (0,)

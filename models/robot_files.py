@@ -1,0 +1,193 @@
+"""Makes the folder of a robot from outside: its URDF for all, for the engine and for the viewer, and its meshes."""
+
+from __future__ import annotations
+
+import hashlib
+import html
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import msgspec
+
+from messages.errors import BadInput
+from models.engine_fit import DrivenWheels, fit_urdf
+from models.gazebo_tags import parse_gazebo_tags
+from models.inertials import mend_inertias
+from models.inferred import infer_model
+from models.input_file import read_limited
+from models.mesh import Mesh, read_mesh
+from models.model import INFERRED_FILE
+from models.packages import FileAccess, PackagePath, find_file
+from models.robot_cache import robots_folder, write_folder
+from models.robot_facts import RobotFacts
+from models.shapes import read_shapes
+from models.urdf import located, parse_urdf, parse_xml
+from models.urdf_writer import EngineFiles, extents, physics_urdf, viewer_urdf
+
+FORMAT = "7"
+"""Changes when other files are made of the same robot."""
+MAX_MODEL_TOML = 1 << 20
+"""Bytes of a ``model.toml``."""
+MAX_MESHES = 500
+"""Different meshes of a robot."""
+MAX_ALL_TRIANGLES = 2_000_000
+"""Triangles of all meshes of a robot together."""
+
+_OPEN_NAMES = re.compile(r"\$\{(?:namespace|ns|prefix|frame_prefix|tf_prefix)\}")
+"""Placeholders that launch files replace in a plain URDF, as those of TurtleBot3 do."""
+
+
+class _NamedFiles:
+    """The files that a URDF names, each found and read once; ``hashes`` grows with what they hold."""
+
+    def __init__(self, path: Path | None, packages: PackagePath, access: FileAccess) -> None:
+        self._path, self._packages, self._access = path, packages, access
+        self._meshes: dict[Path, Mesh] = {}
+        self.found: dict[str, Path] = {}
+        """By what the URDF calls them."""
+        self.hashes = hashlib.sha256()
+
+    def read(self, said: str) -> Mesh:
+        """The mesh that the URDF names; raises BadInput."""
+        file = self._find(said)
+        if file not in self._meshes:
+            if not file.exists():
+                raise BadInput(f"the mesh {said} is missing: there is no {file}")
+            if len(self._meshes) >= MAX_MESHES:
+                raise BadInput(f"the robot has more than {MAX_MESHES} meshes")
+            self._add(file, read_mesh(file))
+        return self._meshes[file]
+
+    def _find(self, said: str) -> Path:
+        if said not in self.found:
+            if self._path is None and "://" not in said and not os.path.isabs(said):
+                raise BadInput(f"mesh {said!r}: a URDF without a file names its meshes by package:// or file://")
+            self.found[said] = find_file(said, self._path or Path("/robot.urdf"), self._packages, self._access)
+        return self.found[said]
+
+    def _add(self, file: Path, mesh: Mesh) -> None:
+        self._meshes[file] = mesh
+        self.hashes.update(mesh.vertices.tobytes() + mesh.triangles.tobytes())
+        total = sum(len(each.triangles) for each in self._meshes.values())
+        if total > MAX_ALL_TRIANGLES:
+            raise BadInput(f"all meshes of the robot have {total:,} triangles, the limit is {MAX_ALL_TRIANGLES:,}")
+
+
+def make_robot(
+    name: str,
+    urdf: str,
+    path: Path | None,
+    told: str,
+    config: Path | None,
+    packages: PackagePath,
+    access: FileAccess,
+    faults: list[str] | None = None,
+) -> Path:
+    """Read all that belongs to a robot, and write its folder unless it is there already; raises BadInput.
+
+    Args:
+        name: For people; the URDF's where it is empty.
+        urdf: The text.
+        path: The user's file, None for a text without one.
+        told: What errors call the text.
+        config: Its ``model.toml``, if there is one.
+        packages: Where packages are looked for.
+        access: What may be read.
+        faults: Gets why meshes cannot be read, and these are left out; without a list they are errors.
+
+    Returns:
+        The folder.
+    """
+    notes: list[str] = []
+    if _OPEN_NAMES.search(urdf):
+        urdf = _OPEN_NAMES.sub("", urdf)
+        notes.append("placeholders for a prefix, as ${namespace}, are left out of its names")
+    robot, description = parse_xml(urdf, told), parse_urdf(urdf, told)
+    files = _NamedFiles(path, packages, access)
+    with located(told):
+        shapes = read_shapes(robot, files.read, faults)
+        mended = mend_inertias(description, shapes)
+    name = re.sub(r"[^A-Za-z0-9_.]+", "_", name or description.name).strip("_.")[:60] or "robot"
+    resolved = _with_paths(urdf, {said: f"file://{file}" for said, file in files.found.items()})
+    toml = read_limited(config, MAX_MODEL_TOML, "a model.toml") if config is not None else b""
+    files.hashes.update("\0".join((FORMAT, resolved, str(path), *(faults or ()), "")).encode() + toml)
+    folder = robots_folder() / f"{name}-{files.hashes.hexdigest()[:16]}"
+    if (folder / "facts.json").is_file():
+        return folder
+
+    def write(into: Path) -> None:
+        contacts = {each.get("name", ""): contact for each in robot if (contact := each.find("contact")) is not None}
+        physics, assumed = physics_urdf(description, shapes, mended.inertias, contacts, EngineFiles(into, folder))
+        file_name = path.name if path is not None else told
+        tags = parse_gazebo_tags(resolved, file_name)
+        chosen: tuple[str, ...] = ()
+        if config is not None:
+            driven = _stated_wheels(toml)
+        else:
+            model, chosen = infer_model(description, shapes, tags, file_name)
+            driven = DrivenWheels.of(model)
+            (into / INFERRED_FILE).write_bytes(msgspec.json.encode(model))
+        fit = fit_urdf(physics, description, shapes, tags.friction, driven)
+        viewer = _with_paths(viewer_urdf(description, shapes), {said: str(file) for said, file in files.found.items()})
+        for file, text in (("robot.urdf", resolved), ("physics.urdf", fit.text), ("viewer.urdf", viewer)):
+            (into / file).write_text(text, encoding="utf-8")
+        if config is not None:
+            (into / "model.toml").write_bytes(toml)
+        reach, _, highest = extents(description, shapes)
+        left_out = [f"{told}: {each}" for shape in shapes.values() for each in shape.remarks]
+        facts = RobotFacts(
+            name=name,
+            title=description.name,
+            origin=str(path or ""),
+            reach=reach,
+            lowest=fit.lowest,
+            highest=highest,
+            notes=(*notes, *left_out, *description.warnings, *mended.notes, *assumed, *chosen),
+            skid=fit.skid,
+            wheels=fit.wheels,
+            ignored=tags.ignored,
+        )
+        (into / "facts.json").write_bytes(msgspec.json.encode(facts))
+
+    write_folder(folder, write)
+    return folder
+
+
+def _stated_wheels(toml: bytes) -> DrivenWheels:
+    """The driven wheels that a ``model.toml`` names; none where it cannot be read, which ``read_model`` says."""
+    try:
+        config = msgspec.toml.decode(toml, type=_BaseTables)
+    except msgspec.MsgspecError:
+        return DrivenWheels()
+    wheels = config.wheels
+    if wheels is None:
+        return DrivenWheels(holonomic=config.planar is not None)
+    left, right = (wheels.left_joint, *wheels.other_left), (wheels.right_joint, *wheels.other_right)
+    return DrivenWheels(left, right, wheels.radius)
+
+
+class _StatedWheels(msgspec.Struct):
+    left_joint: str
+    right_joint: str
+    other_left: tuple[str, ...] = ()
+    other_right: tuple[str, ...] = ()
+    radius: float = 0.0
+
+
+class _BaseTables(msgspec.Struct):
+    wheels: _StatedWheels | None = None
+    planar: dict[str, float] | None = None
+
+
+def _with_paths(urdf: str, paths: Mapping[str, str]) -> str:
+    """The text with other names of files, line by line as it was, and declared as what it is written in."""
+
+    def renamed(found: re.Match[str]) -> str:
+        said = html.unescape(found[3] if found[3] is not None else found[4])
+        return f"{found[1]}{quoteattr(paths[said])}" if said in paths else found[0]
+
+    declared = re.sub(r"(<\?xml[^>]*\bencoding\s*=\s*[\"'])[\w.-]+", r"\1utf-8", urdf, count=1)
+    return re.sub(r"(<mesh\b[^<>]*?\bfilename\s*=\s*)(\"([^\"]*)\"|'([^']*)')", renamed, declared)

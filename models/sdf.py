@@ -1,0 +1,612 @@
+"""Worlds and models in SDF, Gazebo's format, in the versions 1.4 to 1.11: bodies of plain shapes.
+
+What is not understood is named in the notes of the world, each tag once with file and line, and ignored.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from messages.errors import BadInput
+from messages.se3 import IDENTITY, Pose3, Vector, quaternion_from_rpy
+from models.bodies import (
+    GREY,
+    MAX_PARTS,
+    BadWorld,
+    BodyPart,
+    BoxShape,
+    Colour,
+    CylinderShape,
+    HeightMapShape,
+    Light,
+    MeshShape,
+    Shape,
+    SphereShape,
+    Start,
+    WorldBody,
+    WorldDescription,
+)
+from models.height_map import read_heights
+from models.mesh import read_mesh
+from models.model_uri import find_model_file, find_resource
+from models.packages import OWNER, FileAccess, PackagePath
+from models.polyline import extruded
+from models.sdf_xml import SdfElement, parse_sdf, read_sdf
+from models.shape_mesh import shape_mesh
+
+MAX_INCLUDES = 2000
+"""Of a world, each time that one is included."""
+MAX_NESTING = 8
+"""Models within models, and files that include files."""
+MAX_VALUE = 1e4
+"""Bound of every length and coordinate, m."""
+FLOOR_EXTENT, FLOOR_HEIGHT = 2.0, 0.5
+"""m; wheels roll on what is larger than the first in both directions, and lower than the second."""
+PLANE_THICKNESS = 0.1
+"""m; a plane that is not the ground is a box of so much below its surface."""
+
+_SHAPES = ("box", "cylinder", "sphere", "plane", "mesh", "heightmap", "polyline", "capsule", "ellipsoid")
+_SILENT = (
+    "scene gravity physics magnetic_field atmosphere spherical_coordinates gui wind self_collide allow_auto_disable "
+    "enable_wind kinematic velocity_decay must_be_base_link description license author name audio light sensor "
+    "wheelslip max_contacts laser_retro cast_shadows transparency meta plugin state population road placement_frame "
+    "uri static pose frame"
+)
+"""Tags that describe no body: what the simulation has of its own, or what is only for show."""
+
+
+@dataclass(frozen=True)
+class _Link:
+    """A link on its way to a body: its pose in the model, its parts, and its mass where it has one."""
+
+    name: str
+    pose: Pose3
+    parts: tuple[BodyPart, ...]
+    mass: float
+    centre: Vector | None
+    moments: Vector | None
+    friction: float
+
+
+def read_sdf_world(path: Path, packages: Sequence[Path] = ()) -> WorldDescription:
+    """The world in an SDF file, or its models if it has no world; raises BadWorld with file and line."""
+    return _Reader(packages).world(read_sdf(path), path)
+
+
+def bodies_of_sdf_model(
+    text: str,
+    name: str = "",
+    pose: Pose3 = IDENTITY,
+    folder: Path | None = None,
+    packages: Sequence[Path] = (),
+    access: FileAccess = OWNER,
+) -> WorldDescription:
+    """The bodies of the model that a text describes, and what of it was not understood; raises BadWorld.
+
+    Args:
+        text: SDF with one model.
+        name: The name that it gets, its own by default.
+        pose: Where it is put: the frame of the model's own pose.
+        folder: What relative paths in it count from, by default the working folder.
+        packages: Folders to look for ``model://`` and ``package://`` in.
+        access: What files it may name.
+    """
+    where = (folder or Path()) / "model.sdf"
+    root, reader = parse_sdf(text, where), _Reader(packages, access)
+    models = [each for each in root.children if each.tag == "model"]
+    if len(models) != 1:
+        raise BadWorld(f"{where}:{root.line}: the text has {len(models)} models, not one")
+    bodies = tuple(reader.model(models[0], pose, name, 0))
+    return WorldDescription(bodies=_with_own_names(bodies), notes=tuple(reader.notes.values()))
+
+
+class _Reader:
+    """Reads elements into bodies; ``notes`` are what was not understood, by tag."""
+
+    def __init__(self, packages: Sequence[Path], access: FileAccess = OWNER) -> None:
+        self.notes: dict[str, str] = {}
+        self.lights: list[Light] = []
+        self._packages, self._access = PackagePath(tuple(packages)), access
+        self._includes = self._parts = 0
+        self._open: list[Path] = []
+        self._floor = 1.0
+
+    def world(self, root: SdfElement, path: Path) -> WorldDescription:
+        self._open.append(path.resolve())
+        worlds = [each for each in root.children if each.tag == "world"]
+        if len(worlds) > 1:
+            self._note(worlds[1], "a file's second world is left out")
+        top = worlds[0] if worlds else root
+        bodies: list[WorldBody] = []
+        for child in top.children:
+            match child.tag:
+                case "model":
+                    bodies += self.model(child, IDENTITY, "", 0)
+                case "include":
+                    bodies += self._include(child, IDENTITY, 0)
+                case "light":
+                    self.lights.append(self._light(child))
+                case "actor":
+                    self._note(child, "an actor is left out; a body with a path moves by itself")
+                case _:
+                    self._unknown(child)
+        if not worlds and not bodies:
+            raise BadWorld(f"{path}:{root.line}: there is neither a world nor a model in this SDF")
+        return WorldDescription(
+            about=top.attributes.get("name", ""),
+            start=Start(),
+            friction=self._floor,
+            bodies=_with_own_names(tuple(bodies)),
+            lights=tuple(self.lights),
+            notes=tuple(self.notes.values()),
+        )
+
+    def model(
+        self, element: SdfElement, above: Pose3, name: str, depth: int, static: bool | None = None
+    ) -> Iterator[WorldBody]:
+        """The bodies of a model; ``above`` is the frame that its pose is in, ``name`` replaces its own."""
+        if depth > MAX_NESTING:
+            self._fail(element, f"models lie more than {MAX_NESTING} deep in each other")
+        name = name or element.attributes.get("name", "model")
+        frames = _Frames(self, element)
+        pose = above @ frames.own_pose
+        stands = self._flag(element, "static", False) if static is None else static
+        links: list[_Link] = []
+        for child in element.children:
+            match child.tag:
+                case "link":
+                    links.append(self._link(child, frames.pose_of(child), stands))
+                case "model":
+                    inner = f"{name}::{child.attributes.get('name', 'model')}"
+                    yield from self.model(child, pose, inner, depth + 1, True if stands else None)
+                case "include":
+                    yield from self._include(child, pose, depth + 1, f"{name}::", True if stands else None)
+                case "joint" | "static" | "pose" | "frame":
+                    pass
+                case _:
+                    self._unknown(child)
+        yield from self._bodies(element, name, pose, links, stands)
+
+    def _bodies(
+        self, element: SdfElement, name: str, pose: Pose3, links: list[_Link], stands: bool
+    ) -> Iterator[WorldBody]:
+        links = [link for link in links if link.parts]
+        joints = [each for each in element.children if each.tag == "joint"]
+        jointed = [each for each in joints if each.attributes.get("type") != "fixed"]
+        if jointed and not stands:
+            self._note(jointed[0], f"the model {name!r} has joints that move: it stands still as it is")
+        if stands or jointed:
+            parts = tuple(replace(part, pose=link.pose @ part.pose) for link in links for part in link.parts)
+            if parts:
+                yield WorldBody(name, parts, pose, friction=links[0].friction)
+            return
+        if joints:
+            links = [_merged(links)] if links else []
+        for link in links:
+            own = name if len(links) == 1 else f"{name}::{link.name}"
+            parts = tuple(replace(part, ground=False) for part in link.parts)
+            if not any(part.solid for part in parts):
+                yield WorldBody(own, parts, pose @ link.pose)
+                continue
+            yield WorldBody(
+                own, parts, pose @ link.pose, link.mass, link.friction, centre=link.centre, moments=link.moments
+            )
+
+    def _link(self, element: SdfElement, pose: Pose3, stands: bool) -> _Link:
+        frames = _Frames(self, element)
+        solid, shown, friction = [], [], 0.5
+        for child in element.children:
+            if child.tag == "collision":
+                friction = self._friction(child, friction)
+                solid += self._parts_of(child, frames.pose_of(child), stands)
+            elif child.tag == "visual":
+                shown += self._parts_of(child, frames.pose_of(child), stands)
+            elif child.tag not in ("inertial", "gravity"):
+                self._unknown(child)
+        parts = _united(solid, shown)
+        inertial = element.find("inertial")
+        mass, centre, moments = 1.0, None, None
+        if inertial is not None:
+            mass = self._number(inertial, "mass", 1.0, positive=True, most=1e9)
+            if inertial.find("pose") is not None:
+                centre = self._pose(inertial.find("pose")).position
+            tensor = inertial.find("inertia")
+            if tensor is not None and all(tensor.find(each) is not None for each in ("ixx", "iyy", "izz")):
+                x, y, z = (self._number(tensor, each, 0.0, most=1e12) for each in ("ixx", "iyy", "izz"))
+                moments = (x, y, z) if min(x, y, z) > 0 else None
+        return _Link(element.attributes.get("name", "link"), pose, parts, mass, centre, moments, friction)
+
+    def _parts_of(self, element: SdfElement, pose: Pose3, stands: bool) -> list[BodyPart]:
+        geometry = element.find("geometry")
+        if geometry is None:
+            self._note(element, "it has no <geometry>, and is left out")
+            return []
+        kind = next((each for each in geometry.children), None)
+        if kind is None or kind.tag == "empty":
+            return []
+        solid = element.tag == "collision"
+        if kind.tag == "plane":
+            return self._plane(kind, pose, solid)
+        try:
+            shape = self._shape(kind)
+        except BadWorld as error:
+            uri = kind.find("uri")
+            if uri is not None and uri.text.startswith(("http://", "https://")):
+                self._note(uri, f"{uri.text} is on the Internet and left out: download it", key=uri.text)
+            elif solid or kind.tag != "mesh":
+                raise
+            else:
+                self._note(kind, f"what is only shown is left out: {error}", key=str(error))
+            return []
+        if shape is None:
+            return []
+        self._parts += 1
+        if self._parts > 4 * MAX_PARTS:
+            self._fail(element, f"the world has more than {4 * MAX_PARTS:,} shapes")
+        if kind.tag == "heightmap":
+            x, y, z = self._vector(kind, "pos", (0.0, 0.0, 0.0))
+            pose = pose @ Pose3((x, y, z))
+        part = BodyPart(shape, pose, self._colour(element), solid=solid, visible=not solid)
+        return [replace(part, ground=stands and solid and _is_floor(part))]
+
+    def _shape(self, kind: SdfElement) -> Shape | None:
+        match kind.tag:
+            case "box":
+                return BoxShape(self._size(kind, "size"))
+            case "cylinder":
+                return CylinderShape(self._length(kind, "radius"), self._length(kind, "length"))
+            case "sphere":
+                return SphereShape(self._length(kind, "radius"))
+            case "capsule":
+                radius = self._length(kind, "radius")
+                self._note(kind, "a capsule is a cylinder of its whole length here")
+                return CylinderShape(radius, self._length(kind, "length") + 2 * radius)
+            case "ellipsoid":
+                x, y, z = self._size(kind, "radii")
+                ball = shape_mesh(SphereShape(1.0))
+                return MeshShape(ball.scaled(x, y, z), convex=True)
+            case "mesh":
+                return self._mesh(kind)
+            case "heightmap":
+                return self._heightmap(kind)
+            case "polyline":
+                return self._polyline(kind)
+        known = ", ".join(_SHAPES)
+        if kind.tag not in ("cone", "image"):
+            self._fail(kind, f"unknown shape <{kind.tag}> (known: {known})")
+        self._note(kind, f"the shape is left out (known: {known})")
+        return None
+
+    def _mesh(self, kind: SdfElement) -> Shape:
+        x, y, z = self._vector(kind, "scale", (1.0, 1.0, 1.0))
+        if 0 in (x, y, z):
+            self._fail(kind, "a mesh cannot be scaled by 0")
+        if (part := kind.find("submesh")) is not None:
+            self._note(part, "the whole mesh is taken")
+        file = self._file(kind)
+        try:
+            return MeshShape(read_mesh(file).scaled(x, y, z), file, (x, y, z))
+        except BadInput as error:
+            self._fail(kind, str(error))
+
+    def _heightmap(self, kind: SdfElement) -> Shape:
+        x, y, z = self._vector(kind, "size", (1.0, 1.0, 1.0))
+        if min(x, y, z) <= 0:
+            self._fail(kind, "a height map's size is positive")
+        try:
+            return read_heights(self._file(kind), (0.0, z), (x, y))
+        except BadInput as error:
+            self._fail(kind, str(error))
+
+    def _polyline(self, kind: SdfElement) -> Shape:
+        height = self._length(kind, "height")
+        points = []
+        for each in kind.children:
+            if each.tag == "point":
+                numbers = self._numbers(each, 2)
+                points.append((numbers[0], numbers[1]))
+        try:
+            return MeshShape(extruded(points, height))
+        except BadInput as error:
+            self._fail(kind, str(error))
+
+    def _plane(self, kind: SdfElement, pose: Pose3, solid: bool) -> list[BodyPart]:
+        """A plane is the ground where it is level at z = 0 (so it has no body), else a box below its surface."""
+        x, y, z = self._vector(kind, "normal", (0.0, 0.0, 1.0))
+        level = z > 0.999 * math.hypot(x, y, z) and abs(pose.position[2]) < 1e-3
+        if level or not solid:
+            return []
+        width, length = self._numbers(kind.find("size"), 2) if kind.find("size") is not None else (1.0, 1.0)
+        if min(width, length) <= 0:
+            self._fail(kind, "the size of a plane is positive")
+        tilt = Pose3(orientation=_turn_to(x, y, z))
+        box = BoxShape((width, length, PLANE_THICKNESS))
+        return [BodyPart(box, pose @ tilt @ Pose3((0.0, 0.0, -PLANE_THICKNESS / 2)), GREY, ground=True)]
+
+    def _include(
+        self, element: SdfElement, above: Pose3, depth: int, prefix: str = "", static: bool | None = None
+    ) -> Iterator[WorldBody]:
+        self._includes += 1
+        if self._includes > MAX_INCLUDES:
+            self._fail(element, f"the world has more than {MAX_INCLUDES} includes")
+        uri = element.find("uri")
+        if uri is None or not uri.text:
+            self._fail(element, "<include> has no <uri>")
+        if (built_in := re.sub(r"[^a-z]", "", uri.text.rpartition("/")[2].lower())) in ("groundplane", "sun"):
+            # Gazebo brings both, and so does this simulation.
+            if built_in == "sun":
+                self.lights.append(Light("sun"))
+            return
+        try:
+            file = find_model_file(uri.text, element.file, self._packages, self._access)
+        except BadInput as error:
+            self._fail(uri, str(error))
+        if file is None:
+            self._note(uri, f"{uri.text} is on the Internet and left out: download it", key=uri.text)
+            return
+        if file in self._open:
+            self._fail(uri, f"{uri.text} includes itself")
+        if len(self._open) > MAX_NESTING:
+            self._fail(uri, f"files include each other more than {MAX_NESTING} deep")
+        self._open.append(file)
+        root = read_sdf(file)
+        models = [each for each in root.children if each.tag == "model"]
+        light = next((each for each in root.children if each.tag == "light"), None)
+        if not models and light is None:
+            self._fail(uri, f"{file} has no model")
+        name = element.find("name")
+        if self._flag_stated(element, "static"):
+            static = self._flag(element, "static", False)
+        for model in models[:1]:
+            own = prefix + (name.text if name is not None and name.text else model.attributes.get("name", "model"))
+            pose = above
+            if (stated := element.find("pose")) is not None:
+                # It replaces the model's own.
+                pose = above @ self._pose(stated) @ _Frames(self, model).own_pose.inverse()
+            yield from self.model(model, pose, own, depth, static)
+        self._open.pop()
+
+    def _light(self, element: SdfElement) -> Light:
+        x, y, z = self._vector(element, "direction", (-0.5, 0.1, -0.9))
+        if not any((x, y, z)):
+            x, y, z = 0.0, 0.0, -1.0
+        diffuse = element.find("diffuse")
+        r, g, b, _ = self._rgba(diffuse) if diffuse is not None else (1.0, 1.0, 1.0, 1.0)
+        return Light(element.attributes.get("name", ""), (x, y, z), (r, g, b))
+
+    def _friction(self, element: SdfElement, default: float) -> float:
+        ode = element.find("surface", "friction", "ode")
+        if ode is None or ode.find("mu") is None:
+            return default
+        return min(10.0, abs(self._number(ode, "mu", default, most=1e9)))
+
+    def _colour(self, element: SdfElement) -> Colour:
+        material = element.find("material")
+        for tag in ("diffuse", "ambient"):
+            if material is not None and (stated := material.find(tag)) is not None:
+                return self._rgba(stated)
+        script = element.find("material", "script", "name")
+        if script is not None:
+            return _GAZEBO_COLOURS.get(script.text.removeprefix("Gazebo/"), GREY)
+        return GREY
+
+    def _rgba(self, element: SdfElement) -> Colour:
+        try:
+            r, g, b, *a = (min(1.0, max(0.0, float(each))) for each in element.text.split())
+        except ValueError:
+            self._fail(element, f"{element.text[:60]!r} is no colour")
+        opacity = a[0] if a else 1.0
+        if not all(math.isfinite(each) for each in (r, g, b, opacity)):
+            self._fail(element, f"{element.text[:60]!r} is no colour")
+        return r, g, b, opacity
+
+    def _file(self, element: SdfElement) -> Path:
+        uri = element.find("uri")
+        if uri is None or not uri.text:
+            self._fail(element, f"<{element.tag}> has no <uri>")
+        try:
+            return find_resource(uri.text, element.file, self._packages, self._access)
+        except BadInput as error:
+            self._fail(uri, str(error))
+
+    def _pose(self, element: SdfElement | None) -> Pose3:
+        if element is None or not element.text:
+            return IDENTITY
+        rotation = element.attributes.get("rotation_format", "euler_rpy")
+        if rotation == "quat_xyzw":
+            x, y, z, *q = self._numbers(element, 7)
+            length = math.hypot(*q)
+            if length < 1e-6:
+                self._fail(element, "the quaternion 0 0 0 0 is no rotation")
+            return Pose3((x, y, z), (q[0] / length, q[1] / length, q[2] / length, q[3] / length))
+        x, y, z, *rpy = self._numbers(element, 6)
+        if element.attributes.get("degrees") in ("true", "1"):
+            rpy = [math.radians(each) for each in rpy]
+        return Pose3((x, y, z), quaternion_from_rpy(*rpy))
+
+    def _numbers(self, element: SdfElement | None, count: int) -> list[float]:
+        assert element is not None
+        try:
+            values = [float(each) for each in element.text.split()]
+        except ValueError:
+            values = []
+        if len(values) != count or not all(abs(each) <= MAX_VALUE for each in values):
+            self._fail(element, f"<{element.tag}> {element.text[:60]!r}: expected {count} numbers up to {MAX_VALUE:g}")
+        return values
+
+    def _vector(self, element: SdfElement, tag: str, default: Vector) -> Vector:
+        found = element.find(tag)
+        if found is None or not found.text:
+            return default
+        x, y, z = self._numbers(found, 3)
+        return x, y, z
+
+    def _size(self, element: SdfElement, tag: str) -> Vector:
+        size = self._vector(element, tag, (1.0, 1.0, 1.0))
+        if min(size) <= 0:
+            self._fail(element, f"<{tag}> {size[0]:g} {size[1]:g} {size[2]:g} of a {element.tag} is not positive")
+        return size
+
+    def _length(self, element: SdfElement, tag: str) -> float:
+        return self._number(element, tag, 1.0, positive=True)
+
+    def _number(
+        self, element: SdfElement, tag: str, default: float, positive: bool = False, most: float = 1e6
+    ) -> float:
+        found = element.find(tag)
+        if found is None:
+            return default
+        try:
+            value = float(found.text)
+        except ValueError:
+            value = math.nan
+        if not abs(value) <= most:
+            self._fail(found, f"<{tag}> {found.text[:60]!r} of <{element.tag}> is not a number up to {most:g}")
+        if positive and value <= 0:
+            self._fail(found, f"<{tag}> {found.text[:60]!r} of <{element.tag}> is not positive")
+        return value
+
+    def _flag(self, element: SdfElement, tag: str, default: bool) -> bool:
+        found = element.find(tag)
+        return default if found is None else found.text.strip().lower() in ("1", "true")
+
+    def _flag_stated(self, element: SdfElement, tag: str) -> bool:
+        return element.find(tag) is not None
+
+    def _unknown(self, element: SdfElement) -> None:
+        if element.tag not in _SILENT.split():
+            self._note(element, "it is not understood, and ignored")
+        elif element.tag in ("plugin", "sensor", "road", "population"):
+            self._note(element, "it is left out")
+
+    def _note(self, element: SdfElement, text: str, key: str = "") -> None:
+        self.notes.setdefault(key or element.tag + text, f"{element.file}:{element.line}: <{element.tag}>: {text}")
+
+    def _fail(self, element: SdfElement, text: str) -> NoReturn:
+        raise BadWorld(f"{element.file}:{element.line}: {text}")
+
+
+class _Frames:
+    """The frames inside a model or link: poses may be ``relative_to`` another of its elements, by name."""
+
+    def __init__(self, reader: _Reader, owner: SdfElement) -> None:
+        self._reader, self._owner = reader, owner
+        self._named = {
+            each.attributes["name"]: each
+            for each in owner.children
+            if each.tag in ("link", "frame", "model", "joint", "collision", "visual") and "name" in each.attributes
+        }
+        self.own_pose = reader._pose(owner.find("pose"))
+        self._seen: list[str] = []
+
+    def pose_of(self, element: SdfElement) -> Pose3:
+        """The pose of an element in the frame of its owner."""
+        stated = element.find("pose")
+        pose = self._reader._pose(stated)
+        base = stated.attributes.get("relative_to") or stated.attributes.get("frame") if stated is not None else None
+        base = base or element.attributes.get("attached_to")
+        if not base or base in ("__model__", "__root__", "world"):
+            return pose
+        if base not in self._named:
+            assert stated is not None
+            self._reader._note(stated, f"there is no frame {base!r} beside it: its pose is taken in the model's frame")
+            return pose
+        if base in self._seen:
+            self._reader._fail(element, f"the poses of {', '.join(self._seen)} are relative to each other")
+        self._seen.append(base)
+        under = self.pose_of(self._named[base])
+        self._seen.pop()
+        return under @ pose
+
+
+def _united(solid: list[BodyPart], shown: list[BodyPart]) -> tuple[BodyPart, ...]:
+    """Parts that collide and parts that are seen; what is both, with the same shape at the same place, is one part."""
+    parts = []
+    shown = list(shown)
+    for part in solid:
+        same = next((each for each in shown if each.pose == part.pose and _same_shape(each.shape, part.shape)), None)
+        if same is not None:
+            shown.remove(same)
+            part = replace(part, colour=same.colour, visible=True)
+        parts.append(part)
+    if not shown:
+        # What has no look of its own is seen as it collides, so that nothing stops a robot unseen.
+        parts = [replace(part, visible=True) for part in parts]
+    return (*parts, *shown)
+
+
+def _same_shape(one: Shape, other: Shape) -> bool:
+    if isinstance(one, MeshShape) and isinstance(other, MeshShape):
+        return one.file is not None and (one.file, one.scale) == (other.file, other.scale)
+    if type(one) is type(other) and isinstance(one, BoxShape | CylinderShape | SphereShape):
+        return one == other
+    return isinstance(one, HeightMapShape) and isinstance(other, HeightMapShape)
+
+
+def _merged(links: list[_Link]) -> _Link:
+    """Links that fixed joints hold together, as one about the first."""
+    first = links[0]
+    back = first.pose.inverse()
+    parts = [replace(part, pose=back @ link.pose @ part.pose) for link in links for part in link.parts]
+    return _Link(first.name, first.pose, tuple(parts), sum(link.mass for link in links), None, None, first.friction)
+
+
+def _is_floor(part: BodyPart) -> bool:
+    """Whether wheels roll on a fixed part: a height map, and what is large and flat."""
+    if isinstance(part.shape, HeightMapShape):
+        return True
+    low, high = shape_mesh(part.shape).bounds
+    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    turned = np.array([(part.pose @ Pose3((x, y, z))).position for x, y, z in corners.tolist()])
+    size = turned.max(axis=0) - turned.min(axis=0)
+    return bool(min(size[:2]) > FLOOR_EXTENT and size[2] < FLOOR_HEIGHT)
+
+
+def _turn_to(x: float, y: float, z: float) -> tuple[float, float, float, float]:
+    """The rotation that takes the z axis to a direction, about the axis across both."""
+    length = math.hypot(x, y, z)
+    x, y, z = x / length, y / length, z / length
+    if z < -0.999999:
+        return 1.0, 0.0, 0.0, 0.0
+    w = math.sqrt((1 + z) / 2)
+    return -y / (2 * w), x / (2 * w), 0.0, w
+
+
+def _with_own_names(bodies: tuple[WorldBody, ...]) -> tuple[WorldBody, ...]:
+    """The bodies, with a number after a name that another has, as Gazebo renames models."""
+    taken: set[str] = set()
+    named = []
+    for body in bodies:
+        name, number = body.name, 0
+        while name in taken:
+            name, number = f"{body.name}_{number}", number + 1
+        taken.add(name)
+        named.append(body if name == body.name else replace(body, name=name))
+    return tuple(named)
+
+
+_GAZEBO_COLOURS: dict[str, Colour] = {
+    "Grey": (0.7, 0.7, 0.7, 1.0),
+    "Gray": (0.7, 0.7, 0.7, 1.0),
+    "DarkGrey": (0.175, 0.175, 0.175, 1.0),
+    "White": (1.0, 1.0, 1.0, 1.0),
+    "Black": (0.05, 0.05, 0.05, 1.0),
+    "FlatBlack": (0.1, 0.1, 0.1, 1.0),
+    "Red": (1.0, 0.0, 0.0, 1.0),
+    "Green": (0.0, 1.0, 0.0, 1.0),
+    "Blue": (0.0, 0.0, 1.0, 1.0),
+    "Yellow": (1.0, 1.0, 0.0, 1.0),
+    "Orange": (1.0, 0.51, 0.09, 1.0),
+    "Purple": (1.0, 0.0, 1.0, 1.0),
+    "Turquoise": (0.0, 1.0, 1.0, 1.0),
+    "Wood": (0.55, 0.40, 0.24, 1.0),
+    "Bricks": (0.6, 0.3, 0.25, 1.0),
+    "Grass": (0.25, 0.45, 0.20, 1.0),
+}

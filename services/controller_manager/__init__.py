@@ -1,0 +1,51 @@
+"""The controller manager: ROS's controllers for the joints of one robot, configured by ros_control's YAML files."""
+
+from __future__ import annotations
+
+from services.runtime import Parameters, Service, param
+
+
+class ControllerManagerParameters(Parameters, frozen=True, kw_only=True):
+    """Parameters of the controller manager. Gains are in sets of their own, ``CONTROLLER/pid`` or
+    ``CONTROLLER/gains/JOINT``."""
+
+    config: str = param(
+        "", text="YAML file of the controllers; a fleet counts it from its own folder.", max_length=4096, live=False
+    )
+    robot: str = param(
+        "", text="Name of the robot in the simulation; that of the namespace if empty.", max_length=255, live=False
+    )
+    controllers: tuple[str, ...] = param(
+        (),
+        text="Controllers to start; all, where none is named, but those whose joints another one has.",
+        max_length=100,
+        live=False,
+    )
+    update_rate: float = param(
+        0.0,
+        0,
+        200,
+        "Hz",
+        "Control rate, in lockstep a whole number of physics steps; 0 takes the file's, or else 100 Hz.",
+        live=False,
+    )
+    duration: float = param(
+        0.1, 0.02, 1, "s", "How long joints obey a command without another; at least two control periods."
+    )
+    state_timeout: float = param(0.1, 0.02, 1, "s", "Command nothing when the joints were not heard for this long.")
+    command_timeout: float = param(
+        0.0,
+        0,
+        60,
+        "s",
+        "Stop joints whose velocity or effort was not commanded for this long; 0, as in ROS, never does.",
+    )
+
+
+SERVICE = Service(
+    name="controller_manager",
+    about="Runs ROS's joint and trajectory controllers for one robot, from the YAML file of ros_control.",
+    run="services.controller_manager.loop:run",
+    rate=100,
+    parameters=ControllerManagerParameters,
+)

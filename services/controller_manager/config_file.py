@@ -1,0 +1,425 @@
+"""Reads the YAML files of ros_control and ros2_control: what is wrong in one is told with file and line."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import msgspec
+
+from models.yaml_reader import YamlSource, read_yaml
+from services.controller_manager.config import (
+    DEFAULT_RATE,
+    FORWARD_COMMAND,
+    OF_THE_SIMULATION,
+    ROS_2_TRAJECTORY,
+    TYPES,
+    ControllerConfig,
+    ControllerType,
+    Gains,
+    JointName,
+    JointNames,
+    ManagerConfig,
+    NonNegative,
+    Rate,
+    Table,
+    Tolerance,
+    TrajectoryConfig,
+)
+from services.runtime.errors import BadInput, did_you_mean, unknown_name
+
+MAX_BYTES = 1 << 18
+"""Size of the file; those that people write have a few thousand bytes."""
+MAX_DEPTH = 12
+"""Tables within tables."""
+MAX_VALUES = 20_000
+"""Values in all tables; more, or deeper ones, are made by aliases of YAML, not by a person."""
+MAX_CONTROLLERS = 100
+
+_ROS_2 = "ros__parameters"
+_MANAGER = "controller_manager"
+_GAZEBO = "gazebo_ros_control"
+_ANYWHERE = ("**", "*")
+"""ROS 2's wildcards for namespaces."""
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+
+Path_ = tuple[str | int, ...]
+T = TypeVar("T")
+
+
+class _JointTable(Table, frozen=True, kw_only=True):
+    type: str
+    joint: JointName
+    pid: Gains | None = None
+
+
+class _GroupTable(Table, frozen=True, kw_only=True):
+    type: str
+    joints: JointNames
+    interface_name: str = ""
+
+
+class _TrajectoryTable(Table, frozen=True, kw_only=True):
+    type: str
+    joints: JointNames
+    constraints: dict[str, Any] = msgspec.field(default_factory=dict)
+    gains: dict[str, Gains] = msgspec.field(default_factory=dict)
+    velocity_ff: dict[str, float] = msgspec.field(default_factory=dict)
+    state_publish_rate: Rate = 50.0
+    action_monitor_rate: Rate = 20.0
+    allow_partial_joints_goal: bool = False
+    allow_nonzero_velocity_at_trajectory_end: bool = True
+    command_interfaces: tuple[str, ...] = ()
+    state_interfaces: tuple[str, ...] = ()
+    interpolation_method: str = "splines"
+
+
+class _StateTable(Table, frozen=True, kw_only=True):
+    type: str
+    publish_rate: Rate = 0.0
+
+
+_UNUSED = frozenset({"update_rate", "use_sim_time", "joint_group", "action_ns"})
+"""Keys that are common, mean nothing here, and are not worth a note."""
+
+
+class _Found(NamedTuple):
+    """A table of the file: the namespace and name that it has, its keys, and where it is in the file."""
+
+    namespace: str
+    name: str
+    table: dict[str, Any]
+    path: Path_
+
+
+class _Head(NamedTuple):
+    """What every controller has: its name, its type, and where that is in the file."""
+
+    name: str
+    type: str
+    where: str
+
+
+def read_config(path: Path, namespace: str) -> ManagerConfig:
+    """The controllers of the robot in ``namespace``, from a file; raises BadInput."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+        if len(data) > MAX_BYTES:
+            raise BadInput(f"{path}: more than {MAX_BYTES} bytes: is it a file of controllers?")
+        text = data.decode("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"the controllers' file {path} cannot be read: {error}") from None
+    return parse_config(path, text, namespace)
+
+
+def parse_config(path: Path, text: str, namespace: str) -> ManagerConfig:
+    """The controllers in ``text``; ``path`` is named in errors. Raises BadInput."""
+    tree = read_yaml(text, str(path))
+    if not isinstance(tree, dict):
+        raise BadInput(f"{path}:1: expected a table of controllers, by their names")
+    _check_size(tree, path)
+    return _Reader(YamlSource(path, text), namespace.strip("/")).read(tree)
+
+
+class _Reader:
+    """Reads one file for one robot; ``notes`` collect what is ignored."""
+
+    def __init__(self, source: YamlSource, namespace: str) -> None:
+        self._source, self._namespace = source, namespace
+        self._notes: list[str] = []
+
+    def read(self, tree: dict[Any, Any]) -> ManagerConfig:
+        """The controllers of the file."""
+        found = list(self._walk(tree, ()))
+        controllers = self._own([each for each in found if each.name not in (_MANAGER, _GAZEBO)])
+        managers = [each for each in found if each.name == _MANAGER and self._is_own(each)]
+        types = self._types(managers, controllers)
+        rate = DEFAULT_RATE
+        for manager in managers:
+            if "update_rate" in manager.table:
+                rate = self._convert(manager.table["update_rate"], Rate, (*manager.path, "update_rate")) or rate
+        configs = [made for each in controllers if (made := self._controller(each, types)) is not None]
+        if not configs:
+            raise BadInput(f"{self._source.location()}: there is no controller in this file: none has a type")
+        if len(configs) > MAX_CONTROLLERS:
+            raise BadInput(f"{self._source.path}: {len(configs)} controllers, the limit is {MAX_CONTROLLERS}")
+        gains: dict[str, Gains] = {}
+        for each in found:
+            if each.name == _GAZEBO and self._is_own(each):
+                gains |= self._gains(each.table.get("pid_gains", {}), (*each.path, "pid_gains"))
+        return ManagerConfig(tuple(configs), rate, gains, tuple(self._notes))
+
+    def _walk(self, table: dict[Any, Any], path: Path_) -> Iterator[_Found]:
+        """The tables that are controllers, controller managers or gains of the hardware, at any depth."""
+        for key, value in table.items():
+            if not isinstance(value, dict):
+                continue
+            here = (*path, key)
+            parts = [part for each in here for part in str(each).split("/") if part]
+            name, above = (parts[-1] if parts else ""), "/".join(parts[:-1])
+            if isinstance(inner := value.get(_ROS_2), dict):
+                yield _Found(above, name, _nest(inner), (*here, _ROS_2))
+            elif name in (_MANAGER, _GAZEBO) or isinstance(value.get("type"), str):
+                yield _Found(above, name, value, here)
+            else:
+                yield from self._walk(value, here)
+
+    def _is_own(self, found: _Found) -> bool:
+        return found.namespace in ("", *_ANYWHERE, self._namespace)
+
+    def _own(self, found: list[_Found]) -> list[_Found]:
+        """The controllers of the robot's namespace, or of the only one that the file has."""
+        others = {each.namespace for each in found if not self._is_own(each)}
+        if not others:
+            return found
+        own = [each for each in found if self._is_own(each)]
+        if own:
+            self._notes.append(f"{self._source.path}: the controllers of {_names(others)} are those of other robots")
+            return own
+        if len(others) > 1:
+            raise BadInput(
+                f"{self._source.path}: there are controllers of {_names(others)}, and none of the robot "
+                f"/{self._namespace}"
+            )
+        self._notes.append(
+            f"{self._source.path}: its namespace is /{others.pop()}, the robot's /{self._namespace}, which counts"
+        )
+        self._namespace = found[0].namespace
+        return found
+
+    def _types(self, managers: list[_Found], controllers: list[_Found]) -> dict[str, tuple[str, Path_]]:
+        """The types that ROS 2's controller manager declares, by the controllers' names."""
+        types: dict[str, tuple[str, Path_]] = {}
+        known = {each.name for each in controllers}
+        for manager in managers:
+            for name, value in manager.table.items():
+                if not isinstance(value, dict) or "type" not in value:
+                    continue
+                path = (*manager.path, name, "type")
+                types[name] = self._convert(value["type"], str, path), path
+                if name not in known:
+                    controllers.append(_Found("", name, {}, (*manager.path, name)))
+        return types
+
+    def _controller(self, found: _Found, types: Mapping[str, tuple[str, Path_]]) -> ControllerConfig | None:
+        """The controller in a table; None for one that the simulation makes needless, or a node that is none."""
+        table, path = found.table, found.path
+        if "type" in table:
+            type_name, type_path = self._convert(table["type"], str, (*path, "type")), (*path, "type")
+        elif found.name in types:
+            type_name, type_path = types[found.name]
+        else:
+            near = did_you_mean(found.name, types)
+            self._notes.append(f"{self._source.location(*path)}: {found.name} is no controller that has a type{near}")
+            return None
+        where = self._source.location(*type_path)
+        if type_name in OF_THE_SIMULATION:
+            self._notes.append(f"{where}: {found.name} is left out: {OF_THE_SIMULATION[type_name]}")
+            return None
+        if type_name not in TYPES:
+            raise unknown_name("type of controller", type_name, TYPES, f"{where}: {found.name}")
+        if not _NAME.fullmatch(found.name):
+            raise BadInput(f"{where}: {found.name[:80]!r} is no name of a controller: letters, digits and _")
+        each = TYPES[type_name]
+        table = {**table, "type": type_name}
+        head = _Head(found.name, type_name, where)
+        match each.kind:
+            case "joint":
+                return self._joint_controller(each, table, path, head)
+            case "group":
+                return self._group_controller(each, table, path, head)
+            case "trajectory":
+                return self._trajectory_controller(each, table, path, head)
+        stated = self._table(table, _StateTable, path, ("joints", "interfaces", "extra_joints"))
+        if stated.publish_rate:
+            self._notes.append(
+                f"{where}: {found.name}: joint_states come from the simulation, at the rate of the model"
+            )
+        return ControllerConfig(**head._asdict(), kind="state", interface=each.interface, commanded=each.commanded)
+
+    def _joint_controller(
+        self, each: ControllerType, table: dict[str, Any], path: Path_, head: _Head
+    ) -> ControllerConfig:
+        stated = self._table(table, _JointTable, path)
+        gains = {}
+        if each.pid:
+            if stated.pid is None:
+                raise BadInput(f"{head.where}: {head.name}: a {head.type} needs gains: pid: {{p: …}}")
+            gains[stated.joint] = self._checked(stated.pid, (*path, "pid"))
+        return ControllerConfig(
+            **head._asdict(),
+            kind="joint",
+            interface=each.interface,
+            commanded=each.commanded,
+            joints=(stated.joint,),
+            gains=gains,
+        )
+
+    def _group_controller(
+        self, each: ControllerType, table: dict[str, Any], path: Path_, head: _Head
+    ) -> ControllerConfig:
+        joints = table.get("joints")
+        of_joints = [joint for joint in joints if isinstance(joint, str)] if isinstance(joints, list) else []
+        stated = self._table(table, _GroupTable, path, of_joints)
+        self._check_joints(stated.joints, path)
+        interface, commanded = each.interface, each.commanded
+        if head.type == FORWARD_COMMAND:
+            interface = commanded = self._interface(stated.interface_name, (*path, "interface_name"))
+        gains: dict[str, Gains] = {}
+        if each.pid:
+            for joint in stated.joints:
+                pid = table.get(joint, {}).get("pid") if isinstance(table.get(joint), dict) else None
+                if pid is None:
+                    raise BadInput(
+                        f"{head.where}: {head.name}: a {head.type} needs gains for each joint: "
+                        f"{joint}: {{pid: {{p: …}}}}"
+                    )
+                gains |= self._gains({joint: pid}, path, ("pid",))
+        return ControllerConfig(
+            **head._asdict(), kind="group", interface=interface, commanded=commanded, joints=stated.joints, gains=gains
+        )
+
+    def _trajectory_controller(
+        self, each: ControllerType, table: dict[str, Any], path: Path_, head: _Head
+    ) -> ControllerConfig:
+        stated = self._table(table, _TrajectoryTable, path)
+        self._check_joints(stated.joints, path)
+        ros_2, interface = head.type == ROS_2_TRAJECTORY, each.interface
+        if ros_2:
+            if not stated.command_interfaces:
+                raise BadInput(f"{head.where}: {head.name}: command_interfaces is missing: [position] for one")
+            names = [self._interface(name, (*path, "command_interfaces")) for name in stated.command_interfaces]
+            interface = "position" if "position" in names else names[0]
+        gains = {}
+        if interface != "position":
+            for joint in stated.joints:
+                if joint not in stated.gains:
+                    raise BadInput(
+                        f"{head.where}: {head.name}: {interface} needs gains for each joint: "
+                        f"gains: {{{joint}: {{p: …}}}}"
+                    )
+                made = self._checked(stated.gains[joint], (*path, "gains", joint))
+                ff = stated.velocity_ff.get(joint, made.ff_velocity_scale)
+                gains[joint] = msgspec.structs.replace(made, ff_velocity_scale=ff)
+        return ControllerConfig(
+            **head._asdict(),
+            kind="trajectory",
+            interface=interface,
+            commanded="position",
+            joints=stated.joints,
+            gains=gains,
+            trajectory=self._trajectory(stated, path, ros_2),
+        )
+
+    def _trajectory(self, stated: _TrajectoryTable, path: Path_, ros_2: bool) -> TrajectoryConfig:
+        here = (*path, "constraints")
+        times, joints = {}, {}
+        for name, value in stated.constraints.items():
+            if name in ("goal_time", "stopped_velocity_tolerance"):
+                times[name] = self._convert(value, NonNegative, (*here, name))
+            elif name in stated.joints:
+                joints[name] = self._table(value, Tolerance, (*here, name))
+            else:
+                known = (*stated.joints, "goal_time", "stopped_velocity_tolerance")
+                raise unknown_name("constraint", name, known, self._source.location(*here, name))
+        if stated.interpolation_method not in ("splines", "none"):
+            known = ("splines", "none")
+            where = self._source.location(*path, "interpolation_method")
+            raise unknown_name("interpolation", stated.interpolation_method, known, where)
+        return TrajectoryConfig(
+            constraints=joints,
+            state_publish_rate=stated.state_publish_rate,
+            action_monitor_rate=stated.action_monitor_rate,
+            allow_partial_joints_goal=stated.allow_partial_joints_goal,
+            allow_nonzero_velocity_at_trajectory_end=stated.allow_nonzero_velocity_at_trajectory_end,
+            splines=stated.interpolation_method == "splines",
+            waits_for_goal=ros_2,
+            **times,
+        )
+
+    def _interface(self, name: str, path: Path_) -> Any:
+        known = ("position", "velocity", "effort")
+        if name not in known:
+            raise unknown_name("interface", name, known, self._source.location(*path))
+        return name
+
+    def _check_joints(self, joints: tuple[str, ...], path: Path_) -> None:
+        for index, joint in enumerate(joints):
+            if joint in joints[:index]:
+                raise BadInput(f"{self._source.location(*path, 'joints')}: the joint {joint!r} is there twice")
+
+    def _gains(self, table: Any, path: Path_, below: Path_ = ()) -> dict[str, Gains]:
+        """Gains by joints."""
+        made = {}
+        for joint, each in self._convert(table, dict[str, Any], path).items():
+            here = (*path, joint, *below)
+            made[joint] = self._checked(self._table(each, Gains, here), here)
+        return made
+
+    def _checked(self, gains: Gains, path: Path_) -> Gains:
+        if not (gains.p or gains.i or gains.d):
+            raise BadInput(f"{self._source.location(*path)}: none of the gains p, i and d is stated")
+        if gains.i and gains.bounds == (0.0, 0.0):
+            self._notes.append(
+                f"{self._source.location(*path)}: i = {gains.i:g} has no effect, as i_clamp bounds its share to 0"
+            )
+        return gains
+
+    def _table(self, table: Any, record: type[T], path: Path_, more: Collection[str] = ()) -> T:
+        """A table as a record; keys that it does not have are noted."""
+        if isinstance(table, dict):
+            fields = {each.name for each in msgspec.structs.fields(record)}  # type: ignore[arg-type]
+            known = fields | set(more) | _UNUSED
+            for key in table:
+                if key not in known:
+                    near = did_you_mean(str(key), sorted(fields))
+                    self._notes.append(f"{self._source.location(*path, key)}: {key} is not known and ignored{near}")
+        made: T = self._convert(table, record, path)
+        return made
+
+    def _convert(self, value: Any, kind: Any, path: Path_) -> Any:
+        try:
+            return msgspec.convert(value, kind)
+        except msgspec.ValidationError as error:
+            text, _, inner = str(error).partition(" - at `$")
+            steps = re.findall(r"\.(\w+)|\[(\d+)\]", inner)
+            below = tuple(name or int(index) for name, index in steps)
+            missing = re.search(r"missing required field `(.*?)`", text)
+            names = [str(each) for each in (*path, *below) if each != _ROS_2]
+            what = f"{missing[1]} is missing" if missing else text
+            raise BadInput(f"{self._source.location(*path, *below)}: {'.'.join(names)}: {what}") from None
+
+
+def _check_size(tree: Any, path: Path) -> None:
+    """Raise BadInput for what aliases blow up, or loop through themselves."""
+    pending, count = [(tree, 0)], 0
+    while pending:
+        each, depth = pending.pop()
+        if not isinstance(each, dict | list):
+            continue
+        count += len(each)
+        if count > MAX_VALUES or depth > MAX_DEPTH:
+            raise BadInput(f"{path}: more than {MAX_VALUES} values, or tables more than {MAX_DEPTH} deep")
+        pending += [(inner, depth + 1) for inner in (each.values() if isinstance(each, dict) else each)]
+
+
+def _nest(table: dict[Any, Any]) -> dict[str, Any]:
+    """ROS 2's dotted names (``gains.joint1.p``) as tables in tables."""
+    made: dict[str, Any] = {}
+    for key, value in table.items():
+        *above, last = str(key).split(".")
+        inner = made
+        for name in above:
+            below = inner.setdefault(name, {})
+            inner = below if isinstance(below, dict) else inner
+        value = _nest(value) if isinstance(value, dict) else value
+        there = inner.get(last)
+        inner[last] = {**there, **value} if isinstance(there, dict) and isinstance(value, dict) else value
+    return made
+
+
+def _names(namespaces: Collection[str]) -> str:
+    return ", ".join(f"/{each}" for each in sorted(namespaces))

@@ -1,0 +1,130 @@
+"""The goals of an action server and their states, with actionlib's semantics; no messages are sent here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from messages.actionlib import GoalID, GoalStatus, Status
+from messages.std import SECOND, Time
+
+FORGET_AFTER_NS = 5 * SECOND
+"""For so long a goal that has ended stays in the list; actionlib's ``status_list_timeout``."""
+MAX_GOALS = 200
+"""Goals in the list; beyond, those that ended first are forgotten early."""
+
+
+@dataclass
+class _Goal:
+    id: GoalID
+    status: Status
+    text: str = ""
+    ended: int = 0
+
+
+@dataclass
+class Goals:
+    """The goals that were received, by id. Times are simulation time, ns.
+
+    ``changed`` is set by every change of a state, until its owner publishes the list.
+    """
+
+    changed: bool = False
+    _goals: dict[str, _Goal] = field(default_factory=dict)
+    _cancelled_upto: int = 0
+    _received: int = 0
+    _now: int = 0
+
+    def receive(self, asked: GoalID, name: str, now: int) -> GoalID | None:
+        """Take note of a goal; None for one that is known already.
+
+        The goal is PENDING, or RECALLED at once when it was cancelled before it came. One without an id gets one of
+        ``name`` and a number, one without a stamp the present time.
+        """
+        self._follow_time(now)
+        self._received += 1
+        goal = GoalID(
+            stamp=asked.stamp if asked.stamp.ns else Time.of(now),
+            id=asked.id or f"{name}-{self._received}-{now / SECOND:.3f}",
+        )
+        known = self._goals.get(goal.id)
+        if known is not None and known.status is not Status.RECALLING:
+            return None
+        recalled = known is not None or (0 < asked.stamp.ns <= self._cancelled_upto)
+        self._goals[goal.id] = _Goal(goal, Status.PENDING)
+        self.changed = True
+        if recalled:
+            self.end(goal.id, Status.RECALLED, now, "it was cancelled before it came")
+        self._forget(now)
+        return goal
+
+    def accept(self, goal: str) -> None:
+        """A pending goal is followed from now on."""
+        assert self._goals[goal].status is Status.PENDING
+        self._goals[goal].status, self._goals[goal].text = Status.ACTIVE, "it is followed"
+        self.changed = True
+
+    def end(self, goal: str, status: Status, now: int, text: str) -> GoalStatus:
+        """A goal ends in a terminal state; returns that for its result."""
+        assert status.terminal
+        each = self._goals[goal]
+        assert not each.status.terminal
+        each.status, each.text, each.ended = status, text, now
+        self.changed = True
+        return self.status(goal)
+
+    def cancel(self, asked: GoalID, now: int) -> list[str]:
+        """The goals that a cancellation means and that are not over yet.
+
+        By actionlib's policy: neither id nor stamp means all; a stamp all up to it, also those yet to come; an id that
+        goal, also if it is yet to come; both the goal and all up to the stamp.
+        """
+        self._follow_time(now)
+        stamp = asked.stamp.ns
+        everything = not asked.id and not stamp
+        meant = [
+            goal
+            for goal, each in self._goals.items()
+            if not each.status.terminal
+            and each.status is not Status.RECALLING
+            and (everything or goal == asked.id or (stamp and each.id.stamp.ns <= stamp))
+        ]
+        if asked.id and asked.id not in self._goals:
+            self._goals[asked.id] = _Goal(asked, Status.RECALLING, "it was cancelled before it came", now)
+            self.changed = True
+        self._cancelled_upto = max(self._cancelled_upto, stamp)
+        self._forget(now)
+        return meant
+
+    def state(self, goal: str) -> Status | None:
+        """The state of a goal; None for one that is not known."""
+        return self._goals[goal].status if goal in self._goals else None
+
+    def status(self, goal: str) -> GoalStatus:
+        """The state of a known goal as it is sent."""
+        each = self._goals[goal]
+        return GoalStatus(goal_id=each.id, status=each.status.value, text=each.text)
+
+    def list(self, now: int) -> tuple[GoalStatus, ...]:
+        """All goals that did not end long ago, oldest first."""
+        self._follow_time(now)
+        self._forget(now)
+        return tuple(self.status(each) for each in self._goals)
+
+    def _follow_time(self, now: int) -> None:
+        """Forget what was before simulation time was set back."""
+        if now < self._now:
+            self._goals = {goal: each for goal, each in self._goals.items() if not _over(each)}
+            self._cancelled_upto = 0
+        self._now = now
+
+    def _forget(self, now: int) -> None:
+        ended = [(each.ended, goal) for goal, each in self._goals.items() if _over(each)]
+        old = [goal for at, goal in ended if now - at > FORGET_AFTER_NS]
+        kept = len(self._goals) - len(old)
+        spare = [goal for _, goal in sorted(ended) if goal not in old]
+        for goal in (*old, *spare[: max(0, kept - MAX_GOALS)]):
+            del self._goals[goal]
+
+
+def _over(goal: _Goal) -> bool:
+    return goal.status.terminal or goal.status is Status.RECALLING

@@ -1,0 +1,138 @@
+"""Trajectories of joints: splines between points, as ROS's joint_trajectory_controller interpolates them."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+Values = tuple[float, ...]
+Coefficients = tuple[float, float, float, float, float, float]
+
+
+class JointPoint(NamedTuple):
+    """Positions [rad or m], velocities [1/s] and accelerations [1/s2] of joints; None where they are not stated."""
+
+    positions: Values
+    velocities: Values | None = None
+    accelerations: Values | None = None
+
+
+class Sampled(NamedTuple):
+    """Where joints shall be: positions, velocities and accelerations."""
+
+    positions: Values
+    velocities: Values
+    accelerations: Values
+
+
+@dataclass(frozen=True)
+class Segment:
+    """The polynomials of all joints from ``start`` to ``end`` [ns]: c0 + c1 t + … + c5 t^5, t in s from the start.
+
+    ``goal`` is the id of the goal that it belongs to, empty for none.
+    """
+
+    start: int
+    end: int
+    coefficients: tuple[Coefficients, ...]
+    final: Values
+    goal: str = ""
+
+    def at(self, now: int) -> Sampled:
+        """The joints at ``now`` [ns]: before the start as there, from the end on at rest at the end."""
+        if now >= self.end:
+            zeros = (0.0,) * len(self.final)
+            return Sampled(self.final, zeros, zeros)
+        t = max(0, now - self.start) / 1e9
+        rows = [_polynomial(each, t) for each in self.coefficients]
+        return Sampled(tuple(row[0] for row in rows), tuple(row[1] for row in rows), tuple(row[2] for row in rows))
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Segments in the order of their starts; each holds until the next one starts."""
+
+    segments: tuple[Segment, ...]
+
+    def segment(self, now: int) -> Segment:
+        """The segment that holds at ``now`` [ns]: the last that has started, else the first."""
+        return self.segments[max(0, bisect_right(self.segments, now, key=lambda each: each.start) - 1)]
+
+    def at(self, now: int) -> Sampled:
+        """The joints at ``now`` [ns]."""
+        return self.segment(now).at(now)
+
+    @property
+    def end(self) -> int:
+        """When the last segment ends, ns."""
+        return self.segments[-1].end
+
+    def until(self, now: int, start: int) -> tuple[Segment, ...]:
+        """The segments that still hold at ``now`` or later, and start before ``start`` [ns]."""
+        first = self.segments.index(self.segment(now))
+        return tuple(each for each in self.segments[first:] if each.start < start)
+
+
+def hold(positions: Values, now: int, goal: str = "") -> Trajectory:
+    """The trajectory that stays at ``positions`` from ``now`` [ns] on."""
+    rows = tuple((each, 0.0, 0.0, 0.0, 0.0, 0.0) for each in positions)
+    return Trajectory((Segment(now, now, rows, positions, goal),))
+
+
+def segment(start: int, end: int, first: JointPoint, last: JointPoint, goal: str = "", splines: bool = True) -> Segment:
+    """The segment between two points: quintic where both state velocities and accelerations, cubic where both state
+    velocities, else linear, as ROS's JointTrajectoryController chooses. Without ``splines`` it jumps at its end.
+
+    Args:
+        start: When ``first`` holds, ns.
+        end: When ``last`` holds, ns.
+        first: Where the joints are at the start.
+        last: Where they are at the end.
+        goal: The goal that it belongs to.
+        splines: Whether to interpolate at all.
+    """
+    duration = (end - start) / 1e9
+    rows: list[Coefficients] = []
+    for joint, (p0, p1) in enumerate(zip(first.positions, last.positions, strict=True)):
+        if not splines or duration <= 0:
+            rows.append((p0, 0.0, 0.0, 0.0, 0.0, 0.0))
+        elif first.velocities is None or last.velocities is None:
+            rows.append((p0, (p1 - p0) / duration, 0.0, 0.0, 0.0, 0.0))
+        elif first.accelerations is None or last.accelerations is None:
+            rows.append(cubic(p0, first.velocities[joint], p1, last.velocities[joint], duration))
+        else:
+            one = p0, first.velocities[joint], first.accelerations[joint]
+            other = p1, last.velocities[joint], last.accelerations[joint]
+            rows.append(quintic(one, other, duration))
+    return Segment(start, end, tuple(rows), last.positions, goal)
+
+
+def cubic(p0: float, v0: float, p1: float, v1: float, t: float) -> Coefficients:
+    """The cubic from position ``p0`` and velocity ``v0`` to ``p1`` and ``v1`` within ``t`` [s]."""
+    d = p1 - p0
+    return p0, v0, (3 * d - (2 * v0 + v1) * t) / t**2, (-2 * d + (v0 + v1) * t) / t**3, 0.0, 0.0
+
+
+def quintic(start: tuple[float, float, float], end: tuple[float, float, float], t: float) -> Coefficients:
+    """The quintic from position, velocity and acceleration at ``start`` to those at ``end`` within ``t`` [s]."""
+    (p0, v0, a0), (p1, v1, a1) = start, end
+    d = p1 - p0
+    return (
+        p0,
+        v0,
+        a0 / 2,
+        (20 * d - (3 * a0 - a1) * t**2 - (12 * v0 + 8 * v1) * t) / (2 * t**3),
+        (-30 * d + (3 * a0 - 2 * a1) * t**2 + (16 * v0 + 14 * v1) * t) / (2 * t**4),
+        (12 * d - (a0 - a1) * t**2 - 6 * (v0 + v1) * t) / (2 * t**5),
+    )
+
+
+def _polynomial(c: Sequence[float], t: float) -> tuple[float, float, float]:
+    """Value, first and second derivative of a polynomial of the fifth degree."""
+    return (
+        c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5])))),
+        c[1] + t * (2 * c[2] + t * (3 * c[3] + t * (4 * c[4] + t * 5 * c[5]))),
+        2 * c[2] + t * (6 * c[3] + t * (12 * c[4] + t * 20 * c[5])),
+    )

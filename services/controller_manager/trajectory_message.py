@@ -1,0 +1,159 @@
+"""From a ``JointTrajectory`` to segments: checked, joints in the controller's order, points of the past left out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+
+from messages.control import TrajectoryError
+from messages.trajectory import JointTrajectory, JointTrajectoryPoint
+from services.controller_manager.config import TrajectoryConfig
+from services.controller_manager.trajectory import JointPoint, Sampled, Segment, Trajectory, Values, segment
+from services.runtime.errors import BadInput, did_you_mean
+
+MAX_POINTS = 10_000
+MAX_DURATION_NS = 86_400_000_000_000
+"""A day: how far ahead a trajectory may begin, and how long it may last."""
+
+
+class BadTrajectory(BadInput):
+    """A trajectory cannot be followed; ``code`` is why, as the result of its goal has it."""
+
+    def __init__(self, code: TrajectoryError, text: str) -> None:
+        super().__init__(text)
+        self.code = code
+
+
+def plan(
+    message: JointTrajectory,
+    joints: tuple[str, ...],
+    continuous: Collection[str],
+    config: TrajectoryConfig,
+    current: Trajectory,
+    now: int,
+    goal: str = "",
+) -> Trajectory:
+    """The trajectory to follow from ``now`` [ns] on: the ``current`` one up to the start of the message's, then that.
+
+    As in ROS's JointTrajectoryController, points of the past are dropped, the way to the first that is left begins at
+    what is wanted then, joints that are not named hold their place (where partial goals are allowed), and continuous
+    joints turn the shorter way to the first point.
+
+    Args:
+        message: The trajectory; a stamp of 0 is ``now``.
+        joints: The controller's joints.
+        continuous: Those of them that turn for ever.
+        config: The controller's terms.
+        current: What is followed at present.
+        now: The time.
+        goal: The id of the goal that asks for it.
+
+    Raises:
+        BadTrajectory: It cannot be followed, with the reason.
+    """
+    order = _order(message, joints, config.allow_partial_joints_goal)
+    _check_points(message, config)
+    stamp = message.header.stamp.ns
+    begin = now if stamp == 0 else stamp
+    if begin - now > MAX_DURATION_NS:
+        raise BadTrajectory(
+            TrajectoryError.INVALID_GOAL, f"it begins {(begin - now) / 1e9:.0f} s ahead, more than a day"
+        )
+    points = [(begin + each.time_from_start.ns, each) for each in message.points]
+    ahead = [entry for entry in points if entry[0] > now or (entry[0] == now and stamp == 0)]
+    if not ahead:
+        late = (now - points[-1][0]) / 1e9
+        raise BadTrajectory(
+            TrajectoryError.OLD_HEADER_TIMESTAMP,
+            f"all its points are in the past: the last was due {late:.3f} s ago. Is the stamp that of another clock? "
+            "A stamp of 0 begins at once",
+        )
+    start = max(begin, now)
+    wanted = current.at(start)
+    offsets = _wrap(ahead[0][1], order, joints, continuous, wanted)
+    segments: list[Segment] = []
+    at, before = start, JointPoint(*wanted)
+    for time, each in ahead:
+        point = _point(each, order, wanted, offsets)
+        segments.append(segment(at, time, before, point, goal, config.splines))
+        at, before = time, point
+    kept = current.until(now, start) if start > now else ()
+    if len(kept) > MAX_POINTS:
+        raise BadTrajectory(TrajectoryError.INVALID_GOAL, f"more than {MAX_POINTS} points are still to come before it")
+    return Trajectory((*kept, *segments))
+
+
+def _order(message: JointTrajectory, joints: tuple[str, ...], partial: bool) -> list[int | None]:
+    """For each of the controller's joints, its place in the message."""
+    names = message.joint_names
+    code = TrajectoryError.INVALID_JOINTS
+    if not names:
+        raise BadTrajectory(code, f"it names no joints (the controller's: {', '.join(joints)})")
+    for index, name in enumerate(names):
+        if name not in joints:
+            near = did_you_mean(name, joints)
+            raise BadTrajectory(code, f"unknown joint {name!r}{near} (the controller's: {', '.join(joints)})")
+        if name in names[:index]:
+            raise BadTrajectory(code, f"it names the joint {name!r} twice")
+    missing = [each for each in joints if each not in names]
+    if missing and not partial:
+        raise BadTrajectory(
+            code, f"the joints {', '.join(missing)} are missing, and allow_partial_joints_goal is not set"
+        )
+    return [names.index(each) if each in names else None for each in joints]
+
+
+def _check_points(message: JointTrajectory, config: TrajectoryConfig) -> None:
+    code, count = TrajectoryError.INVALID_GOAL, len(message.joint_names)
+    if not message.points:
+        raise BadTrajectory(code, "it has no points")
+    if len(message.points) > MAX_POINTS:
+        raise BadTrajectory(code, f"it has {len(message.points)} points, the limit is {MAX_POINTS}")
+    before = -1
+    for index, point in enumerate(message.points):
+        if len(point.positions) != count:
+            raise BadTrajectory(code, f"point {index} has {len(point.positions)} positions of {count} joints")
+        for what in ("velocities", "accelerations"):
+            if (given := len(getattr(point, what))) not in (0, count):
+                raise BadTrajectory(code, f"point {index} has {given} {what} of {count} joints: all, or none")
+        time = point.time_from_start.ns
+        if time < 0 or time > MAX_DURATION_NS:
+            raise BadTrajectory(code, f"point {index} has time_from_start = {time / 1e9:g} s, not from 0 to a day")
+        if time <= before:
+            raise BadTrajectory(
+                code, f"point {index} has time_from_start = {time / 1e9:g} s, not later than the point before it"
+            )
+        before = time
+    last = message.points[-1]
+    if not config.allow_nonzero_velocity_at_trajectory_end and any(last.velocities):
+        raise BadTrajectory(code, "its last point moves, and allow_nonzero_velocity_at_trajectory_end is false")
+
+
+def _wrap(
+    first: JointTrajectoryPoint,
+    order: list[int | None],
+    joints: tuple[str, ...],
+    continuous: Collection[str],
+    wanted: Sampled,
+) -> Values:
+    """What is added to each joint's positions, so that it turns less than half a turn to the first point, rad."""
+    offsets = []
+    for joint, place, position in zip(joints, order, wanted.positions, strict=True):
+        turns = 0
+        if place is not None and joint in continuous:
+            turns = round((position - first.positions[place]) / math.tau)
+        offsets.append(turns * math.tau)
+    return tuple(offsets)
+
+
+def _point(point: JointTrajectoryPoint, order: list[int | None], wanted: Sampled, offsets: Values) -> JointPoint:
+    """A point in the order of the controller's joints; those that it does not name stay where they are wanted."""
+    positions = tuple(
+        wanted.positions[joint] if place is None else point.positions[place] + offsets[joint]
+        for joint, place in enumerate(order)
+    )
+
+    def part(values: Values) -> Values | None:
+        return tuple(0.0 if place is None else values[place] for place in order) if values else None
+
+    return JointPoint(positions, part(point.velocities), part(point.accelerations))

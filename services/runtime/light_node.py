@@ -1,0 +1,59 @@
+"""Joining the network without a loop: a bare transport, and a node that has a name and tokens but no heartbeat."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from services.runtime.errors import BadInput
+from services.runtime.graph import Entity, Kind
+from services.runtime.transport.api import Token, Transport
+
+
+@contextmanager
+def open_transport(router: str, domain: str = "", patience: float = 2.0) -> Iterator[Transport]:
+    """A transport through the router at an endpoint; raises BadInput when nobody listens there for ``patience`` [s]."""
+    from services.runtime.transport.unix_sockets import is_listening
+    from services.runtime.transport.zenoh import ZenohTransport
+    from services.runtime.transport.zenoh_config import configuration, endpoint
+
+    where = endpoint(router)
+    try:
+        is_listening(where, patience)
+    except OSError as error:
+        cause = "it is another user's" if isinstance(error, PermissionError) else "is a fleet up?"
+        raise BadInput(f"no router at {where} ({error.strerror or error}): {cause}") from None
+    with ZenohTransport(configuration("star", (where,), domain=domain)) as transport:
+        yield transport
+
+
+class LightNode:
+    """A light node: a name of its own that nobody else can have, tokens for what it reads and writes, no heartbeat.
+
+    Its name begins with an underscore, which hides it in lists, as in ROS 2. With ``owner`` it is the same in every
+    session, and in several at once: what one of them publishes, another can revoke.
+    """
+
+    def __init__(self, transport: Transport, role: str, owner: str = "") -> None:
+        self.transport = transport
+        self.node = f"/_{role}_{owner or transport.session[:12]}"
+        self.stopping = False
+        self._tokens: list[Token] = []
+        self._declare("node", role, "-", "-")
+
+    def declare_subscription(self, name: str, record: str, detail: str) -> None:
+        """Show a subscription."""
+        self._declare("sub", name, record, detail)
+
+    def declare_publication(self, name: str, record: str, detail: str) -> None:
+        """Show a publication."""
+        self._declare("pub", name, record, detail)
+
+    def stop(self) -> None:
+        """End what waits on this node; from a signal."""
+        self.stopping = True
+        self.transport.wake()
+
+    def _declare(self, kind: Kind, name: str, record: str, detail: str) -> None:
+        entity = Entity(self.transport.session, kind, self.node, name, record or "-", detail)
+        self._tokens.append(self.transport.declare_token(entity.key))

@@ -1,0 +1,136 @@
+"""Robots from outside for the simulation: those of its parameters, and those that spawn requests name.
+
+Reading a robot's meshes takes up to seconds. For a request that is done beside the loop, which goes on meanwhile, and
+spawns the robot when its files are there.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import msgspec
+
+from messages.elea import ModelState
+from messages.se3 import Pose3
+from messages.simulation import SpawnModel
+from models import MODELS
+from models.model import read_model
+from models.packages import FileAccess, PackagePath
+from models.robot_cache import MADE, is_made
+from models.robot_facts import read_facts
+from models.robot_source import find_made, names_file, resolve_robot, resolve_urdf_text
+from services.runtime.errors import BadInput, EleaError, TryAgain
+from services.runtime.requests import DeferredReply
+from services.sim.parameters import RobotEntry
+
+MAX_LOADING = 4
+"""Robots that are read at once."""
+
+UPRIGHT = 1e-6
+"""rad; what is tilted by more is put where it is said."""
+
+Spawn = Callable[[str], ModelState]
+"""Spawns the robot that a model names; raises BadInput."""
+
+
+class RobotLoader:
+    """Finds the files of robots for spawn requests.
+
+    A request may name a robot of ``models/``, one that was made on this machine by its user (``RobotSource.model``), a
+    URDF or a folder in one of ``folders``, from the first of which relative paths count, or send a URDF as text, whose
+    meshes lie in these folders or in packages of ROS. No xacro of a request is run.
+
+    Args:
+        folders: The fleet file's folder, and its packages.
+        hand_over: Lets the loop answer a reply between two ticks.
+    """
+
+    def __init__(
+        self,
+        folders: Sequence[str] = (),
+        hand_over: Callable[[DeferredReply[ModelState], Callable[[], ModelState]], None] | None = None,
+    ) -> None:
+        self._folders = tuple(map(Path, folders))
+        self._hand_over = hand_over
+        self._loading = 0
+
+    def spawn(self, request: SpawnModel, spawn: Spawn) -> ModelState | DeferredReply[ModelState]:
+        """Spawn what is asked for, at once where nothing has to be read; raises BadInput."""
+        if request.model in MODELS and not request.urdf:
+            return spawn(request.model)
+        if (made := find_made(request.model)) is not None:
+            return spawn(made.model)
+        if not request.urdf and not names_file(request.model):
+            return spawn(self._load(request))
+        if self._hand_over is None:
+            return spawn(self._load(request))
+        if self._loading >= MAX_LOADING:
+            raise TryAgain(f"{MAX_LOADING} robots are being read already: ask again when they are there")
+        self._loading += 1
+        reply: DeferredReply[ModelState] = DeferredReply()
+        threading.Thread(target=self._read, args=(request, spawn, reply, self._hand_over), daemon=True).start()
+        return reply
+
+    def _read(
+        self,
+        request: SpawnModel,
+        spawn: Spawn,
+        reply: DeferredReply[ModelState],
+        hand_over: Callable[[DeferredReply[ModelState], Callable[[], ModelState]], None],
+    ) -> None:
+        """Runs in a thread of its own; all but reading is the loop's."""
+        model, error = "", None
+        try:
+            model = self._load(request)
+        except EleaError as reason:
+            error = reason
+        except Exception as reason:  # noqa: BLE001 - what a foreign file makes a library raise is the request's error
+            error = BadInput(f"the robot cannot be read: {type(reason).__name__}: {reason}")
+
+        def answer() -> ModelState:
+            self._loading -= 1
+            if error is not None:
+                raise error
+            return spawn(model)
+
+        hand_over(reply, answer)
+
+    def _load(self, request: SpawnModel) -> str:
+        """The model of the robot, with its files made; raises BadInput."""
+        packages = self._folders[1:]
+        folders = (*self._folders, *PackagePath().roots())
+        if request.urdf:
+            access = FileAccess(folders, run_xacro=False)
+            return resolve_urdf_text(request.urdf, packages, access, _label(request.model)).model
+        if MADE.fullmatch(request.model):
+            raise BadInput(
+                f"the files of {_label(request.model)} are not here: the simulation runs on another machine, or as "
+                "another user. Send a URDF without meshes, or put the robot into the fleet file there"
+            )
+        base = self._folders[0] if self._folders else Path.cwd()
+        return resolve_robot(request.model, base, packages, access=FileAccess(folders, run_xacro=False)).model
+
+
+def on_the_ground(model: str, pose: Pose3, ground: float = 0.0) -> Pose3:
+    """The pose of a robot's root, raised so far that an upright robot from outside does not reach below ``ground`` [m].
+
+    The root of a robot of ``models/`` is on the ground; the roots of others often are at the height of their axles.
+    """
+    if not is_made(model) or read_model(model).fixed_base or max(map(abs, pose.rpy[:2])) > UPRIGHT:
+        return pose
+    x, y, z = pose.position
+    return pose._replace(position=(x, y, max(z, ground - read_facts(model).lowest)))
+
+
+def _label(model: str) -> str:
+    """The name of a robot whose files may not be here."""
+    return model.rpartition("-")[0] if MADE.fullmatch(model) else model
+
+
+def with_own_files(entry: RobotEntry) -> RobotEntry:
+    """A robot of the simulation's own parameters with its files made, if a path names it; raises BadInput."""
+    if entry.model in MODELS:
+        return entry
+    return msgspec.structs.replace(entry, model=resolve_robot(entry.model, Path.cwd()).model)

@@ -1,0 +1,60 @@
+"""The notebook, executed cell by cell on a running fleet, as its first cell says."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from services.runtime.process import ROOT
+from tests.harness.command_line import CommandLine
+
+NOTEBOOK = ROOT / "docs/notebook.ipynb"
+EXECUTE = """
+import json, sys
+import matplotlib
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+shown = 0
+def show():
+    global shown
+    axes = plt.gca()
+    assert axes.lines and all(len(each.get_xdata()) > 10 for each in axes.lines), axes.lines
+    shown += 1
+    plt.close("all")
+plt.show = show
+names = {}
+for number, source in enumerate(json.load(sys.stdin)):
+    exec(compile(source, f"cell {number}", "exec"), names)
+error = names["figures"].odometry_error_max_m
+drive = names["figures"].path_length_m
+print(json.dumps({"shown": shown, "path": drive, "error": error, "stepped": names["after"] - names["before"]}))
+"""
+"""Runs the cells in one namespace, and looks at what each plot shows."""
+
+
+def test_it_drives_a_robot_and_plots_its_run(tmp_path: Path) -> None:
+    terminal = CommandLine(tmp_path)
+    cells = json.loads(NOTEBOOK.read_text())["cells"]
+    assert "./elea up turtlebot3 --set world=arena --record --detach" in "".join(cells[0]["source"])
+    command = ["up", "turtlebot3", "--set", "world=arena", "--record", "--detach", "--report", "run"]
+    started = terminal.run(*command, "--no-view", "--no-saved", "--port", str(terminal.port))
+    assert started.status == 0, started.err
+    try:
+        done = subprocess.run(
+            [sys.executable, "-P", "-c", EXECUTE],
+            input=json.dumps(["".join(each["source"]) for each in cells if each["cell_type"] == "code"]),
+            env=terminal.environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+    finally:
+        terminal.run("down")
+    seen = json.loads(done.stdout.splitlines()[-1])
+    assert seen["shown"] == 3
+    assert seen["stepped"] == 200 * 5_000_000
+    assert 1.4 < seen["path"] < 1.8, "8 s at 0.2 m/s, less what gathering speed takes"
+    assert seen["error"] > 0, "the odometry of a TurtleBot drifts"

@@ -1,0 +1,232 @@
+"""SDF worlds: what is read of them, what is named as not understood, and what is refused."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from messages.se3 import Pose3
+from models.bodies import BoxShape, CylinderShape, HeightMapShape, MeshShape, SphereShape
+from models.sdf import bodies_of_sdf_model
+from models.world import BadWorld, WorldBody, WorldDescription, read_world
+
+WORLD = """<?xml version="1.0"?>
+<!-- a comment -- with dashes -->
+<sdf version="1.7">
+  <world name="yard">
+    <physics type="ode"/>
+    <include><uri>model://sun</uri></include>
+    <model name="ground_plane"><static>true</static><link name="link">
+      <collision name="c"><geometry><plane><normal>0 0 1</normal><size>100 100</size></plane></geometry></collision>
+    </link></model>
+    <model name="wall">
+      <static>1</static>
+      <pose>1 2 0 0 0 1.5707963267948966</pose>
+      <link name="link">
+        <pose>1 0 0 0 0 0</pose>
+        <collision name="c">
+          <pose>0 0 0.5 0 0 0</pose>
+          <geometry><box><size>2 0.2 1</size></box></geometry>
+          <surface><friction><ode><mu>0.9</mu></ode></friction></surface>
+        </collision>
+        <visual name="v">
+          <pose>0 0 0.5 0 0 0</pose>
+          <geometry><box><size>2 0.2 1</size></box></geometry>
+          <material><ambient>1 0 0 1</ambient><diffuse>0 1 0 0.5</diffuse></material>
+        </visual>
+      </link>
+    </model>
+    <model name="crate">
+      <pose>0 0 1 0 0 0</pose>
+      <link name="body">
+        <inertial><mass>2.5</mass><inertia><ixx>0.1</ixx><iyy>0.2</iyy><izz>0.3</izz></inertia></inertial>
+        <collision name="c">
+          <geometry><cylinder><radius>0.2</radius><length>0.5</length></cylinder></geometry>
+        </collision>
+        <visual name="v"><geometry><sphere><radius>0.3</radius></sphere></geometry></visual>
+      </link>
+    </model>
+    <model name="door">
+      <pose>5 0 0 0 0 0</pose>
+      <link name="post"><collision name="c"><geometry><box><size>0.1 0.1 2</size></box></geometry></collision></link>
+      <link name="leaf">
+        <pose relative_to="post">0.5 0 0 0 0 0</pose>
+        <collision name="c"><geometry><box><size>0.9 0.05 2</size></box></geometry></collision>
+      </link>
+      <joint name="hinge" type="revolute"><parent>post</parent><child>leaf</child></joint>
+      <plugin name="p" filename="libsomething.so"/>
+    </model>
+    <model name="pair">
+      <link name="one"><collision name="c"><geometry><sphere><radius>0.1</radius></sphere></geometry></collision></link>
+      <link name="two">
+        <pose>1 0 0 0 0 0</pose>
+        <collision name="c"><geometry><sphere><radius>0.1</radius></sphere></geometry></collision>
+      </link>
+      <model name="inner"><pose>0 1 0 0 0 0</pose><link name="l">
+        <collision name="c"><geometry><sphere><radius>0.2</radius></sphere></geometry></collision></link></model>
+    </model>
+    <include><uri>model://box</uri><name>first</name><pose>3 3 0 0 0 0</pose></include>
+    <include><uri>model://box</uri><static>true</static></include>
+    <include><uri>model://box</uri></include>
+    <include><uri>https://fuel.gazebosim.org/1.0/OpenRobotics/models/Radio</uri></include>
+    <zeppelin/>
+  </world>
+</sdf>
+"""
+
+BOX = """<sdf version="1.6"><model name="box"><pose>0 0 0.25 0 0 0</pose><link name="l">
+<inertial><mass>1</mass></inertial>
+<collision name="c"><geometry><box><size>0.5 0.5 0.5</size></box></geometry></collision>
+</link></model></sdf>"""
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """A package as one for Gazebo is laid out: worlds/, and models/ with one model."""
+    model = tmp_path / "package" / "models" / "box"
+    (tmp_path / "package" / "worlds").mkdir(parents=True)
+    model.mkdir(parents=True)
+    (model / "model-1_6.sdf").write_text(BOX)
+    (model / "model.config").write_text(
+        "<model><name>Box</name><sdf version='1.4'>model.sdf</sdf><sdf version='1.6'>model-1_6.sdf</sdf></model>"
+    )
+    return tmp_path / "package"
+
+
+def read(package: Path, text: str) -> WorldDescription:
+    (package / "worlds" / "yard.world").write_text(text)
+    return read_world("worlds/yard.world", package)
+
+
+def test_models_become_bodies_with_their_poses_shapes_and_names(package: Path) -> None:
+    world = read(package, WORLD)
+    bodies = {body.name: body for body in world.bodies}
+    assert list(bodies) == ["wall", "crate", "door", "pair::inner", "pair::one", "pair::two", "first", "box", "box_0"]
+    assert [body.kind for body in world.bodies] == [
+        *("fixed", "movable", "fixed", "movable", "movable", "movable", "movable", "fixed", "movable")
+    ]
+    assert (world.about, [light.name for light in world.lights]) == ("yard", ["sun"])
+    wall = bodies["wall"]
+    (part,) = wall.parts
+    assert part.shape == BoxShape((2, 0.2, 1))
+    assert (part.solid, part.visible, part.colour, wall.friction) == (True, True, (0, 1, 0, 0.5), 0.9)
+    assert (wall.pose @ part.pose).position == pytest.approx((1, 3, 0.5))
+    crate = bodies["crate"]
+    assert (crate.mass, crate.moments, crate.pose.position) == (2.5, (0.1, 0.2, 0.3), (0, 0, 1))
+    assert [(each.shape, each.solid, each.visible) for each in crate.parts] == [
+        (CylinderShape(0.2, 0.5), True, False),
+        (SphereShape(0.3), False, True),
+    ]
+    leaf = bodies["door"].parts[1]
+    assert (bodies["door"].pose @ leaf.pose).position == pytest.approx((5.5, 0, 0))
+    assert bodies["pair::two"].pose.position == (1, 0, 0)
+    assert bodies["pair::inner"].pose.position == (0, 1, 0)
+    assert bodies["first"].pose.position == pytest.approx((3, 3, 0))  # in place of the model's own pose
+    assert bodies["box"].pose.position == pytest.approx((0, 0, 0.25))
+    file = package / "worlds" / "yard.world"
+    told = {
+        "<plugin": "<plugin>: it is left out",
+        "<joint": "<joint>: the model 'door' has joints that move: it stands still as it is",
+        "https": "<uri>: https://fuel.gazebosim.org/1.0/OpenRobotics/models/Radio is on the Internet and left out: "
+        "download it",
+        "<zeppelin": "<zeppelin>: it is not understood, and ignored",
+    }
+    lines = {tag: [number for number, line in enumerate(WORLD.splitlines(), start=1) if tag in line] for tag in told}
+    assert list(world.notes) == [f"{file}:{lines[tag][0]}: {text}" for tag, text in told.items()]
+
+
+def model(geometry: str, static: str = "true") -> str:
+    return (
+        f'<sdf version="1.6"><world name="w"><model name="m"><static>{static}</static><link name="l">'
+        f'<collision name="c"><geometry>\n{geometry}</geometry></collision></link></model></world></sdf>'
+    )
+
+
+def only(world: WorldDescription) -> WorldBody:
+    (body,) = world.bodies
+    return body
+
+
+def test_meshes_height_maps_polylines_and_planes(package: Path) -> None:
+    mesh = package / "models" / "box" / "wedge.obj"
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n")
+    (part,) = only(read(package, model("<mesh><uri>model://box/wedge.obj</uri><scale>2 1 1</scale></mesh>"))).parts
+    assert isinstance(part.shape, MeshShape)
+    assert (part.shape.file, part.shape.scale) == (mesh, (2, 1, 1))
+    assert part.shape.mesh.bounds.tolist() == [[0, 0, 0], [2, 1, 1]]
+    Image.fromarray(np.full((5, 9), 128, np.uint8)).save(package / "worlds" / "hills.png")
+    (part,) = only(
+        read(package, model("<heightmap><uri>hills.png</uri><size>8 4 10</size><pos>1 0 -2</pos></heightmap>"))
+    ).parts
+    assert isinstance(part.shape, HeightMapShape)
+    assert (part.shape.size, part.shape.heights.shape, part.ground) == ((8, 4), (5, 9), True)
+    assert part.pose.position == (1, 0, -2)
+    corners = [(0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)]
+    points = "".join(f"<point>{x} {y}</point>" for x, y in corners)
+    (part,) = only(read(package, model(f"<polyline>{points}<height>2</height></polyline>"))).parts
+    assert isinstance(part.shape, MeshShape)
+    vertices, triangles = part.shape.mesh.vertices, part.shape.mesh.triangles
+    a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
+    assert np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6 == pytest.approx(10.0)  # outside is outside
+    (part,) = only(read(package, model("<plane><normal>1 0 0</normal><size>4 6</size></plane>"))).parts
+    assert part.shape == BoxShape((4, 6, 0.1))
+    assert (part.pose @ Pose3((0, 0, 0.05))).position == pytest.approx((0, 0, 0))
+    assert (part.pose @ Pose3((0, 0, 1))).position[0] == pytest.approx(0.95)
+    assert read(package, model("<plane><normal>0 0 1</normal><size>300000 300000</size></plane>")).bodies == ()
+    floor = only(read(package, model("<box><size>5 5 0.1</size></box>")))
+    assert [part.ground for part in floor.parts] == [True]
+
+
+def test_what_cannot_be_read_is_refused_with_file_and_line(package: Path) -> None:
+    (package / "secret.obj").write_text("v 0 0 0\n")
+    loop = package / "models" / "loop"
+    loop.mkdir()
+    (loop / "model.sdf").write_text(
+        '<sdf version="1.6"><model name="loop">\n<include><uri>model://loop</uri></include></model></sdf>'
+    )
+    for text, told in [
+        (model("<donut><radius>1</radius></donut>"), ":2: unknown shape <donut> (known: box, cylinder"),
+        (model("<box><size>1 -1 1</size></box>"), ":2: <size> 1 -1 1 of a box is not positive"),
+        (model("<box><size>1 nan 1</size></box>"), ":2: <size> '1 nan 1': expected 3 numbers up to 10000"),
+        (model("<sphere><radius>\n-1</radius></sphere>"), ":2: <radius> '-1' of <sphere> is not positive"),
+        (model("<sphere><radius>inf</radius></sphere>"), ":2: <radius> 'inf' of <sphere> is not a number up to"),
+        (model("<mesh><uri>model://box/none.stl</uri></mesh>"), ":2: model://box/none.stl: there is no "),
+        (model("<mesh><uri>model://box/../../secret.obj</uri></mesh>"), ":2: model://box/../../secret.obj leads out"),
+        (model("<mesh><uri>model://bix/a.stl</uri></mesh>"), "did you mean 'box'?"),
+        (model("<mesh/>"), ":2: <mesh> has no <uri>"),
+        (model("<polyline><point>0 0</point><height>1</height></polyline>"), ":2: a polyline has 3 to 1000 corners"),
+        (
+            "<sdf><world name='w'>\n<include><uri>model://loop</uri></include></world></sdf>",
+            "model.sdf:2: model://loop",
+        ),
+        ("<sdf><world name='w'>\n<include/></world></sdf>", ":2: <include> has no <uri>"),
+        ('<!DOCTYPE sdf [<!ENTITY a "b">]>\n<sdf/>', ":1: the SDF declares a document type"),
+        ("\n\n<robot name='r'/>", ":3: the root is <robot>, not <sdf>"),
+        ("<sdf>\n<world name='w'>", ":2: the SDF is not XML"),
+        ("<sdf/>", ":1: there is neither a world nor a model"),
+        ("<sdf>" + "<model name='m'>" * 70 + "</model>" * 70 + "</sdf>", "at most 400,000 elements, 64 deep"),
+        ("<sdf>" + "<model name='m'>" * 20 + "</model>" * 20 + "</sdf>", "models lie more than 8 deep"),
+        (
+            "<sdf><model name='m'>" + '<link name="l"><pose relative_to="k"/></link>'
+            '<link name="k"><pose relative_to="l"/></link></model></sdf>',
+            "relative to each other",
+        ),
+    ]:
+        with pytest.raises(BadWorld) as error:
+            read(package, text)
+        assert told in str(error.value), error.value
+        assert str(error.value).startswith(str(package))
+    many = "<model name='m'><link name='l'>" + "<collision name='c'><geometry><sphere/></geometry></collision>" * 6000
+    with pytest.raises(BadWorld, match="the world has 6,000 shapes, the limit is 5,000"):
+        read(package, f"<sdf>{many}</link></model></sdf>")
+
+
+def test_a_model_as_text_becomes_bodies_where_it_is_put(package: Path) -> None:
+    found = bodies_of_sdf_model(BOX, "mine", Pose3.planar(1.0, 2.0, math.pi / 2))
+    (body,) = found.bodies
+    assert (body.name, body.kind, body.mass) == ("mine", "movable", 1.0)
+    assert body.pose.position == (1.0, 2.0, 0.25)
+    with pytest.raises(BadWorld, match="the text has 0 models, not one"):
+        bodies_of_sdf_model("<sdf/>")

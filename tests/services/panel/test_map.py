@@ -1,0 +1,77 @@
+"""The map of a real page: bodies of the world, those that move, and the laser of the chosen robot."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from tests.harness.waiting import wait_until
+from tests.services.panel.conftest import WITHIN_S, PageOpener, PanelFleet
+
+pytestmark = pytest.mark.usefixtures("anew")
+
+BODIES = [
+    {"name": "wall", "kind": "fixed", "colour": "#ff0000ff", "outlines": [[2, -1, 3, -1, 3, 1, 2, 1]]},
+    {"name": "cart", "kind": "moving", "colour": "#0000ffff", "outlines": [[-3, -1, -2, -1, -2, 1, -3, 1]]},
+]
+
+
+def pixel(page: Page, x: float, y: float) -> list[int]:
+    """Red, green and blue of the map at a point of the world [m], drawn anew."""
+    found: list[int] = page.evaluate(
+        """([x, y]) => {
+          const map = window.elea.map, [px, py] = map.camera.toScreen(x, y), ratio = devicePixelRatio;
+          map.dirty = true;
+          map.draw();
+          return [...map.canvas.getContext("2d").getImageData(px * ratio, py * ratio, 1, 1).data].slice(0, 3);
+        }""",
+        [x, y],
+    )
+    return found
+
+
+def emit(page: Page, kind: str, message: object) -> None:
+    page.evaluate("([kind, text]) => window.elea.link.emit(kind, JSON.parse(text))", [kind, json.dumps(message)])
+
+
+def test_bodies_are_drawn_in_their_colours_and_what_moves_moves(fleet: PanelFleet, pages: PageOpener) -> None:
+    page = pages.open("robots")
+    wait_until(
+        lambda: page.evaluate("Object.keys(window.elea.map.poses).length === 3"), WITHIN_S, "the robots are there"
+    )
+    ground = pixel(page, 2.37, 0.63)
+    emit(page, "world", {"bodies": BODIES})
+    page.click("button:has-text('Fit')")
+    red, blue = pixel(page, 2.37, 0.63), pixel(page, -2.37, 0.63)
+    assert red[0] > red[1] + 80, "a body in its colour"
+    assert blue[2] > blue[1] + 80
+    copies = "() => { const { world } = window.elea.map; world.copy.getContext('2d').clearRect(0, 0, 9999, 9999); }"
+    page.evaluate(copies)
+    assert pixel(page, 2.37, 0.63) == ground, "what stands is copied from a drawing made once for this view"
+    page.evaluate("() => { window.elea.map.camera.pan(1, 0); }")
+    assert pixel(page, 2.37, 0.63) == red, "another view is drawn"
+    emit(page, "bodies", {"outlines": {"cart": [[-3, 1.1, -2, 1.1, -2, 1.6, -3, 1.6]]}})
+    assert pixel(page, -2.37, 0.63) == ground
+    assert pixel(page, -2.37, 1.37) == blue
+    page.click("#theme")
+    assert pixel(page, 2.37, 0.63) != red, "the theme shines through"
+    assert page.evaluate("window.elea.map.world.cornersNear([[0, 0]], 2.5).length") == 4
+
+
+def test_the_laser_of_the_chosen_robot_is_shown_while_it_is_wanted(fleet: PanelFleet, pages: PageOpener) -> None:
+    """The others stand 1 m and 2 m beside it."""
+    page = pages.open("robots")
+    scan = "window.elea.map.world.scan"
+    wait_until(lambda: page.evaluate(f"{scan}?.ns") == "/tb3_0", WITHIN_S, "what the first robot sees")
+    points: list[float] = page.evaluate(f"{scan}.points")
+    assert len(points) >= 20
+    assert all(abs(abs(y) - 1) < 0.25 and abs(x) < 0.25 for x, y in zip(points[::2], points[1::2], strict=True))
+    page.click("[data-robot='/tb3_2'] .pick")
+    wait_until(lambda: page.evaluate(f"{scan}?.ns") == "/tb3_2", WITHIN_S, "what the third sees")
+    page.click("#laser")
+    expect(page.locator("#laser")).to_have_attribute("aria-pressed", "false")
+    assert page.evaluate(scan) is None
+    page.click("#laser")
+    wait_until(lambda: page.evaluate(f"{scan}?.ns") == "/tb3_2", WITHIN_S, "and again")

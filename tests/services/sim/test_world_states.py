@@ -1,0 +1,62 @@
+"""The world's movable and moving bodies on the network: where they are, and requests about them."""
+
+import pytest
+
+from messages.elea import ModelState
+from messages.geometry import Twist
+from messages.requests import GET_STATE, RESET, SET_STATE, WORLD_PROPERTIES
+from messages.se3 import Pose3
+from messages.simulation import GetModelState, SetModelState
+from messages.std import Empty
+from messages.topics import WORLD_STATES
+from models.bodies import BodyPart, BodyPath, BoxShape, SphereShape, WorldBody, WorldDescription
+from services.runtime.errors import CallFailed
+from tests.services.sim.joints.joint_simulation import robot_entry, run_joint_simulation
+
+CART = BodyPath(((-2.0, 0.0, 0.25), (-1.0, 0.0, 0.25)), 0.5, "loop")
+SCENE = WorldDescription(
+    bodies=(
+        WorldBody("ball", (BodyPart(SphereShape(0.1)),), Pose3((2.0, 0.0, 0.1)), mass=0.5),
+        WorldBody("wall", (BodyPart(BoxShape((1.0, 1.0, 1.0))),), Pose3((5.0, 0.0, 0.5))),
+        WorldBody("cart", (BodyPart(BoxShape((0.4, 0.4, 0.4))),), Pose3((-2.0, 0.0, 0.25)), path=CART),
+    )
+)
+
+
+def test_states_of_what_moves_are_published_ten_times_a_second() -> None:
+    with run_joint_simulation(robot_entry("tb3", "burger", y=3.0), scene=SCENE) as on:
+        states = on.subscribe(WORLD_STATES, "/world/states")
+        on.run(1.0)
+        states.update()
+        told = [message for message, _ in states.messages]
+        assert len(told) == 10
+        assert {each.name for each in told} == {("ball", "cart")}
+        assert [each.header.stamp.ns for each in told] == [step * 100_000_000 for step in range(10)]
+        assert told[5].pose[1].position.x == pytest.approx(-1.75)
+        assert told[5].twist[1].linear.x == pytest.approx(0.5)
+        on.call(RESET, Empty())
+        on.run(0.6)
+        states.update()
+        again = [message for message, _ in states.messages]
+        assert again[:6] == told[:6]
+
+
+def test_a_movable_body_is_asked_for_and_moved_as_a_model_is() -> None:
+    with run_joint_simulation(robot_entry("tb3", "burger", y=3.0), scene=SCENE) as on:
+        on.run(0.1)
+        found = on.call(GET_STATE, GetModelState(name="ball"))
+        assert isinstance(found, ModelState)
+        assert (found.name, found.model) == ("ball", "")
+        assert found.pose.position.x == pytest.approx(2.0, abs=1e-3)
+        seen = on.call(GET_STATE, GetModelState(name="ball", relative_entity="tb3"))
+        assert seen.pose.position.y == pytest.approx(-3.0, abs=1e-3)
+        twist = Twist.planar(0.3, 0.0)
+        moved = on.call(SET_STATE, SetModelState(name="ball", pose=Pose3((0.0, 1.0, 0.1)).to_msg(), twist=twist))
+        assert moved.pose.position.y == pytest.approx(1.0)
+        assert moved.twist.linear.x == pytest.approx(0.3)
+        for name, told in {"cart": "'cart' follows its path", "wall": "unknown model 'wall'"}.items():
+            with pytest.raises(CallFailed, match=told):
+                on.call(SET_STATE, SetModelState(name=name, pose=Pose3((0.0, 8.0, 0.3)).to_msg()))
+        with pytest.raises(CallFailed, match=r"'ball' at .* would overlap with wall"):
+            on.call(SET_STATE, SetModelState(name="ball", pose=Pose3((5.0, 0.0, 0.3)).to_msg()))
+        assert on.call(WORLD_PROPERTIES, Empty()).obstacles == ("ball", "wall", "cart")
