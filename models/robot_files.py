@@ -43,8 +43,8 @@ _OPEN_NAMES = re.compile(r"\$\{(?:namespace|ns|prefix|frame_prefix|tf_prefix)\}"
 class _NamedFiles:
     """The files that a URDF names, each found and read once; ``hashes`` grows with what they hold."""
 
-    def __init__(self, path: Path | None, packages: PackagePath, access: FileAccess) -> None:
-        self._path, self._packages, self._access = path, packages, access
+    def __init__(self, path: Path | None, base: Path, packages: PackagePath, access: FileAccess) -> None:
+        self._path, self._source, self._packages, self._access = path, path or base / "text", packages, access
         self._meshes: dict[Path, Mesh] = {}
         self.found: dict[str, Path] = {}
         """By what the URDF calls them."""
@@ -65,7 +65,7 @@ class _NamedFiles:
         if said not in self.found:
             if self._path is None and "://" not in said and not os.path.isabs(said):
                 raise BadInput(f"mesh {said!r}: a URDF without a file names its meshes by package:// or file://")
-            self.found[said] = find_file(said, self._path or Path("/robot.urdf"), self._packages, self._access)
+            self.found[said] = find_file(said, self._source, self._packages, self._access)
         return self.found[said]
 
     def _add(self, file: Path, mesh: Mesh) -> None:
@@ -106,7 +106,7 @@ def make_robot(
         urdf = _OPEN_NAMES.sub("", urdf)
         notes.append("placeholders for a prefix, as ${namespace}, are left out of its names")
     robot, description = parse_xml(urdf, told), parse_urdf(urdf, told)
-    files = _NamedFiles(path, packages, access)
+    files = _NamedFiles(path, base or Path("/"), packages, access)
     with located(told):
         shapes = read_shapes(robot, files.read, faults)
         mended = mend_inertias(description, shapes)

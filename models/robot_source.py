@@ -93,12 +93,15 @@ def resolve_robot(
 
 
 def resolve_urdf_text(
-    urdf: str, packages: Sequence[Path] = (), access: FileAccess = OWNER, name: str = ""
+    urdf: str, packages: Sequence[Path] = (), access: FileAccess = OWNER, name: str = "", base: Path | None = None
 ) -> RobotSource:
-    """The files of a robot whose URDF is given as text; raises BadInput, with the line."""
+    """The files of a robot whose URDF is given as text; raises BadInput, with the line.
+
+    With ``base``, its packages are looked for above that folder, too.
+    """
     if "<xacro:" in urdf:
         raise BadInput("this text is a xacro: it is code, and is not run; send the URDF that the command xacro makes")
-    return _make(name, urdf, None, name or "the URDF", None, packages, access)
+    return _make(name, urdf, None, name or "the URDF", None, packages, access, base)
 
 
 def find_made(model: str) -> RobotSource | None:

@@ -46,7 +46,7 @@ def list_(asker: SimulationClient) -> None:
     reply = asker.call(LIST, Empty())
     rows = [("name", "model", "x m", "y m", "z m", "yaw rad")]
     rows += [(each.name, each.model, *_planar_pose(each)) for each in reply.models]
-    asker.print_reply(reply, format_table(rows) if reply.models else "no model is there")
+    asker.print_reply(reply, format_table(rows) if reply.models else "there are no models")
 
 
 @click.command("spawn")
@@ -109,7 +109,7 @@ def spawn(
             parameters=tuple(Assignment(name=each, value=value) for each, value in read_assignments(pairs).items()),
         ),
     )
-    asker.print_reply(reply, f"{name} is there: {', '.join(_pose_words(reply))}")
+    asker.print_reply(reply, f"{name} exists: {', '.join(_pose_words(reply))}")
 
 
 @click.command("delete")
@@ -210,7 +210,7 @@ def _own_robot(model: str, packages: tuple[Path, ...], xacro_args: dict[str, Any
 
     if model == "-":
         text = sys.stdin.read(MAX_CHARACTERS + 1)
-        found = resolve_urdf_text(text, packages)
+        found = resolve_urdf_text(text, packages, base=Path.cwd())
     elif names_file(model) or xacro_args or packages:
         if model in MODELS:
             raise BadInput(f"--xacro-arg and --package are for a robot of your own, and {model} comes with Elea")
