@@ -55,13 +55,13 @@ def find_robots(bag: Bag) -> BagRobots:
 
 
 def _rank(robot: tuple[str, str]) -> tuple[bool, str]:
-    """Arms come last: they leave no trail, and need no colour that is told from afar."""
+    """Arms come last: they leave no trail, and need no distinct colour."""
     namespace, model = robot
     return read_model(model).wheels is None, namespace
 
 
 class ExportResult(NamedTuple):
-    """What came of an export, and what is missing from it."""
+    """The result of an export, and what is missing from it."""
 
     output: Path
     text: str

@@ -20,7 +20,7 @@ from services.runtime.process import ROOT
 
 _POLL_PERIOD_S = 0.1
 _FREE_SPACE_POLLS = 20
-"""After so many turns it is looked whether the state of the fleet can be written at all."""
+"""Turns between two checks that the fleet's state can be written."""
 _STOP_TIMEOUT_S = 60.0
 
 
@@ -53,8 +53,8 @@ def start_detached(fleet: str, report: str, as_json: bool, runs: str = "", argv:
             shown.set_status(f"waiting for {', '.join(waiting) or 'the supervisor'}")
             time.sleep(_POLL_PERIOD_S)
     if supervisor.returncode is not None:
-        said = log.read_text(errors="replace")
-        sys.stderr.write(said or f"elea: {_describe_silent_exit(supervisor.returncode, folder)}\n")
+        output = log.read_text(errors="replace")
+        sys.stderr.write(output or f"elea: {_describe_silent_exit(supervisor.returncode, folder)}\n")
         return supervisor.returncode
     if as_json:
         entry = {"fleet": fleet, "pid": supervisor.pid, "folder": str(folder), "root": str(ROOT)}
@@ -65,7 +65,7 @@ def start_detached(fleet: str, report: str, as_json: bool, runs: str = "", argv:
 
 
 def _check_free_space(folder: Path, supervisor: subprocess.Popen[bytes]) -> None:
-    """End the supervisor and raise EleaError when the disk is full: nobody would see what becomes of its fleet."""
+    """End the supervisor and raise EleaError if the disk is full: the state of its fleet would stay unknown."""
     try:
         check_free_space(folder)
     except OSError as error:
@@ -80,7 +80,7 @@ def _check_free_space(folder: Path, supervisor: subprocess.Popen[bytes]) -> None
 
 
 def _describe_silent_exit(status: int, folder: Path) -> str:
-    """What to say of a supervisor that ended without a word."""
+    """The error text for a supervisor that ended without any output."""
     how = f"the supervisor {describe_exit(status).replace('exit', 'ended with exit')} and has written nothing"
     try:
         check_free_space(folder)

@@ -1,4 +1,4 @@
-"""A fleet file: the robots, services and terms of a run, as typed records; README.md in fleets/ documents every key."""
+"""A fleet file: robots, services and settings of a run, as typed records; fleets/README.md documents every key."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ REMOVED_MODES = {
     "as the machine can, and waits for the controllers; without any it runs at full speed. real follows the wall "
     "clock, at any factor"
 }
-"""What to say of modes that there were."""
+"""Error texts for removed modes."""
 
 EndCondition = Literal["goals", "duration", "never"]
 Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
@@ -32,7 +32,7 @@ class FleetTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class StartPose(FleetTable, frozen=True, kw_only=True):
-    """Where a robot starts, in the world: m, m, m, rad. A robot from outside stands on the ground at least."""
+    """The start pose of a robot in the world: m, m, m, rad. A robot from outside stands on the ground at least."""
 
     x: Coordinate = 0.0
     y: Coordinate = 0.0
@@ -41,10 +41,10 @@ class StartPose(FleetTable, frozen=True, kw_only=True):
 
 
 class RunConfig(FleetTable, frozen=True, kw_only=True):
-    """How time runs, how long, and over which network.
+    """The run: time mode, duration and network.
 
-    ``port`` tells the fleets of a user apart. With ``tcp`` the router listens there on 127.0.0.1, too, for every user
-    of the machine. ``packages`` are folders in which the ``package://`` of robots is looked for.
+    ``port`` distinguishes the fleets of a user. With ``tcp`` the router also listens on 127.0.0.1 at this port, for
+    every user of the machine. ``packages`` are folders in which the ``package://`` of robots is searched.
     """
 
     mode: Mode = "lockstep"

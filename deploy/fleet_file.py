@@ -1,4 +1,4 @@
-"""Reading a fleet file: what is wrong in it is told with file, line and the nearest right name."""
+"""Reads a fleet file; errors name file, line and the nearest valid name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a fleet file must hold beyond its types: names that exist, are legal and differ, and values within bounds."""
+"""Validates a fleet beyond its types: names exist, are legal and unique, and values are within bounds."""
 
 from __future__ import annotations
 

@@ -19,15 +19,14 @@ from services.runtime.transport import unix_sockets
 from services.runtime.user_folders import instances_folder
 
 _LOCK_TIMEOUT_S = 1.0
-"""Others look at a lock for a moment; a claim waits so long [s] for them."""
+"""Wall time [s] to wait for a lock, which other processes hold for a moment to test it."""
 
 
 @contextmanager
 def instance_lock(entry: FleetInstance) -> Iterator[None]:
     """Hold the port for this fleet; raises BadInput when another fleet, or another program, holds it.
 
-    What killed processes of an earlier fleet left of their sockets is removed, and at the end what those of this one
-    leave.
+    Sockets left by killed processes of an earlier fleet are removed, and at the end those of this one.
     """
     path = instances_folder() / f"{entry.port}.json"
     meeting = unix_sockets.path_of(entry.router or unix_sockets.router_endpoint(entry.port)).parent
@@ -97,7 +96,7 @@ def _port_in_use(port: int) -> BadInput:
 
 
 _RELEASE_TIMEOUT_S = 2.0
-"""A parameter service whose supervisor was killed takes a moment to end and let its file go [s]."""
+"""Wall time [s] that a parameter service needs to end and release its file after its supervisor was killed."""
 
 
 def check_parameter_file_unused(file: Path) -> None:
@@ -105,7 +104,7 @@ def check_parameter_file_unused(file: Path) -> None:
     try:
         descriptor = os.open(file, os.O_RDONLY | os.O_CLOEXEC)
     except OSError:
-        return  # whatever is wrong with it, the parameter service says
+        return  # the parameter service reports what is wrong with it
     try:
         deadline = time.monotonic() + _RELEASE_TIMEOUT_S
         while is_locked(descriptor):
@@ -118,9 +117,9 @@ def check_parameter_file_unused(file: Path) -> None:
 
 def _parameter_file_in_use(file: Path) -> str:
     others = [each for each in running_fleets() if each.pid != os.getpid() and each.saved and Path(each.saved) == file]
-    who = f"the fleet {others[0].fleet} (port {others[0].port})" if others else "another parameter service"
+    holder = f"the fleet {others[0].fleet} (port {others[0].port})" if others else "another parameter service"
     end = f"end it with ./elea down --port {others[0].port}, " if others else ""
     return (
-        f"{who} uses the file of parameters {file}, which one fleet alone can write: {end}"
+        f"{holder} uses the file of parameters {file}, which one fleet alone can write: {end}"
         "give this fleet a file of its own with --params FILE, or --no-saved to save nothing"
     )

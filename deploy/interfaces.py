@@ -43,7 +43,7 @@ def find_interface(name: str) -> type[Message] | Request[Any, Any]:
 
 
 def summary(record: type[Message]) -> str:
-    """What a record is, in the words of its own text."""
+    """The docstring of a record."""
     return inspect.getdoc(record) or ""
 
 
@@ -140,10 +140,10 @@ def _field_type(kind: shapes.Type) -> FieldType:
 
 
 def _union_type(types: tuple[shapes.Type, ...]) -> FieldType:
-    """One of several: null makes it optional; a packed array is the list that it stands for."""
-    said = [_field_type(each) for each in types if not isinstance(each, shapes.NoneType | shapes.ExtType)]
-    names = dict.fromkeys(each.name for each in said)
-    whole = said[0] if len(said) == 1 else FieldType(" or ".join(names))
+    """A union: null makes it optional; a packed array is shown as its list."""
+    alternatives = [_field_type(each) for each in types if not isinstance(each, shapes.NoneType | shapes.ExtType)]
+    names = dict.fromkeys(each.name for each in alternatives)
+    whole = alternatives[0] if len(alternatives) == 1 else FieldType(" or ".join(names))
     return whole._replace(optional=any(isinstance(each, shapes.NoneType) for each in types))
 
 

@@ -106,16 +106,16 @@ FleetValues = Mapping[str, Mapping[str, Any]]
 class SavedParameterNotes:
     """Reports once for each set which saved values override the fleet's."""
 
-    def __init__(self, told: ReportedValues, own: FleetValues) -> None:
-        self._told, self._own = told, own
-        self._said: set[str] = set()
+    def __init__(self, received: ReportedValues, own: FleetValues) -> None:
+        self._received, self._own = received, own
+        self._reported: set[str] = set()
 
     def new_lines(self) -> Iterator[str]:
         """One line for each newly received set that has such values."""
-        for name, values in self._told().items():
-            if name in self._said:
+        for name, values in self._received().items():
+            if name in self._reported:
                 continue
-            self._said.add(name)
+            self._reported.add(name)
             own = self._own.get(name, {})
             if parts := [
                 _difference(each, own) for each in values.values if each.origin == "saved" and _differs(each, own)
@@ -124,7 +124,7 @@ class SavedParameterNotes:
 
 
 def effective_parameters(
-    told: Mapping[str, ParameterValues], own: FleetValues
+    received: Mapping[str, ParameterValues], own: FleetValues
 ) -> dict[str, dict[str, EffectiveParameter]]:
     """The live parameters with other values than their defaults, by set and name, sorted."""
     found = {
@@ -133,17 +133,19 @@ def effective_parameters(
             for each in values.values
             if each.origin != "default" and each.name in own.get(name, {})
         }
-        for name, values in sorted(told.items())
+        for name, values in sorted(received.items())
     }
     return {name: parameters for name, parameters in found.items() if parameters}
 
 
-def overridden_parameter_note(told: Mapping[str, ParameterValues], own: FleetValues, fleet: Fleet) -> tuple[str, ...]:
+def overridden_parameter_note(
+    received: Mapping[str, ParameterValues], own: FleetValues, fleet: Fleet
+) -> tuple[str, ...]:
     """One note with the values that differ from the fleet file's, or none when no value does."""
     scheduled = {(change.set, name) for change in fleet.change for name in change.values}
     parts = [
         f"{name} {_difference(each, own[name])}"
-        for name, values in sorted(told.items())
+        for name, values in sorted(received.items())
         for each in values.values
         if each.origin in ("saved", "command line", "run")
         and (name, each.name) not in scheduled

@@ -25,17 +25,17 @@ from deploy.service_parameters import (
 from services.catalog import is_user_file, load_service
 
 _RESTART_MODES: dict[str, RestartMode] = {"router": "always", "grader": "never"}
-"""A router has no work that could be done; a grader that comes back has lost what it measured."""
+"""Restart policies by kind: a router never finishes, and a restarted grader has lost its measurements."""
 
 
 SUPERVISOR = "/supervisor"
-"""The node of who starts them all."""
+"""The supervisor's node."""
 
 _NOT_AWAITED = ("router", "sim")
-"""Services that time does not wait for: the first carries what the others tell, the second is who waits."""
+"""Services that time does not wait for: the router starts first, and the simulation is the one that waits."""
 
 _DEPENDENCIES = {"router": (), "params": ("router",), "sim": ("router", "params")}
-"""What must be ready before; everything else needs router and simulation, and by them the parameters."""
+"""Services that must be ready before; all others need the simulation, and through it the router and the parameters."""
 
 
 class ProcessSpec(msgspec.Struct, frozen=True, kw_only=True):
@@ -127,7 +127,7 @@ def _process_spec(stated: _PlacedService, fleet: Fleet, options: RunOptions, nod
 
 
 def _module(kind: str) -> tuple[str, ...]:
-    """What Python runs; a file of the user's own runs as in ``./elea run``, with its folder on the path."""
+    """Python's arguments; a user's file runs as in ``./elea run``, with its folder on the path."""
     return ("deploy", "run", kind) if is_user_file(kind) else ("services", kind)
 
 

@@ -1,4 +1,4 @@
-"""What a person sees on stderr while a fleet starts and runs: a live line on a terminal, plain lines elsewhere."""
+"""The progress of a fleet on stderr: a live line on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ PLAIN_PERIOD_S = 10.0
 """Wall time between two lines about a fleet that runs well, where no live line can be shown."""
 
 WAITING_PERIOD_S = 5.0
-"""Wall time between two lines about whom time waits for."""
+"""Wall time [s] between two lines about the nodes that time waits for."""
 
 _PROBLEM_STATES = ("backing off", "failed")
 
 
 class ProgressDisplay(Protocol):
-    """Where progress is shown."""
+    """An output for progress."""
 
     def print_line(self, line: str) -> None:
         """Print a line that stays."""
@@ -75,7 +75,7 @@ def open_display() -> Iterator[ProgressDisplay]:
 
 
 class ProgressReporter:
-    """Tells a screen, and the run's folder, how the fleet fares; ``news`` are lines that are worth a look."""
+    """Shows the state of the fleet on a screen and in the run's folder; ``news`` are lines to print."""
 
     def __init__(self, screen: ProgressDisplay, folder: Path, news: Callable[[], Iterable[str]] = tuple) -> None:
         self._screen, self._folder, self._news = screen, folder, news
@@ -101,11 +101,11 @@ class ProgressReporter:
             self._screen.print_line(f"{shown.name} ready ({ready} of {len(fleet.processes)})")
 
     def _report_problem(self, life: ManagedProcess, shown: ProcessState) -> None:
-        """What has happened to a process, and why it has ended itself, as it says, once."""
+        """Print a change of a process, once, with the reason that it gave for its end."""
         name, reason = shown.name, shown.reason
         words = last_line(self._folder / "logs" / log_name(name)) if reason.startswith("exit status") else ""
         if words and words in reason and life.spec.required:
-            return  # the end of the fleet tells the same
+            return  # the end of the fleet reports the same
         self._screen.print_line(f"{name} {shown.state}: {reason}; see ./elea logs {name}")
         if words and words not in reason and words not in self._quoted:
             self._quoted.add(words)
@@ -123,11 +123,11 @@ class ProgressReporter:
                 )
 
     def on_note(self, text: str) -> None:
-        """What hinders the supervision of all processes stands where troubles of single ones stand."""
+        """Show a problem of the whole supervision in place of problems of single processes."""
         self._screen.print_line(text)
 
     def _report_waiting(self, lives: Sequence[ManagedProcess]) -> None:
-        """Say now and then whom time waits for."""
+        """Print now and then which nodes time waits for."""
         now = time.monotonic()
         for life in lives:
             if life.spec.kind == "sim" and life.activity == "waiting" and life.note and now > self._next_wait:

@@ -11,7 +11,7 @@ from msgspec import Meta
 RestartMode = Literal["never", "on-failure", "always"]
 
 BAD_INPUT = 2
-"""Exit status after which a process is not started again: what it was given is wrong, and would be again."""
+"""Exit status after which a process is not restarted: its input is wrong, and would be again."""
 
 JITTER = 0.2
 """Largest part by which a pause is lengthened or shortened, so that what fell together does not rise together."""
@@ -52,18 +52,18 @@ ExitDecision = Finished | Restart | Failed
 
 
 def decide_after_exit(
-    policy: RestartPolicy, restarts: Sequence[float], now: float, status: int, chance: float, said: str = ""
+    policy: RestartPolicy, restarts: Sequence[float], now: float, status: int, chance: float, last_line: str = ""
 ) -> ExitDecision:
-    """What follows an exit.
+    """The action after an exit.
 
     ``restarts`` holds the times [s] of earlier restarts on the clock of ``now``; ``status`` is the exit status,
-    negative for a signal, as in ``subprocess``; ``chance`` in [0, 1) draws the jitter; ``said`` is what it said last.
+    negative for a signal, as in ``subprocess``; ``chance`` in [0, 1) draws the jitter; ``last_line`` is its last line.
     As systemd's RestartPreventExitStatus, BAD_INPUT counts whatever the policy says.
     """
     if status == 0 and policy.when != "always":
         return Finished()
     how = describe_exit(status)
-    why = f": {said}" if said and status > 0 else ""
+    why = f": {last_line}" if last_line and status > 0 else ""
     if status == BAD_INPUT or policy.when == "never":
         return Failed(f"{how}{why}")
     recent = sum(1 for each in restarts if now - each < policy.window)

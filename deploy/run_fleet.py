@@ -36,7 +36,7 @@ INTERRUPTED = 130
 
 
 class RunResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What came of a run; ``report`` is None when nothing was measured, ``trouble`` then says why."""
+    """The result of a run; ``report`` is None without measurements, ``trouble`` is then the reason."""
 
     outcome: Outcome
     report: Report | None
@@ -46,7 +46,7 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
         """The exit status of ``up``: 0 when all processes ended as they should and every check holds, else 1 or
         INTERRUPTED.
 
-        A fleet that never ends by itself is meant to be interrupted.
+        A fleet that never ends by itself is expected to be interrupted.
         """
         if self.outcome.ended == "interrupted" and fleet.run.ends != "never":
             return INTERRUPTED
@@ -93,7 +93,7 @@ def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> Run
                 supervisor = Supervisor(fleet.name, fleet.run.mode, plan, bus, spawner, progress, fleet.run.seed)
                 outcome = asyncio.run(_supervise(supervisor, screen))
                 bus.drain()
-                told, monitor, checks = dict(bus.parameters()), bus.run_monitor(), service_checks(bus.checks())
+                reported, monitor, checks = dict(bus.parameters()), bus.run_monitor(), service_checks(bus.checks())
         finally:
             reaper.close()
         if outcome.ended != "graded":
@@ -103,10 +103,12 @@ def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> Run
         found = (
             overrides_note(options.overrides)
             + fleet_notes(fleet)
-            + overridden_parameter_note(told, own, fleet)
+            + overridden_parameter_note(reported, own, fleet)
             + unknown_node_notes(bus.unknown_nodes)
         )
-        return _write_report(fleet, options, outcome, started, found, effective_parameters(told, own), monitor, checks)
+        return _write_report(
+            fleet, options, outcome, started, found, effective_parameters(reported, own), monitor, checks
+        )
 
 
 async def _supervise(supervisor: Supervisor, screen: ProgressDisplay) -> Outcome:
@@ -123,7 +125,7 @@ async def _supervise(supervisor: Supervisor, screen: ProgressDisplay) -> Outcome
 
 
 def _last_line(log: Path) -> str:
-    """What a process said last, else where to look."""
+    """The last line of a process, else the path of its log."""
     try:
         lines = log.read_text(errors="replace").splitlines()
     except OSError:

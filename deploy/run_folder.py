@@ -22,15 +22,15 @@ from services.square import LOG_FILE
 
 RECORDING_FILE = "run.rrd"
 BAG_FOLDER = "bag"
-"""Where a run's recorder writes, in the folder of the run."""
+"""The recorder's folder in the folder of the run."""
 METADATA_FILE = "metadata.yaml"
 STATE_FILE = "processes.json"
 STOPS_FILE = "stops.json"
-"""Where a run's simulation keeps the emergency stops, which outlive it. A new run begins without any."""
+"""The simulation's file of emergency stops, which outlive it. A new run begins without any."""
 SCHEDULE_FILE = "schedule.json"
 """Which scheduled parameter changes of the run were made, for a restart of its parameter service."""
 SUPERVISOR_LOG = "supervisor.log"
-"""What a supervisor in the background writes, in the folder of the run."""
+"""The log of a supervisor in the background, in the folder of the run."""
 
 MIN_FREE_BYTES = 1 << 20
 """Bytes that a run needs at least: logs, figures, report and picture."""

@@ -29,11 +29,11 @@ from services.sim.parameters import BaseParameters, JointParameters
 from services.sim.robot_names import robot_frame_prefix, robot_namespace
 
 CHANGE_MARGIN_S = 1.0
-"""A run ends by goals so long after the last scheduled change at the earliest: it must have been seen."""
+"""Minimum time [s] from the last scheduled change to an end by goals, so that its effect is measured."""
 
 
 def is_arm(robot: RobotConfig) -> bool:
-    """Whether a robot is an arm: one that stands still and has a joint with a range."""
+    """Whether a robot is an arm: it has no wheels, and a joint with limits."""
     return read_model(robot.model).wheels is None and bool(_limited_joints(robot))
 
 
@@ -84,13 +84,13 @@ def _has_controller_manager(fleet: Fleet, robot: RobotConfig) -> bool:
 
 
 def control_state_topics(fleet: Fleet) -> list[str]:
-    """For each robot, where the controller of its joint tells its state; empty for those that are no arm."""
+    """For each robot, the topic of its joint controller's state; empty if it is no arm."""
     arms = {each["name"]: each["state"] for each in grader_arms(fleet)}
     return [arms.get(each.name, "") for each in fleet.robot]
 
 
 def earliest_end(fleet: Fleet) -> float:
-    """When the run may end by goals, s."""
+    """The earliest end of the run by goals [s]."""
     return max((each.at + CHANGE_MARGIN_S for each in fleet.change), default=0.0)
 
 
@@ -119,7 +119,7 @@ BUILTIN_SERVICES = ("router", "params", "sim", "grader")
 """Services that every fleet has; a fleet file states one only to set its parameters."""
 
 OBSERVER_SERVICES = ("panel",)
-"""Services on which nothing in a run depends, nor anything that it leaves: what they miss is not the run's loss."""
+"""Services that affect neither a run nor its results: messages that they lose do not count as losses of the run."""
 
 
 class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -145,7 +145,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def fleet_endpoint(fleet: Fleet) -> str:
-    """Where the fleet's router listens for the processes of this user."""
+    """The endpoint of the fleet's router for the processes of this user."""
     return router_endpoint(fleet.run.port)
 
 
@@ -156,10 +156,10 @@ def listen_endpoints(fleet: Fleet, options: RunOptions) -> tuple[str, ...]:
 
 
 class NodeGroups(msgspec.Struct, frozen=True, kw_only=True):
-    """The nodes of a fleet by what they are to others.
+    """The nodes of a fleet by role.
 
-    ``members`` are those that lockstep waits for at each tick, ``awaits`` all for which time waits to begin,
-    ``requires`` those of them without which it does not begin, ``readers`` those whose losses the run answers for.
+    Lockstep waits for ``members`` at each tick. Time waits for ``awaits`` to begin, and does not begin without
+    ``requires``. Messages that ``readers`` lose count as losses of the run.
     """
 
     members: tuple[str, ...] = ()
@@ -235,7 +235,7 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
 
 
 def _live_view_port(router: int) -> dict[str, int]:
-    """The port of the live view: it lies as far from the usual one as the router's, so that two fleets have two."""
+    """The port of the live view, offset from the default like the router's, so that two fleets have two."""
     port = LoggerParameters().port + router - PORT
     return {"port": port} if router != PORT and 1024 <= port <= 65535 else {}
 
@@ -257,7 +257,7 @@ def robot_parameter_set(robot: RobotConfig) -> str:
 
 
 def robot_parameters_type(model: str) -> type[Parameters]:
-    """What a robot of this model takes for parameters."""
+    """The parameter record of a robot of this model."""
     return BaseParameters if read_model(model).wheels else JointParameters
 
 
@@ -269,6 +269,6 @@ def _size_spec(robot: RobotConfig) -> dict[str, Any]:
 
 
 def _braking_spec(robot: RobotConfig) -> dict[str, Any]:
-    """How the base of a robot stops when its commander falls silent: by its parameters, else by its model."""
+    """The braking of a robot's base after its last command, from its parameters or its model."""
     base = robot_config(robot.model, build(BaseParameters, robot.parameters)).parameters
     return {"name": robot.name, "timeout": base.cmd_vel_timeout, "brake": base.brake}

@@ -1,4 +1,4 @@
-"""Where a key stands in a TOML text: the line to name when its value is refused."""
+"""Line numbers of keys in a TOML text, for errors about their values."""
 
 from __future__ import annotations
 
@@ -63,9 +63,9 @@ def line_of(text: str, path: Sequence[TomlKey]) -> int:
 
 @lru_cache(1)
 def _statements(text: str) -> tuple[tuple[int, str, dict[str, Any]], ...]:
-    """Line, text and content of each statement: the shortest run of lines that is valid TOML by itself.
+    """Line, text and content of each statement: the shortest sequence of lines that is valid TOML.
 
-    A file is asked for every robot in it: of 300, reading it anew each time took minutes.
+    Cached, since each robot of a file needs it: with 300 robots, parsing each time took minutes.
     """
     return tuple(_split(text))
 
@@ -87,7 +87,7 @@ def _split(text: str) -> Iterator[tuple[int, str, dict[str, Any]]]:
 
 
 def _header(parsed: dict[str, Any], counts: dict[tuple[TomlKey, ...], int]) -> tuple[TomlKey, ...]:
-    """The path of ``[a.b]`` or ``[[a.b]]``, with the indices of the arrays that it lies in."""
+    """The path of ``[a.b]`` or ``[[a.b]]``, with the indices of its arrays."""
     path: tuple[TomlKey, ...] = ()
     value: Any = parsed
     while value:
@@ -111,7 +111,7 @@ def _keys(parsed: dict[str, Any]) -> Iterator[str]:
 
 
 def _common_prefix(left: Sequence[TomlKey], right: Sequence[TomlKey]) -> int:
-    """How many leading parts are equal."""
+    """The number of equal leading parts."""
     return next((i for i, (a, b) in enumerate(zip(left, right, strict=False)) if a != b), min(len(left), len(right)))
 
 

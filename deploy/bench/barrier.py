@@ -1,4 +1,4 @@
-"""A bare barrier: plain Zenoh sessions that step with a loop and do nothing else, the least that lockstep can cost."""
+"""A bare barrier: plain Zenoh sessions that only step with a loop, the minimum cost of lockstep."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from deploy.bench.peer import RAW_GRANT, RAW_REPORT, raw_session
 from services.runtime.transport.unix_sockets import router_in
 
 _GRANT = bytes(64)
-"""As long as a leave with a few numbers in it."""
+"""The size of a step grant with a few numbers."""
 _BEGIN_S = 20.0
-"""Wall time in which all members must listen."""
+"""Wall time [s] in which all members must subscribe."""
 _SETTLE_S = 1.0
-"""Wall time for links that a new session is still making while it is seen already."""
+"""Wall time [s] for the links of a new session, which is visible before they are complete."""
 
 
 class RawBarrier:
@@ -55,7 +55,7 @@ class RawBarrier:
             self._pending.add(number)
 
     def finish(self) -> None:
-        """Wait for everybody."""
+        """Wait for all members."""
         while self._pending:
             self._recv_report()
 

@@ -1,4 +1,4 @@
-"""A fleet under the benchmark: started as a user would, watched by a node; and what it costs while nothing moves."""
+"""A fleet under the benchmark: started as by a user, observed by a node; and its cost while nothing moves."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class BenchFleet:
 
 
 class FleetWatcher:
-    """What the bench sees of a running fleet. It listens to a message of 5 Hz only, so as not to weigh on the fleet."""
+    """Observes a running fleet by one topic of 5 Hz only, so as not to burden it."""
 
     def __init__(self, node: Node) -> None:
         self.node = node
@@ -98,14 +98,14 @@ class FleetWatcher:
         raise TimeoutError(f"no robot moved within {within} s")
 
     def record_commands(self, robots: Mapping[str, Topic[Message]], seconds: float) -> dict[str, list[Any]]:
-        """What each robot is told on a topic of its namespace until simulation time ``seconds``."""
+        """The messages on each robot's topic until simulation time ``seconds``."""
         sources = {name: self.node.subscribe(topic, f"/{name}/{topic.name}") for name, topic in robots.items()}
-        heard: dict[str, list[Any]] = {name: [] for name in robots}
+        received: dict[str, list[Any]] = {name: [] for name in robots}
         while self.now < seconds:
             self.spin_once()
             for name, source in sources.items():
-                heard[name] += [command for command, _ in source.messages]
-        return heard
+                received[name] += [command for command, _ in source.messages]
+        return received
 
 
 @contextmanager

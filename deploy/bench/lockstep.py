@@ -72,14 +72,14 @@ def wheel_motors(robot: RobotConfig) -> tuple[Motor, ...]:
 
 
 def drive_settings(robot: RobotConfig) -> DriveConfig:
-    """How a robot of ``lab`` is driven."""
+    """The drive of a robot of ``lab``."""
     settings = robot_config(robot.model, build(BaseParameters, robot.parameters)).drive_config
     assert settings is not None
     return settings
 
 
 def build_schedule(commands: dict[str, list[Any]], span: Span) -> ActuatorSchedule:
-    """What the simulation made of the commands, worked out beforehand: the raw loop is to do nothing but physics.
+    """The wheel speeds of the commands, computed beforehand: the raw loop shall do nothing but physics.
 
     A controller commands evenly, so its commands up to the end of the span are spread over the steps up to there.
     """
@@ -126,8 +126,8 @@ SPAN = Span(2.0, 42.0)
 
 
 class RecordedRun(NamedTuple):
-    """What one run of ``lab`` shows that is not timed: the commands by robot, the same in every run, and by member of
-    its lockstep the physics steps between two of its own.
+    """The untimed data of a run of ``lab``: the commands by robot, the same in every run, and for each lockstep member
+    the physics steps between two of its own.
     """
 
     commands: dict[str, list[Any]]

@@ -114,7 +114,7 @@ def barrier_member(endpoint: str, number: str) -> None:
 
 
 def raw_peer(endpoint: str) -> None:
-    """Answer, or flood when a ping of eight bytes tells how many; an empty one ends."""
+    """Answer, or flood when a ping of eight bytes has the number; an empty one ends."""
     with zenoh.open(zenoh.Config.from_json5(json.dumps(configuration("direct", (endpoint,))))) as session:
         pings = session.declare_subscriber(RAW_PING, zenoh.handlers.RingChannel(1024))
         pong = session.declare_publisher(RAW_PONG, congestion_control=zenoh.CongestionControl.DROP)

@@ -169,7 +169,7 @@ class RawClient:
         return self._arrive(self._scan, count)
 
     def _arrive(self, payload: bytes, count: int) -> tuple[int, float]:
-        self._ping.put(payload)  # what it floods with
+        self._ping.put(payload)  # the payload of its flood
         self._pong.recv()
         self._ping.put(count.to_bytes(8, "little"))
         self._flood.recv()

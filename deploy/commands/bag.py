@@ -28,7 +28,7 @@ _UNITS = {"": 1, "k": 10**3, "M": 10**6, "G": 10**9, "Ki": 2**10, "Mi": 2**20, "
 
 
 class IncompleteBag(EleaError):
-    """A bag is incomplete or damaged, or not all of it could be used."""
+    """A bag is incomplete, damaged, or could only be used in part."""
 
 
 COMMANDS = {
@@ -172,13 +172,13 @@ def export_command(bag: Path, form: str, output: str, topics: tuple[str, ...], a
     """
     from deploy.bag_export import export_bag
 
-    told = export_bag(bag, form, output, topics)
+    result = export_bag(bag, form, output, topics)
     if as_json:
-        sys.stdout.write(json.dumps({"output": str(told.output), "troubles": told.problems}, indent=2) + "\n")
+        sys.stdout.write(json.dumps({"output": str(result.output), "troubles": result.problems}, indent=2) + "\n")
     else:
-        sys.stdout.write(f"{told.text}\n")
-    if told.problems:
-        raise IncompleteBag("; ".join(told.problems))
+        sys.stdout.write(f"{result.text}\n")
+    if result.problems:
+        raise IncompleteBag("; ".join(result.problems))
 
 
 def _parse_size(text: str) -> int:

@@ -68,7 +68,7 @@ def _passes(name: str, arguments: tuple[str, ...]) -> bool:
 
 
 def install_pre_commit_hook(root: Path) -> Path:
-    """Install the hook in the Git repository of ``root``; raises BadInput outside one, or where another hook stands."""
+    """Install the hook in the Git repository of ``root``; raises BadInput outside one, or if there is another hook."""
     found = subprocess.run(
         ["git", "rev-parse", "--git-path", "hooks/pre-commit"], cwd=root, capture_output=True, text=True, check=False
     )
@@ -76,7 +76,7 @@ def install_pre_commit_hook(root: Path) -> Path:
         raise BadInput(f"{root} is no Git repository: {found.stderr.strip()}")
     hook = root / found.stdout.strip()
     if hook.exists() and hook.read_text() != _HOOK:
-        raise BadInput(f"{hook} is there already: add a line ./elea check to it, or remove it first")
+        raise BadInput(f"{hook} exists already: add a line ./elea check to it, or remove it first")
     hook.parent.mkdir(parents=True, exist_ok=True)
     hook.write_text(_HOOK)
     hook.chmod(0o755)

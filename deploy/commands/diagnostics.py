@@ -53,7 +53,7 @@ def test_command(arguments: tuple[str, ...]) -> None:
 
 
 def parallel_arguments(arguments: Sequence[str], processors: int) -> list[str]:
-    """What pytest is told in addition, for a machine with so many processors; nothing where tests run one by one.
+    """Pytest's further arguments for a number of CPUs; none if the tests run one by one.
 
     The tests of a file stay together, as they share what they start.
     """

@@ -97,7 +97,7 @@ def _field_rows(fields: list[dict[str, Any]], depth: int) -> list[tuple[str, str
         facts = [each["unit"], each["bounds"], " or ".join(map(repr, each["choices"]))]
         facts += ["may be null"] if each["optional"] else []
         facts += [] if each["default"] is None else [f"{each['default']!r} by default"]
-        said = ", ".join(fact for fact in facts if fact) or each["about"].partition("\n")[0]
-        rows.append(("  " * (depth + 1) + each["name"], each["type"], said and f"# {said}"))
+        remark = ", ".join(fact for fact in facts if fact) or each["about"].partition("\n")[0]
+        rows.append(("  " * (depth + 1) + each["name"], each["type"], remark and f"# {remark}"))
         rows += _field_rows(each["fields"], depth + 1)
     return rows

@@ -71,11 +71,11 @@ def info_command(node: str, place: NetworkAddress, as_json: bool) -> None:
             raise not_found(
                 "node", name, {each.node for each in graph if each.node != live.node}, "./elea node list shows them all"
             )
-        told = _describe_node(name, own, collect_heartbeats(live, [name]))
+        description = _describe_node(name, own, collect_heartbeats(live, [name]))
     if as_json:
-        write_json(told)
+        write_json(description)
     else:
-        write_text(_format_node(told))
+        write_text(_format_node(description))
 
 
 _COUNTS = ("received", "lost", "refused", "repeated", "resynced", "foreign")
@@ -109,25 +109,25 @@ def _describe_node(name: str, own: list[Entity], beats: HeartbeatSubscriber) -> 
     }
 
 
-def _format_node(told: dict[str, Any]) -> str:
-    lines = [f"{told['node']}  ({told['kind']})"]
-    health = told["health"]
+def _format_node(description: dict[str, Any]) -> str:
+    lines = [f"{description['node']}  ({description['kind']})"]
+    health = description["health"]
     if health is None:
         lines.append("  no heartbeat: a tool, an external program, or a stuck loop")
     else:
         note = f" ({health['note']})" if health["note"] else ""
         lines.append(f"  {health['state']}{note}, pid {health['pid']}, {health['ticks']} ticks")
         lines.append(f"  in all:{_format_counts(health | {'reason': ''})}, sent {health['sent']}")
-    if told["lockstep_period_s"] is not None:
-        lines.append(f"  steps with the simulation every {told['lockstep_period_s']:g} s")
+    if description["lockstep_period_s"] is not None:
+        lines.append(f"  steps with the simulation every {description['lockstep_period_s']:g} s")
     lines.append("  Subscribers:")
-    lines += [f"    {each['topic']}: {each['type']}{_format_counts(each)}" for each in told["subscribers"]]
+    lines += [f"    {each['topic']}: {each['type']}{_format_counts(each)}" for each in description["subscribers"]]
     lines.append("  Publishers:")
-    for each in told["publishers"]:
+    for each in description["publishers"]:
         sent = "" if each["sent"] is None else f"  sent {each['sent']}"
         lines.append(f"    {each['topic']}: {each['type']}{sent}")
     lines.append("  Service Servers:")
-    lines += [f"    {each['name']}: {each['type']}" for each in told["services"]]
+    lines += [f"    {each['name']}: {each['type']}" for each in description["services"]]
     return "\n".join(lines) + "\n"
 
 
@@ -186,15 +186,17 @@ def ping_command(node: str, count: int, interval: float, timeout: float, place: 
             took.append((time.monotonic() - sent) * 1e3 if answered else None)
             if not as_json:
                 write_text(f"{name}: {'no answer' if took[-1] is None else f'{took[-1]:.2f} ms'}\n", flush=True)
-    told = _summarize_pings(name, took)
+    description = _summarize_pings(name, took)
     if as_json:
-        write_json(told)
-    elif told["answered"]:
-        spread = f"min {told['min_ms']:.2f}, mean {told['mean_ms']:.2f}, max {told['max_ms']:.2f} ms"
-        write_text(f"{told['answered']} of {told['sent']} answered: {spread}\n")
+        write_json(description)
+    elif description["answered"]:
+        spread = (
+            f"min {description['min_ms']:.2f}, mean {description['mean_ms']:.2f}, max {description['max_ms']:.2f} ms"
+        )
+        write_text(f"{description['answered']} of {description['sent']} answered: {spread}\n")
     else:
-        write_text(f"0 of {told['sent']} answered: the loop hangs, or the node is a tool without a loop\n")
-    raise SystemExit(0 if told["answered"] else 1)
+        write_text(f"0 of {description['sent']} answered: the loop hangs, or the node is a tool without a loop\n")
+    raise SystemExit(0 if description["answered"] else 1)
 
 
 def _sleep(live: Any, seconds: float) -> None:

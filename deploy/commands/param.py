@@ -114,11 +114,11 @@ def list_command(set_name: str, values: bool, as_json: bool, **options: Any) -> 
         write_text("".join(f"  {each}\n" for each in names[name]))
 
 
-def _print_values(told: dict[str, ParameterValues], as_json: bool) -> None:
+def _print_values(values_by_set: dict[str, ParameterValues], as_json: bool) -> None:
     from deploy.commands.param_values import format_value, print_json
     from deploy.live.output import write_text
 
-    rows = [(f"{name}/{each.name}", each.value) for name, record in told.items() for each in record.values]
+    rows = [(f"{name}/{each.name}", each.value) for name, record in values_by_set.items() for each in record.values]
     if as_json:
         print_json(dict(rows))
     else:

@@ -46,7 +46,7 @@ def list_(asker: SimulationClient) -> None:
     reply = asker.call(LIST, Empty())
     rows = [("name", "model", "x m", "y m", "z m", "yaw rad")]
     rows += [(each.name, each.model, *_planar_pose(each)) for each in reply.models]
-    asker.print_reply(reply, format_table(rows) if reply.models else "no model is there")
+    asker.print_reply(reply, format_table(rows) if reply.models else "there are no models")
 
 
 @click.command("spawn")
@@ -109,7 +109,7 @@ def spawn(
             parameters=tuple(Assignment(name=each, value=value) for each, value in read_assignments(pairs).items()),
         ),
     )
-    asker.print_reply(reply, f"{name} is there: {', '.join(_pose_words(reply))}")
+    asker.print_reply(reply, f"{name} exists: {', '.join(_pose_words(reply))}")
 
 
 @click.command("delete")

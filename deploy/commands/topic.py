@@ -27,7 +27,7 @@ COMMANDS = {
     "info": LazyCommand("topic:info_command", "Show the type, publishers and subscribers of a topic."),
     "pub": LazyCommand("topic_messages:pub_command", "Publish messages."),
     "find": LazyCommand("topic:find_command", "List the topics of a type."),
-    "type": LazyCommand("topic:type_command", "Tell the type of a topic."),
+    "type": LazyCommand("topic:type_command", "Show the type of a topic."),
 }
 
 
@@ -170,7 +170,9 @@ def _format_row(row: dict[str, Any], types: bool, verbose: bool) -> str:
     quality = f", {row['quality']}" if row["quality"] else ", foreign"
     promised = f", {row['promised']:g} Hz" if row["promised"] else ""
     ends = "".join(
-        f"  {arrow} {', '.join(row[who])}\n" for arrow, who in (("<-", "publishers"), ("->", "subscribers")) if row[who]
+        f"  {arrow} {', '.join(row[side])}\n"
+        for arrow, side in (("<-", "publishers"), ("->", "subscribers"))
+        if row[side]
     )
     return f"{row['name']} [{kinds}{quality}{promised}]\n{ends}"
 
@@ -199,18 +201,18 @@ def info_command(topic: str, verbose: bool, place: NetworkAddress, as_json: bool
 
     name = absolute_name(topic)
     with cli_node(place, "info") as live:
-        told = _describe_topic(find_topic(live, name), live, verbose)
+        description = _describe_topic(find_topic(live, name), live, verbose)
     if as_json:
-        write_json(told)
+        write_json(description)
     else:
-        write_text(_format_topic(told, verbose))
+        write_text(_format_topic(description, verbose))
 
 
 def _describe_topic(ends: TopicEndpoints, live: LightNode, verbose: bool) -> dict[str, Any]:
     from deploy.interfaces import known_topic
 
     known = known_topic(ends.name)
-    told: dict[str, Any] = {
+    description: dict[str, Any] = {
         "topic": ends.name,
         "types": list(ends.types),
         "quality": next((each.detail.lower() for each in (*ends.publishers, *ends.subscribers)), None),
@@ -224,11 +226,11 @@ def _describe_topic(ends: TopicEndpoints, live: LightNode, verbose: bool) -> dic
         ],
     }
     if verbose:
-        _add_measurements(told, ends, live)
-    return told
+        _add_measurements(description, ends, live)
+    return description
 
 
-def _add_measurements(told: dict[str, Any], ends: TopicEndpoints, live: LightNode) -> None:
+def _add_measurements(description: dict[str, Any], ends: TopicEndpoints, live: LightNode) -> None:
     """Add the rates of publishers and the counts in heartbeats, measured for a second."""
     from deploy.live.subscribers import ClockSubscriber, HeartbeatSubscriber
     from deploy.live.topic_statistics import RateSample, SampleWindow
@@ -243,13 +245,13 @@ def _add_measurements(told: dict[str, Any], ends: TopicEndpoints, live: LightNod
     for _ in spin(live, listener.raw, _LISTEN_S):
         beats.update()
         clock.update()
-        for heard in listener.drain():
-            sender = b"" if heard.origin is None else heard.origin.publisher
-            sample = RateSample(clock.sample_time(heard), heard.sent_ns, heard.lost, len(heard.payload))
+        for received in listener.drain():
+            sender = b"" if received.origin is None else received.origin.publisher
+            sample = RateSample(clock.sample_time(received), received.sent_ns, received.lost, len(received.payload))
             windows.setdefault(sender, SampleWindow(100_000)).add(sample)
-            if not sender and (heard.type or "?") not in foreign:
-                foreign.append(heard.type or "?")
-    for row, entity in zip(told["publishers"], ends.publishers, strict=True):
+            if not sender and (received.type or "?") not in foreign:
+                foreign.append(received.type or "?")
+    for row, entity in zip(description["publishers"], ends.publishers, strict=True):
         window = windows.pop(publisher_id(entity.node, entity.session, key_of(entity.name)), None)
         row |= _rates(window)
         row["sent"] = getattr(beats.outputs(entity.node).get(ends.name), "sent", None)
@@ -258,9 +260,9 @@ def _add_measurements(told: dict[str, Any], ends: TopicEndpoints, live: LightNod
         kind = ", ".join(foreign) if not sender else "?"
         # A node that plays what several nodes had latched is each of them in turn.
         again = members.get(sender[:MEMBER_BYTES])
-        who = "(foreign)" if not sender else again or f"(undeclared {sender.hex()})"
-        told["publishers"].append({"node": who, "type": kind, "quality": "-", **_rates(window), "sent": None})
-    for row in told["subscribers"]:
+        node = "(foreign)" if not sender else again or f"(undeclared {sender.hex()})"
+        description["publishers"].append({"node": node, "type": kind, "quality": "-", **_rates(window), "sent": None})
+    for row in description["subscribers"]:
         row["beats"] = row["node"] in beats.latest
         own = beats.inputs(row["node"]).get(ends.name)
         for name in (*_COUNTS, "reason"):
@@ -276,14 +278,14 @@ def _rates(window: Any) -> dict[str, Any]:
     }
 
 
-def _format_topic(told: dict[str, Any], verbose: bool) -> str:
-    publishers, subscribers = told["publishers"], told["subscribers"]
-    lines = [f"Type: {', '.join(told['types']) or '?'}"]
-    if told["about"]:
-        lines.append(f"About: {told['about']}")
-    lines.append(f"Quality: {told['quality'] or '?'}")
-    if told["promised"]:
-        lines.append(f"Promised rate: {told['promised']:g} Hz")
+def _format_topic(description: dict[str, Any], verbose: bool) -> str:
+    publishers, subscribers = description["publishers"], description["subscribers"]
+    lines = [f"Type: {', '.join(description['types']) or '?'}"]
+    if description["about"]:
+        lines.append(f"About: {description['about']}")
+    lines.append(f"Quality: {description['quality'] or '?'}")
+    if description["promised"]:
+        lines.append(f"Promised rate: {description['promised']:g} Hz")
     lines.append(f"Publisher count: {len(publishers)}")
     lines += [_format_publisher(each) for each in publishers if verbose]
     lines.append(f"Subscription count: {len(subscribers)}")
@@ -292,11 +294,11 @@ def _format_topic(told: dict[str, Any], verbose: bool) -> str:
 
 
 def _format_publisher(row: dict[str, Any]) -> str:
-    heard = "silent for a second" if row["wall_hz"] is None else f"{row['wall_hz']:.1f} Hz by the wall clock"
-    heard += "" if row["hz"] is None else f", {row['hz']:.1f} Hz simulated"
+    rate = "silent for a second" if row["wall_hz"] is None else f"{row['wall_hz']:.1f} Hz by the wall clock"
+    rate += "" if row["hz"] is None else f", {row['hz']:.1f} Hz simulated"
     sent = "" if row["sent"] is None else f", sent {row['sent']}"
     lost = f", {row['lost']} lost on the way here" if row["lost"] else ""
-    return f"  {row['node']}  [{row['type']}, {row['quality']}]  {heard}{sent}{lost}"
+    return f"  {row['node']}  [{row['type']}, {row['quality']}]  {rate}{sent}{lost}"
 
 
 def _format_subscriber(row: dict[str, Any]) -> str:

@@ -76,7 +76,7 @@ def _recording(run: Path) -> Path:
     if (recording := (run / RECORDING_FILE).absolute()).is_file():
         if before := rotated(recording):
             names = " and ".join(each.name for each in before)
-            sys.stderr.write(f"elea: the logger was restarted; what it recorded before is in {names} beside it\n")
+            sys.stderr.write(f"elea: the logger was restarted; its earlier recordings are {names} in the same folder\n")
         return recording
     return _convert_bag(run / BAG_FOLDER if (run / BAG_FOLDER).is_dir() else run)
 
@@ -90,12 +90,12 @@ def _convert_bag(path: Path) -> Path:
     newest = max(each.stat().st_mtime for each in bag.files)
     if not made.is_file() or made.stat().st_mtime < newest:
         part = made.with_name(f".{made.name}")  # one that is left half done is not taken for the bag
-        told = export_bag(path, "rrd", str(part))
+        result = export_bag(path, "rrd", str(part))
         try:
             part.replace(made)
         except OSError as error:
             raise BadInput(f"{made} cannot be written: {error.strerror}") from None
-        for trouble in told.problems:
+        for trouble in result.problems:
             sys.stderr.write(f"elea: {trouble}\n")
     return made
 

@@ -1,4 +1,4 @@
-"""``elea doctor``: what could keep Elea from running here, each with why and what to do."""
+"""``elea doctor``: problems that could keep Elea from running here, each with its cause and remedy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ State = Literal["ok", "warn", "fail"]
 
 
 class Finding(NamedTuple):
-    """What a check has found: its name, how it stands, what it saw, and what to do about it."""
+    """The finding of a check: its name, state, reason and remedy."""
 
     name: str
     state: State
@@ -21,15 +21,15 @@ Check = Callable[[], Iterator[Finding]]
 
 
 def ok(name: str, why: str) -> Finding:
-    """All is well."""
+    """A check without a problem."""
     return Finding(name, "ok", why)
 
 
 def warn(name: str, why: str, do: str) -> Finding:
-    """It runs, but not as well as it could."""
+    """A problem that degrades the system."""
     return Finding(name, "warn", why, do)
 
 
 def fail(name: str, why: str, do: str) -> Finding:
-    """It does not run like this."""
+    """A problem that prevents it from running."""
     return Finding(name, "fail", why, do)

@@ -42,7 +42,7 @@ def run_checks(connect: str = "", domain: str = "", port: int | None = None) -> 
 
 
 def print_findings(findings: Sequence[Finding], as_json: bool) -> None:
-    """A line for each finding, with what to do below it, and a sum."""
+    """Print a line for each finding, with the remedy below it, and the counts."""
     if as_json:
         write_json({"version": VERSION, "checks": [each._asdict() for each in findings]})
         return

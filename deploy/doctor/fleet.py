@@ -31,14 +31,14 @@ STALE_SHARE, MIN_STALE = 0.05, 5
 SHARE_S, BUSY_PERCENT = 0.3, 85.0
 """Wall time over which a reader's share of a core is taken, and the share from which it is too slow."""
 OVERLOAD = 1.5
-"""Processes that want a core, for each core, from which the machine is overloaded."""
+"""Runnable processes per core from which the machine is overloaded."""
 
 _ON_DEMAND = ("camera/image", "camera/camera_info", "/gazebo/model_states", "/gazebo/link_states", "cmd_vel_out")
-"""Made only while somebody reads them: a look at them would cost the fleet what it does not pay otherwise."""
+"""Topics published only with subscribers: to observe them would cost the fleet."""
 
 
 class Sender(NamedTuple):
-    """Who publishes a topic: its node, or ``a foreign program`` that says no name."""
+    """The publisher of a topic: its node, or ``a foreign program`` without a name."""
 
     node: str
     topic: str
@@ -54,13 +54,13 @@ class SampleCount:
 
     @property
     def sent(self) -> int:
-        """How many were sent while they were watched, those lost on the way among them."""
+        """The number of messages sent during the observation, including lost ones."""
         return max(self.last - self.first, self.received - 1)
 
 
 @dataclass
 class FleetObservation:
-    """What was seen of a running fleet within ``wall`` seconds; ``simulated`` is 0 where no time passed."""
+    """Observations of a running fleet over ``wall`` seconds; ``simulated`` is 0 if no simulation time passed."""
 
     wall: float = 0.0
     simulated: float = 0.0
@@ -70,13 +70,13 @@ class FleetObservation:
     heartbeats: dict[str, Health] = field(default_factory=dict)
 
     def rate(self, sender: Sender) -> float:
-        """How often a sender sent, in Hz of simulation time; 0 where no time passed, or too little was sent."""
+        """The rate of a publisher [Hz of simulation time]; 0 if no time passed, or it sent too few messages."""
         counted = self.counts.get(sender, SampleCount())
         return counted.sent / self.simulated if self.simulated > 0 and counted.sent >= MIN_SAMPLES else 0.0
 
 
 def check_fleet(entities: Sequence[Entity], seen: FleetObservation) -> Iterator[Finding]:
-    """What is wrong with the fleet that was watched, one finding for each fault."""
+    """The problems of an observed fleet, one finding for each."""
     yield from processes(seen.state)
     yield from commands(seen.bases, entities)
     yield from rates(seen)
@@ -88,17 +88,17 @@ def processes(state: FleetState | None) -> Iterator[Finding]:
         return
     sound = True
     for each in state.processes:
-        name, said = f"process {each.name}", f": {each.reason}" if each.reason else ""
+        name, reason = f"process {each.name}", f": {each.reason}" if each.reason else ""
         look = f"see why: ./elea logs {each.name}"
         if each.state == "failed":
             sound = False
-            yield fail(name, f"it has failed{said}", f"{look}; then ./elea restart {each.name}")
+            yield fail(name, f"it has failed{reason}", f"{look}; then ./elea restart {each.name}")
         elif each.state in ("backing off", "stopped"):
             sound = False
-            yield warn(name, f"it is {each.state}{said}", look)
+            yield warn(name, f"it is {each.state}{reason}", look)
         elif each.restarts:
             sound = False
-            yield warn(name, f"it was restarted {each.restarts} times{said}", look)
+            yield warn(name, f"it was restarted {each.restarts} times{reason}", look)
     if sound:
         yield ok("fleet state", f"{state.fleet}: {len(state.processes)} processes, none failed or restarted")
 
@@ -108,19 +108,19 @@ def commands(bases: Mapping[str, BaseStatus], entities: Collection[Entity]) -> I
     for robot, base in sorted(bases.items()):
         topic = f"{robot.rstrip('/')}/cmd_vel"
         senders = sorted({each.node for each in entities if each.kind == "pub" and each.name == topic})
-        who = f"from {', '.join(senders)}" if senders else "from a program that shows no publication"
+        source = f"from {', '.join(senders)}" if senders else "from a program that shows no publication"
         offered = base.commands + base.stale_dropped
         if base.stale_dropped >= MIN_STALE and base.stale_dropped > STALE_SHARE * offered:
             yield warn(
                 f"base {robot}",
-                f"{base.stale_dropped} of {offered} commands {who} were too old on arrival, and ignored",
+                f"{base.stale_dropped} of {offered} commands {source} were too old on arrival, and ignored",
                 "the sender stalls, its link buffers, or its clock was set: restart the sender if it goes on",
             )
         if base.refused:
             yield warn(
                 f"base {robot}",
-                f"{base.refused} commands {who} were refused: not finite, too fast, or one of several senders",
-                f"see what is sent: ./elea topic echo {topic}",
+                f"{base.refused} commands {source} were refused: not finite, too fast, or one of several senders",
+                f"see the messages: ./elea topic echo {topic}",
             )
         if base.e_stopped:
             yield warn(f"base {robot}", "an emergency stop holds it", "reset the stop where it was given")
@@ -148,7 +148,7 @@ def rates(seen: FleetObservation) -> Iterator[Finding]:
 
 
 def why_lost(name: str, beat: Health, seen: FleetObservation) -> str:
-    """What most likely made a reader lose messages of a topic, and what to do about it."""
+    """The most likely cause of lost messages of a topic, and the remedy."""
     import psutil
 
     topic = known_topic(name)
@@ -164,7 +164,7 @@ def why_lost(name: str, beat: Health, seen: FleetObservation) -> str:
         return f"{beat.node} uses {share:.0f} % of a core and reads too slowly: let it do less, or read less"
     cores, load = len(os.sched_getaffinity(0)), os.getloadavg()[0]
     if load > OVERLOAD * cores:
-        return f"{load:.1f} processes want one of {cores} cores: end what else runs on this machine"
+        return f"{load:.1f} runnable processes on {cores} cores: end other programs on this machine"
     return "nothing is wrong at this moment: a link broke or a process stood still; see whether the count grows"
 
 
@@ -205,27 +205,27 @@ def observe_fleet(link: Transport, entities: Sequence[Entity], seconds: float = 
     while (seen_for := time.monotonic() - began) < seconds:
         link.wait(clock.raw)
         for each in listeners:
-            for heard in each.drain():
-                node = "a foreign program" if heard.origin is None else nodes.get(heard.origin.publisher, "")
+            for sample in each.drain():
+                node = "a foreign program" if sample.origin is None else nodes.get(sample.origin.publisher, "")
                 sender = Sender(node or "a program that shows no publication", each.name)
                 counted = seen.counts.setdefault(sender, SampleCount())
                 counted.received += 1
-                if heard.origin is not None:
-                    counted.first = counted.first or heard.origin.sequence
-                    counted.last = max(counted.last, heard.origin.sequence)
+                if sample.origin is not None:
+                    counted.first = counted.first or sample.origin.sequence
+                    counted.last = max(counted.last, sample.origin.sequence)
                 if each.name.endswith(f"/{BASE_STATUS.name}"):
                     try:
-                        seen.bases[each.name.removesuffix(f"/{BASE_STATUS.name}") or "/"] = read_base(heard.payload)
+                        seen.bases[each.name.removesuffix(f"/{BASE_STATUS.name}") or "/"] = read_base(sample.payload)
                     except WrongPayload:
                         continue
-        for heard in clock.drain():
+        for sample in clock.drain():
             try:
-                times.append(read_clock(heard.payload).clock.ns)
+                times.append(read_clock(sample.payload).clock.ns)
             except WrongPayload:
                 continue
-        for heard in fleet.drain():
+        for sample in fleet.drain():
             try:
-                seen.state = read_fleet(heard.payload)
+                seen.state = read_fleet(sample.payload)
             except WrongPayload:
                 continue
         health.update()
@@ -239,7 +239,7 @@ def observe_fleet(link: Transport, entities: Sequence[Entity], seconds: float = 
 
 
 def _observable_topics(entities: Sequence[Entity]) -> list[str]:
-    """The topics with a promised rate that somebody publishes or reads, and those of the bases."""
+    """The topics in use with a promised rate, and those of the bases."""
     found = set()
     for each in entities:
         if each.kind not in ("pub", "sub") or (topic := known_topic(each.name)) is None:
@@ -250,7 +250,7 @@ def _observable_topics(entities: Sequence[Entity]) -> list[str]:
 
 
 INIT_PROCESSES = ("systemd", "init")
-"""Who takes over a process whose parent has died, besides process 1."""
+"""The processes that adopt orphans, besides process 1."""
 
 
 def orphans() -> Iterator[Finding]:

@@ -57,7 +57,7 @@ def environment(root: Path = ROOT) -> Iterator[Finding]:
 
 
 def packages(root: Path = ROOT) -> Iterator[Finding]:
-    """What is installed is what requirements.lock pins; a package for other systems may be missing."""
+    """Compare the installed packages with requirements.lock; those for other systems may be missing."""
     try:
         pinned = _PINNED.findall((root / "requirements.lock").read_text())
     except OSError as error:
@@ -95,16 +95,16 @@ def libraries() -> Iterator[Finding]:
     broken = []
     for name, process in started.items():
         try:
-            _, said = process.communicate(timeout=LOAD_TIMEOUT_S)
+            _, errors = process.communicate(timeout=LOAD_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             process.kill()
             process.communicate()
             broken.append(f"{name} does not load within {LOAD_TIMEOUT_S:g} s")
             continue
         if process.returncode:
-            last = said.strip().splitlines()[-1:] or [f"status {process.returncode}"]
+            last = errors.strip().splitlines()[-1:] or [f"status {process.returncode}"]
             broken.append(f"{name}: {last[0]}")
     if broken:
-        yield fail("libraries", "; ".join(broken), f"install what is named there, else {REINSTALL}")
+        yield fail("libraries", "; ".join(broken), f"install the libraries named there, else {REINSTALL}")
     else:
         yield ok("libraries", f"{', '.join(NATIVE_LIBRARIES)} load")

@@ -21,7 +21,7 @@ MIN_CORES = 2
 MIN_MEMORY_MIB = 1024
 """Memory that a fleet of five robots with its recording takes, and some more."""
 _EARLIEST_DATE_S = 1_735_689_600
-"""2025-01-01 UTC, s; a clock that tells an earlier date was never set."""
+"""2025-01-01 UTC [s]; a clock before it was never set."""
 _STEP_S = 0.05
 
 
@@ -58,9 +58,7 @@ def cores_and_memory() -> Iterator[Finding]:
     if cores < MIN_CORES:
         yield warn("cores", f"{cores} may be used", f"a fleet runs, slowly; {MIN_CORES} or more are better")
     elif load > 1.5 * cores:
-        yield warn(
-            "cores", f"{cores}, with {load:.1f} processes that want one", "stop other programs: real time may lag"
-        )
+        yield warn("cores", f"{cores}, with {load:.1f} runnable processes", "stop other programs: real time may lag")
     else:
         yield ok("cores", f"{cores}, load {load:.1f}")
     free = memory.available // 2**20
@@ -98,12 +96,12 @@ def loopback() -> Iterator[Finding]:
             far.settimeout(2.0)
             began = time.perf_counter()
             near.sendall(b"elea")
-            heard = far.recv(4)
+            received = far.recv(4)
             took = time.perf_counter() - began
     except OSError as error:
         yield fail("loopback", f"127.0.0.1 does not work: {error.strerror or error}", "bring it up: ip link set lo up")
         return
-    if heard == b"elea":
+    if received == b"elea":
         yield ok("loopback", f"127.0.0.1, {took * 1e6:.0f} us")
     else:
         yield fail("loopback", "127.0.0.1 lost the data sent", "look for a firewall on lo: nft list ruleset")

@@ -20,7 +20,7 @@ VIEWER_PORT = 9876
 
 
 def ports(place: NetworkAddress) -> Iterator[Finding]:
-    """Whether a router and a live view can listen, or who does."""
+    """Check whether a router and a live view can listen, or name the holder of the port."""
     fleets = running_fleets()
     held = _fleet_at(place.router, fleets)
     if not is_local(place.router):
@@ -58,18 +58,18 @@ def _sockets(router: str) -> Iterator[Finding]:
         yield ok("sockets", f"{router} is free for a router, and not accessible to other users")
     else:
         yield warn(
-            "sockets", f"{router} is used by a router that none of your fleets has started", "end it, or use --port"
+            "sockets", f"{router} is used by a router that no fleet of yours has started", "end it, or use --port"
         )
 
 
 def access() -> Iterator[Finding]:
-    """Who, besides this user, can drive the robots of the running fleets."""
+    """Report who, besides this user, can drive the robots of the running fleets."""
     for each in running_fleets():
         for where in each.listen:
-            who = "every user of this machine" if is_local(where) else "anyone who can reach it over the network"
+            users = "every user of this machine" if is_local(where) else "anyone who can reach it over the network"
             yield warn(
                 "access",
-                f"{each.fleet} listens on {where}: {who} can drive its robots",
+                f"{each.fleet} listens on {where}: {users} can drive its robots",
                 "if this is not needed, remove --listen, and tcp from the fleet file; see docs/security.md",
             )
 
@@ -97,19 +97,19 @@ def router(place: NetworkAddress, asked: bool) -> Iterator[Finding]:
 
 
 def requests(entities: Sequence[Entity]) -> Iterator[Finding]:
-    """Requests that more than one process serves: whoever asks one of them gets an error instead of an answer."""
+    """Report requests with several servers: a call of one gets an error instead of an answer."""
     served: dict[str, set[tuple[str, str]]] = {}
     for each in entities:
         if each.kind == "srv":
             served.setdefault(each.name, set()).add((each.node, each.session))
     rivals: dict[tuple[tuple[str, str], ...], list[str]] = {}
-    for name, who in sorted(served.items()):
-        if len(who) > 1:
-            rivals.setdefault(tuple(sorted(who)), []).append(name)
+    for name, servers in sorted(served.items()):
+        if len(servers) > 1:
+            rivals.setdefault(tuple(sorted(servers)), []).append(name)
     for several, names in rivals.items():
-        said = ", ".join(f"{node} (session {session[:8]})" for node, session in several)
+        processes = ", ".join(f"{node} (session {session[:8]})" for node, session in several)
         listed = ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
-        yield fail("requests", f"{len(several)} processes serve {listed}: {said}", "stop all but one of them")
+        yield fail("requests", f"{len(several)} processes serve {listed}: {processes}", "stop all but one of them")
     if served and not rivals:
         yield ok("requests", f"{len(served)} are served, each by one process")
 
@@ -117,7 +117,7 @@ def requests(entities: Sequence[Entity]) -> Iterator[Finding]:
 def nodes(
     entities: Sequence[Entity], beats: dict[str, Health], cause: Callable[[str, Health], str] | None = None
 ) -> Iterator[Finding]:
-    """What is wrong with nodes: no heartbeat, waiting, losses, refusals; ``cause`` says why a reader lost messages."""
+    """Report problems of nodes: no heartbeat, waiting, losses, refusals; ``cause`` gives the cause of losses."""
     silent = [each for each in _nodes(entities) if each not in beats]
     for name in silent:
         yield warn(
@@ -141,7 +141,7 @@ def nodes(
                 yield warn(
                     f"node {name}",
                     f"{each.topic}: {each.refused} messages refused, the last one: {each.reason}",
-                    "see who publishes it: ./elea graph",
+                    "see its publishers: ./elea graph",
                 )
             if each.resynced or each.repeated > each.received:
                 yield warn(
@@ -170,7 +170,7 @@ def nodes(
 
 
 def _nodes(entities: Sequence[Entity]) -> list[str]:
-    """The nodes that have a loop; those of short-lived tools, whose names begin with an underscore, have none."""
+    """The nodes with a loop, without those of tools, whose names begin with an underscore."""
     names = {each.node for each in entities if each.kind == "node"}
     return sorted(each for each in names if not each.rpartition("/")[2].startswith("_"))
 
@@ -194,5 +194,5 @@ def _advice(router: str, fleets: Sequence[FleetInstance]) -> str:
 
 
 def _fleet_at(router: str, fleets: Sequence[FleetInstance]) -> FleetInstance | None:
-    """The fleet whose router listens at an endpoint."""
+    """The running fleet with its router at an endpoint."""
     return next((each for each in fleets if router in (fleet_router(each), *each.listen)), None)

@@ -1,1 +1,1 @@
-"""What the verbs on live data stand on: who is there, what is said, how often, how to show it and how to say it."""
+"""Work with a running network for the commands: connect, find topics and services, measure, show and publish."""

@@ -1,4 +1,4 @@
-"""Showing the messages of a topic as they come."""
+"""Shows the messages of a topic as they arrive."""
 
 from __future__ import annotations
 
@@ -24,31 +24,31 @@ from services.runtime.subscriber import ReceivedSample, UntypedSubscriber
 
 
 class MessageReader:
-    """Reads the samples of one topic; what is odd about one is noted once."""
+    """Decodes the samples of one topic; each kind of problem is noted once."""
 
     def __init__(self, name: str, expected: str) -> None:
-        """``expected`` is the ROS type of samples that do not tell theirs; empty if nobody knows."""
+        """``expected`` is the ROS type of samples that do not state one; empty if unknown."""
         self._name, self._expected = name, expected
         self._decoders: dict[str, Callable[[bytes], Message] | None] = {}
         self._noted: set[str] = set()
 
-    def read(self, heard: ReceivedSample) -> Any:
-        """The message with all its fields; of an unknown type, or not of its own, as it is; None for no MessagePack."""
-        type_name = heard.type or self._expected
-        if heard.origin is None:
+    def read(self, sample: ReceivedSample) -> Any:
+        """The message with all its fields; of an unknown or wrong type, as decoded; None if it is not MessagePack."""
+        type_name = sample.type or self._expected
+        if sample.origin is None:
             self._note("a foreign sender, not of this project, publishes here: its samples have no number and no name")
-        elif self._expected and heard.type and heard.type != self._expected:
-            self._note(f"{heard.type} comes where {self._expected} is declared")
+        elif self._expected and sample.type and sample.type != self._expected:
+            self._note(f"{sample.type} comes where {self._expected} is declared")
         decode = self._decoder(type_name)
         try:
             if decode is not None:
-                return plain_record(decode(heard.payload))
+                return plain_record(decode(sample.payload))
         except WrongPayload as error:
-            self._note(f"what comes is no {type_name}, readers refuse it; shown as it is ({error})")
+            self._note(f"the samples are no {type_name}, subscribers refuse them; shown as decoded ({error})")
         try:
-            return plain(heard.payload)
+            return plain(sample.payload)
         except WrongPayload as error:
-            self._note(f"{len(heard.payload)} bytes that are not MessagePack are left out ({error})")
+            self._note(f"{len(sample.payload)} bytes that are not MessagePack are left out ({error})")
             return None
 
     def _decoder(self, type_name: str) -> Callable[[bytes], Message] | None:
@@ -56,8 +56,8 @@ class MessageReader:
             record = known_record(type_name)
             self._decoders[type_name] = decoder(record) if record is not None else None
             if record is None:
-                said = f"unknown type {type_name}" if type_name else "undeclared type"
-                self._note(f"{said}: printed as decoded from MessagePack")
+                problem = f"unknown type {type_name}" if type_name else "undeclared type"
+                self._note(f"{problem}: printed as decoded from MessagePack")
         return self._decoders[type_name]
 
     def _note(self, text: str) -> None:
@@ -66,24 +66,24 @@ class MessageReader:
             write_note(f"{self._name}: {text}")
 
 
-def sample_info(heard: ReceivedSample) -> dict[str, Any]:
-    """What came beside the payload: type, number, sender's time [ns] and id, size; foreign without a number."""
-    origin = heard.origin
+def sample_info(sample: ReceivedSample) -> dict[str, Any]:
+    """Metadata of a sample: type, number, sender's time [ns] and id, size; foreign without a number."""
+    origin = sample.origin
     return {
-        "type": heard.type,
+        "type": sample.type,
         "foreign": origin is None,
         "sequence": None if origin is None else origin.sequence,
         "source_time": None if origin is None else origin.source_ns,
-        "received_time": heard.received_ns,
+        "received_time": sample.received_ns,
         "publisher": "" if origin is None else origin.publisher.hex(),
-        "size": len(heard.payload),
-        "lost_before": heard.lost,
+        "size": len(sample.payload),
+        "lost_before": sample.lost,
     }
 
 
 @dataclass(frozen=True)
 class EchoRequest:
-    """What is to be shown: the topic, its type if the sender does not tell it, parts of its messages, and how many."""
+    """The messages to show: topic, type if the sender does not state it, fields, and number."""
 
     topic: str
     type_name: str = ""
@@ -95,7 +95,7 @@ class EchoRequest:
 
 @dataclass(frozen=True)
 class EchoFormat:
-    """How it is to be shown."""
+    """The output format."""
 
     as_json: bool = False
     as_csv: bool = False
@@ -109,7 +109,7 @@ class EchoFormat:
 
 
 def echo(place: NetworkAddress, asked: EchoRequest, style: EchoFormat) -> int:
-    """Show messages until it is enough; the exit status. Raises EleaError when they do not come in time."""
+    """Show messages until ``count`` or a signal; the exit status. Raises EleaError if they do not arrive in time."""
     name, paths = absolute_name(asked.topic), [parse_path(each) for each in asked.fields]
     wanted = canonical_type(record_by_type(asked.type_name).ROS_TYPE) if asked.type_name else ""
     deadline = None if asked.timeout is None else time.monotonic() + asked.timeout
@@ -137,7 +137,7 @@ def echo(place: NetworkAddress, asked: EchoRequest, style: EchoFormat) -> int:
 
 
 class _Printer:
-    """Writes messages in the style that is asked for."""
+    """Writes messages in the requested format."""
 
     def __init__(self, style: EchoFormat, paths: list[FieldPath]) -> None:
         self._style, self._paths = style, paths
@@ -146,8 +146,8 @@ class _Printer:
         whole = style.full_length or style.as_json or style.as_csv
         self._most = style.max_elements or (None if whole else MAX_ELEMENTS)
 
-    def show(self, heard: ReceivedSample, value: Any) -> None:
-        """Write one message, with what came beside it if asked for."""
+    def show(self, sample: ReceivedSample, value: Any) -> None:
+        """Write one message, with its metadata if requested."""
         if value is None:
             return
         style = self._style
@@ -155,7 +155,7 @@ class _Printer:
         if not style.as_json or style.no_arr or style.no_str or style.max_elements:
             value = truncate(value, self._most, not style.no_arr, not style.no_str)
         if style.with_info:
-            value = {"info": sample_info(heard), "message": value}
+            value = {"info": sample_info(sample), "message": value}
         if style.as_json:
             write_json(value, lines=True)
         elif style.as_csv:

@@ -21,16 +21,16 @@ from services.runtime.subscriber import ReceivedSample, UntypedSubscriber
 REPORT_PERIOD_S = 1.0
 """Wall time between two reports."""
 _CLOCK_TIMEOUT_S = 0.5
-"""Wall time that a sample without a stamp waits for the clock that tells when it was sent."""
+"""Wall time [s] that a sample without a stamp waits for a later clock sample, to know when it was sent."""
 
 INTERRUPTED = 130
-"""Exit status of what was asked for a number of messages and interrupted before."""
+"""Exit status of a command that was interrupted before the requested number of messages."""
 
 
 @dataclass(frozen=True)
 class MeasureOptions:
-    """When to end (after ``count`` messages of each topic, 0 for never; after ``timeout`` [s]), whether to wait for a
-    topic that nobody knows, and how to show it.
+    """The end (after ``count`` messages of each topic, 0 for never; after ``timeout`` [s]), whether to wait for an
+    unknown topic, and the output format.
     """
 
     count: int = 0
@@ -47,12 +47,12 @@ class Meter(Protocol):
         """Messages so far."""
         ...
 
-    def add(self, heard: ReceivedSample, clock: ClockSubscriber) -> None:
+    def add(self, sample: ReceivedSample, clock: ClockSubscriber) -> None:
         """Take a sample; the clock has gone past the moment at which it was sent."""
         ...
 
     def reset(self) -> None:
-        """Simulation time began anew."""
+        """Start again after a reset of simulation time."""
         ...
 
     def report(self) -> dict[str, Any]:
@@ -65,7 +65,7 @@ class Meter(Protocol):
 
 
 class _MeasuredTopic:
-    """A topic, its meter, and the samples whose time is not known yet."""
+    """A topic, its meter, and the samples whose time is unknown yet."""
 
     def __init__(
         self, live: LightNode, name: str, meter: Meter, terms: MeasureOptions, graph: Mapping[str, TopicEndpoints]
@@ -81,28 +81,28 @@ class _MeasuredTopic:
 
     @property
     def is_complete(self) -> bool:
-        """Whether it has what it was asked for."""
+        """Whether it has the requested number of messages."""
         return 0 < self._count <= self.meter.received
 
     def update(self, clock: ClockSubscriber, at_once: bool = False) -> None:
-        """Measure what has come, once the clock tells its time."""
+        """Measure the new samples, once their simulation time is known."""
         now = time.monotonic()
-        self._pending.extend((heard, now) for heard in self.listener.drain())
+        self._pending.extend((sample, now) for sample in self.listener.drain())
         while self._pending and not self.is_complete:
-            heard, came = self._pending[0]
-            if not (at_once or clock.covers(heard.sent_ns) or now - came > _CLOCK_TIMEOUT_S):
+            sample, came = self._pending[0]
+            if not (at_once or clock.covers(sample.sent_ns) or now - came > _CLOCK_TIMEOUT_S):
                 return
-            if clock.now is not None and clock.epoch != self._epoch and heard.sent_ns >= clock.since:
+            if clock.now is not None and clock.epoch != self._epoch and sample.sent_ns >= clock.since:
                 if self._epoch is not None:
                     self.meter.reset()
                 self._epoch = clock.epoch
             self._pending.popleft()
-            self.meter.add(heard, clock)
+            self.meter.add(sample, clock)
 
     def has_new(self) -> bool:
         """Whether something came since the last call."""
-        told, self._reported = self._reported, self.meter.received
-        return told != self._reported and self._reported > 0
+        before, self._reported = self._reported, self.meter.received
+        return before != self._reported and self._reported > 0
 
 
 def measure(
@@ -151,7 +151,7 @@ def _report(channels: Sequence[_MeasuredTopic], as_json: bool, named: bool) -> N
 
 
 def _report_final(channels: Sequence[_MeasuredTopic], terms: MeasureOptions) -> None:
-    """The last word on every topic, whether or not it was told already."""
+    """Show the last figures of every topic again."""
     for each in channels:
         if each.meter.received:
             _show(each, terms.as_json, len(channels) > 1)

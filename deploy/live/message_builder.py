@@ -1,4 +1,4 @@
-"""Messages from what a person types: YAML or JSON, a part of the fields, ROS types, and ``now`` for the time."""
+"""Builds messages from typed text: YAML or JSON, some of the fields, ROS types, and ``now`` for the time."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ _NOW = _Now()
 
 
 class MessageBuilder:
-    """A message in the making; headers that were given no stamp get one at each ``made``."""
+    """Builds messages from given values; headers without a stamp get one at each ``build``."""
 
     def __init__(self, record: type[Message], values: Sequence[str], stamped: bool = True) -> None:
-        """``values`` is one mapping, or the fields in their order; raises BadInput with the path of what is wrong."""
+        """``values`` is one mapping, or the fields in their order; raises BadInput with the path of a wrong one."""
         self.record = record
         self._decode = decoder(record)
         given = [read_yaml(each) for each in values]
@@ -42,7 +42,7 @@ class MessageBuilder:
         self.build(0)
 
     def build(self, now: int) -> Message:
-        """The message as it is sent at a simulation time [ns]."""
+        """The message for a simulation time [ns]."""
         time = Time.of(now)
         try:
             return self._decode(encode(_fill_now(self._tree, {"sec": time.sec, "nanosec": time.nanosec})))

@@ -13,14 +13,14 @@ from services.runtime.field_path import leaves
 
 _PLAIN = re.compile(r"[A-Za-z_/][A-Za-z0-9_/.+-]*")
 _RESERVED_WORDS = {"null", "true", "false", "yes", "no", "on", "off"}
-"""What YAML takes for something else than text."""
+"""Words that YAML does not read as text."""
 
 MAX_ELEMENTS = 128
-"""Elements of a list that are shown unless told otherwise, as ``ros2 topic echo`` does."""
+"""Default maximum of shown list elements, that of ``ros2 topic echo``."""
 
 
 class TruncationMark(str):
-    """A remark that stands in a message instead of a value; shown as it is."""
+    """A remark in place of a value; shown unquoted."""
 
     __slots__ = ()
 

@@ -11,11 +11,11 @@ from contextlib import contextmanager
 from typing import Any, NoReturn
 
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
-"""Whatever moves the cursor, sets a terminal's title, writes its clipboard or turns the order of its text."""
+"""Characters that move the cursor, set a terminal's title, write its clipboard or change its text direction."""
 
 
 def printable(text: str) -> str:
-    """Text that came from the network, a bag or a log, with its control characters shown and not obeyed.
+    """Text from the network, a bag or a log with its control characters escaped.
 
     Line breaks and tabs stay.
     """
@@ -23,7 +23,7 @@ def printable(text: str) -> str:
 
 
 def write_text(text: str, *, flush: bool = False) -> None:
-    """Write text, with its control characters shown and not obeyed."""
+    """Write text with its control characters escaped."""
     with _exit_on_output_errors():
         sys.stdout.write(printable(text))
         if flush:
@@ -45,7 +45,7 @@ def write_note(text: str) -> None:
 
 
 def is_pipe_closed() -> bool:
-    """Whether nobody can read any more what would be written."""
+    """Whether the reader of standard output has closed the pipe."""
     if sys.stdout.closed:
         return True
     poll = select.poll()
@@ -60,14 +60,13 @@ def exit_quietly(status: int = 0) -> NoReturn:
 
 
 def discard_output() -> None:
-    """Write to nobody from now on: what is still in the buffers may not complain."""
+    """Discard further output, so that flushing the buffers cannot fail."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextmanager
 def ignore_output_errors() -> Iterator[None]:
-    """For what is printed beside the real work: within, a reader that has closed the pipe, or a full disk, changes
-    nothing of how the verb ends."""
+    """Ignore a closed pipe or a full disk for output beside the real work: it does not change the exit status."""
     try:
         yield
     except OSError:

@@ -27,14 +27,14 @@ from services.runtime.publisher import Publisher
 from services.runtime.transport.api import TICKER_S, idle_subscriber
 
 _CLOCK_TIMEOUT_S = 2.0
-"""Wall time that the first /clock has, where somebody publishes it."""
+"""Wall time [s] to wait for the first /clock, if it is published."""
 _SETTLE_S = 0.3
 """Wall time in which links to subscribers come up that the graph shows already."""
 
 
 @dataclass(frozen=True)
 class PublishRequest:
-    """What is to be sent: ``values`` begin with the type, if it is given. ``rate`` [Hz], ``count`` 0 for no end."""
+    """The messages to send: ``values``, with the type first if it is given; ``rate`` [Hz]; ``count``, 0 for no end."""
 
     topic: str
     values: tuple[str, ...] = ()
@@ -50,7 +50,7 @@ class PublishRequest:
 def publish(place: NetworkAddress, asked: PublishRequest, show: str = "text") -> int:
     """Send until it is enough; the exit status. ``show`` is ``text``, ``json`` or empty. Raises EleaError."""
     name = absolute_name(asked.topic)
-    # A stop is held by the person, whose next command resets it, and not by this process, which is gone by then.
+    # The user holds a stop, not this process, which ends: the user's next command can release it.
     with cli_node(place, "pub", user_and_host() if known_topic(name) is E_STOP else "") as live:
         graph = snapshot(live.transport)
         known = group_by_topic(graph)
@@ -117,7 +117,7 @@ def _resolve_rate(asked: PublishRequest, name: str, quality: Quality) -> float:
 
 def _wait_for_subscribers(live: LightNode, output: Publisher[Any], name: str, asked: PublishRequest) -> bool:
     """Wait for subscribers; False when it was interrupted. Raises EleaError when they do not come in time."""
-    started, told = time.monotonic(), False
+    started, noted = time.monotonic(), False
     inlet = idle_subscriber(live.transport)
     settled = started + _SETTLE_S
     for _ in spin(live, inlet):
@@ -129,8 +129,8 @@ def _wait_for_subscribers(live: LightNode, output: Publisher[Any], name: str, as
             break  # a foreign subscriber, which the graph does not show
         if asked.timeout is not None and now - started > asked.timeout:
             raise EleaError(f"{count} of {asked.min_subscribers} subscribers of {name} came within {asked.timeout:g} s")
-        if not told and now - started > 1.0:
-            told = True
+        if not noted and now - started > 1.0:
+            noted = True
             write_note(
                 f"waiting for {asked.min_subscribers} subscriber(s) of {name}, {count} there (-w 0 does not wait)"
             )
@@ -158,11 +158,11 @@ def _send(
     """Send at the rate, of simulation time where it runs; how many were sent."""
     simulated = clock.now is not None and not asked.wall_time
     period = 1.0 / rate if rate else float("inf")
-    sent, due, epoch, told = 0, 0.0, clock.epoch, False
+    sent, due, epoch, noted = 0, 0.0, clock.epoch, False
     for _ in spin(live, clock.raw):
         clock.update()
-        if simulated and clock.paused and not told:
-            told = True
+        if simulated and clock.paused and not noted:
+            noted = True
             write_note(
                 "simulation time is paused, so nothing is published (use --wall-time to publish by the wall clock)"
             )
@@ -181,7 +181,7 @@ def _send(
             output.publish(message)
             sent += 1
             _show(message, show, sent)
-            # After a pause of this process, what is late is not made up for.
+            # After a pause of this process, missed messages are not sent.
             due = due + period if sent > 1 and due + 5 * period > now else now + period
         if asked.count and sent >= asked.count:
             break

@@ -1,4 +1,4 @@
-"""The requests of the network, and asking one with values that a person types."""
+"""Lists the requests of the network, and calls one with typed values."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from services.runtime.transport.api import Transport
 
 
 class ServiceInfo(NamedTuple):
-    """A request, the nodes that serve it, and the ROS types asked and replied; ``?`` for one that nobody tells."""
+    """A request, the nodes that serve it, and the ROS types of request and reply; ``?`` if unknown."""
 
     name: str
     nodes: tuple[str, ...]
@@ -35,12 +35,12 @@ class ServiceInfo(NamedTuple):
         return f"{self.asks} -> {self.replies}"
 
     def as_dict(self) -> dict[str, Any]:
-        """All of it, for JSON."""
+        """All fields, for JSON."""
         return self._asdict()
 
 
 def list_services(transport: Transport) -> dict[str, ServiceInfo]:
-    """All requests that somebody serves, by their names, in order."""
+    """All requests with a server, by name, in order."""
     found: dict[str, ServiceInfo] = {}
     entities = (Entity.parse(each) for each in transport.tokens(token_pattern("srv")))
     for each in sorted((each for each in entities if each), key=lambda each: (each.name, each.node)):
@@ -53,7 +53,7 @@ def list_services(transport: Transport) -> dict[str, ServiceInfo]:
 
 
 def find_service(transport: Transport, name: str) -> ServiceInfo:
-    """The request ``name``; raises BadInput with the nearest name when nobody serves it."""
+    """The request ``name``; raises BadInput with the nearest name if it has no server."""
     found = list_services(transport)
     if name not in found:
         raise not_found("service", name, found, "./elea service list shows them all")

@@ -47,9 +47,9 @@ def header_stamp(payload: bytes) -> int | None:
 
 
 class ClockSubscriber:
-    """Follows ``/clock``; ``now`` [ns] is None until it was heard, ``epoch`` grows when time begins anew.
+    """Follows ``/clock``; ``now`` [ns] is None until a sample arrives, ``epoch`` grows at each reset.
 
-    ``since`` is the moment of the wall clock [ns] at which the present epoch was told.
+    ``since`` is the wall time [ns] of the first sample of the present epoch.
     """
 
     def __init__(self, transport: Transport) -> None:
@@ -62,20 +62,20 @@ class ClockSubscriber:
         self._map = ClockMap(_MAX_CLOCKS)
 
     def update(self) -> None:
-        """Take what has come."""
-        for heard in self._listener.drain():
+        """Read new messages."""
+        for sample in self._listener.drain():
             try:
-                clock = _decode_clock(heard.payload)
+                clock = _decode_clock(sample.payload)
             except WrongPayload:
                 continue
             if clock.epoch != self.epoch:
                 self._map.clear()
-                self.since = heard.sent_ns
+                self.since = sample.sent_ns
             self.now, self.epoch, self.paused = clock.clock.ns, clock.epoch, clock.paused
-            if heard.lost:
+            if sample.lost:
                 self._map.lose()
-            if self._map.add(heard.sent_ns, clock.clock.ns):
-                self.since = min(self.since, heard.sent_ns)
+            if self._map.add(sample.sent_ns, clock.clock.ns):
+                self.since = min(self.since, sample.sent_ns)
 
     def covers(self, moment: int) -> bool:
         """Whether a clock sent after this moment of the wall clock [ns] has come: then ``time_at`` is certain."""
@@ -88,16 +88,16 @@ class ClockSubscriber:
         """
         return self._map.before(moment)
 
-    def sample_time(self, heard: ReceivedSample) -> int | None:
-        """When a sample was made, ns: by its stamp, or by the clock as it stood when it was sent; None if unknown."""
-        stamp = header_stamp(heard.payload)
-        return self.time_at(heard.sent_ns) if stamp is None else stamp
+    def sample_time(self, sample: ReceivedSample) -> int | None:
+        """The simulation time of a sample [ns]: its stamp, or the clock when it was sent; None if unknown."""
+        stamp = header_stamp(sample.payload)
+        return self.time_at(sample.sent_ns) if stamp is None else stamp
 
 
 HEARTBEAT_TIMEOUT_S = 1.3
-"""A heartbeat comes once a second; what has none for longer than this is busy, stopped or hung."""
+"""Wall time [s] without a heartbeat, which is sent once a second, after which a node is busy, stopped or hung."""
 MAX_HEARTBEATS = 24
-"""Heartbeats that are awaited for a node of so many topics that each beat lists a part of them."""
+"""Heartbeats awaited from a node with so many topics that each heartbeat lists a part of them."""
 
 _decode_health = decoder(Health)
 
@@ -113,10 +113,10 @@ class HeartbeatSubscriber:
         self._outputs: dict[str, dict[str, OutputHealth]] = {}
 
     def update(self) -> None:
-        """Take what has come."""
-        for heard in self._listener.drain():
+        """Read new messages."""
+        for sample in self._listener.drain():
             try:
-                beat = _decode_health(heard.payload)
+                beat = _decode_health(sample.payload)
             except WrongPayload:
                 continue
             known = self.latest.get(beat.node)
@@ -127,15 +127,15 @@ class HeartbeatSubscriber:
             self._outputs[beat.node] |= {each.topic: each for each in beat.outputs}
 
     def inputs(self, node: str) -> dict[str, InputHealth]:
-        """What a node has told of what it reads, by topic."""
+        """The health of a node's subscriptions, by topic."""
         return self._inputs.get(node, {})
 
     def outputs(self, node: str) -> dict[str, OutputHealth]:
-        """What a node has told of what it writes, by topic."""
+        """The health of a node's publications, by topic."""
         return self._outputs.get(node, {})
 
     def is_complete(self, node: str) -> bool:
-        """Whether a node has told of all its topics."""
+        """Whether a node has reported all its topics."""
         beat = self.latest.get(node)
         if beat is not None and len(beat.inputs) >= beat.reads and len(beat.outputs) >= beat.writes:
             return True
@@ -150,9 +150,9 @@ def collect_heartbeats(live: LightNode, nodes: Collection[str]) -> HeartbeatSubs
     beats, begun = HeartbeatSubscriber(live), time.monotonic()
     for _ in spin(live, beats.raw, HEARTBEAT_TIMEOUT_S * MAX_HEARTBEATS):
         beats.update()
-        heard = beats.latest.keys() & set(nodes)
-        if all(map(beats.is_complete, heard)) and (
-            len(heard) == len(nodes) or time.monotonic() - begun > HEARTBEAT_TIMEOUT_S
+        sample = beats.latest.keys() & set(nodes)
+        if all(map(beats.is_complete, sample)) and (
+            len(sample) == len(nodes) or time.monotonic() - begun > HEARTBEAT_TIMEOUT_S
         ):
             break
     return beats

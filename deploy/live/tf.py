@@ -28,7 +28,7 @@ RATE_WINDOW = 256
 
 
 class TfMonitor:
-    """Follows /tf, /tf_static and the clock. Time that begins anew clears what moves."""
+    """Follows /tf, /tf_static and the clock. A reset clears the moving frames."""
 
     def __init__(self, live: LightNode) -> None:
         self.buffer, self.clock = TransformBuffer(), ClockSubscriber(live.transport)
@@ -38,7 +38,7 @@ class TfMonitor:
         self._epoch = 0
 
     def update(self) -> None:
-        """Take what has come."""
+        """Read new messages."""
         before = self.clock.now
         self.clock.update()
         now = self.clock.now
@@ -56,11 +56,11 @@ class TfMonitor:
                 seen.append(each.header.stamp.ns)
 
     def age(self, stamp: int) -> float | None:
-        """How old something is, s of simulation time; None without a clock."""
+        """The age of a stamp [s of simulation time]; None without a clock."""
         return None if self.clock.now is None else max(0.0, (self.clock.now - stamp) / 1e9)
 
     def rate(self, frame: str) -> float | None:
-        """How often a moving frame is told of, Hz of simulation time; None until two stamps are known."""
+        """The rate of a moving frame [Hz of simulation time]; None until two stamps are known."""
         stamps = sorted(set(self.stamps.get(frame, ())))
         return (len(stamps) - 1) * 1e9 / (stamps[-1] - stamps[0]) if len(stamps) > 1 else None
 
@@ -74,17 +74,19 @@ class TfMonitor:
         }
 
     def faults(self, names: dict[bytes, str]) -> list[str]:
-        """What keeps the frames from being a tree, and what was refused; ``names`` are those of the publishers."""
-        told = []
+        """Problems of the tree, and refused transforms; ``names`` are those of the publishers."""
+        problems = []
         for frame, text in self.buffer.conflicts().items():
-            who = [names.get(each, "a foreign sender" if not each else "?") for each in self.buffer.publishers(frame)]
-            told.append(f"{text}: published by {', '.join(who)}")
+            publishers = [
+                names.get(each, "a foreign sender" if not each else "?") for each in self.buffer.publishers(frame)
+            ]
+            problems.append(f"{text}: published by {', '.join(publishers)}")
         if self.buffer.refused:
-            told.append(f"{self.buffer.refused} transforms refused, the last one: {self.buffer.reason}")
+            problems.append(f"{self.buffer.refused} transforms refused, the last one: {self.buffer.reason}")
         for source in (self.dynamic, self._static):
             if source.refused:
-                told.append(f"{source.name}: {source.refused} messages refused, the last one: {source.reason}")
-        return told
+                problems.append(f"{source.name}: {source.refused} messages refused, the last one: {source.reason}")
+        return problems
 
     def _subscribe(self, topic: Topic[TFMessage]) -> Subscriber[Any]:
         made = Subscriber(topic, topic.name, topic.name[1:], self._live.transport)
@@ -116,7 +118,7 @@ def show_tree(place: NetworkAddress, listen: float, as_json: bool) -> int:
 
 
 def format_tree(rows: dict[str, dict[str, Any]]) -> Iterator[str]:
-    """The frames as a tree, each with what is known of it; those in a circle at the end."""
+    """The frames as a tree, each with its rate, age and publisher; those in a loop at the end."""
     below: dict[str | None, list[str]] = {}
     for name, row in rows.items():
         below.setdefault(row["parent"], []).append(name)
@@ -138,7 +140,7 @@ def format_tree(rows: dict[str, dict[str, Any]]) -> Iterator[str]:
 
 
 def _frame_row(watch: TfMonitor, frame: str, names: dict[bytes, str]) -> dict[str, Any]:
-    """A frame with what is told of it; the parent is None for a root."""
+    """A frame with its data; the parent is None for a root."""
     span = watch.buffer.span(frame)
     return {
         "frame": frame,
@@ -165,18 +167,18 @@ def _format_frame(row: dict[str, Any]) -> str:
 
 def _find_cycles(rows: dict[str, dict[str, Any]]) -> list[str]:
     """Each circle of frames, once."""
-    told, done = [], set()
+    problems, done = [], set()
     for name in rows:
         line, here = [name], name
         while (parent := rows[here]["parent"]) is not None and parent not in done:
             if parent in line:
                 circle = line[line.index(parent) :]
-                told.append(f"frames in a loop: {' in '.join([*circle, parent])}")
+                problems.append(f"frames in a loop: {' in '.join([*circle, parent])}")
                 break
             line.append(parent)
             here = parent
         done.update(line)
-    return told
+    return problems
 
 
 def _rounded(value: float | None) -> float | None:
@@ -184,13 +186,13 @@ def _rounded(value: float | None) -> float | None:
 
 
 INTERRUPTED = 130
-"""Exit status of what was asked for a number of answers and interrupted before."""
+"""Exit status of a command that was interrupted before the requested number of answers."""
 
 
 @dataclass(frozen=True)
 class TfEchoOptions:
-    """How often [per second of simulation time], how many (0: until Ctrl-C), how long to wait for the frames [s of
-    wall time], and how to show it.
+    """Rate [per second of simulation time], number (0: until Ctrl-C), time to wait for the frames [s of wall time],
+    and output format.
     """
 
     rate: float
@@ -200,18 +202,18 @@ class TfEchoOptions:
 
 
 def echo_transform(place: NetworkAddress, source: str, target: str, terms: TfEchoOptions) -> int:
-    """Show where ``target`` lies in ``source`` until it is enough; the exit status.
+    """Show the pose of ``target`` in ``source`` until ``count`` or a signal; returns the exit status.
 
-    Raises NoTransform when it cannot be told for ``timeout`` seconds.
+    Raises NoTransform when it is not available within ``timeout`` seconds.
     """
     period, shown, due = round(1e9 / terms.rate), 0, 0
     with cli_node(place, "tf_echo") as live:
         watch = TfMonitor(live)
         patience = time.monotonic() + terms.timeout
-        said = ""
+        last_error = ""
         for _ in spin(live, watch.clock.raw):
             watch.update()
-            # Without a clock, as where only fixed frames are told, the wall's serves.
+            # Without a clock, as with static frames alone, the wall clock serves.
             now = time.monotonic_ns() if watch.clock.now is None else watch.clock.now
             if shown and due - period <= now < due:
                 continue
@@ -220,9 +222,9 @@ def echo_transform(place: NetworkAddress, source: str, target: str, terms: TfEch
             except NoTransform as error:
                 if time.monotonic() > patience:
                     raise
-                if shown and str(error) != said:
-                    said = str(error)
-                    write_note(f"waiting: {said}")
+                if shown and str(error) != last_error:
+                    last_error = str(error)
+                    write_note(f"waiting: {last_error}")
                 continue
             patience = time.monotonic() + terms.timeout
             _show_transform(source, target, found, watch, terms.as_json)
@@ -251,7 +253,7 @@ def _show_transform(source: str, target: str, found: LookupResult, watch: TfMoni
 
 
 def transform_facts(source: str, target: str, found: LookupResult, watch: TfMonitor) -> dict[str, Any]:
-    """An answer as it goes out as JSON; times and ages in s of simulation time, None for what is fixed."""
+    """An answer as JSON; times and ages in s of simulation time, None for static frames."""
     rpy = found.transform.rpy
     age = None if found.time is None else watch.age(found.time)
     return {

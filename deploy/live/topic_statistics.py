@@ -17,7 +17,7 @@ NS_PER_S = 1e9
 
 
 class RateSample(NamedTuple):
-    """One message: its simulation time (None when no clock tells it) and wall time [ns], the number lost before it,
+    """One message: its simulation time (None if unknown) and wall time [ns], the number lost before it,
     and its size [bytes].
     """
 
@@ -50,7 +50,7 @@ class SampleWindow:
         self.received = self.lost = 0
 
     def add(self, sample: RateSample) -> None:
-        """Take a sample; one whose simulation time lies before the last one's begins a new window."""
+        """Add a sample; one with an earlier simulation time than the last begins a new window."""
         self.received += 1
         self.lost += sample.lost
         before = self.samples[-1].time if self.samples else None
@@ -59,7 +59,7 @@ class SampleWindow:
         self.samples.append(sample)
 
     def sim_rate(self) -> Rate | None:
-        """The rate by simulation time. What has none counts between its neighbours, as what was lost does."""
+        """The rate by simulation time. Samples without one count between their neighbours, as lost ones do."""
         moments: list[tuple[int, int]] = []
         between = 0
         for each in self.samples:
@@ -73,7 +73,7 @@ class SampleWindow:
 
     @property
     def untimed(self) -> int:
-        """Samples whose simulation time is not known."""
+        """The number of samples without a simulation time."""
         return sum(each.time is None for each in self.samples)
 
     def wall_rate(self) -> Rate | None:
@@ -89,9 +89,9 @@ class SampleWindow:
 def compute_rate(moments: Sequence[tuple[int, int]]) -> Rate | None:
     """The rate of messages at ``moments``: (time [ns], number lost before it); None when they span no time.
 
-    What happened after the first instant up to the last is counted, what was lost between them as well. Where several
-    share an instant, the last one may not be complete yet, and is left out; and what was lost before an instant may
-    belong to it or to the one before, so the count then begins and ends where nothing was.
+    Messages after the first instant up to the last are counted, including lost ones. If several share an instant, the
+    last instant may be incomplete and is left out; and messages lost before an instant may belong to it or to the one
+    before, so the count then begins and ends where none was lost.
     """
     moments = sorted(moments)
     instants: dict[int, int] = {}
@@ -126,8 +126,8 @@ class HzMeter:
         """Messages so far."""
         return self.window.received
 
-    def add(self, heard: ReceivedSample, clock: ClockSubscriber) -> None:
-        self.window.add(RateSample(clock.sample_time(heard), heard.sent_ns, heard.lost, len(heard.payload)))
+    def add(self, sample: ReceivedSample, clock: ClockSubscriber) -> None:
+        self.window.add(RateSample(clock.sample_time(sample), sample.sent_ns, sample.lost, len(sample.payload)))
 
     def reset(self) -> None:
         self.window.samples.clear()
@@ -154,7 +154,7 @@ class HzMeter:
 
 
 class BwMeter:
-    """Bytes of payload per second, what was lost among them."""
+    """Bytes of payload per second, including lost messages."""
 
     def __init__(self, name: str, window: int) -> None:
         self.name, self._hz = name, HzMeter(name, window)
@@ -164,8 +164,8 @@ class BwMeter:
         """Messages so far."""
         return self._hz.received
 
-    def add(self, heard: ReceivedSample, clock: ClockSubscriber) -> None:
-        self._hz.add(heard, clock)
+    def add(self, sample: ReceivedSample, clock: ClockSubscriber) -> None:
+        self._hz.add(sample, clock)
 
     def reset(self) -> None:
         self._hz.reset()
@@ -185,21 +185,21 @@ class BwMeter:
         }
 
     def text(self) -> str:
-        told = self.report()
-        simulated, wall = told["bytes_per_simulated_s"], told["bytes_per_wall_s"]
-        size, window = told["size"], told["window"]
+        figures = self.report()
+        simulated, wall = figures["bytes_per_simulated_s"], figures["bytes_per_wall_s"]
+        size, window = figures["size"], figures["window"]
         return (
             f"{_format_bytes(wall)}/s by the wall clock, {_format_bytes(simulated)}/s by simulation time, "
             f"from {window} messages\n"
             f"\tMessage size mean: {_format_bytes(size['mean'])} min: {_format_bytes(size['min'])}"
             f" max: {_format_bytes(size['max'])}"
-            f" received: {told['received']} lost: {told['lost']}\n"
+            f" received: {figures['received']} lost: {figures['lost']}\n"
         )
 
 
 class DelayMeter:
-    """How old messages are when they arrive: by stamp and ``/clock`` in simulation time, and by the wall clock since
-    they were sent.
+    """Ages of messages at their arrival: in simulation time by stamp and ``/clock``, and in wall time since they were
+    sent.
     """
 
     def __init__(self, name: str, window: int) -> None:
@@ -207,14 +207,14 @@ class DelayMeter:
         self._ages: deque[float] = deque(maxlen=window)
         self._transit_times: deque[float] = deque(maxlen=window)
 
-    def add(self, heard: ReceivedSample, clock: ClockSubscriber) -> None:
+    def add(self, sample: ReceivedSample, clock: ClockSubscriber) -> None:
         self.received += 1
-        self.lost += heard.lost
-        stamp, now = header_stamp(heard.payload), clock.time_at(heard.received_ns)
+        self.lost += sample.lost
+        stamp, now = header_stamp(sample.payload), clock.time_at(sample.received_ns)
         if stamp is not None and now is not None:
             self._ages.append((now - stamp) / 1e9)
-        if heard.origin is not None:
-            self._transit_times.append((heard.received_ns - heard.sent_ns) / 1e9)
+        if sample.origin is not None:
+            self._transit_times.append((sample.received_ns - sample.sent_ns) / 1e9)
 
     def reset(self) -> None:
         self._ages.clear()

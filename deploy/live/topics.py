@@ -17,7 +17,7 @@ from services.runtime.subscriber import UntypedSubscriber
 
 
 class TopicEndpoints(NamedTuple):
-    """Who publishes and who subscribes to a topic, in the order of their nodes."""
+    """The publishers and subscribers of a topic, in the order of their nodes."""
 
     name: str
     publishers: tuple[Entity, ...] = ()
@@ -69,15 +69,15 @@ def is_hidden(node: str) -> bool:
 
 
 _LISTEN_S = 1.0
-"""Wall time in which a sender that is not in the graph may make itself heard."""
+"""Wall time [s] to wait for a sample of a publisher that is not in the graph."""
 
 
 def wait_for_topic(
     live: LightNode, name: str, wait: bool, graph: Mapping[str, TopicEndpoints] | None = None
 ) -> TopicEndpoints:
-    """The topic that is to be heard; with ``wait`` also one that nobody knows. Raises BadInput as ``find_topic``.
+    """The endpoints of a topic; with ``wait`` also of an unknown one. Raises BadInput as ``find_topic``.
 
-    ``graph`` are the topics of the network, where they are known already.
+    ``graph`` are the topics of the network, if already known.
     """
     known = group_by_topic(snapshot(live.transport)) if graph is None else graph
     if not wait:
@@ -105,12 +105,12 @@ def find_topic(live: LightNode, name: str, graph: Mapping[str, TopicEndpoints] |
 
 
 def is_latched(ends: TopicEndpoints) -> bool:
-    """Whether late joiners get the last value: by who publishes, else by the table of topics."""
+    """Whether late subscribers get the last value: by the publishers, else by the table of topics."""
     topic = known_topic(ends.name)
     return ends.latched or (not ends.publishers and topic is not None and topic.quality is Quality.LATCHED)
 
 
 def topic_type(ends: TopicEndpoints) -> str:
-    """The ROS type of a topic, for samples that do not tell it; empty when nobody knows."""
+    """The ROS type of a topic, for samples that do not state one; empty if unknown."""
     topic = known_topic(ends.name)
     return next((each for each in ends.types if each != "-"), "" if topic is None else topic.record.ROS_TYPE)

@@ -102,12 +102,12 @@ def _holds(value: Value, kind: Literal["min", "max"], bound: float | int) -> boo
     return value >= bound if kind == "min" else value <= bound
 
 
-def service_checks(told: Mapping[str, Iterable[Stated]]) -> tuple[Check, ...]:
+def service_checks(stated_by_node: Mapping[str, Iterable[Stated]]) -> tuple[Check, ...]:
     """One check for each bound, node after node in the order of their names; named ``NODE.name``."""
     return tuple(
         made
-        for node in sorted(told)
-        for stated in told[node]
+        for node in sorted(stated_by_node)
+        for stated in stated_by_node[node]
         for made in _service_check(f"{node}.{stated.name}", stated)
     )
 

@@ -38,10 +38,10 @@ class TrajectoryDifference(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RunComparison(msgspec.Struct, frozen=True, kw_only=True):
-    """What came of comparing two runs.
+    """The result of comparing two runs.
 
-    ``same`` is true when everything that both runs have is the same. ``hashes`` are the trajectory hashes, None for a
-    bag without a run. ``notes`` say what the runs do not share by their reports, or what could not be compared.
+    ``same`` is true if all that both runs have is equal. ``hashes`` are the trajectory hashes, None for a
+    bag without a run. ``notes`` list differences of the reports, and what could not be compared.
     """
 
     same: bool
@@ -124,7 +124,7 @@ def _compare_messages(bags: list[Bag], end: int | None = None) -> BagComparison:
 
 
 def _bag_notes(bags: list[Bag]) -> list[str]:
-    """What of the bags could not be read."""
+    """The parts of the bags that could not be read."""
     return [problem for bag in bags for problem in bag.problems]
 
 
@@ -173,7 +173,7 @@ def _first_row(
 
 
 def _number(value: float) -> float | None:
-    """A value of a trail; NaN, which stands for "unknown", is None."""
+    """A value of a trail; NaN (unknown) as None."""
     return None if np.isnan(value) else float(value)
 
 

@@ -1,4 +1,4 @@
-"""Notes of a report: what is off by design, and whether the machine kept up with real time."""
+"""Notes of a report: errors by design, and whether the machine kept up with real time."""
 
 from __future__ import annotations
 
@@ -79,16 +79,16 @@ def _tutorial_note(robot: RobotConfig, p: SquareParameters) -> str:
         return f"{robot.name} has no wheels: it drives no square."
     drive = settings.drive
     ends = predict(p, _ideal_base(drive))
-    told = "it would not end"
+    outcome = "it would not end"
     if ends is not None:
-        told = f"it would end {ends.closure:.3f} m and {abs(math.degrees(ends.excess_turn)):.1f} deg from its start"
+        outcome = f"it would end {ends.closure:.3f} m and {abs(math.degrees(ends.excess_turn)):.1f} deg from its start"
     return (
         f"{robot.name} drives by the tutorial's law, which is inaccurate by design. Ten times a second it acts on a "
         f"pose up to 0.1 s old; it ends a turn {math.degrees(ANGLE_THRESHOLD):.1f} deg early, but the base "
         f"turns on by {math.degrees(overrun(_ideal_base(drive), p.angular_speed)):.1f} deg and what the delay adds; "
         "the next side counts from the place, and the next turn from the heading, at which it happens to be: "
         "the errors add up. "
-        f"On a base without any slip {told}."
+        f"On a base without any slip {outcome}."
     )
 
 
@@ -110,13 +110,13 @@ def _ideal_base(drive: Drive) -> BaseStep:
 
 MAX_NAMED_NODES = 3
 MAX_NAMED_ROBOTS = 6
-"""Nodes and robots named."""
+"""Maximum nodes and robots named in a note."""
 
 
 def real_time_notes(run: RunFigures, ok: bool) -> tuple[str, ...]:
     """One note for a run in real time in which the simulation fell behind; or services, if its checks do not hold.
 
-    A tick now and then is missed on most machines, and harms nobody.
+    Most machines miss a tick now and then, without harm.
     """
     if run.mode != "real" or not (run.lag_s or (run.ticks_missed and not ok)):
         return ()

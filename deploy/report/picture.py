@@ -26,12 +26,12 @@ MAX_NAME_LENGTH = 28
 """Characters of a name in a legend."""
 
 MAX_LINE_WIDTH, MIN_LINE_WIDTH = 2.5, 0.9
-"""Points; of lines that may lie on each other the first is the widest and lies below."""
+"""Line widths [points]; of lines that may overlap, the first is the widest and at the bottom."""
 _DASHES: tuple[Any, ...] = ("-", (0, (7, 2)), (0, (4, 2)), (0, (2, 1.5)))
 
 
 class LineStyle(NamedTuple):
-    """How the line of one robot is drawn: where several lie on each other, each is still to be seen."""
+    """The line style of one robot, so that overlapping lines stay visible."""
 
     colour: str
     width: float
@@ -40,7 +40,7 @@ class LineStyle(NamedTuple):
 
     @property
     def plot_options(self) -> dict[str, Any]:
-        """As Matplotlib takes it."""
+        """As Matplotlib's arguments."""
         return {"color": self.colour, "lw": self.width, "ls": self.dash, "zorder": 3 + self.order}
 
 
@@ -63,7 +63,7 @@ def coloured_line_styles(names: Iterable[str], among: Iterable[str]) -> dict[str
 
 
 def shorten_name(name: str, most: int = MAX_NAME_LENGTH) -> str:
-    """A name of at most ``most`` characters: its end tells more than its beginning."""
+    """A name cut to ``most`` characters from its beginning, since its end says more."""
     return name if len(name) <= most else f"\N{HORIZONTAL ELLIPSIS}{name[1 - most :]}"
 
 
@@ -82,7 +82,7 @@ def style_axes(axes: Any, title: str, x: str, y: str) -> None:
 
 
 def ensure_span(axes: Any, least: float) -> None:
-    """Let the y axis span ``least`` at least, in its unit: what lies far below is a rest of a calculation."""
+    """Let the y axis span at least ``least``, in its unit: smaller values are rounding errors."""
     low, high = axes.get_ylim()
     if high - low < least:
         middle = (low + high) / 2
@@ -96,10 +96,10 @@ def _largest_tick(axis: Any) -> float:
 
 
 STEP_CLOSE_UP_S = 0.6
-"""Of a step, so much is shown from near, and a tenth of it before."""
+"""Time [s] of a step shown in detail, and a tenth of it before."""
 
 MIN_SPANS = (0.1, 0.01, 0.1)
-"""What the axes of angle [deg], error [deg] and effort [N m] span at least."""
+"""Minimum span of the axes of angle [deg], error [deg] and effort [N m]."""
 
 Trails = dict[str, np.ndarray]
 
@@ -155,7 +155,7 @@ def _arm_column(trail: np.ndarray, name: str) -> np.ndarray:
 
 
 def _limit_error_axis(axes: Any, arms: dict[str, ArmFigures]) -> None:
-    """A step's error is as large as the step; what is worth seeing is a hundredth of it."""
+    """A step's initial error is as large as the step; the interesting part is a hundredth of that."""
     figures = (each for arm in arms.values() for each in (arm.tracking_max_deg, arm.step_steady_error_deg))
     if worth := [each for each in figures if each is not None]:
         reach = max(0.05, 1.6 * max(worth))
@@ -194,14 +194,14 @@ WIDTH, HEIGHT, ARM_HEIGHT, EMPTY_HEIGHT, DPI = 13.5, 7.6, 3.4, 1.6, 130
 """Inches; a run with robots that drive and arms is as high as both."""
 
 MIN_SPEED_SPAN, MIN_DISTANCE_SPAN = 0.01, 1e-5
-"""m/s and m that the axes reach at least: what lies far below is a rest of a calculation."""
+"""Minimum span of the axes, m/s and m: smaller values are rounding errors."""
 
 PALETTE_SIZE = 256
 """Colours in the file: it looks the same, in a third of the bytes."""
 
 
 def render_png(report: Report, trajectories: Path) -> bytes:
-    """The PNG's bytes; ``trajectories`` is what the grader stored. Only what has something to show gets a plot."""
+    """The bytes of the PNG; ``trajectories`` is the grader's file. Plots without data are left out."""
     figure = draw_figure(report, trajectories)
     plain, out = BytesIO(), BytesIO()
     figure.savefig(plain, format="png", pil_kwargs={"compress_level": 1})
@@ -234,7 +234,7 @@ def draw_figure(report: Report, trajectories: Path) -> Figure:
 
 
 def _draw_bases(figure: Any, bottom: float, report: Report, driving: dict[str, RobotFigures], arrays: Trails) -> None:
-    """The robots that drive, above ``bottom``, a share of the height; their legend lies below it."""
+    """The robots that drive, above ``bottom``, a share of the height; with the legend below."""
     top, line = 1 - 1.102 / figure.get_figheight(), coloured_line_styles(driving, report.robots)
     tracked = [name for name in driving if not np.isnan(_column(arrays[f"{name}.trail"], "cross_track")).all()]
     grid = figure.add_gridspec(
@@ -334,7 +334,7 @@ def _draw_path(axes: Any, path: np.ndarray, trail: np.ndarray, colour: str, name
 
 
 def _draw_square_notes(axes: Any, report: Report) -> None:
-    """How each square closed, and why it did not, below the title of the paths."""
+    """The closure of each square, or why it did not close, below the title of the paths."""
     lines = [line for line in square_lines(report) if "closed" in line]
     lines += [line for note in report.notes for line in wrap(note, 78)]
     if lines:

@@ -29,11 +29,11 @@ class EffectiveParameter(msgspec.Struct, frozen=True, kw_only=True):
     """A parameter at the end of the run."""
 
     value: Annotated[Value, _text("its value")]
-    origin: Annotated[Origin, _text("where it comes from; run: it was set for this run alone, on the way")]
+    origin: Annotated[Origin, _text("its source; run: set during this run, for it only")]
 
 
 class ChangeFigures(msgspec.Struct, frozen=True, kw_only=True):
-    """A scheduled change of parameters, and what became of it."""
+    """A scheduled change of parameters, and its outcome."""
 
     at_s: Annotated[float, _positive("simulation time for which it was scheduled", "s")]
     set: Annotated[str, _text("the set of parameters")]
@@ -44,7 +44,7 @@ class ChangeFigures(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
-    """What the supervisor knows of a run and the grader does not."""
+    """The supervisor's facts about a run."""
 
     fleet: str
     mode: str
@@ -94,11 +94,13 @@ class RunFigures(msgspec.Struct, frozen=True, kw_only=True):
     changes_missed: Annotated[int, _positive("scheduled changes whose time came and that were not made")] = 0
     nodes_absent: Annotated[int, _positive("nodes of the fleet that were not ready when time began")] = 0
     absent: Annotated[tuple[str, ...], _text("these nodes")] = ()
-    factor: Annotated[float, _positive("simulated per wall-clock second, as asked for; of real time alone")] = 1.0
+    factor: Annotated[
+        float, _positive("requested seconds of simulation per second of wall time; in real time only")
+    ] = 1.0
     lag_s: Annotated[float, _positive("wall time by which the simulation fell behind, in real time", "s")] = 0.0
     ticks_missed: Annotated[
         dict[str, Annotated[int, Meta(ge=1)]],
-        _text("ticks that a process of the fleet did not take as it was late, by node; in real time alone"),
+        _text("ticks that each process missed because it was late, by node; in real time only"),
     ] = {}
 
 
@@ -112,7 +114,7 @@ class Check(msgspec.Struct, frozen=True, kw_only=True):
             "name behind the node's and a dot"
         ),
     ]
-    value: Annotated[float | int | None, _text("what was measured, in the unit of the key; null when nothing was")]
+    value: Annotated[float | int | None, _text("the measured value, in the unit of the key; null when not measured")]
     kind: Annotated[Literal["min", "max"], _text("whether the bound is the least or the largest good value")]
     bound: Annotated[float | int, _text("the bound, in the unit of the key")]
     ok: bool
@@ -131,9 +133,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
         dict[str, dict[str, EffectiveParameter]],
         _text("live parameters that are not at their defaults, by set and name"),
     ]
-    notes: Annotated[
-        tuple[str, ...], _text("what is off by design, by its configuration or by the machine, and why, in words")
-    ]
+    notes: Annotated[tuple[str, ...], _text("errors by design, of the configuration or the machine, and why, in words")]
     changes: Annotated[tuple[ChangeFigures, ...], _text("the scheduled changes, in the order of their times")] = ()
 
 
@@ -165,7 +165,7 @@ def run_figures(facts: RunFacts, measured: Measurements) -> RunFigures:
 
 
 def member_notes(measured: Measurements) -> tuple[str, ...]:
-    """Whom lockstep did not have to its end, in words."""
+    """A note on the members that lockstep lost, in words."""
     found = []
     if measured.members_lost:
         found.append(f"lockstep went on without {', '.join(measured.members_lost)}: the run does not repeat")

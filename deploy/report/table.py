@@ -10,11 +10,11 @@ from deploy.report.record import Check, Report
 from services.grader.records import ArmFigures, CornerFigures, RobotFigures
 
 ROUNDING_SHARE = 1e-6
-"""What is smaller than this share of the numbers beside it is zero."""
+"""A number below this share of the numbers beside it is shown as zero."""
 
 
 def format_fixed(value: float, digits: int, sign: bool = False) -> str:
-    """With so many digits behind the point; with ``sign``, a plus before what is above zero."""
+    """A number with ``digits`` decimals; with ``sign``, a plus before a positive one."""
     text = f"{value:{'+' if sign else ''}.{digits}f}"
     return text if float(text) else f"{0:.{digits}f}"
 
@@ -80,7 +80,7 @@ def describe_check(check: Check) -> str:
 
 
 def service_check_lines(report: Report) -> list[str]:
-    """The checks of the services' own that hold; those that do not are told as missed."""
+    """The passed checks of services; failed ones are listed as missed."""
     return [f"holds: {describe_check(each)}" for each in report.checks if is_service_check(each) and each.ok]
 
 
@@ -103,7 +103,7 @@ def _cause_lines(check: str, report: Report) -> list[str]:
 
 
 def detail_lines(report: Report) -> list[str]:
-    """What the table has no columns for."""
+    """Figures without a column in the table."""
     return [
         *square_lines(report),
         *stop_lines(report),
@@ -122,7 +122,7 @@ def pending_change_lines(report: Report) -> list[str]:
 
 
 def observer_loss_lines(report: Report) -> list[str]:
-    """What those missed who only looked on: it is not the run's loss."""
+    """The losses of observers, which do not count for the run."""
     missed = ", ".join(f"{node} {count}" for node, count in report.run.onlookers_lost.items())
     return [f"messages missed by onlookers, which the run does not depend on: {missed}"] if missed else []
 
@@ -175,7 +175,7 @@ def square_lines(report: Report) -> list[str]:
 
 
 def stop_lines(report: Report) -> list[str]:
-    """For each robot whose commander fell silent: how it came to rest, against the theory."""
+    """For each robot that stopped after its last command: the stop, against the theory."""
     return [
         f"{name}: left without a command {each.stops} times; from {_number(each.stop_speed, 1, 2)} m/s to rest in "
         f"{_number(each.stop_time_s, 1, 2)} s and {_number(each.stop_distance_m, 1000, 0)} mm (theory "
@@ -186,7 +186,7 @@ def stop_lines(report: Report) -> list[str]:
 
 
 def verdict(report: Report) -> str:
-    """How many checks hold."""
+    """The number of passed checks."""
     held = sum(each.ok for each in report.checks)
     unmeasured = sum(each.value is None for each in report.checks)
     missing = f", {unmeasured} not measured" if unmeasured else ""

@@ -1,4 +1,4 @@
-"""Making the report: measurements and facts in; report.json and report.png out."""
+"""Makes the report: measurements and facts in, report.json and report.png out."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def build_report(measured: Measurements, facts: RunFacts, bounds: Bounds) -> Rep
 def write_report(folder: Path, facts: RunFacts, bounds: Bounds, picture: bool = True) -> Report:
     """Grade the run whose measurements lie in ``folder``, and put report.json and the picture report.png beside them.
 
-    Raises BadInput when the folder cannot be written, or when the grader left nothing.
+    Raises BadInput if the folder cannot be written, or has no measurements.
     """
     report = build_report(read_measurements(folder), facts, bounds)
     write_atomic(folder / REPORT_FILE, to_json(report))

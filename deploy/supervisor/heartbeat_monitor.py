@@ -1,4 +1,4 @@
-"""When a process counts as hung: the deadline of its next heartbeat, less the time it waited for a CPU."""
+"""Decides when a process counts as hung: the deadline of its next heartbeat, extended by its waits for a CPU."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _RUNNABLE_STATES = "RD"
 
 
 class ThreadTimes(NamedTuple):
-    """What the kernel counts of a thread: time [ns] on a processor and in wait for one, and whether it wants to run.
+    """The kernel's counts of a thread: time [ns] on a CPU and waiting for one, and whether it is runnable.
 
-    A wait is counted when it ends. One that lasts is seen by a thread that wants to run and does not.
+    A wait is counted when it ends. A lasting one shows as a runnable thread that does not run.
     """
 
     ran: int
@@ -25,14 +25,14 @@ class ThreadTimes(NamedTuple):
 
 
 Threads = Mapping[int, ThreadTimes]
-"""The threads of a process by their numbers; empty where the kernel does not tell."""
+"""The threads of a process by their ids; empty if the kernel does not report them."""
 
 
 def cpu_wait(before: Threads, after: Threads, elapsed: float) -> float:
-    """For how much of the time ``elapsed`` [s] between two looks a process was held up, at least one thread of it.
+    """The part [s] of the time ``elapsed`` [s] between two looks in which a thread of a process waited for a CPU.
 
-    The threads of a service need each other, so the one that waited longest counts. A thread that sleeps, that waits
-    for a lock, or that has a processor for itself is not held up.
+    The threads of a service need each other, so the one that waited longest counts. A thread that sleeps, waits for a
+    lock, or runs is not held up.
     """
     longest = 0.0
     for number, now in after.items():
@@ -66,9 +66,9 @@ class CpuWaitMeter:
 
 
 def read_threads(pid: int) -> Threads:
-    """The threads of a process now; empty when it has gone, or where the kernel does not tell (see ``proc(5)``).
+    """The current threads of a process; empty if it has ended, or the kernel does not report them (see ``proc(5)``).
 
-    The thread that looks, runs as it does so: that tells nothing of it, but its waits have ended and are counted.
+    The calling thread always appears as running; its waits have ended and are counted.
     """
     folder, mine = f"/proc/{pid}/task", threading.get_native_id()
     try:

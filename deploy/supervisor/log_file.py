@@ -1,4 +1,4 @@
-"""The log of a process: what it writes goes to a file of bounded size, and nothing that happens there can stop it."""
+"""The log of a process: a file of bounded size, whose failures never block or end the process."""
 
 from __future__ import annotations
 

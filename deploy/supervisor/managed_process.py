@@ -34,7 +34,7 @@ StartTask = Callable[[TaskFunction, str], asyncio.Task[None]]
 _NOT_STARTED = 127
 _REPORTED_CPU_WAIT_S = 0.1
 _ERROR_STATUSES = (1, BAD_INPUT, TRY_AGAIN)
-"""Exit statuses by which a service tells of an error."""
+"""Exit statuses with which a service reports an error."""
 
 
 class ManagedProcess:
@@ -93,9 +93,9 @@ class ManagedProcess:
             self._set_state("ready")
 
     def check_heartbeat(self, now: float, late: bool) -> None:
-        """Kill the process if it hangs. It is excused while the judge is ``late`` himself, or when what it depends on
-        is down: its heartbeats may not get through then. Time in which it, or the judge, waits for a processor does not
-        count: a restart would wait as well.
+        """Kill the process if it hangs, but not while the supervisor itself is ``late``, or while a process that it
+        depends on is down: its heartbeats may not get through then. Time in which it, or the supervisor, waits for a
+        CPU does not count: a restarted process would wait as well.
         """
         if self._child is None or self.state not in ("starting", "ready"):
             return

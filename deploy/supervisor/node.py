@@ -30,16 +30,16 @@ END_MARGIN_S = 1.0
 
 
 class RunMonitor:
-    """Gathers it. What was once told as not made stays so, until time begins anew."""
+    """Collects the state of scheduled changes. One reported as not made stays so until a reset."""
 
     def __init__(self) -> None:
         self._epoch = 0
         self._changes: dict[int, ScheduledChange] = {}
         self._statuses: dict[bytes, SimStatus] = {}
-        self._said: set[str] = set()
+        self._reported: set[str] = set()
 
     def on_scheduled_changes(self, news: ScheduledChanges) -> None:
-        """Take what the parameter service tells. One that was started anew tells of its own life alone."""
+        """Add a report of the parameter service. A restarted one reports only since its start."""
         if news.epoch != self._epoch:
             self._epoch, self._changes = news.epoch, {}
         for each in news.changes:
@@ -48,7 +48,7 @@ class RunMonitor:
                 self._changes[each.number] = each
 
     def on_sim_status(self, publisher: bytes, status: SimStatus) -> None:
-        """Take what a simulation tells; one that was started anew counts beside its predecessor."""
+        """Add a report of a simulation; that of a restarted one counts in addition."""
         self._statuses[publisher] = status
 
     @property
@@ -62,27 +62,27 @@ class RunMonitor:
         return sum(status.lag for status in self._statuses.values())
 
     def change_figures(self, scheduled: Sequence[ChangeConfig], end_s: float) -> tuple[ChangeFigures, ...]:
-        """What became of the fleet's changes in a run that ended at ``end_s`` of simulation time."""
+        """The outcome of the fleet's scheduled changes in a run that ended at ``end_s`` of simulation time."""
         return tuple(self._figures(*each, end_s) for each in enumerate(_in_order(scheduled)))
 
     def new_problems(self, scheduled: Sequence[ChangeConfig]) -> Iterator[str]:
         """One line for each thing that went wrong since the last call."""
         lines = [f"time began without {', '.join(self.absent_nodes)}: see ./elea logs"] if self.absent_nodes else []
         for number, change in enumerate(_in_order(scheduled)):
-            told = self._changes.get(number)
-            if told is not None and not told.made:
-                lines.append(f"the change of {change.set} scheduled at {change.at:g} s was not made: {told.reason}")
+            report = self._changes.get(number)
+            if report is not None and not report.made:
+                lines.append(f"the change of {change.set} scheduled at {change.at:g} s was not made: {report.reason}")
         for line in lines:
-            if line not in self._said:
-                self._said.add(line)
+            if line not in self._reported:
+                self._reported.add(line)
                 yield line
 
     def _figures(self, number: int, change: ChangeConfig, end_s: float) -> ChangeFigures:
-        told = self._changes.get(number)
-        made, at, reason = (told.made, told.time.ns / 1e9, told.reason) if told else (None, None, "")
-        if told is None and change.at + END_MARGIN_S < end_s:
+        report = self._changes.get(number)
+        made, at, reason = (report.made, report.time.ns / 1e9, report.reason) if report else (None, None, "")
+        if report is None and change.at + END_MARGIN_S < end_s:
             made, reason = False, "the parameter service did not report on it: has a node announced its set?"
-        elif told is None:
+        elif report is None:
             reason = f"the run ended at {end_s:g} s"
         return ChangeFigures(
             at_s=change.at,
@@ -107,7 +107,7 @@ RECENT_S = 2.5
 _REQUESTS = {"start": SUPERVISOR_START, "stop": SUPERVISOR_STOP, "restart": SUPERVISOR_RESTART}
 
 _DRAIN_TIMEOUT_S = 0.5
-"""Wall time in which what was sent by processes that have ended must have come."""
+"""Wall time [s] in which messages of ended processes must have arrived."""
 
 _MAX_UNKNOWN_NODES = 16
 
@@ -121,7 +121,7 @@ class SupervisorNode:
         self._strangers: set[str] = set()
         self._checks = node.subscribe(CHECKS)
         self._sets = {name: node.subscribe(UPDATES, f"{name}/parameter_updates") for name in sets}
-        self._told: dict[str, ParameterValues] = {}
+        self._parameters: dict[str, ParameterValues] = {}
         self._schedule, self._status = node.subscribe(SCHEDULE), node.subscribe(SIM_STATUS)
         self._conduct = RunMonitor()
         self._health = node.subscribe(HEALTH)
@@ -157,15 +157,15 @@ class SupervisorNode:
         return time.monotonic() - self._answered < RECENT_S
 
     def parameters(self) -> Mapping[str, ParameterValues]:
-        """The values of the parameters of each set, as far as they were told."""
+        """The values of each parameter set that were received."""
         for name, updates in self._sets.items():
             updates.update()
             for values, _ in updates.messages:
-                self._told[name] = values
-        return self._told
+                self._parameters[name] = values
+        return self._parameters
 
     def run_monitor(self) -> RunMonitor:
-        """What simulation and parameter service have told of the run."""
+        """The reports of simulation and parameter service about the run."""
         self._schedule.update()
         for changes, _ in self._schedule.messages:
             self._conduct.on_scheduled_changes(changes)
@@ -175,13 +175,13 @@ class SupervisorNode:
         return self._conduct
 
     def checks(self) -> Mapping[str, tuple[Check, ...]]:
-        """What the fleet's nodes have stated last of their own checks, by node."""
+        """The last checks that the fleet's nodes have stated, by node."""
         self._checks.update()
-        for told, _ in self._checks.messages:
-            if told.node in self._members:
-                self._own[told.node] = told.checks
+        for report, _ in self._checks.messages:
+            if report.node in self._members:
+                self._own[report.node] = report.checks
             elif len(self._strangers) < _MAX_UNKNOWN_NODES:
-                self._strangers.add(told.node)
+                self._strangers.add(report.node)
         return self._own
 
     @property
@@ -214,7 +214,7 @@ class SupervisorNode:
 def supervisor_node(
     router: str, domain: str = "", sets: Iterable[str] = (), members: Iterable[str] = ()
 ) -> Iterator[SupervisorNode]:
-    """The bus that meets the others at the endpoint ``router``, which the supervisor starts. It hears these sets, and
+    """The bus at the endpoint ``router``, which the supervisor starts. It subscribes to these parameter sets, and to
     the checks of these nodes.
     """
     identity = Identity.of("supervisor")

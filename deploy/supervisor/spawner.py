@@ -20,7 +20,7 @@ _LOG_TIMEOUT_S = 0.5
 
 
 class ChildProcess:
-    """A running process; whoever starts it awaits ``ended``, which also ends what the process left in its group."""
+    """A running process; its starter awaits ``ended``, which also ends the rest of its process group."""
 
     def __init__(self, popen: subprocess.Popen[bytes], reaper: Reaper, log: threading.Thread) -> None:
         self.pid = popen.pid
@@ -52,14 +52,14 @@ class ChildProcess:
         return True
 
     async def _wait_for_log(self) -> None:
-        """Wait until its last words are in the log; whoever else holds the pipe may keep it open for longer."""
+        """Wait until its last output is in the log; another process may keep the pipe open for longer."""
         deadline = time.monotonic() + _LOG_TIMEOUT_S
         while self._log.is_alive() and time.monotonic() < deadline:
             await asyncio.sleep(0.005)
 
 
 class Spawner:
-    """Where children are started: the folder of the run, with its logs, and the environment that they get."""
+    """The environment of child processes: the run's folder with the logs, and their environment variables."""
 
     def __init__(self, folder: Path, reaper: Reaper, environment: Mapping[str, str] = os.environ) -> None:
         self.folder, self._reaper = folder, reaper

@@ -27,7 +27,7 @@ ActionHandler = Callable[[ProcessAction, str], str]
 
 
 class FleetBus(Protocol):
-    """What the supervisor needs of the network. No verb blocks."""
+    """The network as the supervisor needs it. No method blocks."""
 
     def heartbeats(self) -> Sequence[Health]:
         """The heartbeats that have come since the last call."""
@@ -39,11 +39,11 @@ class FleetBus(Protocol):
         ...
 
     def router_answers(self) -> bool:
-        """Whether the router answers: asked again and again, it tells what the last seconds have shown."""
+        """Whether the router answered in the last seconds; to be called repeatedly."""
         ...
 
     def publish(self, state: FleetState) -> None:
-        """Tell the state of the fleet; whoever comes later gets the last one."""
+        """Publish the state of the fleet; late subscribers get the last one."""
         ...
 
     def answer_requests(self, handle_action: ActionHandler) -> None:
@@ -55,7 +55,7 @@ POLL_PERIOD_S = 0.1
 """Wall time between two looks at heartbeats and orders."""
 
 LATE_POLL_S = 0.5
-"""A turn that comes so late [s] tells nothing about the others: the supervisor itself did not run."""
+"""Delay [s] of a turn after which silence of the processes does not count: the supervisor itself did not run."""
 
 _PARTICIPLES: dict[ProcessAction, str] = {"stop": "stopped", "restart": "restarted"}
 
@@ -66,7 +66,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     """How a run ended: its grader finished, a required process failed, or it was interrupted.
 
     ``wall_seconds`` counts from the moment when simulation time could begin, from the start if that never came.
-    ``complaints`` are the processes that ended with an error when they were asked to end.
+    ``failed_on_stop`` are the processes that ended with an error when they were asked to end.
     """
 
     ended: RunEnd
@@ -77,7 +77,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SupervisorObserver(Protocol):
-    """Whoever wants to know how the fleet fares; called from the supervisor's loop, with every change."""
+    """An observer of the fleet's state; called from the supervisor's loop, with every change."""
 
     def on_state_change(self, life: ManagedProcess, fleet: FleetState) -> None:
         """A process has changed its state."""
@@ -93,7 +93,7 @@ class SupervisorObserver(Protocol):
 
 
 class Supervisor:
-    """Runs processes until one of them, or somebody outside, ends the fleet."""
+    """Runs processes until one of them, a signal or a request ends the fleet."""
 
     def __init__(
         self,
@@ -240,10 +240,10 @@ class Supervisor:
             await asyncio.sleep(POLL_PERIOD_S)
 
     def _heartbeats_blocked(self, now: float) -> bool:
-        """Whether heartbeats do not come through, so that silence says nothing of a process; it is told once.
+        """Whether heartbeats do not get through, so that silence does not mean a hang; logged once.
 
-        All processes that were ready are silent at once while the router answers, or so much comes on their topic that
-        they get lost. What ends is noticed and restarted in any case.
+        Then all ready processes are silent at once while the router answers, or a flood on their topic drowns them.
+        Processes that end are noticed and restarted in any case.
         """
         ready = [life for life in self.processes.values() if life.state == "ready"]
         why = ""

@@ -45,15 +45,17 @@ class JointReader:
             return None
         index, stamp = state.name.index(self.name), state.header.stamp.ns
         angle = math.degrees(state.position[index])
-        told = math.degrees(state.velocity[index]) if state.velocity else None
+        reported = math.degrees(state.velocity[index]) if state.velocity else None
         if self._last is None or stamp < self._last[0]:
-            reading = JointReading(angle, told or 0.0, STEP_NS)
+            reading = JointReading(angle, reported or 0.0, STEP_NS)
         elif stamp == self._last[0]:
             return self._last[1]
-        elif (span := stamp - self._last[0]) <= longest or told is None:
+        elif (span := stamp - self._last[0]) <= longest or reported is None:
             mean = (angle - self._last[1].angle) / (span * 1e-9)
-            reading = JointReading(angle, mean if told is None else sorted((self._reported_rate, mean, told))[1], span)
+            reading = JointReading(
+                angle, mean if reported is None else sorted((self._reported_rate, mean, reported))[1], span
+            )
         else:
-            reading = JointReading(angle, told, STEP_NS)
-        self._last, self._reported_rate = (stamp, reading), told or 0.0
+            reading = JointReading(angle, reported, STEP_NS)
+        self._last, self._reported_rate = (stamp, reading), reported or 0.0
         return reading

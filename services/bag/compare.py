@@ -19,7 +19,7 @@ from services.bag.csv_export import flatten
 from services.bag.reader import Bag, Entry, Timeline, plain_decoder
 
 WALL_CLOCK_TOPICS = frozenset(each.name for each in (HEALTH, ROSOUT, FLEET_STATE, SIM_STATUS, LOCKSTEP))
-"""Topics that say how the processes of one run fared: heartbeats, log lines, process ids, who was waited for."""
+"""Topics about the processes of one run: heartbeats, log lines, process ids, awaited members."""
 WALL_CLOCK_FIELDS = frozenset({"since"})
 """The last names of fields that hold a time of the wall clock: ``since`` of an emergency stop."""
 PLACE_PARAMETERS = frozenset({"output", "file", "address", "stops_file", "listen"})
@@ -44,7 +44,7 @@ class MessageDifference(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class BagComparison(msgspec.Struct, frozen=True, kw_only=True):
-    """What came of comparing two bags: the messages and topics compared, up to ``end_s`` of simulated time."""
+    """The result of comparing two bags: the messages and topics compared, up to ``end_s`` of simulated time."""
 
     messages: int
     topics: int
@@ -73,7 +73,7 @@ class _Pair(NamedTuple):
 def compare_bags(left: Bag, right: Bag, end: int | None = None) -> BagComparison:
     """Compare two bags topic by topic, in the order of recording.
 
-    What depends on the wall clock or the place alone is left out: WALL_CLOCK_TOPICS, WALL_CLOCK_FIELDS,
+    Everything that depends on the wall clock or the folder is left out: WALL_CLOCK_TOPICS, WALL_CLOCK_FIELDS,
     PLACE_PARAMETERS, receive times and sequence numbers.
 
     Args:
@@ -145,7 +145,7 @@ def _base_topic(channel: Channel) -> str:
 
 
 def _difference(topic: str, number: int, first: _Located, second: _Located) -> _Pair | None:
-    """What differs between two messages of a topic with the same number."""
+    """The difference between two messages of a topic with the same number, or None."""
     if first.position != second.position:
         return _lone(topic, number, min(first, second, key=lambda each: each.position))
     left, right = (first.entry, second.entry) if first.side == 0 else (second.entry, first.entry)

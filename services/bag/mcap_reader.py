@@ -60,7 +60,7 @@ DECODE_ERRORS = (
     EOFError,
     MemoryError,
 )
-"""What the libraries raise for bytes that are not valid records."""
+"""Exceptions of the libraries for invalid records."""
 
 
 class SerializedMessage(NamedTuple):

@@ -111,7 +111,7 @@ class McapWriter:
 
     @property
     def stats(self) -> FileStats:
-        """What is in the file by now."""
+        """The content of the file so far."""
         counts = {self._channels[number]: count for number, count in self._counts.items()}
         return FileStats(self.path.name, self.size, sum(counts.values()), self._start, self._end, counts)
 
@@ -213,7 +213,7 @@ class McapWriter:
             self._counts[number] = self._counts.get(number, 0) + len(entries)
 
     def close(self, notes: dict[str, str] | None = None) -> None:
-        """Write what is left, ``notes`` and the summary, and wait for the disk; raises OSError."""
+        """Write the remaining messages, ``notes`` and the summary, and sync; raises OSError."""
         if self.closed:
             return
         self.closed = True

@@ -63,7 +63,7 @@ class BagWriter:
             self._next = max(map(file_number, there), default=-1) + 1
             self._open_file()
         except FileExistsError:
-            raise BadInput(f"{self.folder} is there already: choose another folder for the bag") from None
+            raise BadInput(f"{self.folder} exists already: choose another folder for the bag") from None
         except OSError as error:
             raise BadInput(f"the bag {self.folder} cannot be written: {error.strerror}") from None
         return self

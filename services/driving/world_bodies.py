@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +14,7 @@ from numpy.typing import NDArray
 from messages.errors import BadInput
 from messages.se3 import Pose3
 from messages.visualization import Marker, MarkerArray
+from models.mesh import Mesh, hull_points, read_mesh
 from services.driving.footprint import (
     Footprint,
     box_footprint,
@@ -64,7 +68,7 @@ class WorldBody:
         convex hull: so they collide.
 
         Raises:
-            BadInput: it has no points, or a type that is not known here.
+            BadInput: it has no triangles, its mesh cannot be read, or its type is not known here.
         """
         return [each for marker in self.markers for each in self._marker(marker, pose or Pose3.from_msg(marker.pose))]
 
@@ -81,19 +85,47 @@ class WorldBody:
                 return [points_footprint(pose, _unit_ball() * size)]
             case Marker.CYLINDER:
                 return [points_footprint(pose, _unit_cylinder() * size)]
-        triangles = self._triangles(m) * np.array(size)
-        if self.kind == FIXED and len(triangles) <= MAX_TRIANGLES:
+        if self.kind == FIXED and len(triangles := marker_triangles(m)) <= MAX_TRIANGLES:
             return triangle_footprints(pose, triangles)
-        return [points_footprint(pose, triangles.reshape(-1, 3))]
+        return [points_footprint(pose, self._hulls[m.id])]
 
-    def _triangles(self, m: Marker) -> Floats:
-        """The triangles of a marker, shape (n, 3, 3), before they are scaled."""
-        if m.type != Marker.TRIANGLE_LIST:
-            raise BadInput(f"the marker {self.name!r} has the type {m.type}, which is not known here")
-        if not m.points or len(m.points) % 3:
-            raise BadInput(f"the marker {self.name!r} has {len(m.points)} points, which are no triangles")
-        triangles: Floats = np.array([(each.x, each.y, each.z) for each in m.points]).reshape(-1, 3, 3)
-        return triangles
+    @cached_property
+    def _hulls(self) -> dict[int, Floats]:
+        """Points that span the convex hull of each marker of triangles, by its id, shape (n, 3) [m] in its frame."""
+        found = {}
+        for marker in self.markers:
+            if marker.type in (Marker.TRIANGLE_LIST, Marker.MESH_RESOURCE):
+                corners = marker_triangles(marker).reshape(-1, 3)
+                found[marker.id] = hull_points(Mesh(corners, np.empty((0, 3), np.int32)))
+        return found
+
+
+def marker_triangles(marker: Marker) -> Floats:
+    """The triangles of a TRIANGLE_LIST or of the file of a MESH_RESOURCE, shape (n, 3, 3) [m] in the marker's frame.
+
+    Raises:
+        BadInput: it has none, its file cannot be read, or it is of another type.
+    """
+    name = marker.text or f"{marker.ns}_{marker.id}"
+    if marker.type == Marker.MESH_RESOURCE:
+        mesh = read_mesh(_mesh_path(marker.mesh_resource))
+        triangles = mesh.vertices[mesh.triangles]
+    elif marker.type != Marker.TRIANGLE_LIST:
+        raise BadInput(f"the marker {name!r} has the type {marker.type}, which is not known here")
+    elif not marker.points or len(marker.points) % 3:
+        raise BadInput(f"the marker {name!r} has {len(marker.points)} points, which are no triangles")
+    else:
+        triangles = np.array([(each.x, each.y, each.z) for each in marker.points]).reshape(-1, 3, 3)
+    scaled: Floats = triangles * (marker.scale.x, marker.scale.y, marker.scale.z)
+    return scaled
+
+
+def _mesh_path(resource: str) -> Path:
+    """The file of a marker's mesh; raises BadInput for what is no file of this machine."""
+    url = urlsplit(resource)
+    if url.scheme not in ("", "file") or url.netloc not in ("", "localhost"):
+        raise BadInput(f"the mesh {resource[:200]!r} is no file of this machine")
+    return Path(unquote(url.path))
 
 
 World = Sequence[tuple[WorldBody, list[Footprint]]]

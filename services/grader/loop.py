@@ -125,9 +125,9 @@ class ArmStreams:
     def forward(self, graded: Measurement, now: int, _: dict[str, BrakingSpec]) -> None:
         """Forward the messages received by ``now`` [ns]."""
         for values in self._parameter_updates.drain():
-            told = {each.name: each.value for each in values.values}.get("saturation")
-            if isinstance(told, float | int) and not isinstance(told, bool):
-                self._arm = msgspec.structs.replace(self._arm, saturation=float(told))
+            saturation = {each.name: each.value for each in values.values}.get("saturation")
+            if isinstance(saturation, float | int) and not isinstance(saturation, bool):
+                self._arm = msgspec.structs.replace(self._arm, saturation=float(saturation))
                 graded.set_arm(now, self._robot, self._arm)
         graded.add_messages(MessageKind.JOINTS, self._robot, self._joints.drain())
         graded.add_messages(MessageKind.CONTROL, self._robot, self._control.drain())
@@ -146,9 +146,9 @@ def read_world(ctx: Context[GraderParameters], array: MarkerArray) -> World:
 
 def braking_from_parameters(robot: str, values: ParameterValues) -> BrakingSpec | None:
     """Return how a base with these parameters brakes; None if unknown."""
-    told = {each.name: each.value for each in values.values}
+    by_name = {each.name: each.value for each in values.values}
     try:
-        stated = {"name": robot, "timeout": told.get("cmd_vel_timeout"), "brake": told.get("brake")}
+        stated = {"name": robot, "timeout": by_name.get("cmd_vel_timeout"), "brake": by_name.get("brake")}
         return msgspec.convert(stated, BrakingSpec)
     except msgspec.ValidationError:
         return None

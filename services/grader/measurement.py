@@ -52,11 +52,11 @@ class MessageLosses:
 
     def add_heartbeat(self, health: Health) -> None:
         """Add one heartbeat."""
-        who = health.node, health.pid
-        if (known := self._processes.get(who)) is None:
+        process = health.node, health.pid
+        if (known := self._processes.get(process)) is None:
             if len(self._processes) >= MAX_PROCESSES:
                 return
-            known = self._processes[who] = _Process()
+            known = self._processes[process] = _Process()
         known.missed = health.missed
         for each in health.inputs:
             if (topic := each.topic.strip("/")) in known.by_topic or (each.lost and len(known.by_topic) < MAX_TOPICS):

@@ -1,4 +1,4 @@
-"""What the grader measures: the record of one robot and of the whole run, as measurements.json holds them."""
+"""The grader's measurements of each robot and of the run, as in measurements.json."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ class ArmFigures(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind", ta
 
 
 Figures = RobotFigures | ArmFigures
-"""What was measured of one robot; ``kind`` tells which of the two."""
+"""The measurements of one robot; ``kind`` is the tag."""
 
 EndReason = Literal["goals", "duration", "stopped"]
 

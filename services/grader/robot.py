@@ -134,7 +134,7 @@ class OdometryError:
 
     @property
     def odom_to_world(self) -> Pose2:
-        """Where the frame of the odometry lies in the world; the world itself as long as there is no odometry."""
+        """The pose of the odometry frame in the world; the identity until odometry arrives."""
         return self._odom_to_world or IDENTITY
 
     def add_odometry(self, sample: Odometry) -> None:

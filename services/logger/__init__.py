@@ -9,7 +9,7 @@ from services.runtime import Parameters, Service, param
 
 
 class LoggerParameters(Parameters):
-    """What to record, where to, and who may look on. Only ``window`` is live."""
+    """Parameters of the logger: content, file and live view. Only ``window`` is live."""
 
     robots: tuple[str, ...] = param((), text="Names of the robots, in the order of their colours.", live=False)
     namespaces: tuple[str, ...] = param(

@@ -274,9 +274,9 @@ class RobotColumns:
         if not len(met):
             return _stamps(met), met[:, :1], met[:, :3]
         x, y = (np.interp(met[:, 0], truth[:, 0], truth[:, column]) for column in (1, 2))
-        told = world_transform(self._frames, self._odometry_frame) if self._odometry_frame else None
-        if told is not None:
-            self._alignment = told
+        alignment = world_transform(self._frames, self._odometry_frame) if self._odometry_frame else None
+        if alignment is not None:
+            self._alignment = alignment
         elif self._alignment is None:
             nearest = truth[np.argmin(np.abs(truth[:, 0] - met[0, 0]))]
             _, odometry_x, odometry_y, odometry_z, odometry_w = met[0].tolist()

@@ -76,3 +76,10 @@ def scan(robot: str) -> str:
 def reference(robot: str) -> str:
     """A robot's reference path."""
     return f"/reference/{robot}"
+
+
+WORLD_TF = "/world/tf"
+"""Transforms of the bodies of the world that move."""
+
+WORLD_BODIES = "/world/bodies"
+"""The bodies of the world, each under its name."""

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from messages.names import absolute_namespace
-from messages.topics import ROSOUT
+from messages.topics import ROSOUT, WORLD_MARKERS, WORLD_STATES
 from models.model import read_model
 from services.logger import LoggerParameters
 from services.logger.file_rotation import rotate
@@ -50,28 +50,36 @@ def run(ctx: Context[LoggerParameters]) -> None:
             )
             for robot, model in robots
         ]
-        lines = ctx.stream(ROSOUT)
+        lines, markers, world_states = ctx.stream(ROSOUT), ctx.stream(WORLD_MARKERS), ctx.stream(WORLD_STATES)
         due = time.monotonic() + p.window
         try:
             for tick in ctx.ticks():
                 if tick.reset:
+                    recording.write_world(world_states.drain())
                     write_batches(ctx, recording, subscriptions, last=True)
                     recording.restart()
                     for each in subscriptions:
                         each.columns.clear()
+                for array in markers.drain():
+                    recording.set_world(array)
                 for each in subscriptions:
                     each.collect(tick.time, tick.dt)
                 if time.monotonic() >= due:
                     recording.write_log(lines.drain())
+                    recording.write_world(world_states.drain())
                     write_batches(ctx, recording, subscriptions)
                     recording.commit()
                     due = time.monotonic() + ctx.params.window
         finally:
             ctx.node.update_subscribers()
-            lines.refresh()
+            for stream in (lines, markers, world_states):
+                stream.refresh()
             frames.refresh()
             for each in subscriptions:
                 each.collect_remaining(ctx.now)
+            for array in markers.drain():
+                recording.set_world(array)
+            recording.write_world(world_states.drain())
             recording.write_log(lines.drain())
             write_batches(ctx, recording, subscriptions, last=True)
 

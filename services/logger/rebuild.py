@@ -10,13 +10,15 @@ from typing import Self
 from messages.base import Message
 from messages.control import JointControllerState
 from messages.elea import GoalStatus
+from messages.gazebo import WorldStates
 from messages.geometry import Twist
 from messages.nav import Odometry
 from messages.nav import Path as Plan
 from messages.rosgraph import Clock, Log
 from messages.sensor import JointState, LaserScan
 from messages.tf import TFMessage
-from messages.topics import CMD_VEL, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, SCAN, STATUS, TF_STATIC
+from messages.topics import CMD_VEL, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, SCAN, STATUS, TF_STATIC, WORLD_MARKERS
+from messages.visualization import MarkerArray
 from models.model import read_model
 from services.logger.blueprint import Extent
 from services.logger.columns import RobotColumns
@@ -45,6 +47,7 @@ class RecordingBuilder:
         arms = [namespace for namespace, model in robots if read_model(model).wheels is None]
         self._arm = self._columns[arms[0]] if len(arms) == 1 else None
         self._lines: list[Log] = []
+        self._world_states: list[WorldStates] = []
         self._due, self._epoch = 0, -1
 
     def __enter__(self) -> Self:
@@ -63,6 +66,11 @@ class RecordingBuilder:
             self._on_clock(message)
         elif isinstance(message, Log):
             self._lines.append(message)
+        elif isinstance(message, MarkerArray):
+            if topic == WORLD_MARKERS.name:
+                self._recording.set_world(message)
+        elif isinstance(message, WorldStates):
+            self._world_states.append(message)
         elif isinstance(message, TFMessage):
             if topic == TF_STATIC.name:
                 self._frames.add_static(message.transforms, b"")
@@ -89,7 +97,8 @@ class RecordingBuilder:
 
     def _flush(self, last: bool = False) -> None:
         self._recording.write_log(self._lines)
-        self._lines = []
+        self._recording.write_world(self._world_states)
+        self._lines, self._world_states = [], []
         self._recording.write({self._names[namespace]: each.flush() for namespace, each in self._columns.items()}, last)
 
 

@@ -12,19 +12,22 @@ import rerun as rr
 from numpy.typing import NDArray
 from rerun.blueprint import Blueprint
 
+from messages.gazebo import WorldStates
 from messages.rosgraph import DEBUG, ERROR, FATAL, INFO, WARN, Log
+from messages.visualization import MarkerArray
 from models.palette import colours
 from services.logger import entity_paths
 from services.logger.blueprint import Extent, blueprint
 from services.logger.columns import Batch
 from services.logger.scene import RobotScene, darkened
+from services.logger.world_scene import WorldScene
 from services.runtime.errors import BadInput
 from services.runtime.ports import bind_error
 
 HOST = "127.0.0.1"
 
 FLUSH_TIMEOUT_S = 5.0
-"""Wall time for the disk and the server to accept what was sent."""
+"""Wall time [s] for the disk and the server to accept the data."""
 
 
 def open_sinks(
@@ -168,6 +171,7 @@ class Recording:
         for scene in scenes:
             scene.log_to(self._stream)
         self._log_styles()
+        self._world: WorldScene | None = None
         return self
 
     def __exit__(
@@ -177,7 +181,7 @@ class Recording:
         self._stream.disconnect()
 
     def commit(self) -> None:
-        """Block until everything is in the file, so that a killed process loses none of it and nothing piles up."""
+        """Block until all data is in the file, so that a killed process loses none and no backlog grows."""
         try:
             self._stream.flush(timeout_sec=FLUSH_TIMEOUT_S)
         except (RuntimeError, ValueError) as failure:
@@ -189,6 +193,22 @@ class Recording:
             self._resets, self._has_data = self._resets + 1, False
             self._reset_series()
             self._stream.send_blueprint(self._layout())
+            if self._world is not None:
+                self._world.begin()
+
+    def set_world(self, array: MarkerArray) -> None:
+        """Log the bodies of the world."""
+        self._world = WorldScene(array, self._warn)
+        self._world.log_to(self._stream)
+        self._world.begin()
+
+    def write_world(self, states: Sequence[WorldStates]) -> None:
+        """Append the states of the world's bodies that move."""
+        if self._world is None:
+            return
+        self._world.add_states(states)
+        if (rows := self._world.transforms()) is not None:
+            self._send(entity_paths.WORLD_TF, *rows)
 
     def write(self, batches: Mapping[str, Batch], last: bool = False) -> None:
         """Append the robots' batches; plots wait for the slowest robot, except for the ``last`` batches."""

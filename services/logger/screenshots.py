@@ -314,7 +314,7 @@ def _cropped(taken: bytes) -> bytes:
 
 
 def _failure_reason(output: str, error: str) -> str:
-    """Why the viewer failed, from what it printed."""
+    """The reason why the viewer failed, from its output."""
     if "render context" in output or "graphics adapter" in output or "No suitable" in output:
         return (
             "no picture: this machine has no Vulkan driver to draw with; "

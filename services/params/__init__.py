@@ -22,7 +22,7 @@ class Scheduled(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
 
 class ParamsParameters(Parameters):
-    """Where values are saved, and which changes are made at given times."""
+    """Parameters of the parameter service: its file, and scheduled changes."""
 
     file: str = param(
         "", text="SQLite file for saved values; empty or :memory: keeps them for this run only.", max_length=4096

@@ -34,8 +34,8 @@ def migrate(saved: Mapping[str, Value], schema: Schema) -> Migration:
     """Fit saved values to the schema.
 
     An int becomes a float, and a whole float an int; a renamed choice gets its new name. A value outside new bounds is
-    dropped, not clamped: nobody chose the bound. A value whose parameter no running node has is kept: its node may
-    start later, and a parameter that was renamed loses nothing.
+    dropped, not clamped, since a bound is not a chosen value. A value whose parameter no running node has is kept: its
+    node may start later, and a parameter that was renamed loses nothing.
     """
     kept: dict[str, Value] = {}
     names: list[str] = []
@@ -77,9 +77,9 @@ def _fitted(described: ParameterDescription, value: Value) -> Value:
 class AnnounceResult:
     """The set after an announcement.
 
-    ``migrated`` names the saved values that changed; ``warnings`` say what became of values that do not fit, and
-    ``waiting`` which saved values no running node has. ``schema_changed`` and ``values_changed`` tell what is to be
-    published.
+    ``migrated`` names the saved values that changed; ``warnings`` has a text for each value that does not fit, and
+    ``waiting`` for each saved value that no running node has. ``schema_changed`` and ``values_changed`` say which
+    messages to publish.
     """
 
     state: SetState
@@ -91,7 +91,7 @@ class AnnounceResult:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What subscribers should know."""
+        """The notes for subscribers."""
         return (*self.warnings, *self.waiting)
 
 
@@ -151,7 +151,7 @@ MAX_VIOLATIONS = 10
 
 @dataclass(frozen=True)
 class UndoPatch:
-    """What an undo restores: the layers of the parameters ``names`` before the change. A name missing was not set."""
+    """The patch of an undo: the layers of the parameters ``names`` before the change. A missing name was not set."""
 
     names: tuple[str, ...]
     saved: Mapping[str, Value]
@@ -170,7 +170,7 @@ class Change:
 
     @property
     def undo_patch(self) -> UndoPatch:
-        """What an undo of it restores."""
+        """The patch that undoes it."""
         return UndoPatch(self.names, _select(self.before.saved, self.names), _select(self.before.run, self.names))
 
 
@@ -199,8 +199,8 @@ def plan_set(state: SetState, asked: SetParameters) -> Change:
                     f"{each.name} cannot change while {', '.join(state.schema.announced)} runs: "
                     "set it in the fleet file or on the command line, and restart"
                 )
-            fitted[each.name], said = fit(described, each.value, asked.clamp)
-            notes += said
+            fitted[each.name], fit_notes = fit(described, each.value, asked.clamp)
+            notes += fit_notes
         except BadInput as error:
             faults.append(str(error))
     if not asked.values:
@@ -225,7 +225,7 @@ def plan_set(state: SetState, asked: SetParameters) -> Change:
 
 
 def plan_reset(state: SetState, asked: ResetParameters) -> Change:
-    """Forget what was set of the given names, or of all.
+    """Forget the set values of the given names, or of all.
 
     Raises BadInput for an unknown name, and when the values that then count would violate a constraint.
     """

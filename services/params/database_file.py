@@ -163,7 +163,7 @@ def _check_content(path: Path) -> None:
 
 
 def _find_damage(connection: sqlite3.Connection, version: int) -> str:
-    """What is wrong with a file, or nothing; raises sqlite3.Error when it cannot even be read."""
+    """A description of the damage, empty for none; raises sqlite3.Error when the file cannot be read at all."""
     for (text,) in connection.execute("PRAGMA integrity_check(1)"):
         if text != "ok":
             return str(text)
@@ -207,7 +207,7 @@ def _find_damage_1(connection: sqlite3.Connection) -> str:
     connection.create_function("checksum", -1, _checksum_1, deterministic=True)
     for table, (columns, _) in _TABLES_1.items():
         if connection.execute(f"SELECT 1 FROM {table} WHERE seal != checksum({columns}) LIMIT 1").fetchone():
-            return f"a row of {table} is not what was written"
+            return f"a row of {table} was changed since it was written"
     return ""
 
 

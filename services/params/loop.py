@@ -82,7 +82,7 @@ class SetPublishers:
             self._close(next(iter(self._closing)))
 
     def tick(self) -> None:
-        """Close what was due: messages sent before the last tick have arrived."""
+        """Close the publishers that are due: messages sent before the last tick have arrived."""
         for name, left in list(self._closing.items()):
             self._closing[name] = left - 1
             if left == 0:
@@ -113,7 +113,7 @@ def run(ctx: Context[ParamsParameters]) -> None:
         publishers = SetPublishers(ctx.node, at_once=not ctx.lockstep)
         server = ParameterServer(store, publishers.publish, ctx.log, lambda: ctx.now, live_nodes, publishers.close)
         if ctx.params.file in ("", MEMORY):
-            ctx.log.info("no file was given: what is set is kept for this run only")
+            ctx.log.info("no file was given: values are kept for this run only")
         server.announce(_own_announcement(ctx))
         ctx.serve(PARAMS_ANNOUNCE, server.announce)
         ctx.serve(PARAMS_LIST, server.list)

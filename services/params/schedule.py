@@ -41,7 +41,7 @@ class Schedule:
 
 
 def read_progress(file: Path) -> ScheduledChanges:
-    """What became of a run's schedule before this service was restarted; raises OSError or msgspec.MsgspecError."""
+    """Read which scheduled changes were made before a restart; raises OSError or msgspec.MsgspecError."""
     try:
         with file.open("rb") as source:
             return msgspec.json.decode(source.read(MAX_FILE_BYTES), type=ScheduledChanges)
@@ -50,5 +50,5 @@ def read_progress(file: Path) -> ScheduledChanges:
 
 
 def write_progress(file: Path, progress: ScheduledChanges) -> None:
-    """Keep what became of the schedule for a restart of this service; raises OSError."""
+    """Save which scheduled changes were made, for a restart; raises OSError."""
     write_atomic(file, msgspec.json.encode(progress), durable=True)

@@ -183,13 +183,13 @@ def _check_agreement(new: Announcement, old: Announcement) -> None:
         ("fleet file gives", new.fleet, old.fleet),
         ("command lines give", new.command_line, old.command_line),
     ):
-        said = {each.name: each.value for each in theirs}
+        given = {each.name: each.value for each in theirs}
         for one in mine:
-            if one.name in said and said[one.name] != one.value:
+            if one.name in given and given[one.name] != one.value:
                 raise ParameterConflict(
                     old.node,
                     f"the {what} {new.set} {one.name} as {format_value(one.value)} for {new.node} and as "
-                    f"{format_value(said[one.name])} for {old.node}, which share it: say it once",
+                    f"{format_value(given[one.name])} for {old.node}, which share it: say it once",
                 )
 
 

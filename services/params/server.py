@@ -60,7 +60,7 @@ class ParameterServer:
     which nothing is saved, is forgotten; its history stays.
 
     Args:
-        store: What outlives this process.
+        store: The saved values and the history.
         publish: Publishes a set's schema or values.
         log: The node's log.
         now: Simulation time, ns.
@@ -143,7 +143,7 @@ class ParameterServer:
         )
 
     def reset(self, asked: ResetParameters) -> ParameterValues:
-        """Forget what was set."""
+        """Forget set values."""
         return self._idempotent(
             asked, lambda: self._apply(plan_reset(self._find_set(asked.set), asked), asked, "reset")
         )
@@ -153,7 +153,7 @@ class ParameterServer:
         return self._idempotent(asked, lambda: self._undo(asked))
 
     def history(self, asked: HistoryOf) -> ParameterHistory:
-        """Who changed what, newest first, as much as one answer may hold."""
+        """The changes, newest first, as many as fit into one answer."""
         if asked.set:
             self._find_set(asked.set)
         changes, size = [], 0
@@ -229,7 +229,7 @@ class ParameterServer:
             except ParameterConflict as conflict:
                 if conflict.other_node in self._live_nodes():
                     raise
-                self._log.info(f"{asked.set}: {conflict.other_node} has gone, what it announced is forgotten")
+                self._log.info(f"{asked.set}: {conflict.other_node} has gone, its announcement is forgotten")
                 state = replace(state, schema=state.schema.without_node(conflict.other_node))
 
     def _remove_node(self, name: str, node: str) -> ParameterValues:

@@ -26,7 +26,7 @@ KEPT_CHANGES = 50_000
 KEPT_BYTES = 32 << 20
 """Bytes of replies, and of changes, that are kept; the oldest go first."""
 _PRUNE_WRITES, _PRUNE_BYTES = 256, KEPT_BYTES // 8
-"""Writes, or bytes written, after which what is too old is deleted."""
+"""Writes, or bytes written, between two deletions of old entries."""
 
 _read_value = msgspec.json.Decoder(Value).decode
 
@@ -79,9 +79,8 @@ def open_store(file: str) -> Iterator[Store]:
 class Store:
     """Reads and writes the tables; a change is on the disk when ``write`` returns.
 
-    After each commit the write-ahead log is moved into the file and emptied before anybody is answered: what was
-    acknowledged is in the file itself, and a log that is lost, torn or corrupted can only hold what was not. It costs
-    0.5 ms.
+    After each commit the write-ahead log is moved into the file and emptied before the request is answered: all
+    acknowledged changes are in the file itself, and a lost, torn or corrupted log has none of them. It costs 0.5 ms.
     """
 
     def __init__(self, connection: sqlite3.Connection) -> None:
@@ -227,7 +226,7 @@ class Store:
             self._prune()
 
     def _prune(self) -> None:
-        """Delete the oldest changes and replies beyond what is kept."""
+        """Delete the oldest changes and replies beyond the limits."""
         self._writes = self._bytes = 0
         for table, key, size, most in (
             ("requests", "rowid", "length(reply)", KEPT_REQUESTS),

@@ -19,7 +19,7 @@ _MAX_TEXT_LENGTH = 65_536
 
 
 class FittedValue(NamedTuple):
-    """A value that fits, and notes about what was done to make it fit."""
+    """A value that fits, and notes about its conversion."""
 
     value: Value
     notes: tuple[str, ...] = ()
@@ -50,7 +50,7 @@ def fit(description: ParameterDescription, value: Value, clamp: bool = False) ->
 
 
 def describe_expected(description: ParameterDescription) -> str:
-    """The type and what is allowed: ``float, 0 to 5 m/s``."""
+    """The type and the allowed values: ``float, 0 to 5 m/s``."""
     what = [
         description.type + (" or null" if description.optional else ""),
         describe_range(description),
@@ -147,7 +147,7 @@ def _fit_number(description: ParameterDescription, value: float, where: str, not
         whole = math.ceil(bound) if inward > 0 else math.floor(bound)
         nearest = whole + inward if excluded and whole == bound else whole
     if _too_low(description, nearest) or _too_high(description, nearest):
-        why = "the bound itself is excluded" if excluded else "nothing lies within"
+        why = "the bound itself is excluded" if excluded else "no value lies within"
         raise BadInput(f"{_out_of_bounds_text(description, value, where)}; it cannot be clamped, {why}")
     few = len(notes) < _MAX_NOTES  # more are not shown, and a list may have thousands
     notes.append(f"{where} = {value!r} was clamped to {nearest!r} ({describe_range(description)})" if few else where)

@@ -10,7 +10,7 @@ from services.runtime import Parameters, Service, param
 
 
 class PlayerParameters(Parameters):
-    """What to play, and how."""
+    """Parameters of the player."""
 
     bag: str = param("", text="MCAP file to play, or a folder of them.")
     topics: tuple[str, ...] = param((), text="Topics to play; all if none are given.")
@@ -18,7 +18,7 @@ class PlayerParameters(Parameters):
     rate: float = param(1.0, 0, 1000, "", "Simulated seconds per wall-clock second; 0 plays as fast as possible.")
     loop: bool = param(False, text="Start again at the end, in a new epoch.")
     start: float = param(0.0, 0, 1e9, "s", "Offset in the bag at which to start.")
-    duration: float = param(0.0, 0, 1e9, "s", "How much of the bag to play; 0 plays to the end.")
+    duration: float = param(0.0, 0, 1e9, "s", "Length of the part to play; 0 plays to the end.")
     clock: float = param(0.0, 0, 200, "", "Publish /clock at this rate; 0 plays the recorded one, if any.")
     wait: float = param(0.0, 0, 1e6, "s", "Longest wait for subscribers; 0 does not wait.")
     members: tuple[str, ...] = param((), text="Nodes that step with the bag, in lockstep.")

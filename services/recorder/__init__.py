@@ -6,7 +6,7 @@ from services.runtime import Parameters, Service, param
 
 
 class RecorderParameters(Parameters):
-    """What to record, and where to."""
+    """Parameters of the recorder: topics, and the bag to write."""
 
     output: str = param("bag", text="Folder of the bag; it must not exist yet.")
     topics: tuple[str, ...] = param((), text="Topics to record; all if neither topics nor regex is given.")

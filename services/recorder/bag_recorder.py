@@ -116,9 +116,9 @@ class BagRecorder:
         self.write_error = ""
 
     def record_tick(self, now: int) -> None:
-        """Record what has arrived by a tick of lockstep, at simulated time ``now`` [ns].
+        """Record the samples admitted at a tick of lockstep, at simulated time ``now`` [ns].
 
-        This is what the other members read at this tick, and what a replay must repeat. The order is the same in every
+        The other members read the same samples at this tick, and a replay repeats them. The order is the same in every
         run.
         """
         wall = time.time_ns()
@@ -177,7 +177,7 @@ class BagRecorder:
             self._lost_reported = lost
 
     def close(self) -> None:
-        """Write what is left, with the counts of what is missing."""
+        """Write the remaining messages, and the counts of missing ones."""
         self._bag.metadata["lost"] = json.dumps(self.lost)
         self._bag.metadata["unfit"] = json.dumps(self.unconvertible)
         self._bag.metadata["unwritten"] = str(self._bag.unwritten)

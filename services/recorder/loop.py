@@ -16,7 +16,7 @@ from services.runtime.step import period_of
 
 
 class RecordingIncomplete(EleaError):
-    """A part of what was to be recorded is missing."""
+    """The recording is incomplete."""
 
 
 def run(ctx: Context[RecorderParameters]) -> None:

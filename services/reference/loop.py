@@ -16,15 +16,15 @@ def run(ctx: Context[ReferenceParameters]) -> None:
     """Publish until asked to stop. A reset of simulation time restarts the waveform."""
     table = open_table(ctx.params)
     out = ctx.advertise(REFERENCE)
-    forms, told = WaveformGenerator(table), ""
+    forms, logged = WaveformGenerator(table), ""
     for tick in ctx.ticks():
         p = ctx.params
         if tick.reset:
             forms = WaveformGenerator(table)
         wanted = forms.step(p, tick.dt)
-        if p.reference_type != told:
-            told = p.reference_type
-            ctx.log.info(f"{told} from {wanted:.2f} deg on")
+        if p.reference_type != logged:
+            logged = p.reference_type
+            ctx.log.info(f"{logged} from {wanted:.2f} deg on")
         if p.reference_type == "csv" and table is None:
             ctx.log.warn("reference_type is csv but no file was given, holding the angle: start with csv=FILE", every=5)
         bounded = max(p.lower, min(p.upper, wanted))

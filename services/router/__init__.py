@@ -4,7 +4,7 @@ from services.runtime import Parameters, Service, param
 
 
 class RouterParameters(Parameters):
-    """Where the router listens and which other routers it joins."""
+    """Parameters of the router: its endpoints, and other routers to join."""
 
     listen: str = param(
         "",

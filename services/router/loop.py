@@ -1,4 +1,4 @@
-"""The router's loop: the session itself routes; the loop beats, and tells newcomers who is there."""
+"""The router's loop: the session itself routes; the loop sends heartbeats and answers new nodes with the node list."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from services.runtime.transport.zenoh_config import OPEN_TO_ALL, default_router,
 
 
 def run(ctx: Context[RouterParameters]) -> None:
-    """Beat until the process is asked to end."""
+    """Serve the node list until the process is asked to end."""
     ctx.node.heartbeat.state = "running"
     listen = (ctx.params.listen or default_router(), *ctx.params.also)
     ctx.log.info(f"listening on {', '.join(listen)}")

@@ -7,22 +7,22 @@ from pathlib import Path
 
 
 def write_atomic(path: Path, content: bytes, durable: bool = False, mode: int = 0o666) -> None:
-    """Put ``content`` in place of what ``path`` held: a reader, or a crash of this process, finds the old or the new.
+    """Replace a file's content: a reader, also after a crash of this process, finds either the old or the new one.
 
     Args:
         path: The file, in a folder that exists.
         content: All of the new content.
         durable: Also outlive a power cut: the content and the entry of the folder are on the disk at the return.
             Without it, the file may be empty or old after one.
-        mode: The rights of the file, less those that the process' mask takes away.
+        mode: The rights of the file, less those removed by the process's umask.
 
     Raises:
-        OSError: It cannot be written; what was there is untouched.
+        OSError: The file cannot be written; the old one is untouched.
     """
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     beside.unlink(missing_ok=True)
     try:
-        # O_EXCL: no link that somebody has put there is followed.
+        # O_EXCL: an existing link is not followed.
         with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode), "wb") as file:
             file.write(content)
             if durable:
@@ -36,7 +36,7 @@ def write_atomic(path: Path, content: bytes, durable: bool = False, mode: int = 
 
 
 def fsync_path(path: Path) -> None:
-    """Bring what was written to a file, or the names in a folder, to the disk; raises OSError."""
+    """Sync a file's content, or a folder's entries, to the disk; raises OSError."""
     handle = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         os.fsync(handle)

@@ -1,4 +1,4 @@
-"""The map from the wall clock to simulation time, as the samples of ``/clock`` make it: both stand beside each."""
+"""Maps wall time to simulation time by the samples of ``/clock``, each of which has both."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ from bisect import bisect_left, bisect_right
 
 
 class ClockMap:
-    """When each clock was sent, by its sender's wall clock [ns], and the simulation time [ns] that it told.
+    """The send time of each clock sample by its sender's wall clock [ns], and its simulation time [ns].
 
-    One sender's samples come in order. So a clock that seems to be sent before those that came earlier tells that the
-    wall clock was set back, or that one of them bore a wrong stamp: what lies at or after it is forgotten, and the map
-    is right again with that very clock.
+    Samples of one sender arrive in order. One that seems to be older than its predecessors means that the wall clock
+    was set back, or that a predecessor had a wrong stamp: all at or after it are dropped, and the map is correct again.
     """
 
     def __init__(self, kept: int) -> None:
@@ -20,7 +19,7 @@ class ClockMap:
         self._times: list[int | None] = []
 
     def clear(self) -> None:
-        """Time begins anew."""
+        """Forget all samples: simulation time was reset."""
         self._sent, self._times = [], []
 
     def add(self, sent: int, time: int) -> bool:
@@ -41,7 +40,7 @@ class ClockMap:
             self._times[-1] = None
 
     def past(self, moment: int) -> bool:
-        """Whether a clock was sent after this moment: then what is told of it is certain."""
+        """Whether a later clock sample is known, so that the simulation time is interpolated, not extrapolated."""
         return bool(self._sent) and self._sent[-1] > moment
 
     def before(self, moment: int) -> int | None:

@@ -58,7 +58,7 @@ class ServiceChecks:
         return tuple(self._stated.values())
 
     def holds(self, name: str) -> bool:
-        """Whether the value of a check keeps to its bounds; what was not measured does not."""
+        """Whether the value of a check is within its bounds; False without a value."""
         known = self._stated[name]
         if known.value is None:
             return False
@@ -89,7 +89,7 @@ class Tick(NamedTuple):
 
 
 class Context(Generic[P]):
-    """What a loop works with: its argument. All of it belongs to the loop's own thread."""
+    """The argument of a service's loop, for use in the loop's own thread only."""
 
     def __init__(
         self,
@@ -116,8 +116,8 @@ class Context(Generic[P]):
     def params(self) -> P:
         """The parameters as of the start of this tick; read them at each tick.
 
-        ``params_changed`` is the union of the levels of those that changed with this tick: 0 when none did, all ones
-        at the first tick.
+        ``params_changed`` is the union of the levels of those that changed at this tick: 0 if none did, all ones at the
+        first tick.
         """
         return self._params
 
@@ -142,34 +142,55 @@ class Context(Generic[P]):
         return self._node
 
     def latest(self, topic: Topic[M]) -> Latest[M]:
-        """The newest message of a topic; that of another namespace by ``ODOM.of("tb3_0")``."""
+        """Subscribe to the newest message of a topic.
+
+        Args:
+            topic: The topic in the node's namespace; ``ODOM.of("tb3_0")`` for that of another one.
+
+        Returns:
+            A view of the newest message as of the start of each tick: ``value``, ``age``, ``fresh(seconds)``.
+        """
         view = Latest(self._node.subscribe(topic), lambda: self.now)
         self._views.append(view)
         return view
 
     def stream(self, topic: Topic[M]) -> Stream[M]:
-        """Every message of a topic."""
+        """Subscribe to every message of a topic.
+
+        Args:
+            topic: The topic in the node's namespace; ``ODOM.of("tb3_0")`` for that of another one.
+
+        Returns:
+            A view of the messages as of the start of each tick, oldest first: ``drain()``.
+        """
         view = Stream(self._node.subscribe(topic))
         self._views.append(view)
         return view
 
     def transforms(self, cache: float = CACHE_S, moving: bool = True) -> TransformListener:
-        """The transforms between all frames over the last ``cache`` seconds, from ``/tf`` and ``/tf_static``.
+        """Subscribe to the transforms between all frames, as tf2's buffer and listener.
 
-        Without ``moving``, from ``/tf_static`` alone.
+        Args:
+            cache: Length of the history [s of simulation time].
+            moving: Whether to read ``/tf`` as well as ``/tf_static``.
         """
         view = TransformListener(self._node, cache, moving)
         self._views.append(view)
         return view
 
     def advertise(self, topic: Topic[M]) -> Publisher[M]:
-        """A publication that is in the graph from now on, before its first message."""
+        """Declare a publication before its first message, so that the graph shows it."""
         return self._node.advertise(topic)
 
     def publish(self, topic: Topic[M], message: M) -> None:
-        """Send a message; raises TypeError when it is not the topic's record.
+        """Publish a message; the first one declares the publication, unless ``advertise`` did.
 
-        The first one declares the publication; ``advertise`` does so before.
+        Args:
+            topic: The topic in the node's namespace; ``CMD_VEL.of("tb3_0")`` for that of another one.
+            message: A record of the topic's type.
+
+        Raises:
+            TypeError: The message is not of the topic's type.
         """
         output = self._publishers.get(topic.name)
         if output is None:
@@ -185,19 +206,19 @@ class Context(Generic[P]):
         max: float | None = None,  # noqa: A002
         reason: str = "",
     ) -> bool:
-        """State a check of the service's own: it appears in the report of the run, as ``NODE.name``, and one that does
-        not hold makes the run's exit status 1. Returns whether it holds.
+        """State a check, which the report of the run shows as ``NODE.name``; if one fails, the run's exit status is 1.
 
-        The last statement of a name counts, also one made after the process was asked to end. ``value`` is a number, or
-        None for what is not measured yet, which does not hold: a check that is stated at the start is missed when the
-        service never gets to it. A bool needs no bounds.
+        The last statement of a name counts, even after the process was asked to end. A check that stays None fails.
 
         Args:
             name: letters, digits and underscores, 64 at most; a node has 64 checks at most.
-            value: what was measured; NaN and the infinities count as not measured.
-            min: the least good value.
-            max: the largest good value.
-            reason: what it means, for a person; 200 characters at most.
+            value: the measured number, or a bool, which needs no bounds; None and non-finite ones are not measured.
+            min: the lowest passing value.
+            max: the highest passing value.
+            reason: an explanation for people, at most 200 characters.
+
+        Returns:
+            Whether the check passes.
 
         Raises:
             BadInput: a bad name, no bound, a bound that is not finite, a check too many.
@@ -207,11 +228,30 @@ class Context(Generic[P]):
         return self._checks.holds(name)
 
     def call(self, request: Request[Q, R], message: Q, timeout: float = DEADLINE_S, name: str | None = None) -> R:
-        """Ask another node; raises CallFailed with the reason."""
+        """Call another node's request; the loop blocks until the reply.
+
+        Args:
+            request: The request, an entry of ``messages.requests``.
+            message: Its request record.
+            timeout: Wall time to wait for the reply [s].
+            name: The name of the request, if it is not the request's own.
+
+        Returns:
+            The response record.
+
+        Raises:
+            CallFailed: It was refused, with the reason; NoAnswer without a server or a reply in time.
+        """
         return self._node.call(request, message, timeout, name)
 
     def serve(self, request: Request[Q, R], handler: Callable[[Q], R], name: str | None = None) -> None:
-        """Answer a request in this loop; the handler raises BadInput to refuse with a reason."""
+        """Serve a request in this loop, between two ticks.
+
+        Args:
+            request: The request, an entry of ``messages.requests``.
+            handler: Returns the response; raises BadInput to refuse with a reason.
+            name: The name of the request, if it is not the request's own.
+        """
         self._node.serve(request, handler, name)
 
     @property
@@ -220,9 +260,9 @@ class Context(Generic[P]):
         return self._lockstep
 
     def ticks(self, rate: float | None = None, meanwhile: Callable[[], None] | None = None) -> Iterator[Tick]:
-        """The loop's steps at the service's rate of simulation time, until the process is asked to end (Stopped).
+        """Yield a tick at the service's rate of simulation time, until the process is asked to end (Stopped).
 
-        Inputs are a snapshot of the moment at which the tick starts. At a reset they are empty but for what is latched.
+        Inputs are a snapshot taken at the start of the tick. After a reset they are empty, except for latched topics.
 
         Args:
             rate: replaces the declared rate [Hz], for services that make it a parameter.
@@ -242,9 +282,9 @@ class Context(Generic[P]):
             pacer.close()
 
     def messages(self, topic: Topic[M]) -> Iterator[M]:
-        """Every message of a topic as it arrives, for services that react to messages instead of time.
+        """Yield every message of a topic as it arrives, for services that react to messages instead of time.
 
-        Changes of parameters are followed ten times a second, between two messages.
+        Parameter changes are applied between two messages, ten times a second.
         """
         source = self._node.subscribe(topic)
         self._node.declare_ready()
@@ -257,7 +297,7 @@ class Context(Generic[P]):
                 self._node.wait(source.raw)
 
     def idle(self) -> None:
-        """Do what is due and wait a tenth of a second, for services that follow neither time nor messages."""
+        """Serve the node for a tenth of a second, for services that follow neither time nor messages."""
         if self._rate is None:
             self._node.declare_ready()
         if self._idle_subscriber is None:
@@ -267,9 +307,13 @@ class Context(Generic[P]):
         self._idle_subscriber.recv()
 
     def update_params(self, admitted: bool = False) -> int:
-        """Let ``params`` be what the parameter service says now, in a loop without ticks; returns ``params_changed``.
+        """Apply parameter changes now, in a loop without ticks.
 
-        ``admitted`` says that the loop has just taken a snapshot of all inputs.
+        Args:
+            admitted: Whether the loop has just updated all subscribers.
+
+        Returns:
+            The levels of the changed parameters, as ``params_changed``.
         """
         followed = self._subscription
         if followed is None:
@@ -281,8 +325,8 @@ class Context(Generic[P]):
         return self.params_changed
 
     def _await_parameters(self) -> None:
-        """Wait up to PARAMETER_ANSWER_S for a parameter service that is expected, is there and has not answered yet: a
-        node is ready when its set is known."""
+        """Wait up to PARAMETER_ANSWER_S for the answer of an expected parameter service: a node is ready when its
+        parameters are known."""
         if self._subscription is None or not self._subscription.client.expected:
             return
         client, deadline = self._subscription.client, time.monotonic() + PARAMETER_ANSWER_S
@@ -292,7 +336,7 @@ class Context(Generic[P]):
         self._node.heartbeat.detail = ""
 
     def _poll_parameters(self) -> None:
-        """Follow the parameters now and then; in lockstep that is for the ticks alone."""
+        """Apply parameter changes from time to time; in lockstep only ticks do that."""
         if self._subscription is None or self._lockstep:
             return
         now = time.monotonic()

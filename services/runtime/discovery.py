@@ -1,10 +1,10 @@
-"""Discovery: which nodes there are, whether they can be reached, and waiting for those of a fleet.
+"""Discovery: lists the nodes of the network, checks that they are reachable, and waits for those of a fleet.
 
-A newcomer's own token reaches the router ahead of its question. So of two nodes that come at the same moment under one
-name, at least one is told of the other.
+A new node's own token reaches the router before its query. So if two nodes of one name start at the same moment, at
+least one of them learns of the other.
 
-Peers talk straight to each other and never through the router, and they listen for this machine only. So a peer on
-another machine, or in another network namespace, that joins their router hears nobody, and nobody hears it.
+Peers connect directly to each other, not through the router, and listen on this machine only. So a peer on another
+machine, or in another network namespace, that joins their router can exchange nothing with them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ DIRECTORY_KEY = f"{ADMIN_SPACE}/register"
 DIRECTORY_TIMEOUT_S = 0.5
 """Wall time that the router has for its answer."""
 DIRECTORY_LOOK_S = 0.05
-"""Wall time that the router looks for tokens beyond those of which it was told; a node that hangs would delay all."""
+"""Wall time [s] that the router looks for tokens that it has not received; a node that hangs would delay all others."""
 
 
 class NodeList(msgspec.Struct, frozen=True, array_like=True):
@@ -42,7 +42,7 @@ class NodeDirectory:
         self._transport, self._server = transport, transport.serve(DIRECTORY_KEY)
 
     def answer(self) -> None:
-        """Answer those who wait, all alike: their tokens are there by now."""
+        """Answer all waiting nodes with the same list; their tokens have arrived."""
         waiting = list(iter(self._server.recv, None))
         if not waiting:
             return
@@ -96,7 +96,7 @@ class ReachabilityCheck:
         self._watch: TokenWatch | None = None
         self._seen: set[str] = set()
         self._asked: PendingReplies | None = None
-        self._suspected = self._told = False
+        self._suspected = self._logged = False
 
     def update(self) -> None:
         """Look if it is time; from the loop, without waiting."""
@@ -125,13 +125,13 @@ class ReachabilityCheck:
             if each is not None and each.name != "router" and each.session != self._transport.session
         }
         missed = unreached(known, self._seen)
-        if missed and not self._told:
+        if missed and not self._logged:
             self._due = time.monotonic() + REACH_RETRY_S
             if self._suspected:
-                self._told = True
+                self._logged = True
                 self._log.error(_unreachable_message(missed, len(known)))
-        elif self._told and not missed:
-            self._told = False
+        elif self._logged and not missed:
+            self._logged = False
             self._log.info(f"this node now reaches the {len(known)} nodes that the router knows")
         self._suspected = bool(missed)
 
@@ -163,18 +163,18 @@ def wait_for_nodes(
     roster: Iterable[str],
     idle: Callable[[], None],
     patience_s: float = START_PATIENCE_S,
-    tell: Callable[[list[str], float], None] | None = None,
+    on_wait: Callable[[list[str], float], None] | None = None,
     ended: Callable[[], Collection[str]] = tuple,
 ) -> list[str]:
     """Block until every node of the roster is ready.
 
     Args:
-        transport: where the nodes show that they are ready.
+        transport: the network on which nodes declare that they are ready.
         roster: names of nodes.
         idle: called between two looks; it blocks for a moment.
         patience_s: wall time [s] without another node becoming ready after which the wait ends.
-        tell: called at each look with the nodes that are waited for and the wall time [s] waited.
-        ended: nodes that have ended for good: they are not waited for.
+        on_wait: called at each look with the missing nodes and the wall time [s] waited.
+        ended: nodes that have ended for good and are not waited for.
 
     Returns:
         The nodes that are not ready; empty when all are.
@@ -190,7 +190,7 @@ def wait_for_nodes(
         awaited = [node for node in absent if node not in gone]
         if not awaited or now - renewed > patience_s:
             return absent
-        if tell is not None:
-            tell(awaited, now - started)
+        if on_wait is not None:
+            on_wait(awaited, now - started)
         idle()
     return []

@@ -1,8 +1,8 @@
-"""The one tree of errors; those of other modules stand with the module's name.
+"""The exception tree; classes defined in other modules are listed with the module's name.
 
 EleaError
 ├── BadInput (ValueError)        a file, flag, name or value from outside is wrong       -> exit status 2
-│   ├── TryAgain                 it is wrong for now: a name taken, a network out of reach -> exit status 75
+│   ├── TryAgain                 wrong for now: a name in use, an unreachable network     -> exit status 75
 │   ├── BadName                  messages.names: not a legal ROS name or remapping rule
 │   ├── UnknownRecord            messages.records: no record has this name (LookupError)
 │   ├── BadDefinition            messages.cdr.definitions: the text of a message type cannot be read
@@ -18,18 +18,18 @@ EleaError
 │   └── ParameterConflict        services.params.schema: two nodes contradict each other about a parameter
 ├── WrongPayload (ValueError)    messages.base: a payload is not the expected record
 ├── NotWritable (ValueError)     messages.cdr.write: a message cannot be written as CDR
-├── CallFailed (RuntimeError)    a request was refused, or nobody answered in time
-│   ├── NoAnswer                 nobody serves it, or nobody answered in time
+├── CallFailed (RuntimeError)    a request was refused, or not answered in time
+│   ├── NoAnswer                 it has no server, or was not answered in time
 │   ├── SeveralServers           more than one process answered it
 │   └── OutcomeUnknown           services.runtime.parameters.client: it may have been carried out, or not
 ├── NoTransform (LookupError)    a transform between two frames cannot be found
-│   ├── UnknownFrame             nobody has published a frame of this name
+│   ├── UnknownFrame             no transform mentions this frame
 │   ├── NotConnected             the two frames are in different trees
 │   ├── Extrapolation            the time is outside what is known
 │   └── FrameLoop                a frame is its own ancestor
 ├── SaveError                    services.params.store: a change of parameters could not be written
 ├── RecordingIncomplete          services.recorder.loop: part of what was to be recorded is missing
-├── PlaybackIncomplete           services.player.loop: part of a bag was not played, or nobody listened
+├── PlaybackIncomplete           services.player.loop: part of a bag was not played, or had no subscribers
 ├── IncompleteBag                deploy.commands.bag: a bag is damaged, or not all of it could be used
 └── Stopped                      the process was asked to end; unwinds the loop          -> exit status 0
 """
@@ -47,7 +47,7 @@ TRY_AGAIN = 75
 
 
 class TryAgain(BadInput):
-    """What was asked for is not possible for now, through no fault of its own: the same may work a moment later."""
+    """The request is valid but not possible now; the same may work a moment later."""
 
 
 class CallFailed(EleaError, RuntimeError):
@@ -55,19 +55,19 @@ class CallFailed(EleaError, RuntimeError):
 
 
 class NoAnswer(CallFailed):
-    """Nobody serves a request, or nobody answered it in time."""
+    """A request has no server, or was not answered in time."""
 
 
 class SeveralServers(CallFailed):
-    """More than one process answered a request: nobody knows whose answer holds, and all may have carried it out."""
+    """More than one process answered a request: which answer is right is unknown, and all may have carried it out."""
 
 
 class NoTransform(EleaError, LookupError):
-    """A transform between two frames cannot be found; the text says why, and what there is instead."""
+    """A transform between two frames cannot be found; the text says why, and lists the alternatives."""
 
 
 class UnknownFrame(NoTransform):
-    """Nobody has published a frame of this name."""
+    """No transform mentions this frame."""
 
 
 class NotConnected(NoTransform):
@@ -75,11 +75,11 @@ class NotConnected(NoTransform):
 
 
 class Extrapolation(NoTransform):
-    """The time is before or after what is known of a frame."""
+    """The time is before the oldest or after the newest transform of a frame."""
 
 
 class FrameLoop(NoTransform):
-    """A frame is its own ancestor, so nobody can say where it is."""
+    """A frame is its own ancestor, so its pose is undefined."""
 
 
 class Stopped(EleaError):

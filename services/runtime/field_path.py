@@ -108,7 +108,7 @@ def check_path(record: type[Message], path: FieldPath) -> None:
 
 
 def complete_path(record: type[Message], begun: str) -> list[str]:
-    """The paths that go on from what was typed so far, one step further."""
+    """The completions of a partly typed path, by one step."""
     above, _, _ = begun.rpartition(".")
     kind: inspect.Type | None = inspect.type_info(record)
     for step in above.split(".") if above else ():
@@ -163,7 +163,7 @@ def leaves(
         path: The path of ``value`` itself.
         max_elements: Maximum elements of one list, further ones are left out; None for all.
         lengths: Of a list with more elements, yield only the length, as ``ranges.length``.
-        depth: Levels of nesting to follow; what is nested deeper is yielded whole.
+        depth: Levels of nesting to follow; values nested deeper are yielded whole.
     """
     if isinstance(value, dict | Message) and depth:
         names = value if isinstance(value, dict) else field_types(type(value))

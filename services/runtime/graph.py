@@ -1,4 +1,4 @@
-"""The graph of nodes: liveliness tokens that say who publishes, subscribes, serves and steps, read without a daemon."""
+"""The graph of nodes: liveliness tokens for each publication, subscription, request and step, read without a daemon."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def token_pattern(kind: Kind | Literal["*"] = "*", node: str = "*", name: str = 
 
 
 def ping_key(session: str, node: str) -> str:
-    """Where a node answers a ping, in its own loop."""
+    """The key on which a node's own loop answers pings."""
     return "/".join((ADMIN_SPACE, "ping", session, mangle(node)))
 
 

@@ -20,7 +20,7 @@ PERIOD_S = 1.0
 loops look hung."""
 
 LISTED_BYTES = 28_000
-"""What the inputs of one beat take at most, and the outputs: some 170 topics each. Both fit into ``HEALTH.largest``."""
+"""Maximum bytes of a heartbeat's inputs, and of its outputs: about 170 topics each; both fit ``HEALTH.largest``."""
 _ENTRY_BYTES = 128
 """An entry without its texts: field names, and seven counts of nine bytes."""
 _LONGEST_NAME = 1000
@@ -34,7 +34,7 @@ End = Subscriber[Any] | RefusalCounter | Publisher[Any]
 
 
 class Heartbeat:
-    """Beats when ``beat`` is called and a period has passed, or somebody begins to listen."""
+    """Publishes the health of a node once a period, and at once for a new subscriber."""
 
     def __init__(self, node: str, log: Log | None = None) -> None:
         self.state: State = "starting"
@@ -75,7 +75,7 @@ class Heartbeat:
         refusals: Refusals,
         largest: int,
     ) -> bytes:
-        """The beat as it is sent. What cannot be told is left out, and said once: a sound node never looks hung."""
+        """The message to send. What cannot be encoded is left out and logged once: a working node never looks hung."""
         try:
             payload = encode(self._health(inputs, outputs, refusals))
             if len(payload) <= largest:
@@ -120,21 +120,21 @@ class _Listing:
 
     def __init__(self) -> None:
         self._next = 0
-        self._told: dict[str, int] = {}
+        self._listed_trouble: dict[str, int] = {}
 
     def next(self, ends: Sequence[End]) -> list[Any]:
-        """The health of those whose turn it is, in the order given; new trouble takes half of the room at most."""
+        """The health of the ends whose turn it is, in the order given; those with new trouble get half of the room."""
         count, room = len(ends), LISTED_BYTES
         first = self._next % count if count else 0
         turns = [i for i in (*range(first, count), *range(first)) if len(ends[i].name) <= _LONGEST_NAME]
-        if len(self._told) > count:
+        if len(self._listed_trouble) > count:
             there = {each.name for each in ends}
-            self._told = {name: told for name, told in self._told.items() if name in there}
+            self._listed_trouble = {name: health for name, health in self._listed_trouble.items() if name in there}
         chosen: dict[int, Any] = {}
         for index in turns:
             if room < LISTED_BYTES // 2:
                 break
-            if _trouble(ends[index]) != self._told.get(ends[index].name, 0):
+            if _trouble(ends[index]) != self._listed_trouble.get(ends[index].name, 0):
                 room -= self._choose(index, ends[index], chosen, room)
         for index in turns:
             if index not in chosen:
@@ -147,12 +147,12 @@ class _Listing:
 
     def _choose(self, index: int, end: End, chosen: dict[int, Any], room: int) -> int:
         """List an end if there is room for it; the bytes that it takes, 0 when there is none."""
-        told = end.health()
-        size = _ENTRY_BYTES + len(told.topic.encode()) + len(getattr(told, "reason", "").encode(errors="replace"))
+        health = end.health()
+        size = _ENTRY_BYTES + len(health.topic.encode()) + len(getattr(health, "reason", "").encode(errors="replace"))
         if size > room:
             return 0
-        chosen[index] = told
-        self._told[end.name] = _trouble(end)
+        chosen[index] = health
+        self._listed_trouble[end.name] = _trouble(end)
         return size
 
 

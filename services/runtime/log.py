@@ -18,7 +18,7 @@ _NAMES = {value: name.upper() for name, value in LEVELS.items()}
 class Log:
     """Writes ``[12.345] WARN /tb3_0/waypoint: text``; the time is simulation time.
 
-    ``every`` [s of wall time] limits one call site: lines between are counted and the next one tells how many.
+    ``every`` [s of wall time] limits one call site: lines in between are counted, and the next one shows how many.
     """
 
     def __init__(self, node: str, level: str = "info", out: TextIO | None = None) -> None:
@@ -34,7 +34,7 @@ class Log:
         self._write(DEBUG, text, every)
 
     def info(self, text: str, every: float = 0.0) -> None:
-        """What goes on."""
+        """Log normal progress."""
         self._write(INFO, text, every)
 
     def warn(self, text: str, every: float = 0.0) -> None:

@@ -30,9 +30,11 @@ def main(
     role: Role = "member",
 ) -> None: ...
 def main(service: Service | Run, **declaration: Any) -> None:
-    """Parse the command line, run a service and end the process, as ``run_command_line`` does.
+    """Parse the command line, run a service and end the process with its exit status.
 
-    ``main(run, name=..., about=..., rate=...)`` is short for ``main(Service(run=run, name=..., ...))``.
+    Args:
+        service: The declaration of the service, or its loop ``run(ctx)``.
+        **declaration: With a loop, the other fields of ``Service``: name, about, rate, parameters, role.
     """
     if not isinstance(service, Service):
         service = Service(run=service, **declaration)
@@ -43,8 +45,12 @@ def main(service: Service | Run, **declaration: Any) -> None:
 def run_command_line(service: Service, arguments: list[str], program: str | None = None) -> None:
     """Run the service with the options in ``arguments`` and end the process.
 
-    Its status is 0, 1 after an error, 2 for bad input, and TRY_AGAIN when the same may work later. ``program`` is how
-    the service was called, for its usage line; what ``./elea run`` says of that goes before it.
+    The exit status is 0, 1 after an error, 2 for bad input, and TRY_AGAIN if the same may work later.
+
+    Args:
+        service: The declaration of the service.
+        arguments: The options of the command line.
+        program: The command in the usage line; that of ``./elea run`` comes first.
     """
     from services.runtime import process
 
@@ -69,7 +75,7 @@ def run_command_line(service: Service, arguments: list[str], program: str | None
 
 
 def _stop_at_start() -> None:
-    """End what a process waits for while it starts: nothing of it is worth an orderly end yet."""
+    """Exit at once on a signal during start-up, when nothing needs an orderly shutdown yet."""
     raise Stopped("the process was asked to end")
 
 
@@ -155,7 +161,7 @@ def _epilog(record: type[Parameters]) -> str:
 
 
 def _print_config(service: Service, options: dict[str, Any]) -> None:
-    """What would run; ``origins`` tells where each parameter comes from that is not the default."""
+    """Describe what would run; ``origins`` has the source of each parameter that is not the default."""
     shown = dict(options)
     fleet, command_line = (stated(service.parameters, shown.pop(each)) for each in ("fleet", "command_line"))
     shown["origins"] = dict.fromkeys(fleet, "fleet") | dict.fromkeys(command_line, "command line")

@@ -1,4 +1,4 @@
-"""The network that a person means: that of the fleet which runs, unless told otherwise."""
+"""The network that the command line's options select: by default that of the running fleet."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def resolve_address(connect: str = "", domain: str = "", port: int | None = None
 
 
 def fleet_router(fleet: FleetInstance) -> str:
-    """Where the router of a running fleet listens, as its supervisor noted it: the environment may differ here."""
+    """The endpoint of a running fleet's router, as its supervisor recorded it: the environment may differ here."""
     return fleet.router or router_endpoint(fleet.port)
 
 

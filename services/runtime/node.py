@@ -1,4 +1,4 @@
-"""A node on the network: its name, its inputs and outputs, what it serves, its tokens and its heartbeat."""
+"""A node on the network: name, subscribers, publishers, requests, liveliness tokens and heartbeat."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ R = TypeVar("R", bound=Message)
 TAKEOVER_S = 1.5
 """Wall time in which the token of a predecessor that was killed must have gone."""
 MAX_KEPT_NUMBERS = 4096
-"""Publications that ended, whose numbers are kept in case they begin again; the oldest are forgotten."""
+"""Maximum closed publications whose sequence numbers are kept for a restart; the oldest are forgotten."""
 CLOCK_PATIENCE_S = 2.0
 """Wall time without a first clock after which a node says so."""
 
@@ -44,7 +44,7 @@ class Extension(Protocol):
     """Something that a node's loop serves along with the node's own work."""
 
     def spin_once(self) -> None:
-        """Do what is due, without blocking."""
+        """Do the work that is due, without blocking."""
         ...
 
 
@@ -144,8 +144,8 @@ class Node:
         self._declare("srv", absolute, request.request_type.ROS_TYPE, "-")
 
     def call(self, request: Request[Q, R], message: Q, timeout: float = DEADLINE_S, name: str | None = None) -> R:
-        """Ask another node; raises CallFailed. The caller's loop stands still until the reply or the deadline, or until
-        the process is asked to end (Stopped).
+        """Call another node's request; raises CallFailed. The caller's loop blocks until the reply, the deadline, or
+        until the process is asked to end (Stopped).
         """
         self.send_buffer.flush()
         self.calling = True
@@ -166,7 +166,7 @@ class Node:
             self._tokens["ready", self.identity.node, ""] = self.transport.declare_token(entity.key)
 
     def spin_once(self) -> None:
-        """What every loop does all the time: end when asked, answer requests, send the heartbeat."""
+        """The work of every loop: end when asked (Stopped), answer requests, send the heartbeat."""
         if self.stopping:
             raise Stopped("the process was asked to end")
         self.request_server.spin_once()
@@ -178,7 +178,7 @@ class Node:
         self._publish_heartbeat()
 
     def wait(self, inlet: RawSubscriber) -> None:
-        """Spin once, then block until a sample, a wake-up or a tenth of a second; what was held back is sent first."""
+        """Spin once, then block until a sample, a wake-up or a tenth of a second; held samples are sent first."""
         self.spin_once()
         self.send_buffer.flush()
         self.transport.wait(inlet)
@@ -205,7 +205,7 @@ class Node:
         self.heartbeat.publish_if_due(self._health, inputs, self.publishers, self.request_server.refusals)
 
     def _publish_heartbeat_in_burst(self) -> None:
-        """Beat while a tick waits for samples: its burst has begun, and what is put into it would leave too late."""
+        """Send the heartbeat at once while a tick waits for samples: the burst of the tick may leave too late."""
         held = self.send_buffer.held is not None
         self.send_buffer.flush()
         self._publish_heartbeat()
@@ -220,12 +220,12 @@ class Node:
         if self._sees_everybody():
             if not self._sessions("node") - {mine.session}:
                 return
-            settle *= 2  # the other may come at the same moment, and take as long to see everybody
+            settle *= 2  # another node may start at the same moment, and need as long to see all others
         started = seen = time.monotonic()
         while True:
             rivals = self._rivals(mine.session)
             now = time.monotonic()
-            # While links come up, a token that is there may be out of sight for a moment.
+            # While links come up, an existing token may be invisible for a moment.
             seen = now if rivals else seen
             if not rivals and now - seen >= settle:
                 return
@@ -237,7 +237,7 @@ class Node:
             time.sleep(0.02)
 
     def _sees_everybody(self) -> bool:
-        """Wait until all nodes that the router knows are in sight; False when that is unknown, or takes long."""
+        """Wait until all nodes that the router knows are visible; False if that is unknown or takes too long."""
         deadline = time.monotonic() + self.transport.settle_s
         while (expected := known_nodes(self.transport)) is not None and time.monotonic() < deadline:
             if expected <= set(self.transport.tokens(token_pattern("node"))):

@@ -1,4 +1,4 @@
-"""What a loop's ticks follow: the clock, or the leave that lockstep gives."""
+"""Paces a loop's ticks: by ``/clock``, or by the step grants of lockstep."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ SILENCE_S = 0.5
 """Wall time without a clock after which the loop calls itself waiting."""
 
 CLOCK_SILENCE_S = 3.0
-"""Wall time after which a clock that is silent is followed no more, if there is another; a paused one tells of itself
-ten times a second."""
+"""Wall time [s] without a sample after which another publisher's clock is followed; a paused clock is still sent ten
+times a second."""
 
 LOOK_S = 0.05
-"""Wall time between two looks for fellows that are not in sight: each is a question to the network."""
+"""Wall time [s] between two looks for peers that are not visible: each is a query to the network."""
 
 _CLOCKS = 16
-"""Clocks kept, and taken in one go; only the newest counts."""
+"""Clock samples kept and read at once; only the newest counts."""
 
 
 class Instant(NamedTuple):
@@ -71,12 +71,12 @@ class ClockWatchdog:
 
     def __init__(self, node: Node, log: Log) -> None:
         self._heart, self._log, self._patience = node.heartbeat, log, node.clock_patience_s
-        self._heard = time.monotonic()
-        self._ever = self._said = False
+        self._last_sample = time.monotonic()
+        self._ever = self._logged = False
 
-    def heard(self, paused: bool) -> None:
+    def note_sample(self, paused: bool) -> None:
         """Time has arrived."""
-        self._heard, self._ever = time.monotonic(), True
+        self._last_sample, self._ever = time.monotonic(), True
         self._heart.state = "paused" if paused else "running"
         self._heart.detail = ""
 
@@ -84,11 +84,11 @@ class ClockWatchdog:
         """Nothing has arrived since the last look."""
         if self._heart.state == "paused":
             return
-        silence = time.monotonic() - self._heard
+        silence = time.monotonic() - self._last_sample
         if silence > SILENCE_S:
             self._heart.state, self._heart.detail = "waiting", "no clock"
-        if silence > self._patience and not self._ever and not self._said:
-            self._said = True
+        if silence > self._patience and not self._ever and not self._logged:
+            self._logged = True
             self._log.warn(f"no clock for {silence:.1f} s: {_where()}")
 
 
@@ -104,10 +104,10 @@ def _where() -> str:
 
 
 class ClockSource:
-    """Chooses the one publisher whose ``/clock`` a loop follows; what others send there is counted and named.
+    """Chooses the publisher whose ``/clock`` a loop follows; samples of others are counted and their sender is logged.
 
-    It is the first that is heard, until its token goes or it is silent for CLOCK_SILENCE_S. One of a node is preferred
-    to one without a token, and that of the simulation to all others, so that all loops agree.
+    It is the first one received, until its token goes or it is silent for CLOCK_SILENCE_S. A node is preferred to a
+    publisher without a token, and the simulation to all others, so that all loops agree.
     """
 
     def __init__(self, node: Node) -> None:
@@ -117,15 +117,15 @@ class ClockSource:
         self._nodes: dict[bytes, str] = {}
         """By publisher id, the nodes that hold a token for it."""
         self._source: bytes | None = None
-        self._heard = -math.inf
+        self._last_sample = -math.inf
         self.counts = RefusalCounter("pacing: " + self._name)
 
     def follows(self, publisher: bytes) -> bool:
-        """Whether a sample that this publisher sent just now tells the time; empty is one that is not ours."""
+        """Whether the loop follows this publisher (empty if foreign), of which a sample has just arrived."""
         now = time.monotonic()
         if publisher != self._source:
             self._look()
-            silent = now - self._heard > CLOCK_SILENCE_S
+            silent = now - self._last_sample > CLOCK_SILENCE_S
             if self._source is not None and not silent and self._rank(publisher) <= self._rank(self._source):
                 self.counts.reject(
                     f"{self._called(publisher)} publishes another time than {self._called(self._source)}"
@@ -133,7 +133,7 @@ class ClockSource:
                 self._log.warn(f"a second {self._name} is not followed: {self.counts.reason}", every=30.0)
                 return False
             self._source = publisher
-        self._heard = now
+        self._last_sample = now
         self.counts.received += 1
         return True
 
@@ -146,7 +146,7 @@ class ClockSource:
             if token.alive:
                 self._nodes[publisher] = entity.node
             elif self._nodes.pop(publisher, None) is not None and publisher == self._source:
-                self._heard = -math.inf
+                self._last_sample = -math.inf
 
     def _rank(self, publisher: bytes) -> int:
         node = self._nodes.get(publisher)
@@ -157,7 +157,7 @@ class ClockSource:
 
 
 class ClockPacer:
-    """Ticks when ``/clock`` reaches a multiple of the period; what was missed is not made up for."""
+    """Ticks when ``/clock`` reaches a multiple of the period; missed ticks are not repeated."""
 
     watermarks: Watermarks | None = None
 
@@ -195,7 +195,7 @@ class ClockPacer:
         if clock is None:
             self._silence.check()
             return None
-        self._silence.heard(clock.paused)
+        self._silence.note_sample(clock.paused)
         now = clock.clock.ns
         restarted = clock.epoch != self._epoch or simulation != self._simulation
         if not restarted:
@@ -209,7 +209,7 @@ class ClockPacer:
         return Instant(now, clock.epoch, str(self._jumps))
 
     def _missed(self, passed: list[int], now: int) -> int:
-        """How many ticks fell on the times ``passed`` [ns] over which the newest, ``now``, was taken."""
+        """How many ticks were missed at the times ``passed`` [ns], skipped in favour of the newest, ``now``."""
         missed, due = 0, self._next
         for time_ns in passed:
             if time_ns >= due:
@@ -253,11 +253,11 @@ class LockstepPacer:
         if go.roster:
             self._joined(go)
             return None
-        self._silence.heard(go.paused)
+        self._silence.note_sample(go.paused)
         if go.paused:
             return None
         self._step = go
-        # The simulation waits for commands and Done; all else that the step tells leaves behind them, in one go.
+        # The simulation waits for commands and Done; all other samples of the step leave after them, in one burst.
         self._node.send_buffer.begin()
         return Instant(go.time, go.epoch, go.simulation)
 
@@ -271,17 +271,17 @@ class LockstepPacer:
         self._member.close()
 
     def _joined(self, greeting: StepGrant) -> None:
-        """Answer at once if all fellows are in sight, else when they are; one greeting at a time waits for that."""
+        """Answer at once if all peers are visible, else when they are; only the newest join waits for that."""
         if self._joining is not None and self._joining.simulation != greeting.simulation:
             self._link()
-        self._silence.heard(greeting.paused)
+        self._silence.note_sample(greeting.paused)
         if self._joining is None:
             self._deadline = time.monotonic() + LINK_S
         self._joining, self._looked = greeting, 0.0
         self._link()
 
     def _link(self) -> None:
-        """Answer the greeting once all fellows are in sight, or after LINK_S without some."""
+        """Answer the join once all peers are visible, or after LINK_S without some."""
         now = time.monotonic()
         if self._joining is None or now - self._looked < LOOK_S:
             return
@@ -289,9 +289,9 @@ class LockstepPacer:
         if absent := self._member.absent(self._joining.roster):
             if now < self._deadline:
                 return
-            told = ", ".join(absent)[:500]
+            listed = ", ".join(absent)[:500]
             self._node.log.warn(
-                f"timed out after {LINK_S:g} s waiting to discover {told}; continuing without", every=10.0
+                f"timed out after {LINK_S:g} s waiting to discover {listed}; continuing without", every=10.0
             )
         greeting, self._joining = self._joining, None
         if not self._join_sent:

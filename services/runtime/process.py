@@ -78,8 +78,8 @@ def die_with_threads() -> None:
 
 
 def lossy_stderr() -> None:
-    """Let standard error, from now on, take what nobody reads or no disk has room for: a message that is lost ends
-    nothing.
+    """Ignore write errors on standard error from now on, as of a closed pipe or a full disk: a lost message must not
+    end the process.
     """
     if sys.stderr is None or sys.stderr is not sys.__stderr__:
         return
@@ -109,9 +109,9 @@ def install_signal_handlers(stop: Callable[[], None]) -> None:
 
 
 def exit_now(status: int) -> None:
-    """Leave at once; what is left of native threads cannot hold the process."""
+    """Exit at once, even if native threads are still running."""
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError, ValueError):  # nobody reads it any more
+        with suppress(OSError, ValueError):  # its reader has gone
             stream.flush()
     os._exit(status)
 

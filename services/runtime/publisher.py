@@ -16,10 +16,10 @@ Put = Callable[..., Any]
 
 
 class SendBuffer:
-    """Passes samples on, in order. Between ``hold`` and ``release`` it keeps them.
+    """Collects samples between ``begin`` and ``flush``, and passes them on in order.
 
-    ``held`` is what it keeps, None when it keeps nothing: an output looks for itself, as it is asked for every message.
-    What is put in one go travels in few packets and wakes each reader once or twice, not once for each sample.
+    ``held`` are the samples, None outside a burst; publishers read it directly, once for each message. A burst travels
+    in few packets and wakes each reader once or twice, not once for each sample.
     """
 
     def __init__(self) -> None:
@@ -38,7 +38,7 @@ class SendBuffer:
             self.held = []
 
     def flush(self) -> None:
-        """Send what was kept, and from now on everything at once."""
+        """Send the held samples, and further ones at once."""
         held, self.held = self.held, None
         for put, payload, attachment in held or ():
             put(payload, attachment=attachment)
@@ -48,7 +48,7 @@ M = TypeVar("M", bound=Message)
 
 
 class Publisher(Generic[M]):
-    """One publication; ``sent`` is the number of the last sample, ``marked`` the last one told to the lockstep."""
+    """One publication; ``sent`` is the number of the last sample, ``reported`` the last one reported to lockstep."""
 
     def __init__(
         self,
@@ -75,7 +75,7 @@ class Publisher(Generic[M]):
         self.publish_encoded(encode(message))
 
     def publish_encoded(self, payload: bytes) -> None:
-        """Send what is encoded already, as the topic's record or another one of its type."""
+        """Publish an encoded record of the topic's type."""
         self.sent = sent = self.sent + 1
         attachment = pack_attachment(sent, self.publisher)
         if (held := self._outbox.held) is None:
@@ -85,7 +85,7 @@ class Publisher(Generic[M]):
 
     @property
     def has_subscribers(self) -> bool:
-        """Whether anybody subscribes at present; what costs time to make may be left out when nobody does."""
+        """Whether the topic has subscribers; costly messages need not be made without."""
         return self._raw.has_subscribers
 
     def close(self) -> None:

@@ -20,23 +20,25 @@ Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)
 
 DEADLINE_S = 5.0
-"""Wall time that a call waits for its reply unless told otherwise."""
+"""Default wall time [s] that a call waits for its reply."""
 
 
 _read_refusal = decoder(Refusal)
 
 
 def call(transport: Transport, request: Request[Q, R], key: str, message: Q, timeout: float = DEADLINE_S) -> R:
-    """Ask and wait.
+    """Send a request and wait for the reply.
 
-    Raises NoAnswer when nobody serves or nobody answers in time, SeveralServers when more than one process answers, and
-    CallFailed when it is refused.
+    Raises:
+        NoAnswer: It has no server, or was not answered in time.
+        SeveralServers: More than one process answered.
+        CallFailed: It was refused.
     """
     return read_replies(request, key, transport.query(key, encode(message), timeout), timeout, transport)
 
 
 def read_replies(request: Request[Q, R], key: str, replies: Sequence[Reply], timeout: float, transport: Transport) -> R:
-    """The answer in ``replies``; raises CallFailed as ``call`` does. ``transport`` tells whose they are."""
+    """The response in ``replies``; raises CallFailed as ``call`` does. ``transport`` names the servers in errors."""
     name = f"/{key}"
     if not replies:
         raise NoAnswer(f"no server for {name}: is the process that provides it running?")
@@ -50,30 +52,30 @@ def read_replies(request: Request[Q, R], key: str, replies: Sequence[Reply], tim
             raise CallFailed(
                 f"{name} answered with something else than a {request.response_type.__name__}: {error}"
             ) from None
-    said = next((each for each in replies if each.payload != TIMEOUT), None)
-    if said is None:
+    answer = next((each for each in replies if each.payload != TIMEOUT), None)
+    if answer is None:
         raise NoAnswer(f"{name} did not answer within {timeout} s: it may be stuck, or have died")
-    raise CallFailed(_reason_of(name, said.payload))
+    raise CallFailed(_reason_of(name, answer.payload))
 
 
 def check_single(name: str, replies: Sequence[Reply], transport: Transport) -> None:
     """Raise SeveralServers, with their names, when more than one process answered the request ``name``.
 
-    A process that has died, and whose token is still in sight, answers nothing: it is none of them.
+    A process that has died does not answer, and does not count although its token may still be visible.
     """
     sessions = sorted({each.session for each in replies if each.session})
     if len(sessions) < 2:
         return
     nodes = {each.session: each.node for each in servers(transport, name)}
-    said = ", ".join(f"{nodes.get(each, 'a program without a name')} (session {each[:8]})" for each in sessions)
+    processes = ", ".join(f"{nodes.get(each, 'a program without a name')} (session {each[:8]})" for each in sessions)
     raise SeveralServers(
-        f"{len(sessions)} processes serve {name}: {said}; each of them may have carried the request out. "
+        f"{len(sessions)} processes serve {name}: {processes}; each of them may have carried the request out. "
         "Stop all but one; ./elea doctor names them"
     )
 
 
 def servers(transport: Transport, name: str = "*") -> list[Entity]:
-    """Who shows by a token that it serves the request ``name``, or any at all."""
+    """The tokens of the nodes that serve the request ``name``, or any request."""
     found = (Entity.parse(key) for key in transport.tokens(token_pattern("srv", "*", name)))
     return [each for each in found if each is not None]
 
@@ -90,10 +92,10 @@ MAX_PER_TURN = 16
 MAX_TURN_S = 0.02
 """Wall time after which a turn begins no further one."""
 DUPLICATE_S = 2.0
-"""Wall time that a second server of a request must be in sight before the log says so. The token of a process that was
-killed goes at once where its machine lives, and within the lease of a link (2 s) where it does not."""
+"""Wall time [s] that a second server of a request must be visible before it is logged. The token of a killed process
+disappears at once if its machine is up, and within the lease of a link (2 s) if it is not."""
 INTERNAL = "internal error"
-"""How the refusal begins that says nothing of the request: its handler failed."""
+"""Prefix of the refusal when a handler fails, which says nothing about the request."""
 _LONGEST_TRACE = 4000
 _LOG_S = 1.0
 
@@ -102,7 +104,7 @@ class DeferredReply(Generic[R]):
     """The reply to a request that is answered later: a handler returns it in place of the response.
 
     The query stays open until ``answer`` is called. A caller whose own deadline passes first no longer sees the reply;
-    what was asked is carried out all the same. Queries that are still open when the node closes are refused.
+    the request is carried out all the same. Queries that are still open when the node closes are refused.
     """
 
     def __init__(self) -> None:
@@ -214,7 +216,7 @@ class RequestServer:
         self._rivals.names.add(made.name)
 
     def close(self) -> None:
-        """Refuse what is still open."""
+        """Refuse the queries that are still open."""
         for each in self.served:
             each.close()
 
@@ -250,10 +252,10 @@ class DuplicateServers:
         self._session, self._log = transport.session, log
         self._watch: TokenWatch = transport.watch(token_pattern("srv"))
         self._seen: dict[tuple[str, str], dict[str, float]] = {}
-        self._said: set[tuple[str, str]] = set()
+        self._logged: set[tuple[str, str]] = set()
 
     def update(self) -> None:
-        """Notice who comes and goes, and say who has stayed."""
+        """Follow the servers' tokens, and log second servers that have stayed."""
         while (event := self._watch.poll()) is not None:
             entity = Entity.parse(event.key)
             if entity is not None and entity.session != self._session:
@@ -262,20 +264,20 @@ class DuplicateServers:
             self._warn(time.monotonic())
 
     def _note(self, entity: Entity, alive: bool) -> None:
-        who = entity.node, entity.session
+        server = entity.node, entity.session
         if alive and entity.name in self.names:
-            self._seen.setdefault(who, {})[entity.name] = time.monotonic()
-        elif not alive and who in self._seen:
-            self._seen[who].pop(entity.name, None)
-            if not self._seen[who]:
-                del self._seen[who]
-                self._said.discard(who)
+            self._seen.setdefault(server, {})[entity.name] = time.monotonic()
+        elif not alive and server in self._seen:
+            self._seen[server].pop(entity.name, None)
+            if not self._seen[server]:
+                del self._seen[server]
+                self._logged.discard(server)
 
     def _warn(self, now: float) -> None:
         for (node, session), names in self._seen.items():
             since = min(names.values())
-            if (node, session) not in self._said and now - since > DUPLICATE_S:
-                self._said.add((node, session))
+            if (node, session) not in self._logged and now - since > DUPLICATE_S:
+                self._logged.add((node, session))
                 self._log.warn(
                     f"{node} (session {session[:8]}) serves {', '.join(sorted(names))} as this node does: "
                     "requests fail with an error that names both, until one of them is stopped"

@@ -20,28 +20,28 @@ Run = Callable[[Any], None]
 """The loop of a service; it gets the Context, with the service's parameters."""
 
 Role = Literal["member", "observer", "free", "router"]
-"""How a service stands to the simulation's time.
+"""A service's role in simulation time.
 
 member: in lockstep, the simulation waits for it at each of its ticks.
-observer: lockstep goes on as soon as it has its snapshot, and waits at its next tick if it is still busy with the last.
+observer: lockstep continues once it has its snapshot, and waits at its next tick if it is still busy with the last.
 free: the simulation never waits for it.
-router: the router, on which all others meet.
+router: the router, which all others join.
 """
 
 
 @dataclass(frozen=True, kw_only=True)
 class Service:
-    """One kind of process.
+    """The declaration of one kind of process.
 
     Args:
-        name: also that of its node, unless the command line gives another.
-        about: one line for its help.
-        run: the loop, or its place as ``"package.module:function"`` to import it late.
-        rate: of ``Context.ticks`` [Hz of simulation time]; None for a service that paces itself.
-        parameters: what can be set, with its bounds and texts.
-        parameter_set: the set that it follows, relative to its namespace or absolute; the node's own name when empty.
-            Several services may follow one set. None: its parameters stay as it was started with.
-        role: how it stands to the simulation's time.
+        name: the kind, and the default name of its node.
+        about: one line for the help.
+        run: the loop, or ``"package.module:function"`` to import it late.
+        rate: rate of ``Context.ticks`` [Hz of simulation time]; None for a service that paces itself.
+        parameters: the record of its parameters.
+        parameter_set: name of its parameter set, absolute or relative to its namespace; by default that of the node.
+            Several services may share one set. None if its parameters never change at run time.
+        role: its role in simulation time.
     """
 
     name: str
@@ -88,7 +88,7 @@ def capture(service: Service) -> None:
 
 @cache
 def load_user_service(file: str) -> Service:
-    """What the file hands to ``main``; raises BadInput for a file that is not there, that fails, or never calls it.
+    """The service that the file passes to ``main``; raises BadInput if it does not exist, fails, or never calls it.
 
     The file is loaded in this process, with its folder on the path, as ``./elea run`` does.
     """

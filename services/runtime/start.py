@@ -26,7 +26,7 @@ def run_service(service: Service, options: dict[str, Any]) -> None:
     if (options["lockstep"] and service.role == "member") or service.role == "observer":
         set_batch_scheduling()
     tree = _configuration(service, options)
-    # Before a router nobody is there, unless it is to join others.
+    # The router is the first to start, unless it joins others.
     settle = {"settle_s": 0.0} if service.role == "router" and not options["params"].link else {}
     with ZenohTransport(tree, **settle) as transport, Node(transport, identity, service.name, log) as node:
 
@@ -64,7 +64,7 @@ def _parameter_subscription(service: Service, node: Node, options: dict[str, Any
 
 
 def _configuration(service: Service, options: dict[str, Any]) -> dict[str, Any]:
-    """Zenoh's configuration: the router listens where its parameters say, everybody else joins it."""
+    """Zenoh's configuration: the router listens as its parameters say, all others join it."""
     domain = options["domain"]
     if service.role == "router":
         params = options["params"]

@@ -36,7 +36,7 @@ QUEUE_SIZE = 1024
 EVENT_QUEUE_SIZE = 8192
 """The same for events, of which a reader of bursts may lag behind by as many."""
 QUEUE_BYTES = 1 << 26
-"""What waits on one subscription at most [bytes]: large messages get shorter rings."""
+"""Maximum bytes waiting on one subscription: large messages get shorter rings."""
 MIN_QUEUE_SIZE, MIN_UNTYPED_QUEUE_SIZE = 4, 64
 LARGEST_ATTACHMENT = 256
 """Bytes of an attachment that is not ours; with a longer one, a sample is refused."""
@@ -46,9 +46,9 @@ WAIT_BUDGET_S = 2.0
 
 
 class WaitBudget:
-    """What a tick has of PATIENCE_S, for all inputs together; ``turn`` is called again and again while one waits.
+    """The rest of WAIT_BUDGET_S that a tick has, for all subscribers together; ``turn`` is called while one waits.
 
-    ``missed`` are the topics of which something did not come.
+    ``missed`` are the topics with samples that did not arrive in time.
     """
 
     def __init__(self, turn: Callable[[], None] = lambda: None) -> None:
@@ -80,7 +80,7 @@ def queue_size(largest: int, event: bool = False, untyped: bool = False) -> int:
 
 
 class Subscriber(Generic[M]):
-    """One subscription. Its owner calls ``admit`` once a tick; ``batch`` then holds what is new, oldest first.
+    """One subscription. Its owner calls ``update`` once a tick; ``messages`` are then the new ones, oldest first.
 
     Refused (wrong type, undecodable, too large, numbered absurdly), repeated and lost samples (gaps in the numbers) are
     counted, never passed on; ``SequenceTracker`` says by which rule. A sample without our attachment is foreign: it is
@@ -121,11 +121,11 @@ class Subscriber(Generic[M]):
         self._sequences = SequenceTracker()
         self._last, self._stamps = self._sequences.last, self._sequences.stamps
         self._deferred: dict[bytes, deque[tuple[M, SampleInfo]]] = {}
-        """By publisher, what its member has not told of yet; the numbers grow."""
+        """By publisher, samples that its member has not reported yet, in the order of their numbers."""
         self._topic_bytes = publisher_id("", "", key)[MEMBER_BYTES:]
 
     def update(self, marks: Watermarks | None = None, patience: WaitBudget | None = None) -> None:
-        """Take what has come. With ``marks`` (lockstep), members' samples wait until their tick is over."""
+        """Read new samples. With ``marks`` (lockstep), members' samples wait until their tick is over."""
         fresh = self._drain()
         if marks is None:
             if self._deferred:
@@ -157,7 +157,7 @@ class Subscriber(Generic[M]):
         self.messages = ready
 
     def recv(self) -> M | None:
-        """The next message, for who answers to each as it comes, without time; None when nothing is there."""
+        """The next message or None, for loops that handle each message on arrival, without ticks."""
         while (sample := self.raw.recv()) is not None:
             if (entry := self._decode_sample(sample)) is not None:
                 return entry[0]
@@ -168,12 +168,12 @@ class Subscriber(Generic[M]):
         self.raw.close()
 
     def reject(self, reason: str) -> None:
-        """Count a sample as refused, as its owner does with one that decodes and still makes no sense."""
+        """Count a sample as refused; its owner calls this for one that decodes but makes no sense."""
         self.refused += 1
         self.reason = reason[:200]
 
     def health(self) -> InputHealth:
-        """The counts, as they are shown."""
+        """The counts, for the node's health."""
         return InputHealth(
             topic=self.name,
             received=self.received,
@@ -186,7 +186,7 @@ class Subscriber(Generic[M]):
         )
 
     def _drain(self) -> list[tuple[M, SampleInfo | None]]:
-        """What is there, at most as much as the ring holds: in a flood, more comes for as long as one takes."""
+        """The waiting samples, at most as many as the ring holds: a flood may fill it faster than it is read."""
         taken: list[tuple[M, SampleInfo | None]] = []
         open_ = self._decode_sample
         for sample in islice(iter(self.raw.recv, None), self._capacity):
@@ -195,10 +195,10 @@ class Subscriber(Generic[M]):
         return taken
 
     def _decode_sample(self, sample: Sample) -> tuple[M, SampleInfo | None] | None:
-        """The message in a sample that is new, meant for this topic and of its type; gaps before it count as lost.
+        """The message of a sample if it is new, on this topic's key and of its type; gaps before it count as lost.
 
-        Asking for key and type takes 2 us: it is done for each command, for what has no publisher, and else for what
-        does not continue its publisher's numbers. The rest takes about 2 us for an Odometry.
+        Reading key and type takes 2 us: it is done for each command, each foreign sample, and each that does not
+        continue its publisher's numbers. The rest takes about 2 us for an Odometry.
         """
         payload, attachment, source = sample
         origin = unpack_attachment(attachment)
@@ -230,7 +230,7 @@ class Subscriber(Generic[M]):
         return message, origin
 
     def _is_new(self, origin: SampleInfo) -> bool:
-        """Whether a good sample that does not continue its publisher's numbers is to be taken; it is counted so."""
+        """Whether to accept a valid sample that does not continue its publisher's numbers; counts it accordingly."""
         last = self._last.get(origin.publisher, 0)
         verdict = self._sequences.judge(origin)
         if verdict is Verdict.REPEATED:
@@ -253,9 +253,9 @@ class Subscriber(Generic[M]):
             self._sequences.pass_over(origin.publisher, origin.sequence)
 
     def _accept(self, source: Any, origin: SampleInfo | None) -> bool:
-        """A put to a wildcard reaches every topic that it covers, and is meant for none of them.
+        """Whether a sample is on this topic's own key, of its type, and from its only publisher, if it has one.
 
-        A topic of one node's alone takes nothing from others.
+        A put to a wildcard reaches every topic that it covers, and is refused by each.
         """
         key, kind = self.raw.key(source), self.raw.encoding(source)
         if key != self.key:
@@ -271,12 +271,12 @@ class Subscriber(Generic[M]):
     def _wait_for_required(
         self, awaited: dict[bytes, int], fresh: list[tuple[M, SampleInfo | None]], patience: WaitBudget
     ) -> None:
-        """Block until every awaited sample is there; what does not come while patience lasts is counted as lost."""
+        """Block until every required sample has arrived; those that do not arrive within the budget count as lost."""
         while missing := [each for each, number in awaited.items() if self._last.get(each, 0) < number]:
             if not patience.sleep():
                 patience.missed.append(self.name)
                 for publisher in missing:
-                    # Of one that was never heard, nothing says how many there were, nor with which number it begins.
+                    # The first number of a publisher without any sample is unknown, so at least one is lost.
                     if (last := self._last.get(publisher)) is None:
                         self.lost = saturating_add(self.lost, 1)
                     else:
@@ -288,24 +288,24 @@ class Subscriber(Generic[M]):
     def _admit_deferred(
         self, marks: Watermarks, reached: dict[bytes, int], ready: list[tuple[M, SampleInfo | None]]
     ) -> None:
-        """Take from what is held what its member has told of by now, and all of those who are no members any more."""
+        """Admit deferred samples that their member has reported, and all of nodes that are no longer members."""
         for publisher, held in list(self._deferred.items()):
             last = reached.get(publisher, 0) if publisher[:MEMBER_BYTES] in marks.members else held[-1][1].sequence
             while held and held[0][1].sequence <= last:
                 ready.append(held.popleft())
             if held and marks.epoch_changed:
-                self._retract(len(held), "a member's number that was not told before time began anew: is it forged?")
+                self._retract(len(held), "a member's number that it had not reported before the reset: is it forged?")
                 held.clear()
             if not held:
                 del self._deferred[publisher]
 
     def _defer(self, message: M, origin: SampleInfo, last: int) -> None:
-        """Keep a member's sample until its number is told; ``last`` is the last one that was."""
+        """Defer a member's sample until its number is reported; ``last`` is the last reported one."""
         publisher, number = origin.publisher, origin.sequence
         if publisher[MEMBER_BYTES:] != self._topic_bytes:
             self._retract(1, "under the id of a lockstep member, which does not publish this topic")
         elif number > last + self._capacity:
-            self._retract(1, f"number {number} of a lockstep member that has told of {last}: is it forged?")
+            self._retract(1, f"number {number} of a lockstep member that has reported {last}: is it forged?")
         else:
             held = self._deferred.setdefault(publisher, deque())
             while held and held[-1][1].sequence >= number:  # its true numbers go on below forged ones
@@ -314,14 +314,14 @@ class Subscriber(Generic[M]):
             held.append((message, origin))
 
     def _retract(self, count: int, reason: str) -> None:
-        """Count samples as refused that were taken before."""
+        """Count samples as refused that were accepted before."""
         self.received -= count
         self.reject(reason)
         self.refused += count - 1
 
 
 def _order(entry: tuple[Message, SampleInfo | None]) -> tuple[bytes, bytes, int]:
-    """Senders by name, then topic, then number: the same in every run, whatever the network's timing."""
+    """Order by sender (a hash of its name), topic and number: the same in every run, whatever the network's timing."""
     origin = entry[1]
     if origin is None:
         return b"", b"", 0
@@ -371,7 +371,7 @@ class UntypedSubscriber(Subscriber[Message]):
 
 
 class Latest(Generic[M]):
-    """The newest message of a topic, as it stood at the start of the tick."""
+    """The newest message of a topic, as of the start of the tick."""
 
     def __init__(self, source: Subscriber[M], now: Callable[[], int]) -> None:
         self._source, self._now = source, now
@@ -407,21 +407,21 @@ class Stream(Generic[M]):
     def __init__(self, source: Subscriber[M]) -> None:
         self._source = source
         self.latched = source.topic.quality is Quality.LATCHED
-        self._taken: list[M] = []
+        self._messages: list[M] = []
 
     def refresh(self) -> None:
-        """Add the input's last batch to what was not taken yet."""
-        self._taken += [message for message, _ in self._source.messages]
-        excess = len(self._taken) - QUEUE_SIZE
+        """Add the subscriber's new messages."""
+        self._messages += [message for message, _ in self._source.messages]
+        excess = len(self._messages) - QUEUE_SIZE
         if excess > 0:
             self._source.lost = saturating_add(self._source.lost, excess)
-            del self._taken[:excess]
+            del self._messages[:excess]
 
     def clear(self) -> None:
-        """Forget what was not taken."""
-        self._taken = []
+        """Forget all messages."""
+        self._messages = []
 
     def drain(self) -> list[M]:
-        """What came since the last call, oldest first."""
-        taken, self._taken = self._taken, []
-        return taken
+        """The messages since the last call, oldest first."""
+        messages, self._messages = self._messages, []
+        return messages

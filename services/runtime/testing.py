@@ -38,7 +38,7 @@ from services.runtime.transport.wire import unpack_attachment
 M = TypeVar("M", bound=Message)
 
 WITHIN_S = 30.0
-"""Wall time after which what a service should do counts as not done."""
+"""Wall time [s] after which an expected action of the service counts as missing."""
 _QUEUE_SIZE = 1 << 16
 
 
@@ -56,7 +56,7 @@ class ServiceHarness:
 
     @property
     def log(self) -> str:
-        """What the service has logged."""
+        """The service's log."""
         return self._log.getvalue()
 
     def publish(self, topic: Topic[M], message: M) -> None:
@@ -78,7 +78,7 @@ class ServiceHarness:
         self._settle()
 
     def next(self, topic: Topic[M], within: float = WITHIN_S) -> M:
-        """The oldest message of the service that was not taken yet.
+        """The oldest message of the service that was not returned yet.
 
         Args:
             topic: where the service publishes it.
@@ -98,7 +98,7 @@ class ServiceHarness:
             self._transport.wait(self._everything)
 
     def drain(self, topic: Topic[M]) -> list[M]:
-        """All messages of the service that were not taken yet, oldest first."""
+        """All messages of the service that were not returned yet, oldest first."""
         self._settle()
         self._receive()
         taken = self._received.pop(self._identity.key(topic.name), ())
@@ -158,7 +158,7 @@ def run_service(
         rate: of a loop alone, in Hz.
 
     Raises:
-        Exception: what the loop raised, when the test leaves.
+        Exception: the loop raised it; it is raised here when the test leaves.
         BadInput: for parameters out of their bounds.
     """
     if isinstance(service, str | Path):

@@ -214,7 +214,7 @@ class WorldStatesPublisher:
         self._publisher: Publisher[Any] | None = node.advertise(WORLD_STATES) if world.world_bodies else None
 
     def publish(self, now: int, tick: int) -> None:
-        """Publish them if they are due at ``tick``."""
+        """Publish them if they are due at ``tick``, which is at ``now`` [ns]."""
         if self._publisher is None or not _due(tick, WORLD_STATES.rate) or not self._publisher.has_subscribers:
             return
         names = self._world.world_bodies

@@ -34,9 +34,9 @@ _UNIT = Vector3(x=1.0, y=1.0, z=1.0)
 def world_markers(world: WorldDescription) -> MarkerArray:
     """The ground, in the namespace ``ground``, as a flat cube whose top is z = 0; then the bodies, in order.
 
-    A body's namespace is its kind (``fixed``, ``movable`` or ``moving``), its ``text`` its name, ``id`` counts the
-    markers. A fixed body has a marker for each part; one that moves has one alone, whose pose is the body's, so that it
-    can be drawn anew where ``/world/states`` says.
+    A body's namespace is its kind (``fixed``, ``movable`` or ``moving``), or ``ground`` for parts on which wheels roll;
+    its ``text`` is its name, ``id`` counts the markers. A fixed body has a marker for each part; one that moves has one
+    alone, whose pose is the body's, so that it can be drawn anew where ``/world/states`` says.
     """
     markers: list[Marker] = []
     points = 0
@@ -55,7 +55,11 @@ def _with_id(marker: Marker, number: int) -> Marker:
 def _body_markers(body: WorldBody, triangles: bool) -> list[Marker]:
     parts = [part for part in body.parts if part.visible]
     if body.kind == "fixed":
-        return [_part_marker(body, part, body.pose @ part.pose, triangles) for part in parts]
+        markers = [_part_marker(body, part, body.pose @ part.pose, triangles) for part in parts]
+        return [
+            msgspec.structs.replace(marker, ns="ground") if part.ground else marker
+            for part, marker in zip(parts, markers, strict=True)
+        ]
     if len(parts) == 1 and parts[0].pose == IDENTITY:
         return [_part_marker(body, parts[0], body.pose, triangles)]
     return [_compound_marker(body, parts, triangles)] if parts else []

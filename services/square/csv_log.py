@@ -78,7 +78,7 @@ class CsvLog:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        # What could not be flushed was told when it was written.
+        # A failed flush was reported when it was written.
         with suppress(OSError):
             if self._file is not None:
                 self._file.close()

@@ -24,7 +24,7 @@ CATCH_UP_FACTOR = 1.2
 MAX_LAG = Pose2(0.1, 0.1, 0.2)
 """Lag [m, rad] beyond which the profile waits for the robot: the base is too slow or blocked."""
 DISPLACED = 0.5
-"""Distance from the profile [m] beyond which the robot must have been moved: it stands still."""
+"""Distance from the profile [m] beyond which the robot must have been displaced: it stops."""
 STANDSTILL = Twist2(0.002, 0.02)
 """Measured speeds below which a robot counts as standing."""
 
@@ -49,7 +49,7 @@ class ProfileState:
         speed: Speed of the profile [m/s or rad/s].
         settling_time: Time since the profile ended [s].
         command: The last command.
-        displaced: The robot was moved away and stands still.
+        displaced: The robot was displaced and stops.
     """
 
     square: Square

@@ -15,7 +15,7 @@ from services.runtime.context import Context
 from services.runtime.errors import BadInput
 from services.runtime.transport.wire import SampleInfo
 from services.state import StateParameters
-from services.state.robot import RobotStatePublisher
+from services.state.robot_state_publisher import RobotStatePublisher
 
 MAX_OTHER_PUBLISHERS = 256
 """Most publishers remembered; beyond that, the oldest is forgotten."""
@@ -35,15 +35,15 @@ class OtherPublishers:
     def update(self, batch: Iterable[tuple[TFMessage, SampleInfo | None]]) -> None:
         """Read the messages on /tf_static."""
         for message, origin in batch:
-            who = origin.publisher if origin is not None else b""
-            if who != self._own:
-                self._frames[who] = frozenset(each.child_frame_id for each in message.transforms)
+            sender = origin.publisher if origin is not None else b""
+            if sender != self._own:
+                self._frames[sender] = frozenset(each.child_frame_id for each in message.transforms)
                 if len(self._frames) > MAX_OTHER_PUBLISHERS:
                     del self._frames[next(iter(self._frames))]
 
     def new_conflicts(self, frames: frozenset[str]) -> list[str]:
         """Return those of our frames that another publisher publishes, each once."""
-        found = sorted({name for told in self._frames.values() for name in frames & told} - self._reported)
+        found = sorted({name for others in self._frames.values() for name in frames & others} - self._reported)
         self._reported.update(found)
         return found
 

@@ -35,7 +35,7 @@ MAX_DELAY_S = 2.0
 
 @dataclass(frozen=True)
 class HoldDetector:
-    """What is known about the keyboard and the last key.
+    """The timing of the keyboard, and the last key.
 
     Attributes:
         first_timeout: How long a first event counts [s]; every event, unless ``adaptive``.
@@ -77,7 +77,7 @@ def pressed(man: HoldDetector, key: str, at: float, stall: float = 0.0) -> HoldD
 
 
 def reset(man: HoldDetector) -> HoldDetector:
-    """Return the state without a held key; what was learned about the keyboard stays."""
+    """Return the state without a held key; the learned timing stays."""
     return HoldDetector(man.first_timeout, man.adaptive)
 
 

@@ -26,7 +26,7 @@ class KeyEvent(NamedTuple):
 
 
 class Keyboard(Protocol):
-    """A keyboard; ``with`` takes it over and restores it."""
+    """A keyboard; ``with`` acquires it and restores it."""
 
     def __enter__(self) -> Self: ...
 

@@ -84,7 +84,7 @@ def run_keyboard(
             repeater.reset()
         for event in events:
             keys = on_key(keys, event, p)
-        # Up to ``due`` no other key event came; of the time since, when this loop was held up, nobody has looked.
+        # No other key event came until ``due``; while this loop was held up since then, events were not read.
         wanted = keys.command(min(wall, due))
         commands.update(wanted, wall, monitor.sim_seconds, bool(events), any(map(is_stop, events)))
         node.heartbeat.state, node.heartbeat.ticks = monitor.state, node.heartbeat.ticks + 1

@@ -172,8 +172,8 @@ def choose_base(asked: str, found: Mapping[str, BaseInfo], where: str) -> BaseIn
     """Return the base to drive; raises BadInput if there is none or the choice is ambiguous.
 
     Args:
-        bases: The bases by namespace.
         asked: Namespace of the base; the only base if empty.
+        found: The bases by namespace.
         where: Name of the network, for errors.
     """
     if not found:
@@ -181,7 +181,7 @@ def choose_base(asked: str, found: Mapping[str, BaseInfo], where: str) -> BaseIn
     listed = ", ".join(found)
     if not asked:
         if len(found) > 1:
-            raise BadInput(f"there are several robots, say which one: {listed}")
+            raise BadInput(f"there are several robots: choose one of {listed}")
         return next(iter(found.values()))
     try:
         namespace = absolute_namespace(asked.rstrip("/"))

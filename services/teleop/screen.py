@@ -18,7 +18,7 @@ STDOUT = 1
 
 @dataclass(frozen=True)
 class View:
-    """What is shown: set speeds, the command sent, and the state of the robot.
+    """The contents of the screen: set speeds, the command sent, and the state of the robot.
 
     ``sent`` is None while nothing is sent; ``error`` describes a problem with the network or the clock.
     """

@@ -66,7 +66,7 @@ def run(ctx: Context[WaypointParameters]) -> None:
 
 
 def pose_and_twist(odometry: Odometry) -> tuple[Pose2, Twist2]:
-    """The pose on the ground and the velocity that an odometry message tells."""
+    """The planar pose and velocity in an odometry message."""
     return Pose2.from_msg(odometry.pose.pose), Twist2.from_msg(odometry.twist.twist)
 
 

@@ -183,7 +183,7 @@ def test_changes_arrive_and_become_the_schedule_of_the_parameter_service() -> No
         ("max_linear = 0.2", "max_linear = nan", 31, "max_linear = nan: a number that is not finite"),
         ("[[1, 1]]", '[[1, "x"]]', 31, "goals"),
         ('"linear.max_velocity" = 0.2', '"linear.max_velocty" = 0.2', 35, "did you mean 'linear.max_velocity'"),
-        ("brake = 1", "wheel_radius = 1", 35, "wheel_radius does not change while its service runs"),
+        ("brake = 1", "wheel_radius = 1", 35, "wheel_radius cannot change while its service runs"),
         ("brake = 1", "brake = 0", 35, "brake = 0"),
     ],
 )

@@ -77,36 +77,38 @@ class FleetCommandLine:
 
 
 @pytest.fixture
-def desk(tmp_path: Path) -> Iterator[FleetCommandLine]:
+def terminal(tmp_path: Path) -> Iterator[FleetCommandLine]:
     made = FleetCommandLine(tmp_path)
     yield made
     made.start("down").communicate(timeout=90)
 
 
-def test_run_to_its_goals(desk: FleetCommandLine) -> None:
-    out = desk.run("up", desk.fleet("lockstep", "goals", "[0.3, 0]"), "--report", str(desk.results), "--json")
+def test_run_to_its_goals(terminal: FleetCommandLine) -> None:
+    out = terminal.run(
+        "up", terminal.fleet("lockstep", "goals", "[0.3, 0]"), "--report", str(terminal.results), "--json"
+    )
     report = json.loads(out)
-    assert report == desk.report()
+    assert report == terminal.report()
     assert report["ok"] is True
     assert report["run"]["ended"] == "goals"
     assert report["run"]["restarts"] == 0
     assert report["robots"]["r"]["points_reached"] == 1
-    assert (desk.results / "report.png").stat().st_size > 10_000
-    assert "run ended" in (desk.results / "logs" / "grader.log").read_text()
-    assert not json.loads(desk.run("ps", "--json"))
+    assert (terminal.results / "report.png").stat().st_size > 10_000
+    assert "run ended" in (terminal.results / "logs" / "grader.log").read_text()
+    assert not json.loads(terminal.run("ps", "--json"))
 
 
-def test_missed_bound_is_exit_status_one(desk: FleetCommandLine) -> None:
-    fleet = Path(desk.fleet("lockstep", "goals", "[0.3, 0]"))
+def test_missed_bound_is_exit_status_one(terminal: FleetCommandLine) -> None:
+    fleet = Path(terminal.fleet("lockstep", "goals", "[0.3, 0]"))
     fleet.write_text(fleet.read_text() + "[bounds]\npath_length_m = 0.1\n")
-    arguments = ("up", str(fleet), "--no-picture", "--report", str(desk.results))
-    assert "missed: r.path_length_m" in desk.run(*arguments, status=1)
-    assert not (desk.results / "report.png").exists()
+    arguments = ("up", str(fleet), "--no-picture", "--report", str(terminal.results))
+    assert "missed: r.path_length_m" in terminal.run(*arguments, status=1)
+    assert not (terminal.results / "report.png").exists()
 
 
 def test_interrupt_ends_it_with_a_report_of_what_was_driven(desk: FleetCommandLine) -> None:
-    fleet = desk.fleet("real", "goals", "[50, 0]")
-    up = desk.start("up", fleet, "--report", str(desk.results), "--no-view", "--no-picture")
+    fleet = terminal.fleet("real", "goals", "[50, 0]")
+    up = terminal.start("up", fleet, "--report", str(terminal.results), "--no-view", "--no-picture")
     assert up.stderr
     for line in up.stderr:
         if "processes ready after" in line:
@@ -115,43 +117,45 @@ def test_interrupt_ends_it_with_a_report_of_what_was_driven(desk: FleetCommandLi
     _, err = up.communicate(timeout=60)
     assert up.returncode == INTERRUPTED
     assert "it was interrupted" in err
-    assert desk.report()["run"]["ended"] == "stopped"
+    assert terminal.report()["run"]["ended"] == "stopped"
 
 
 @pytest.mark.parametrize("topology", ["direct", "star"])
 def test_life_in_the_background(desk: FleetCommandLine, topology: str) -> None:
-    fleet = desk.fleet("real", "never", "", topology)
-    started = json.loads(desk.run("up", fleet, "--detach", "--no-picture", "--json", "--report", str(desk.results)))
-    before = desk.processes()
+    fleet = terminal.fleet("real", "never", "", topology)
+    started = json.loads(
+        terminal.run("up", fleet, "--detach", "--no-picture", "--json", "--report", str(terminal.results))
+    )
+    before = terminal.processes()
     pids = [started["pid"], *(each["pid"] for each in before.values())]
     assert {name: each["state"] for name, each in before.items()} == dict.fromkeys(
         ("router", "params", "sim", "grader", "r/waypoint"), "ready"
     )
     assert all(each["memory_mib"] > 5 for each in before.values())
 
-    entities = json.loads(desk.run("graph", "--json"))
+    entities = json.loads(terminal.run("graph", "--json"))
     assert {"/supervisor", "/router", "/sim", "/grader", "/r/waypoint"} <= {each["node"] for each in entities}
     ends = {(each["kind"], each["node"], each["name"]) for each in entities}
     assert {("pub", "/sim", "/r/odom"), ("sub", "/r/waypoint", "/r/odom"), ("srv", "/sim", "/sim/spawn")} <= ends
 
-    assert desk.run("restart", "r/waypoint") == "r/waypoint restarts\n"
+    assert terminal.run("restart", "r/waypoint") == "r/waypoint restarts\n"
     psutil.Process(before["router"]["pid"]).kill()
-    after = desk.wait_until_ready("router", 1)
+    after = terminal.wait_until_ready("router", 1)
     assert after["pid"] != before["router"]["pid"]
-    desk.wait_until_ready("r/waypoint", 0)
-    now = desk.processes()
+    terminal.wait_until_ready("r/waypoint", 0)
+    now = terminal.processes()
     assert now["sim"]["pid"] == before["sim"]["pid"]
     assert now["r/waypoint"]["pid"] != before["r/waypoint"]["pid"]
-    assert "killed by signal 9" in desk.run("logs", "router")
+    assert "killed by signal 9" in terminal.run("logs", "router")
 
-    assert f"held by the fleet one (supervisor {started['pid']}" in _refused(desk, fleet)
-    assert f"results in {desk.results}" in desk.run("down")
-    assert desk.report()["run"]["restarts"] == 1
+    assert f"held by the fleet one (supervisor {started['pid']}" in _refused(terminal, fleet)
+    assert f"results in {terminal.results}" in terminal.run("down")
+    assert terminal.report()["run"]["restarts"] == 1
     assert [pid for pid in (*pids, *(each["pid"] for each in now.values())) if not has_ended(pid)] == []
 
 
-def _refused(desk: FleetCommandLine, fleet: str) -> str:
-    second = desk.start("up", fleet, "--report", str(desk.folder / "second"))
+def _refused(terminal: FleetCommandLine, fleet: str) -> str:
+    second = terminal.start("up", fleet, "--report", str(terminal.folder / "second"))
     err = second.communicate(timeout=60)[1]
     assert second.returncode == 2
     return err

@@ -37,39 +37,39 @@ class FleetSlot:
 
 
 @pytest.fixture(scope="package")
-def ground(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Iterator[FleetSlot]:
-    ground = FleetSlot(tmp_path_factory, request.session)
-    yield ground
-    ground.stop()
+def fleet_slot(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Iterator[FleetSlot]:
+    fleet_slot = FleetSlot(tmp_path_factory, request.session)
+    yield fleet_slot
+    fleet_slot.stop()
 
 
 @pytest.fixture
-def driving(ground: FleetSlot) -> SupervisedFleet:
+def driving(fleet_slot: FleetSlot) -> SupervisedFleet:
     """Four robots at full speed, three of them by controllers that hang when told."""
-    fleet = ground.fleet("driving", fleet_files.DRIVING, 4)
+    fleet = fleet_slot.fleet("driving", fleet_files.DRIVING, 4)
     fleet.wait_ready(within=START_S)
     fleet.wait_full_speed(*fleet.recorder.robots)
     return fleet
 
 
 @pytest.fixture
-def star(ground: FleetSlot) -> SupervisedFleet:
+def star(fleet_slot: FleetSlot) -> SupervisedFleet:
     """Everything through the router; a robot at full speed, and one that waits for commands of the test."""
-    fleet = ground.fleet("star", fleet_files.STAR, 2)
+    fleet = fleet_slot.fleet("star", fleet_files.STAR, 2)
     fleet.wait_ready(within=START_S)
     fleet.wait_full_speed("tb3_0")
     return fleet
 
 
 @pytest.fixture
-def broken(ground: FleetSlot) -> SupervisedFleet:
+def broken(fleet_slot: FleetSlot) -> SupervisedFleet:
     """A robot, services that raise when told, and one that ends at once."""
-    fleet = ground.fleet("broken", fleet_files.BROKEN, 1)
+    fleet = fleet_slot.fleet("broken", fleet_files.BROKEN, 1)
     fleet.wait_ready("tb3_0/waypoint", within=START_S)
     return fleet
 
 
 @pytest.fixture
-def alone(ground: FleetSlot) -> None:
+def only_fleet(fleet_slot: FleetSlot) -> None:
     """No other fleet runs beside the test's own."""
-    ground.stop()
+    fleet_slot.stop()

@@ -57,7 +57,7 @@ class ArmRecorder:
         self.references: list[float] = []
 
     def look(self) -> None:
-        """Take what has come."""
+        """Read new messages."""
         for each in (self._joints, self._efforts, self._references):
             each.update()
         self.joints += [state for state, _ in self._joints.messages]
@@ -77,9 +77,9 @@ class ArmRecorder:
 
 @pytest.fixture(scope="module")
 def swinging(
-    ground: FleetSlot, tmp_path_factory: pytest.TempPathFactory
+    fleet_slot: FleetSlot, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[tuple[SupervisedFleet, ArmRecorder]]:
-    ground.stop()  # no other fleet runs beside it
+    fleet_slot.stop()  # no other fleet runs beside it
     with SupervisedFleet(ARM, 0, tmp_path_factory.mktemp("arm")) as fleet, fleet.node("witness") as node:
         witness = ArmRecorder(node)
         fleet.wait_ready(within=START_S)

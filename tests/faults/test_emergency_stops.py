@@ -122,96 +122,106 @@ class EmergencyStopHarness:
 
 
 @pytest.fixture(scope="module")
-def yard(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmergencyStopHarness]:
+def fleet_with_stops(tmp_path_factory: pytest.TempPathFactory) -> Iterator[EmergencyStopHarness]:
     with SupervisedFleet(DESCRIPTION, 2, tmp_path_factory.mktemp("stops")) as fleet:
         fleet.wait_ready(within=START_S)
         fleet.wait_full_speed("tb3_0", FREE)
         yield EmergencyStopHarness(fleet)
 
 
-def test_a_stop_from_the_panel_outlives_the_simulation_and_the_panel(yard: EmergencyStopHarness) -> None:
-    yard.page(True)
-    yard.wait_held("/panel")
-    born = yard.restart("sim")
-    yard.watch_it_stand(born)
-    yard.wait_held("/panel")
+def test_a_stop_from_the_panel_outlives_the_simulation_and_the_panel(fleet_with_stops: EmergencyStopHarness) -> None:
+    fleet_with_stops.page(True)
+    fleet_with_stops.wait_held("/panel")
+    born = fleet_with_stops.restart("sim")
+    fleet_with_stops.watch_it_stand(born)
+    fleet_with_stops.wait_held("/panel")
     # Both at once: nobody is left who remembers, but for the file.
-    yard.fleet.kill("panel")
-    born = yard.restart("sim")
-    yard.watch_it_stand(born)
-    yard.fleet.wait_ready("panel")
-    assert yard.shown() == (True, True), "the panel that returned knows that it was itself"
-    yard.page(False)
-    yard.wait_driving()
+    fleet_with_stops.fleet.kill("panel")
+    born = fleet_with_stops.restart("sim")
+    fleet_with_stops.watch_it_stand(born)
+    fleet_with_stops.fleet.wait_ready("panel")
+    assert fleet_with_stops.shown() == (True, True), "the panel that returned knows that it was itself"
+    fleet_with_stops.page(False)
+    fleet_with_stops.wait_driving()
 
 
-def test_a_stop_from_a_tool_outlives_it_and_holders_do_not_release_each_other(yard: EmergencyStopHarness) -> None:
-    holding = yard.verb("topic", "pub", "/tb3_0/e_stop", "true")
-    yard.wait_held("/_pub_")
+def test_a_stop_from_a_tool_outlives_it_and_holders_do_not_release_each_other(
+    fleet_with_stops: EmergencyStopHarness,
+) -> None:
+    holding = fleet_with_stops.verb("topic", "pub", "/tb3_0/e_stop", "true")
+    fleet_with_stops.wait_held("/_pub_")
     holding.kill()
     holding.communicate()
-    born = yard.restart("sim")
-    yard.watch_it_stand(born)
-    yard.page(True)
-    yard.wait_held("/_pub_", "/panel")
-    yard.do("topic", "pub", "--once", "/tb3_0/e_stop", "false")
-    yard.wait_held("/panel")
-    yard.do("topic", "pub", "--once", "/tb3_0/e_stop", "true")
-    yard.wait_held("/_pub_", "/panel")
-    assert "may move when /_pub_" in yard.page(False)
-    yard.wait_held("/_pub_")
-    listed = yard.do("sim", "stops")
+    born = fleet_with_stops.restart("sim")
+    fleet_with_stops.watch_it_stand(born)
+    fleet_with_stops.page(True)
+    fleet_with_stops.wait_held("/_pub_", "/panel")
+    fleet_with_stops.do("topic", "pub", "--once", "/tb3_0/e_stop", "false")
+    fleet_with_stops.wait_held("/panel")
+    fleet_with_stops.do("topic", "pub", "--once", "/tb3_0/e_stop", "true")
+    fleet_with_stops.wait_held("/_pub_", "/panel")
+    assert "may move when /_pub_" in fleet_with_stops.page(False)
+    fleet_with_stops.wait_held("/_pub_")
+    listed = fleet_with_stops.do("sim", "stops")
     assert "tb3_0" in listed
     assert "/_pub_" in listed
-    assert "the stop of /_pub_" in yard.do("sim", "release", "tb3_0")
-    yard.wait_driving()
-    assert yard.do("sim", "stops") == "no robot is stopped\n"
+    assert "the stop of /_pub_" in fleet_with_stops.do("sim", "release", "tb3_0")
+    fleet_with_stops.wait_driving()
+    assert fleet_with_stops.do("sim", "stops") == "no robot is stopped\n"
 
 
-def test_what_is_given_while_the_simulation_is_down_or_paused_counts(yard: EmergencyStopHarness) -> None:
-    yard.do("sim", "pause")
-    yard.do("topic", "pub", "--once", "--wall-time", "/e_stop", "true")
-    wait_until(lambda: [each.robot for each in yard.stops()] == [""], what="a stop of all that counts in a pause")
-    born = yard.restart("sim")
-    yard.fleet.wait(lambda: yard.robot.samples[-1].sent > born, "the new simulation")
-    yard.wait_held("/_pub_")
-    assert [each for each in yard.fleet.robot(FREE).samples if each.sent > born and each.speed > LANDING] == []
-    assert "all robots: the stop of /_pub_" in yard.do("sim", "release", "--all")
-    yard.wait_driving()
+def test_what_is_given_while_the_simulation_is_down_or_paused_counts(fleet_with_stops: EmergencyStopHarness) -> None:
+    fleet_with_stops.do("sim", "pause")
+    fleet_with_stops.do("topic", "pub", "--once", "--wall-time", "/e_stop", "true")
+    wait_until(
+        lambda: [each.robot for each in fleet_with_stops.stops()] == [""], what="a stop of all that counts in a pause"
+    )
+    born = fleet_with_stops.restart("sim")
+    fleet_with_stops.fleet.wait(lambda: fleet_with_stops.robot.samples[-1].sent > born, "the new simulation")
+    fleet_with_stops.wait_held("/_pub_")
+    assert [
+        each for each in fleet_with_stops.fleet.robot(FREE).samples if each.sent > born and each.speed > LANDING
+    ] == []
+    assert "all robots: the stop of /_pub_" in fleet_with_stops.do("sim", "release", "--all")
+    fleet_with_stops.wait_driving()
 
 
-def test_a_deleted_robot_takes_its_stop_with_it(yard: EmergencyStopHarness) -> None:
-    yard.page(True)
-    yard.wait_held("/panel")
-    place = yard.fleet.recorder.node.call(DELETE, Name(name="tb3_0"))
+def test_a_deleted_robot_takes_its_stop_with_it(fleet_with_stops: EmergencyStopHarness) -> None:
+    fleet_with_stops.page(True)
+    fleet_with_stops.wait_held("/panel")
+    place = fleet_with_stops.fleet.recorder.node.call(DELETE, Name(name="tb3_0"))
     assert place.text == "tb3_0 is gone"
-    assert yard.stops() == ()
-    born = max(each.sent for each in yard.robot.samples)
-    yard.fleet.recorder.node.call(SPAWN, SpawnModel(name="tb3_0", model="burger"))
-    yard.fleet.wait(lambda: yard.robot.samples[-1].sent > born, "the robot of the same name")
-    yard.wait_driving()
+    assert fleet_with_stops.stops() == ()
+    born = max(each.sent for each in fleet_with_stops.robot.samples)
+    fleet_with_stops.fleet.recorder.node.call(SPAWN, SpawnModel(name="tb3_0", model="burger"))
+    fleet_with_stops.fleet.wait(lambda: fleet_with_stops.robot.samples[-1].sent > born, "the robot of the same name")
+    fleet_with_stops.wait_driving()
 
 
-def test_a_file_that_cannot_be_written_or_read(yard: EmergencyStopHarness) -> None:
-    run = Path(yard.fleet.folder) / "run"
+def test_a_file_that_cannot_be_written_or_read(fleet_with_stops: EmergencyStopHarness) -> None:
+    run = Path(fleet_with_stops.fleet.folder) / "run"
     file = run / "stops.json"
-    beside = run / f".stops.json.{yard.fleet.process('sim').pid}"
+    beside = run / f".stops.json.{fleet_with_stops.fleet.process('sim').pid}"
     beside.mkdir()  # the simulation can write no new file, as on a full disk
     (beside / "full").touch()
-    yard.page(True)
-    yard.wait_held("/panel")
-    yard.fleet.wait(lambda: "emergency stops cannot be written" in yard.fleet.log("sim"), "the trouble in the log")
+    fleet_with_stops.page(True)
+    fleet_with_stops.wait_held("/panel")
+    fleet_with_stops.fleet.wait(
+        lambda: "emergency stops cannot be written" in fleet_with_stops.fleet.log("sim"), "the trouble in the log"
+    )
     assert "/panel" not in file.read_text()
     (beside / "full").unlink()
     beside.rmdir()
-    yard.fleet.wait(lambda: "/panel" in file.read_text(), "the stop in the file, once there is room")
+    fleet_with_stops.fleet.wait(lambda: "/panel" in file.read_text(), "the stop in the file, once there is room")
 
     file.write_text("{")
-    born = yard.restart("sim")
-    yard.wait_held("/panel", "(damaged file)")
-    assert psutil.pid_exists(yard.fleet.process("sim").pid)
-    assert [each for each in yard.fleet.robot(FREE).samples if each.sent > born and each.speed > LANDING] == []
-    assert "all robots are stopped" in yard.fleet.log("sim")
-    yard.page(False)
-    yard.do("sim", "release", "--all")
-    yard.wait_driving()
+    born = fleet_with_stops.restart("sim")
+    fleet_with_stops.wait_held("/panel", "(damaged file)")
+    assert psutil.pid_exists(fleet_with_stops.fleet.process("sim").pid)
+    assert [
+        each for each in fleet_with_stops.fleet.robot(FREE).samples if each.sent > born and each.speed > LANDING
+    ] == []
+    assert "all robots are stopped" in fleet_with_stops.fleet.log("sim")
+    fleet_with_stops.page(False)
+    fleet_with_stops.do("sim", "release", "--all")
+    fleet_with_stops.wait_driving()

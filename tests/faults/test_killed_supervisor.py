@@ -15,7 +15,7 @@ FAMILY_SIZE = len(NODES) + 3
 """The processes of the nodes, the child of one of them, the supervisor and its warden."""
 
 
-@pytest.mark.usefixtures("alone")
+@pytest.mark.usefixtures("only_fleet")
 def test_all_are_gone_and_up_works_again_on_the_same_port(tmp_path: Path) -> None:
     with SupervisedFleet(FAMILY, 1, tmp_path / "first") as fleet:
         fleet.wait_ready(*NODES, within=START_S)

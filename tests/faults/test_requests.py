@@ -44,43 +44,47 @@ UNKNOWN = msgpack.packb({"set": SET, "values": [{"name": f"x{number:0250}", "val
 
 
 @pytest.fixture(scope="module")
-def asked(ground: FleetSlot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[SupervisedFleet]:
-    ground.stop()
+def asked_fleet(fleet_slot: FleetSlot, tmp_path_factory: pytest.TempPathFactory) -> Iterator[SupervisedFleet]:
+    fleet_slot.stop()
     with SupervisedFleet(FLEET, 1, tmp_path_factory.mktemp("asked")) as fleet:
         fleet.wait_ready(within=START_S)
         yield fleet
 
 
 @pytest.fixture
-def session(asked: SupervisedFleet) -> Iterator[zenoh.Session]:
-    with external_client(asked.endpoint) as made:
+def session(asked_fleet: SupervisedFleet) -> Iterator[zenoh.Session]:
+    with external_client(asked_fleet.endpoint) as made:
         yield made
 
 
 @pytest.fixture
-def unharmed(asked: SupervisedFleet) -> Iterator[None]:
+def unharmed(asked_fleet: SupervisedFleet) -> Iterator[None]:
     """Each process lives on, its heart beats on, and the next true requests are answered."""
-    before = {name: each.pid for name, each in asked.recorder.processes.items()}
+    before = {name: each.pid for name, each in asked_fleet.recorder.processes.items()}
     yield
-    beats = {node: asked.recorder.health[node][1].beat for node in NODES}
-    node = asked.recorder.node
+    beats = {node: asked_fleet.recorder.health[node][1].beat for node in NODES}
+    node = asked_fleet.recorder.node
     assert node.call(GET_STATE, GetModelState(name="tb3_0")).name == "tb3_0"
     assert node.call(PARAMS_SET, SetParameters(set=SET, values=assignments(publish_rate=20.0), run=True)).set == SET
     with pytest.raises(CallFailed, match="unknown process 'rooter'; did you mean 'router'"):
         node.call(SUPERVISOR_STOP, Name(name="rooter"))
-    asked.wait(lambda: all(asked.recorder.health[each][1].beat > beats[each] for each in NODES), "more heartbeats")
-    assert {name: each.pid for name, each in asked.recorder.processes.items()} == before
-    assert all(each.restarts == 0 for each in asked.recorder.processes.values())
+    asked_fleet.wait(
+        lambda: all(asked_fleet.recorder.health[each][1].beat > beats[each] for each in NODES), "more heartbeats"
+    )
+    assert {name: each.pid for name, each in asked_fleet.recorder.processes.items()} == before
+    assert all(each.restarts == 0 for each in asked_fleet.recorder.processes.values())
 
 
 @pytest.mark.usefixtures("unharmed")
-def test_a_request_of_eight_megabytes_is_refused_unread(asked: SupervisedFleet, session: zenoh.Session) -> None:
+def test_a_request_of_eight_megabytes_is_refused_unread(asked_fleet: SupervisedFleet, session: zenoh.Session) -> None:
     payload = bytes(LARGEST_MESSAGE - 4096)
     for request in (GET_STATE, PARAMS_SET, SUPERVISOR_STOP):
         said = error_reason(session, request.name[1:], payload)
         assert said == f"a request of {len(payload)} bytes: at most {request.largest} are taken here"
-    asked.wait(lambda: all(asked.recorder.health[each][1].refused_requests for each in NODES), "the counts in health")
-    assert "a request of" in asked.recorder.health["/sim"][1].request_reason
+    asked_fleet.wait(
+        lambda: all(asked_fleet.recorder.health[each][1].refused_requests for each in NODES), "the counts in health"
+    )
+    assert "a request of" in asked_fleet.recorder.health["/sim"][1].request_reason
 
 
 @pytest.mark.usefixtures("unharmed")
@@ -113,12 +117,12 @@ def test_a_flood_of_requests_stops_no_heart(session: zenoh.Session) -> None:
     assert all(any(reason in each for reason in (b"nobody", b"unknown", b"busy")) for each in said)
 
 
-def test_two_servers_are_named_to_who_asks_in_the_log_and_by_doctor(asked: SupervisedFleet) -> None:
-    with asked.node("asker") as asker:
-        with asked.node("rogue") as rogue:
+def test_two_servers_are_named_to_who_asks_in_the_log_and_by_doctor(asked_fleet: SupervisedFleet) -> None:
+    with asked_fleet.node("asker") as asker:
+        with asked_fleet.node("rogue") as rogue:
             rogue.serve(GET_STATE, lambda _: ModelState(name="tb3_0"))
             with spinning(rogue):
-                asked.wait(lambda: len(servers(asker.transport, GET_STATE.name)) == 2, "both servers in sight")
+                asked_fleet.wait(lambda: len(servers(asker.transport, GET_STATE.name)) == 2, "both servers in sight")
                 with pytest.raises(SeveralServers, match="2 processes serve /sim/get_state") as caught:
                     asker.call(GET_STATE, GetModelState(name="tb3_0"))
                 assert "/sim (session" in str(caught.value)
@@ -126,15 +130,17 @@ def test_two_servers_are_named_to_who_asks_in_the_log_and_by_doctor(asked: Super
                 (found,) = requests(snapshot(asker.transport))
                 assert (found.state, found.why.partition(":")[0]) == ("fail", "2 processes serve /sim/get_state")
                 assert "/rogue" in found.why
-                asked.wait(lambda: "/rogue (session" in asked.log("sim"), "a word in the log of the simulation")
-        asked.wait(lambda: len(servers(asker.transport, GET_STATE.name)) == 1, "one server alone")
+                asked_fleet.wait(
+                    lambda: "/rogue (session" in asked_fleet.log("sim"), "a word in the log of the simulation"
+                )
+        asked_fleet.wait(lambda: len(servers(asker.transport, GET_STATE.name)) == 1, "one server alone")
         assert asker.call(GET_STATE, GetModelState(name="tb3_0")).name == "tb3_0"
 
 
-def test_a_server_that_was_killed_and_returns_is_one_server(asked: SupervisedFleet) -> None:
-    before = asked.process("sim")
-    asked.kill("sim")
-    with asked.node("asker") as asker:
+def test_a_server_that_was_killed_and_returns_is_one_server(asked_fleet: SupervisedFleet) -> None:
+    before = asked_fleet.process("sim")
+    asked_fleet.kill("sim")
+    with asked_fleet.node("asker") as asker:
 
         def answered() -> bool:
             try:
@@ -144,5 +150,5 @@ def test_a_server_that_was_killed_and_returns_is_one_server(asked: SupervisedFle
             except CallFailed:
                 return False
 
-        asked.wait(answered, "an answer of the new simulation")
-    asked.wait_restarted(before)
+        asked_fleet.wait(answered, "an answer of the new simulation")
+    asked_fleet.wait_restarted(before)

@@ -11,7 +11,7 @@ from tests.faults.supervised_fleet import START_S, SupervisedFleet
 from tests.harness.waiting import wait_until
 
 
-@pytest.mark.usefixtures("alone")
+@pytest.mark.usefixtures("only_fleet")
 @pytest.mark.parametrize(
     ("description", "name", "said", "lives", "reason"),
     [

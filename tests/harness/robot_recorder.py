@@ -67,7 +67,7 @@ class RobotRecorder:
         self.statuses: list[tuple[int, BaseStatus]] = []
 
     def poll(self) -> None:
-        """Take what has come."""
+        """Read new messages."""
         for input_ in (self.truth, self._commands, self._status):
             input_.update()
         self.samples += [_truth_sample(message, o.source_ns) for message, o in self.truth.messages if o]

@@ -37,7 +37,7 @@ TRIES = 4
 
 
 @pytest.fixture(scope="module")
-def bare(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CommandLine]:
+def bare_fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CommandLine]:
     """The fleet ``bare`` in the background."""
     terminal = CommandLine(tmp_path_factory.mktemp("bare"))
     started = terminal.run_fleet("bare", terminal.folder / "results", "--detach", "--json")
@@ -49,10 +49,10 @@ def bare(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CommandLine]:
 
 
 @pytest.fixture
-def node(bare: CommandLine) -> Iterator[Node]:
+def node(bare_fleet: CommandLine) -> Iterator[Node]:
     identity = Identity.of("tester")
     with (
-        ZenohTransport(configuration("direct", (router_endpoint(bare.port),))) as transport,
+        ZenohTransport(configuration("direct", (router_endpoint(bare_fleet.port),))) as transport,
         Node(transport, identity, "tester", Log(identity.node)) as made,
     ):
         yield made
@@ -65,14 +65,14 @@ def test_the_program_needs_zenoh_and_msgpack_alone() -> None:
     assert not any(isinstance(each, ast.ImportFrom) for each in imports)
 
 
-def test_it_drives_and_its_silence_stops_the_robot(bare: CommandLine, node: Node) -> None:
+def test_it_drives_and_its_silence_stops_the_robot(bare_fleet: CommandLine, node: Node) -> None:
     truth, others = (
         GroundTruthRecorder(node, "tb3_0"),
         [GroundTruthRecorder(node, f"tb3_{number}") for number in (1, 2, 3)],
     )
     bases = MessageRecorder(node.subscribe(BASE_STATUS, "/tb3_0/base_status"))
     starts = [each.wait_next() for each in others]
-    sent, samples = drive(bare, node, truth, bases)
+    sent, samples = drive(bare_fleet, node, truth, bases)
 
     assert 0.15 < distance(samples[0], samples[-1]) < 0.3
     faster = first(samples, 0, lambda v: v > 0.105)
@@ -98,30 +98,33 @@ def test_it_drives_and_its_silence_stops_the_robot(bare: CommandLine, node: Node
     assert last.commands_timed_out >= 1
 
 
-def test_any_user_of_the_machine_may_drive_this_fleet_and_is_told_so(bare: CommandLine, node: Node) -> None:
+def test_any_user_of_the_machine_may_drive_this_fleet_and_is_told_so(bare_fleet: CommandLine, node: Node) -> None:
     truth = GroundTruthRecorder(node, "tb3_0")
-    with run_as_other_user(f"tcp/127.0.0.1:{bare.port}") as program:
+    with run_as_other_user(f"tcp/127.0.0.1:{bare_fleet.port}") as program:
         assert program.stdout is not None
         assert program.stdout.readline() == "heard tb3_0/base_footprint\n"
         wait_until(
             lambda: truth.received() and speed(truth.received()[-1]) > 0.05, WITHIN_S, "another user driving the robot"
         )
-    said = (bare.folder / "results" / "supervisor.log").read_text()
-    assert f"listening on tcp/127.0.0.1:{bare.port}: every user of this machine can read everything and drive" in said
+    said = (bare_fleet.folder / "results" / "supervisor.log").read_text()
+    assert (
+        f"listening on tcp/127.0.0.1:{bare_fleet.port}: every user of this machine can read everything and drive"
+        in said
+    )
     wait_until(lambda: abs(speed(truth.received()[-1])) < 1e-3, WITHIN_S, "its silence stops the robot")
 
 
-def test_a_second_fleet_is_told_who_holds_the_port(bare: CommandLine) -> None:
-    refused = bare.run_fleet("lab", bare.folder / "second", "--duration", "1")
+def test_a_second_fleet_is_told_who_holds_the_port(bare_fleet: CommandLine) -> None:
+    refused = bare_fleet.run_fleet("lab", bare_fleet.folder / "second", "--duration", "1")
     assert refused.status == 2
-    assert f"port {bare.port} is held by the fleet bare (supervisor " in refused.err
+    assert f"port {bare_fleet.port} is held by the fleet bare (supervisor " in refused.err
     assert "--port" in refused.err
     assert refused.out == ""
-    assert wait_until(lambda: json.loads(bare.run("ps", "--json").out), WITHIN_S)[0]["fleet"] == "bare"
+    assert wait_until(lambda: json.loads(bare_fleet.run("ps", "--json").out), WITHIN_S)[0]["fleet"] == "bare"
 
 
 def drive(
-    bare: CommandLine, node: Node, truth: GroundTruthRecorder, bases: MessageRecorder[BaseStatus]
+    bare_fleet: CommandLine, node: Node, truth: GroundTruthRecorder, bases: MessageRecorder[BaseStatus]
 ) -> tuple[int, list[Odometry]]:
     """Commands sent in all, and a drive from the start to standstill.
 
@@ -133,23 +136,23 @@ def drive(
         before, lost = bases.wait_next(), truth.source.lost
         truth.wait_next()
         begin = len(truth.received()) - 1
-        sent += int(run(bare).split()[0])
+        sent += int(run(bare_fleet).split()[0])
         truth.wait_after(1.0)
         if bases.wait_next().commands_timed_out == before.commands_timed_out + 1 and truth.source.lost == lost:
             return sent, truth.received()[begin:]
     raise AssertionError(f"in each of {TRIES} drives commands were late or samples lost")
 
 
-def run(bare: CommandLine) -> str:
+def run(bare_fleet: CommandLine) -> str:
     """What the foreign program prints; it sees nothing of the project."""
-    config = bare.folder / "zenoh.json5"
-    endpoint = f"tcp/127.0.0.1:{bare.port}"
+    config = bare_fleet.folder / "zenoh.json5"
+    endpoint = f"tcp/127.0.0.1:{bare_fleet.port}"
     config.write_text(json.dumps({"mode": "client", "connect": {"endpoints": [endpoint]}}))
     environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
     done = subprocess.run(
         [sys.executable, "-P", str(PROGRAM)],
         env={**environment, "ZENOH_CONFIG": str(config)},
-        cwd=bare.folder,
+        cwd=bare_fleet.folder,
         capture_output=True,
         text=True,
         timeout=60,

@@ -224,13 +224,13 @@ def test_a_damaged_file_ends_the_start_with_its_reason_on_the_terminal_and_stays
 def test_a_service_starts_without_the_parameter_service_and_follows_it_when_it_comes(tmp_path: Path) -> None:
     with Network(tmp_path) as network:
         waypoint = network.start("waypoint", "--namespace", "r", "--fleet-param", "max_linear=0.2")
-        wait_until(lambda: "no parameter service is there" in waypoint.text, 20, "the word of the waypoint service")
+        wait_until(lambda: "no parameter service is visible" in waypoint.text, 20, "the word of the waypoint service")
         params = network.start("params")
-        wait_until(lambda: "the parameter service is there: following it" in waypoint.text, 20)
+        wait_until(lambda: "the parameter service is visible: following it" in waypoint.text, 20)
         with network.node("tuner") as node:
             t = ParameterClient(node)
             t.wait_for(PILOT, max_linear=(0.2, "fleet"))
         assert waypoint.text.count("parameter service") == 2
         assert params.stop() == 0
-        wait_until(lambda: "the parameter service is gone: the present values stay" in waypoint.text, 20)
+        wait_until(lambda: "the parameter service is gone: the current values stay" in waypoint.text, 20)
         assert waypoint.status is None

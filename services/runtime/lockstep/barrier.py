@@ -39,17 +39,17 @@ from services.runtime.transport.sequences import RefusalCounter
 from services.runtime.transport.wire import member_id, publisher_id, unpack_attachment
 
 RETRY_S = 2.0
-"""Wall time after which what was not seen or not answered is looked for, and asked, again."""
+"""Wall time [s] after which missing tokens are looked for, and unanswered messages sent, again."""
 REPORT_S = 5.0
-"""Wall time of waiting after which the log names those who are waited for, and then again."""
+"""Wall time [s] between two log lines that name the awaited members."""
 GATHER_S = 120.0
-"""Wall time without a newcomer after which time begins without those who are missing."""
+"""Wall time [s] without a new member after which time begins without the missing ones."""
 SILENT_S = 30.0
 """Wall time after which a member that neither answers nor beats is given up; a supervisor ends a hung one sooner."""
 MAX_WAIT_S = 300.0
 """The same for one that beats: it is slow, and not dead."""
 LOOK_S = 0.25
-"""Wall time between two looks at those who are late; they are asked again, as a flood may have pushed out a message."""
+"""Wall time [s] between two requests to late members, of which a flood may have pushed out the first."""
 MAX_LOOK_S = 0.5
 """One look counts as this much waiting at most: a machine that is too busy to look has not waited."""
 MAX_SESSIONS = 16
@@ -71,11 +71,11 @@ def _never() -> bool:
 
 
 class Barrier:
-    """Waits for members.
+    """Waits for the members of lockstep at each tick.
 
-    ``idle`` is called with the inlet to wait on whenever it has to wait; ``now`` tells where the simulation stands.
-    A member is who shows readiness under the name of a node of the roster and holds that node's token, one for each
-    node. Its Done counts only with the token that this barrier told it. ``counts`` holds what was refused.
+    ``idle`` is called with the subscriber to wait on; ``now`` gives the simulation's time and tick. The member of an
+    expected node is the session that declares readiness under its name and holds its token. A Done counts only with
+    the token that this barrier sent to its member. ``refusals`` counts refused messages.
     """
 
     def __init__(
@@ -109,10 +109,10 @@ class Barrier:
         """Wall time before which a session that left or was given up does not become a member again."""
         self._members: dict[str, MemberState] = {}
         self._gone: deque[MemberState] = deque(maxlen=QUEUE_SIZE)
-        """Members whose processes went without a word, last."""
+        """The members whose processes disappeared without leaving, since the last look."""
         self._pending: dict[str, tuple[int, int]] = {}
         self._sent: Numbers = {}
-        """What the simulation itself has sent."""
+        """The simulation's own samples."""
         self._lost: dict[str, None] = {}
         self._left: dict[str, None] = {}
         self.version = 0
@@ -125,7 +125,7 @@ class Barrier:
 
     @property
     def state(self) -> LockstepState:
-        """Who is waited for, who is not any more because it was lost, and who took leave; all since time began."""
+        """The members, those lost, and those that left, since time began."""
         return LockstepState(
             members=tuple(sorted(member.node for member in self._members.values() if member.active)),
             lost=tuple(self._lost),
@@ -135,11 +135,11 @@ class Barrier:
     def wait_for_members(self, absent: Collection[str] = (), meanwhile: Callable[[], None] = _nothing) -> None:
         """Block until the whole roster has joined and every member sees every other.
 
-        When nobody has come for GATHER_S, time begins without those who are missing, and they count as lost.
+        After GATHER_S without a new member, time begins without the missing ones, which count as lost.
 
         Args:
-            absent: Nodes that are not waited for.
-            meanwhile: Called again and again, ten times a second at least.
+            absent: Nodes not to wait for.
+            meanwhile: Called at least ten times a second.
         """
         self._absent = frozenset(absent) & self._roster.keys()
         waited = reported = without = 0.0
@@ -173,10 +173,10 @@ class Barrier:
         self.version += 1
 
     def update(self) -> None:
-        """Follow who joined, who left, and who answered.
+        """Process the members that joined, left, or answered.
 
-        Tokens are looked at before answers are taken: whoever took leave before its token went is then heard. A node
-        shows its own token and its subscriptions before its readiness, so these are looked at after that.
+        Tokens are read before answers, so that the leave of a member arrives before the loss of its token counts. A
+        node declares its own token and its subscriptions before its readiness, so these are read after that.
         """
         tokens = list(iter(self._watch.poll, None))
         self._receive()
@@ -216,13 +216,13 @@ class Barrier:
                 self._step(member, go)
 
     def collect_reports(self, time_ns: int, interrupted: Callable[[], bool] = _never) -> bool:
-        """Block until those that are due at this time have finished their last step, died, or are given up.
+        """Block until the members that are due at this time have finished their last step, died, or are given up.
 
-        What they sent is then in ``watermarks``. Reports of others wait for their time: when they came makes no
+        Their samples are then in ``watermarks``. Reports of others wait for their time: their arrival makes no
         difference.
 
         Returns:
-            False if ``interrupted`` came true first; the next call goes on waiting.
+            False if ``interrupted`` became true first; the next call continues.
         """
         self._receive()
         last = time.monotonic()
@@ -247,19 +247,20 @@ class Barrier:
         return True
 
     def announce(self, go: StepGrant) -> None:
-        """Tell every member something that is no step: a pause."""
+        """Send every member a message that grants no step: a pause."""
         for member in self._members.values():
             if member.active:
                 self._pause(member, go)
 
     def _retry(self, late: list[MemberState], passed: float) -> None:
-        """Ask again those who do not answer, name them in the log, and give up who shows no life.
+        """Send the request to silent members again, name them in the log, and give up those without a sign of life.
 
-        Either message may have been lost: a ring overflows when a stranger floods it. A member that gets a Go for the
-        second time answers as before.
+        Either message may have been lost: a flood overflows a ring. A member answers a repeated Go as before.
         """
-        heard = (unpack_attachment(attachment) for _, attachment, _ in islice(iter(self._beats.recv, None), QUEUE_SIZE))
-        beats = {origin.publisher for origin in heard if origin is not None}
+        origins = (
+            unpack_attachment(attachment) for _, attachment, _ in islice(iter(self._beats.recv, None), QUEUE_SIZE)
+        )
+        beats = {origin.publisher for origin in origins if origin is not None}
         now = time.monotonic()
         for member in late:
             passed = min(passed, MAX_LOOK_S)
@@ -272,8 +273,8 @@ class Barrier:
                 self._outbox.put(member.raw.put, member.asked, b"")
         slow = [member for member in late if member.waited > REPORT_S]
         if slow:
-            told = ", ".join(f"{member.node} since {member.waited:.0f} s" for member in slow)
-            self._log.warn(f"the simulation waits for {told}: does it compute, or does it hang?", every=REPORT_S)
+            listed = ", ".join(f"{member.node} since {member.waited:.0f} s" for member in slow)
+            self._log.warn(f"the simulation waits for {listed}: does it compute, or does it hang?", every=REPORT_S)
         for member in slow:
             if member.unresponsive > SILENT_S or member.waited > MAX_WAIT_S:
                 why = f"no answer for {member.waited:.0f} s, no sign of life for {member.unresponsive:.0f} s"
@@ -333,7 +334,7 @@ class Barrier:
                 self._lose(member, "its process is gone")
 
     def _admit(self) -> None:
-        """Make members of those who are ready: each node's first that holds its name, while it has none."""
+        """Add ready nodes as members: for each name without a member, the first session that holds it."""
         if len(self._ready) == len(self._members):
             return
         now = time.monotonic()
@@ -344,7 +345,7 @@ class Barrier:
             if now < self._not_before.get(session, 0.0):
                 continue
             if (holder := taken.get(node)) is not None:
-                # Who holds the place and never answered its greeting leaves it to the next in line.
+                # A member that never answered its join is replaced by the next session of its name.
                 if holder.active or not holder.asked or holder.waited < SILENT_S:
                     continue
                 self._drop(holder)
@@ -405,15 +406,15 @@ class Barrier:
         self._outbox.put(member.raw.put, member.asked, b"")
 
     def _grant_for(self, member: MemberState) -> None:
-        """What was sent before a member joined is let through where it came: latched messages may be long past."""
+        """Admit the samples sent before a member joined, without waiting for them: latched ones may be old."""
         for reached in (self.watermarks.admitted_upto, self._sent):
-            for key, told in reached.items():
+            for key, numbers in reached.items():
                 if member.session in self._readers.get(key, ()):
-                    merge_numbers(member.announced, {key: told})
+                    merge_numbers(member.announced, {key: numbers})
 
     def _pause(self, member: MemberState, go: StepGrant) -> None:
-        told = msgspec.structs.replace(go, token=member.token, nonce=member.nonce)
-        self._outbox.put(member.raw.put, encode(told), b"")
+        addressed = msgspec.structs.replace(go, token=member.token, nonce=member.nonce)
+        self._outbox.put(member.raw.put, encode(addressed), b"")
 
     def _receive(self) -> None:
         for payload, _, source in islice(iter(self._raw.recv, None), QUEUE_SIZE):
@@ -438,7 +439,7 @@ class Barrier:
         if member is None:
             return f"from {done.session}, which is no member"
         if done.token != member.token:
-            return f"for {member.node}, without the token that it was told: it is forged"
+            return f"for {member.node}, without the token that was sent to it: it is forged"
         if done.leaving:
             self._drop(member)
             self._not_before[done.session] = time.monotonic() + SILENT_S
@@ -465,7 +466,7 @@ class Barrier:
         return ""
 
     def _had_left(self, done: StepReport) -> bool:
-        """Whether this is the leave of a member whose token went first: on a busy machine a token overtakes it."""
+        """Whether a member whose token has disappeared leaves: on a busy machine its token overtakes its report."""
         for member in self._gone:
             if member.session == done.session and member.token == done.token:
                 self._gone.remove(member)

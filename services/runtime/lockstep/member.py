@@ -35,15 +35,15 @@ LINK_S = 10.0
 _MAX_CANDIDATES = 8
 """Sessions that are answered as a simulation; one holds the name, others can only be about to go or to come."""
 _EARLY = 4
-"""Greetings that wait for the token of their sender to come in sight."""
+"""Maximum join messages that wait for their sender's token to appear."""
 
 
 class LockstepMember:
-    """Takes Go, answers Done.
+    """The member's side of lockstep: receives Go, answers Done.
 
-    A greeting counts only from a session that holds the node ``/sim``; a Go only from the simulation that is followed,
-    with the nonce that this member told it, and never with an older epoch or tick than the last. The simulation changes
-    only when the node token of the one before is gone. ``counts`` holds what was refused.
+    A join counts only from a session that holds the node ``/sim``; a Go only from the simulation that is followed, with
+    the nonce that this member sent it, and never with an older epoch or tick than the last. Another simulation is
+    followed only when the node token of the last one is gone. ``refusals`` counts refused messages.
     """
 
     def __init__(self, transport: Transport, node: str, period_ns: int) -> None:
@@ -65,12 +65,12 @@ class LockstepMember:
         self._token: Token | None = None
 
     def join(self) -> None:
-        """Show readiness; every input is declared by now, so whoever sees this token reaches them."""
+        """Declare readiness, after all subscriptions: a node that sees this token can reach them."""
         entity = Entity(self._transport.session, "step", self._node, detail=str(self._period_ns))
         self._token = self._transport.declare_token(entity.key)
 
     def poll(self) -> StepGrant | None:
-        """The next Go or greeting, if one is there; what a stranger sent in its place is counted and dropped."""
+        """The next Go or join, or None; messages of other senders are counted and dropped."""
         self._watch_simulations()
         for session, greeting in self._early.items():
             if session in self._candidates:
@@ -91,7 +91,7 @@ class LockstepMember:
         return None
 
     def absent(self, roster: Iterable[str]) -> list[str]:
-        """The fellows that are not in sight; a put reaches whoever's token is seen."""
+        """The peers that are not visible; a put reaches every node whose token is visible."""
         return missing_nodes(self._transport, roster)
 
     def finish(self, tick: int, marks: Numbers, known: Numbers) -> None:
@@ -123,13 +123,13 @@ class LockstepMember:
         self._report(session, done)
 
     def close(self) -> None:
-        """Tell the simulation not to wait any more."""
+        """Tell the simulation not to wait for this member any more."""
         if self._go is not None and self._transport.open:
             done = StepReport(session=self._transport.session, tick=-1, leaving=True, token=self._go.token)
             self._report(self._go.simulation, done)
 
     def _watch_simulations(self) -> None:
-        """Follow who holds the name of the simulation."""
+        """Follow the tokens of the simulation's name."""
         for token in iter(self._watch.poll, None):
             entity = Entity.parse(token.key)
             if entity is None or entity.node != SIMULATION:
@@ -146,14 +146,14 @@ class LockstepMember:
                 outlet.close()
 
     def _joined(self, go: StepGrant) -> StepGrant | None:
-        """A greeting, if its sender may lead this member. It proves nothing yet, so nothing else of it is believed."""
+        """A join, if its sender may lead this member. Without a proof yet, none of its other content is used."""
         session = go.simulation
         if session != self._simulation and self._simulation in self._candidates:
             self.refusals.reject(f"greeted by {session}; the simulation is {self._simulation}")
         elif self._node not in go.roster or not _names(go.roster):
             self.refusals.reject("greeted with a roster without this node, or with what are no names")
         elif session not in self._candidates:
-            # Its token may come in sight a moment later: then it counts.
+            # Its token may appear a moment later: then it counts.
             self._early[session] = go
             if len(self._early) > _EARLY:
                 del self._early[next(iter(self._early))]
@@ -187,7 +187,7 @@ class LockstepMember:
         return go
 
     def _change(self, simulation: str) -> None:
-        """Follow another simulation, whose time stands where it likes."""
+        """Follow another simulation, whose time may be any."""
         if (former := self._publishers.pop(self._simulation, None)) is not None:
             former.close()
         self._simulation, self._nonce = simulation, self._nonce_for(simulation)
@@ -201,10 +201,10 @@ class LockstepMember:
             if go.simulation not in self._publishers or go.simulation not in self._candidates:
                 return f"from {go.simulation}, which is not the simulation"
             if go.nonce != self._nonce_for(go.simulation):
-                return "without the nonce that this node told the simulation: it is forged"
+                return "without the nonce that this node sent to the simulation: it is forged"
             return ""
         if go.nonce != self._nonce:
-            return "without the nonce that this node told the simulation: it is forged"
+            return "without the nonce that this node sent to the simulation: it is forged"
         epoch, tick = self._last
         if (go.epoch, go.tick) < self._last:
             return f"tick {go.tick} of epoch {go.epoch} after tick {tick} of epoch {epoch}"
@@ -213,7 +213,7 @@ class LockstepMember:
         return self.watermarks.implausible(go.marks)
 
     def _nonce_for(self, session: str) -> bytes:
-        """What this member tells one simulation alone."""
+        """The key on which this member reports to one simulation."""
         return hashlib.blake2b(session.encode(), key=self._secret, digest_size=TOKEN_BYTES).digest()
 
     def _report(self, simulation: str, done: StepReport) -> None:

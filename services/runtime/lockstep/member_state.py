@@ -1,4 +1,4 @@
-"""What the simulation knows of one member of its lockstep."""
+"""The simulation's state of one member of lockstep."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from services.runtime.transport.wire import MEMBER_BYTES
 
 @dataclass
 class MemberState:
-    """One member: ``marks`` and ``known`` are what it has not been told yet.
+    """One member; ``sequence_numbers`` and ``announced`` are the numbers still to be sent to it.
 
-    ``told`` is the generation of members it was told last, ``answer`` its Done for the step that is pending. ``asked``
-    is the last Go or greeting that it has to answer, sent at ``asked_at`` (wall time). ``waited`` and ``silent`` [s of
-    wall time] are how long its step has been waited for, all in all and since its last sign of life.
+    ``generation_sent`` is the generation of the member list sent to it last, ``answer`` its Done for the pending step.
+    ``asked`` is the last Go or join that it has to answer, sent at ``asked_at`` (wall time). ``waited`` and
+    ``unresponsive`` [s of wall time] are how long its step has been awaited, in all and since its last sign of life.
     """
 
     node: str
@@ -34,25 +34,25 @@ class MemberState:
     active: bool = False
     generation_sent: int = -1
     last: tuple[int, int] = (-1, -1)
-    """Epoch and tick of the last step that it was let take."""
+    """Epoch and tick of the last step granted to it."""
     answer: StepReport | None = None
     sequence_numbers: Numbers = field(default_factory=dict)
     announced: Numbers = field(default_factory=dict)
     sent: dict[bytes, int] = field(default_factory=dict)
-    """By publisher, the last number of which this member has told."""
+    """By publisher, the last number that this member has reported."""
 
     def account(self, done: StepReport) -> str:
-        """Take note of the numbers that it tells of; why they cannot be its own, empty when they can."""
+        """Record the numbers of a report; returns why they cannot be its own, empty if they can."""
         if done.greets and (done.period <= 0 or done.period % STEP_NS):
-            return f"{self.node} wants to step every {done.period} ns, which is not a whole number of physics steps"
-        told = {each: number for news in (done.marks, done.known) for each, number in _flat(news)}
-        for publisher, number in told.items():
+            return f"{self.node} asks to step every {done.period} ns, which is not a whole number of physics steps"
+        numbers = {each: number for news in (done.marks, done.known) for each, number in _flat(news)}
+        for publisher, number in numbers.items():
             if publisher[:MEMBER_BYTES] != self.id:
-                return f"{self.node} tells the numbers of another node's publisher"
+                return f"{self.node} reports the numbers of another node's publisher"
             last = self.sent.get(publisher, number if done.greets else 0)
             if not last <= number <= last + MAX_JUMP:
-                return f"{self.node} tells number {number} of a publisher after {last}"
-        self.sent.update(told)
+                return f"{self.node} reports number {number} of a publisher after {last}"
+        self.sent.update(numbers)
         return ""
 
 

@@ -3,12 +3,12 @@
 The simulation sends each due member a Go with the time and the numbers of all samples sent up to the previous tick on
 the keys that the member reads; the member waits for exactly these, steps, and answers Done with the numbers of what it
 sent. So every member sees the same messages at the same tick, whatever the load or the network's timing, and a member
-costs nothing at the ticks at which it is not due. ``follower`` is the member's side, ``barrier`` the simulation's.
+costs nothing at the ticks at which it is not due. ``member`` is the member's side, ``barrier`` the simulation's.
 
-Sessions are public, so both sides prove that they have heard each other. A greeting carries a ``token`` that the
-simulation drew for the member, the answer a ``nonce`` that the member drew for the simulation; from then on each Go
-repeats the nonce and each Done the token, and what carries another one is refused. Who only sends cannot know them. Who
-also listens on these keys can: only an access list with certificates keeps him out.
+Sessions are public, so both sides prove that they received each other's messages. A join carries a random ``token`` of
+the simulation for the member, the answer a random ``nonce`` of the member for the simulation; from then on each Go
+repeats the nonce and each Done the token, and any other is refused. A program that only sends cannot know them. One
+that also listens on these keys can: only an access list with certificates prevents that.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ SIMULATION = "/sim"
 """The node that leads: the simulation, or the player of a bag in its place."""
 ENCODING = "application/msgpack;elea/lockstep"
 QUEUE_SIZE = 256
-"""Samples kept on the keys of lockstep; more than there are members. What a flood pushes out is sent again."""
+"""Size of the rings of lockstep's keys, above the number of members. What a flood pushes out is sent again."""
 MAX_BYTES = 1 << 22
 """Bytes of a Go or a Done; a larger one is refused unread. That of 300 robots takes a twentieth."""
 TOKEN_BYTES = 8
@@ -58,9 +58,9 @@ class StepGrant(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
 
 
 class StepReport(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
-    """A step is taken; ``known`` holds what was sent before the fellows were certain to listen.
+    """A step is done; ``known`` has the numbers of samples sent before the peers were certain to receive them.
 
-    One that is ``leaving`` takes no more steps; one that ``greets`` answers a greeting, stands for no step, and tells
+    A member that is ``leaving`` takes no more steps. A report that ``greets`` answers a join instead of a step, and has
     the ``period`` [ns] of the member's steps.
     """
 
@@ -81,12 +81,12 @@ decode_report = decoder(StepReport)
 
 
 def grant_key(session: str) -> str:
-    """Where the member of this session receives Go."""
+    """The key on which the member of this session receives Go."""
     return f"{ADMIN_SPACE}/{session}/go"
 
 
 def report_key(session: str) -> str:
-    """Where the simulation of this session receives Done."""
+    """The key on which the simulation of this session receives Done."""
     return f"{ADMIN_SPACE}/{session}/done"
 
 
@@ -101,10 +101,10 @@ def sequence_numbers(outputs: Iterable[Publisher[Any]]) -> Numbers:
 
 
 def last_reported(outputs: Iterable[Publisher[Any]]) -> tuple[Numbers, Numbers]:
-    """What ``sequence_numbers`` has told of each output so far: of what is latched, and of the rest.
+    """The numbers that ``sequence_numbers`` has reported so far, of latched topics and of the others, to answer a join.
 
-    It answers a greeting. What is latched will reach everybody, the rest is only known. It is the same however often
-    it is asked for: a greeting may come again, also from a simulation that has waited for this member before.
+    Latched samples will reach every member, the others are only known. Repeated calls return the same: a join may be
+    repeated, also by a simulation that has waited for this member before.
     """
     latched: Numbers = {}
     rest: Numbers = {}

@@ -1,4 +1,4 @@
-"""How far lockstep lets each publisher through."""
+"""Watermarks of lockstep: the last admitted sample of each publisher."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ Numbers = dict[str, dict[Publisher, Annotated[int, Meta(ge=0, le=1 << 62)]]]
 
 
 class Watermarks:
-    """How far each publisher of a lockstep member has been let through: its last admitted number, by key.
+    """The last admitted number of each publisher of a lockstep member, by key.
 
-    ``died`` are the members that lockstep no longer waits for because they are gone, until someone takes note.
-    ``renewed`` tells that simulation time began anew: all that was sent before has been told by now.
+    ``died`` are the members dropped since the last time the caller cleared this set. ``epoch_changed`` means that
+    simulation time was reset: all samples sent before have been reported.
     """
 
     def __init__(self) -> None:
@@ -31,10 +31,9 @@ class Watermarks:
         self.required: Numbers = {}
 
     def advance(self, news: Numbers, known: Numbers | None = None) -> None:
-        """Let everything through that was sent up to these numbers; what is in ``news`` is also waited for,
-        until ``settle``.
+        """Admit all samples up to these numbers; those in ``news`` are also required, until ``clear_required``.
 
-        ``known`` was sent before its readers were certain to listen: it is let through where it came.
+        ``known`` were sent before their subscribers were certain to receive them: they are admitted if they arrive.
         """
         if known:
             merge_numbers(self.admitted_upto, known)
@@ -42,7 +41,7 @@ class Watermarks:
         merge_numbers(self.required, news)
 
     def clear_required(self) -> None:
-        """What was awaited has been taken."""
+        """Forget the required numbers: they were received, or given up."""
         self.required = {}
         self.epoch_changed = False
 

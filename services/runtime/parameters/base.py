@@ -33,16 +33,16 @@ def param(
     """Declare a parameter: ``speed: float = param(0.2, 0.0, 1.0, "m/s", "Top speed.")`` in a Parameters class.
 
     Args:
-        default: its value unless something else is set.
-        low: the least value of a number.
-        high: the largest value of a number.
-        unit: of a number, as "m/s".
-        text: what it does, for the help and the panel.
-        live: whether a running service follows a change of it.
+        default: the value unless another is set.
+        low: the lowest allowed number.
+        high: the highest allowed number.
+        unit: the unit of a number, as "m/s".
+        text: the description in the help and the panel.
+        live: whether a running service follows its changes.
         level: the bit of ``Context.params_changed`` that is set when it changes.
-        at_most: the name of a parameter that it may not exceed.
+        at_most: the name of a parameter that bounds it from above.
         excludes: the names of parameters that must be null or false while this one is not.
-        max_length: characters of a text, or items of a list.
+        max_length: maximum characters of a text, or items of a list.
     """
     extra: dict[str, Any] = {"unit": unit} if unit else {}
     extra |= {} if live else {"live": False}
@@ -55,7 +55,7 @@ def param(
 
 
 def _annotated(hint: Any, meta: Meta) -> Any:
-    """The hint with what ``param`` says; of one that may be None, bounds are those of the rest."""
+    """The hint annotated with ``meta``; of an optional one, the type beside None is annotated."""
     if isinstance(hint, str):
         text = hint.removesuffix("None").rstrip().removesuffix("|")
         return Annotated[hint, meta] if text in (hint, "") else Annotated[text.strip(), meta] | None
@@ -66,9 +66,9 @@ def _annotated(hint: Any, meta: Meta) -> Any:
 
 
 class ParametersType(msgspec.StructMeta):
-    """Makes of ``x: float = param(...)`` what msgspec knows: ``x: Annotated[float, Meta(...)] = default``.
+    """Turns ``x: float = param(...)`` into msgspec's ``x: Annotated[float, Meta(...)] = default``.
 
-    All records of parameters are frozen, their fields given by keyword.
+    All records of parameters are frozen and keyword-only.
     """
 
     def __new__(cls, name: str, bases: tuple[type, ...], namespace: dict[str, Any], **options: Any) -> ParametersType:
@@ -84,7 +84,7 @@ class ParametersType(msgspec.StructMeta):
 class Parameters(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, metaclass=ParametersType):
     """The parameters of a service: a flat record of bool, int, float, str or tuples of them.
 
-    Each is declared by ``param``. What that does not cover is written out, as an exclusive bound:
+    Each is declared by ``param``. What that does not cover, such as an exclusive bound, is written out:
     ``Annotated[float, Meta(gt=0, description=..., extra={"unit": "m"})]``; ``extra`` holds ``unit``, ``live``,
     ``level``, ``at_most`` and ``excludes`` as ``param`` does. Bounds and relations are checked before a change counts.
     """

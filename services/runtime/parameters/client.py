@@ -26,7 +26,7 @@ R = TypeVar("R", bound=Message)
 TRY_TIMEOUT_S = 2.0
 """Wall time that one attempt waits for its answer."""
 LAST_TRY_S = 1.0
-"""Wall time to wait for somebody who serves the request at all."""
+"""Wall time [s] to wait for a server of the request."""
 _PAUSE_S = 0.1
 _read_refusal = decoder(Refusal)
 
@@ -36,11 +36,12 @@ class OutcomeUnknown(CallFailed):
 
 
 def call_idempotent(transport: Transport, request: Request[Q, R], message: Q, timeout: float = 5.0) -> R:
-    """The reply to a request with an absolute name, asked again with the same id for as long as none comes.
+    """Call an idempotent request with an absolute name, repeating it with the same id until it is answered.
 
-    Raises CallFailed when it was refused, or when nobody serves it, so that it was certainly not carried out;
-    Uncertain when all attempts within ``timeout`` [s] remained without an answer, or its handler failed at each;
-    SeveralServers when more than one process answered.
+    Raises:
+        CallFailed: It was refused, or has no server: it was certainly not carried out.
+        OutcomeUnknown: No attempt within ``timeout`` [s] was answered, or its handler failed at each.
+        SeveralServers: More than one process answered.
     """
     began, sent, key, failure = time.monotonic(), False, request.name[1:], ""
     payload = encode(message)
@@ -81,7 +82,7 @@ def _decode_reply(request: Request[Q, R], payload: bytes) -> R:
 
 
 def _reason(payload: bytes) -> str | None:
-    """Why it was refused; None when nobody answered in time."""
+    """Why it was refused; None if it was not answered in time."""
     if payload == TIMEOUT:
         return None
     try:
@@ -94,22 +95,22 @@ AUTHORITY = PARAMS_ANNOUNCE.name.rpartition("/")[0]
 """The node of the parameter service: ``/params``."""
 
 SIGHT_S = 0.25
-"""Wall time that a starting node looks for a parameter service which it does not see at once."""
+"""Wall time [s] that a starting node looks for a parameter service that is not visible at once."""
 START_S = 2.0
-"""Wall time that a starting node waits for the parameter service's answer, when that is there."""
+"""Wall time [s] that a starting node waits for the answer of a visible parameter service."""
 AWAIT_S = 10.0
-"""Wall time that a node waits for a parameter service that it is told to expect: links may take a while to come up."""
+"""Wall time [s] that a node waits for an expected parameter service: links may take a while to come up."""
 ANSWER_S = 5.0
-"""The same later, when it goes on meanwhile."""
+"""Wall time [s] that a running node waits for an answer, while its loop continues."""
 RETRY_S = 3.0
-"""Wall time after which it asks again when it got no answer, or none that it can use."""
+"""Wall time [s] after which it announces again when it got no usable answer."""
 
 _TOKENS = token_pattern("srv", AUTHORITY, PARAMS_ANNOUNCE.name)
 _KEY = key_of(PARAMS_ANNOUNCE.name)
 
 
 class ParameterSet(Protocol):
-    """A set of parameters that a node announces: what it says of itself, and where its values go."""
+    """A parameter set that a node announces, and that receives its values."""
 
     set: str
     described: tuple[ParameterDescription, ...]
@@ -125,10 +126,10 @@ class ParameterSet(Protocol):
 
 
 class ParameterClient:
-    """Announces a node's sets to the parameter service, now or when it comes. Only ``attach`` and ``expect`` block.
+    """Announces a node's sets to the parameter service, now or when it appears. Only ``attach`` and ``expect`` block.
 
-    ``watermarks`` are those of lockstep, when there is any. ``expected`` tells that a parameter service runs or is to
-    come, so that the node waits for it. ``quiet`` logs nothing about a service that is not there.
+    ``watermarks`` are those of lockstep, if any. ``expected`` means that a parameter service runs or will start, so
+    that the node waits for it. ``quiet`` logs nothing about a missing service.
     """
 
     @classmethod
@@ -157,18 +158,18 @@ class ParameterClient:
 
     @property
     def available(self) -> bool:
-        """Whether a parameter service is there."""
+        """Whether a parameter service is visible."""
         return bool(self._sessions)
 
     @property
     def unanswered(self) -> bool:
-        """Whether a set was announced to a parameter service that is there, and not answered yet: neither with values
+        """Whether a set was announced to a visible parameter service and is not answered yet, neither with values
         nor with a refusal."""
         return self.available and any(not followed.refused for followed in self._asking)
 
     def expect(self, stopping: Callable[[], bool]) -> None:
-        """Block until the parameter service is there, AWAIT_S have passed since this was first called, or the process
-        is to stop. ``begin`` then insists on an answer as long."""
+        """Block until the parameter service is visible, AWAIT_S have passed since the first call, or the process is to
+        stop. ``attach`` then repeats its announcement for as long."""
         if self._patience is None:
             deadline = time.monotonic() + AWAIT_S
             self._patience = lambda: time.monotonic() < deadline and not stopping()
@@ -179,8 +180,8 @@ class ParameterClient:
     def attach(self, followed: ParameterSet, wait: bool = True) -> None:
         """Announce a set; with ``wait``, block until the answer or START_S have passed.
 
-        A service that is expected is asked again while the time of ``expect`` lasts: it may be seen before the link to
-        it carries a question.
+        An expected service is called again while the time of ``expect`` lasts: it may be visible before the link to
+        it works.
         """
         if not self.available:
             self._poll_tokens()
@@ -188,14 +189,16 @@ class ParameterClient:
                 self._check_presence()
         self._sets.append(followed)
         if not self.available:
-            self._note_absent("no parameter service is there: running on its own values; it is followed when it comes")
+            self._note_absent(
+                "no parameter service is visible: running on its own values; it is followed when it appears"
+            )
         elif not wait or self._quiet:
             self._ask(followed)
         else:
             self._announce(followed)
 
     def detach(self, followed: ParameterSet) -> None:
-        """Follow a set no more, and say so."""
+        """Stop following a set, and tell the parameter service."""
         self._sets.remove(followed)
         self._asking.pop(followed, None)
         if self.available:
@@ -203,11 +206,11 @@ class ParameterClient:
             self._leaving.append(self._transport.query_async(_KEY, encode(leaving), ANSWER_S))
 
     def next_id(self) -> str:
-        """An id for a request, another one each time: no two sets of this node may share one."""
+        """A new id for a request, unique over all sets of this node."""
         return f"{self._transport.session}-{next(self._numbers)}"
 
     def spin_once(self) -> None:
-        """Notice a parameter service that comes or goes, and take its answers."""
+        """Follow a parameter service that appears or disappears, and process its answers."""
         while (event := self._watch.poll()) is not None:
             self._note(event.key, event.alive)
         if self._asking:
@@ -217,14 +220,14 @@ class ParameterClient:
             self._undoing = [each for each in self._undoing if not self._undone(*each)]
 
     def request_undo(self, followed: ParameterSet, revision: int, reason: str) -> None:
-        """Let the parameter service undo the change that a node cannot follow, so that all agree on what counts."""
+        """Let the parameter service undo a change that this node rejects, so that all nodes have the same values."""
         who = f"{self._node}: {reason}"[:255]
         asked = UndoParameters(set=followed.set, revision=revision, id=self.next_id(), who=who)
         key = key_of(PARAMS_UNDO.name)
         self._undoing.append((self._transport.query_async(key, encode(asked), ANSWER_S), followed.set))
 
     def trusts(self, publisher: bytes, key: str) -> bool:
-        """Whether a publisher of ``key`` is the parameter service: it holds the token, or lockstep has it as member."""
+        """Whether a publisher of ``key`` is the parameter service: it holds the token, or is its lockstep member."""
         if any(publisher == publisher_id(AUTHORITY, session, key) for session in self._sessions):
             return True
         member, own = publisher[:MEMBER_BYTES], publisher_id(AUTHORITY, "", key)
@@ -232,7 +235,7 @@ class ParameterClient:
         return same and self.watermarks is not None and member in self.watermarks.members
 
     def _check_presence(self) -> None:
-        """While links come up, a service that is there may be out of sight for a moment."""
+        """Look again for SIGHT_S: while links come up, a service may be invisible for a moment."""
         deadline = time.monotonic() + SIGHT_S
         while not self.available and time.monotonic() < deadline:
             time.sleep(SIGHT_S / 5)
@@ -253,7 +256,7 @@ class ParameterClient:
             return
 
     def _poll_tokens(self) -> None:
-        """Ask the network who is there now; the watch may tell a moment later."""
+        """Query the tokens now; the watch may report them a moment later."""
         for key in self._transport.tokens(_TOKENS):
             self._note(key, True)
 
@@ -266,14 +269,14 @@ class ParameterClient:
             for followed in self._sets:
                 self._ask(followed)
             if self._missed and not self._quiet:
-                self._log.info("the parameter service is there: following it")
+                self._log.info("the parameter service is visible: following it")
             self._missed = False
         elif not alive and entity.session in self._sessions:
             self._sessions.discard(entity.session)
             if not self._sessions:
                 self._asking.clear()
                 self._note_absent(
-                    "the parameter service is gone: the present values stay; it is followed when it comes back"
+                    "the parameter service is gone: the current values stay; it is followed when it returns"
                 )
 
     def _note_absent(self, text: str) -> None:
@@ -315,7 +318,7 @@ class ParameterClient:
 
     def _answered(self, followed: ParameterSet, answer: ParameterValues) -> None:
         source = self._source()
-        # In lockstep it counts from the tick at which it comes as an update, the same for everybody.
+        # In lockstep it counts from the tick at which it arrives as an update, the same for all members.
         if self.watermarks is None or source not in self.watermarks.members:
             followed.enqueue(answer, source)
 
@@ -327,12 +330,12 @@ class ParameterClient:
         self._asking[followed] = None, time.monotonic() + RETRY_S
 
     def _source(self) -> bytes:
-        """Who answers, as far as it is known."""
+        """The member id of the answering service, empty if several are visible."""
         return member_id(AUTHORITY, next(iter(self._sessions))) if len(self._sessions) == 1 else b""
 
 
 def announcement(node: str, followed: ParameterSet) -> Announcement:
-    """What a node says of a set that it follows."""
+    """The announcement of a node's set."""
     return Announcement(
         set=followed.set,
         node=node,
@@ -344,6 +347,6 @@ def announcement(node: str, followed: ParameterSet) -> Announcement:
 
 
 def assignments(values: dict[str, Any]) -> Iterator[Assignment]:
-    """Names and values as they travel."""
+    """Names and values as assignments of a message."""
     for name, value in values.items():
         yield Assignment(name=name, value=value)

@@ -74,7 +74,7 @@ def unwrap(hint: Any) -> Unwrapped:
 
 
 def element_type(kind: Any) -> Unwrapped | None:
-    """The type of what a list or tuple holds; None for anything else."""
+    """The element type of a list or tuple; None for any other type."""
     if get_origin(kind) not in (tuple, list):
         return None
     return unwrap(get_args(kind)[0])
@@ -113,7 +113,7 @@ def lengths(leaf: Field) -> tuple[tuple[int, ...], tuple[int, ...]]:
 
 
 def flatten(values: msgspec.Struct) -> dict[str, Any]:
-    """Every single value of a record by its dotted name, as plain numbers, texts and tuples."""
+    """The single values of a record by their dotted names, as plain numbers, texts and tuples."""
     return {leaf.name: _plain(_at(values, leaf), leaf) for leaf in fields_of(type(values))}
 
 
@@ -136,7 +136,7 @@ def nest(record: type[msgspec.Struct], flat: Mapping[str, Any]) -> dict[str, Any
 
 
 def changed_names(one: Mapping[str, Any], other: Mapping[str, Any]) -> tuple[str, ...]:
-    """The names whose values differ."""
+    """The names of ``one`` whose values differ in ``other``."""
     return tuple(name for name, value in one.items() if name not in other or other[name] != value)
 
 
@@ -215,7 +215,7 @@ def _sibling(leaf: Field, name: str) -> str:
 
 
 def _length(kind: Any, metas: tuple[Meta, ...]) -> tuple[int, int]:
-    """The bounds of a list's items or a text's characters; of a tuple of so many, that number."""
+    """The bounds of a list's length or a text's characters; of a fixed tuple, its length twice."""
     items = get_args(kind)
     if get_origin(kind) is tuple and Ellipsis not in items:
         return len(items), len(items)
@@ -273,7 +273,7 @@ def describe_range(description: ParameterDescription) -> str:
 
 
 def describe_length(description: ParameterDescription) -> str:
-    """How many items a list may have, and how many characters a text: ``6 items``, ``at most 255 characters``."""
+    """The bounds of lengths in words: ``6 items``, ``at most 255 characters``."""
     depth = description.type.count("[]")
     parts = []
     for level, (least, most) in enumerate(zip(description.shortest, description.longest, strict=True)):
@@ -318,11 +318,11 @@ def _one_of(concerned: Collection[str] | None, *names: str) -> bool:
 
 
 RENAMED_CHOICES = {"seed": "tutorial"}
-"""Old names and what they are called now, for every parameter that has the new choice and not the old one."""
+"""Renamed choices, old to new, for every parameter that has the new choice and not the old one."""
 
 
 def renamed_choice(value: Any, choices: Collection[str]) -> str | None:
-    """Return what ``value`` is called now, if it is the old name of one of ``choices``; else None."""
+    """The new name of ``value`` if it is the old name of one of ``choices``, else None."""
     if not isinstance(value, str) or value in choices:
         return None
     new = RENAMED_CHOICES.get(value)

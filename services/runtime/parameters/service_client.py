@@ -94,7 +94,7 @@ def find_set(name: str, sets: dict[str, ParameterSchema]) -> ParameterSchema:
     if len(below) == 1:
         return sets[below[0]]
     if below:
-        raise BadInput(f"{name!r} may be one of several sets: say which, {', '.join(sorted(below))}")
+        raise BadInput(f"{name!r} may be one of several sets: choose one of {', '.join(sorted(below))}")
     raise unknown_name("set of parameters", absolute, sets)
 
 

@@ -1,4 +1,4 @@
-"""One set of parameters that a node follows: the record as it stands, checked anew at every change."""
+"""A node's subscription to one parameter set: the current record, checked as a whole at every change."""
 
 from __future__ import annotations
 
@@ -30,12 +30,18 @@ LOG_PERIOD_S = 1.0
 
 
 class ParameterSubscription(Generic[P]):
-    """``params`` is replaced as a whole, between two calls of ``refresh``; ``origins`` tells where each value is from.
+    """The current ``params``, replaced as a whole by ``refresh``; ``origins`` has the source of each value.
 
-    ``fits`` raises BadInput for values that contradict each other; a change to such is refused, and taken back at the
-    parameter service, so that all agree. ``described`` stands instead of what the record says of its parameters;
-    ``fleet`` and ``command_line`` hold what they state, by dotted names. ``trouble`` is why the parameter service's
-    values are not followed, ``refused`` tells that it has refused the set.
+    ``error`` is why the parameter service's values are not followed; ``refused`` means that it refused the set.
+
+    Args:
+        node: The node that follows the set.
+        name: The absolute name of the set.
+        params: The values until the parameter service answers.
+        fleet: The values that the fleet file states, by dotted names.
+        command_line: The values that the command line states, by dotted names.
+        described: Descriptions in place of those of the record.
+        fits: Raises BadInput for contradicting values; such a change is refused, and undone at the parameter service.
     """
 
     def __init__(
@@ -69,58 +75,59 @@ class ParameterSubscription(Generic[P]):
         self.client = ParameterClient.of(node)
 
     def start(self, wait: bool = True) -> None:
-        """Announce the set; with ``wait``, ``params`` is what the parameter service says when this returns."""
+        """Announce the set; with ``wait``, ``params`` are the parameter service's values on return."""
         if wait and self.client.expected:
             self.client.expect(lambda: self._node.stopping)
         self.client.attach(self, wait)
 
     def close(self) -> None:
-        """Follow the set no more."""
+        """Stop following the set."""
         self.client.detach(self)
         self._node.unregister(self._subscriber)
 
     @property
     def run_values(self) -> dict[str, Any]:
-        """What was set for this run alone, for a parameter service that has forgotten it."""
+        """The values set for this run only, for a parameter service that was restarted."""
         return {name: self._flat[name] for name, origin in self.origins.items() if origin == "run"}
 
     def apply_initial(self, values: ParameterValues, source: bytes) -> None:
-        """Take what the parameter service says as the node starts; what contradicts itself is not taken."""
+        """Apply the parameter service's values at the start of the node, unless they contradict each other."""
         before = self._flat
         self._apply(values, source, undo=False)
         if news := changed_names(self._flat, before):
-            told = ", ".join(f"{name} = {self._flat[name]} ({self.origins[name]})" for name in news)
-            self._node.log.info(f"parameters {self.set}: {told}")
+            listed = ", ".join(f"{name} = {self._flat[name]} ({self.origins[name]})" for name in news)
+            self._node.log.info(f"parameters {self.set}: {listed}")
 
     def enqueue(self, values: ParameterValues, source: bytes) -> None:
-        """Keep what it says until the next ``refresh``."""
+        """Keep the parameter service's values until the next ``refresh``."""
         self._queued.append((values, source))
 
     def update(self) -> None:
-        """Take what has come, where nobody takes the snapshot of all inputs."""
+        """Read new updates, in loops that do not update all subscribers of the node."""
         self._subscriber.update()
 
     def refresh(self) -> int:
-        """Follow what was admitted; the levels of the parameters that changed, 0 when none did."""
+        """Apply the received values; returns the levels of the parameters that changed, 0 for none."""
         if not self._subscriber.messages and not self._queued:
             return 0
         self.client.spin_once()
         levels = 0
         for values, origin in self._subscriber.messages:
             if origin is None or not self.client.trusts(origin.publisher, self._subscriber.key):
-                self._refuse(f"not from the node {AUTHORITY} that is there")
+                self._refuse(f"not from the visible node {AUTHORITY}")
             else:
                 self._queued.append((values, origin.publisher[:MEMBER_BYTES]))
-        heard, self._queued, self._subscriber.messages = self._queued, [], []
-        for values, source in heard:
+        received, self._queued, self._subscriber.messages = self._queued, [], []
+        for values, source in received:
             levels |= self._apply(values, source, undo=True)
         return levels
 
     def change(self, values: Mapping[str, Any]) -> None:
-        """Set parameters for this run, by dotted names, from the next step on.
+        """Set parameters for this run only, by dotted names, from the next step on.
 
-        Raises BadInput for values that are out of bounds or contradict each other, CallFailed when the parameter
-        service is there and does not agree.
+        Raises:
+            BadInput: Values are out of bounds or contradict each other.
+            CallFailed: The parameter service refuses them, or does not answer.
         """
         if not values:
             return
@@ -143,9 +150,9 @@ class ParameterSubscription(Generic[P]):
             return 0  # overtaken by the answer to a request
         self._source, self._revision = source, values.revision
         self.error, self.refused = "", False
-        told = {each.name: each for each in values.values if each.name in self._live}
-        flat = {**self._flat, **{name: each.value for name, each in told.items()}}
-        origins: dict[str, Origin] = {**self.origins, **{name: each.origin for name, each in told.items()}}
+        live = {each.name: each for each in values.values if each.name in self._live}
+        flat = {**self._flat, **{name: each.value for name, each in live.items()}}
+        origins: dict[str, Origin] = {**self.origins, **{name: each.origin for name, each in live.items()}}
         if not changed_names(flat, self._flat):
             self.origins, self._undo_requested = origins, False
             return 0
@@ -153,7 +160,9 @@ class ParameterSubscription(Generic[P]):
             params = self._checked(flat)
         except BadInput as error:
             if not undo:
-                self._refuse(f"{error}; its own values stay. ./elea param reset {self.set} forgets what was saved")
+                self._refuse(
+                    f"{error}; this node's own values stay. ./elea param reset {self.set} forgets the saved ones"
+                )
             else:
                 self._refuse(str(error))
                 if not self._undo_requested:

@@ -34,12 +34,12 @@ _NOTHING = object()
 
 
 def describe_parameters(record: type[Parameters], defaults: Parameters | None = None) -> Iterator[ParameterDescription]:
-    """Every parameter of a service, in the order of declaration, with the defaults of its record or those given.
+    """Describe every parameter of a service in the order of declaration, with the record's defaults or those given.
 
-    The annotations say more by ``Meta(extra=...)``: ``unit``; ``live``, false for what a running service does not
-    follow; ``level``, the bit that listeners get when it changes, 1 unless told; ``at_most`` and ``excludes``, by names
-    beside it, what must hold between parameters. Tables in it have dotted names. Bounds of a list are those of its
-    elements. A list of tables is a JSON text that is never live.
+    ``Meta(extra=...)`` of the annotations adds ``unit``; ``live``, false if a running service does not follow it;
+    ``level``, the bit that is set when it changes, 1 by default; ``at_most`` and ``excludes``, constraints on other
+    parameters of its table. Nested tables have dotted names. Bounds of a list are those of its elements. A list of
+    tables is a JSON text that is never live.
     """
     given = flatten(defaults) if defaults is not None else {}
     related = {each.name: each for each in constraints_of(record)}
@@ -71,7 +71,7 @@ def describe_parameters(record: type[Parameters], defaults: Parameters | None = 
 
 
 def read_value(text: str) -> Any:
-    """A value as JSON or TOML writes it; anything else is taken as a text."""
+    """A value written as JSON or TOML; anything else is text."""
     try:
         return json.loads(text)
     except (ValueError, RecursionError):
@@ -94,8 +94,7 @@ def read_assignments(pairs: Iterable[str], option: str = "--param") -> dict[str,
 
 
 def build(record: type[P], values: Mapping[str, Any], where: str = "") -> P:
-    """The record with ``values``; raises BadInput with the parameter, the bound and the value, or what contradicts
-    each other."""
+    """The record with ``values``; raises BadInput with the parameter, its value and bound, or with a contradiction."""
     prefix = f"{where}: " if where else ""
     names = record.__struct_fields__
     for name, value in values.items():
@@ -125,9 +124,7 @@ def check_value(record: type[Parameters], name: str, value: Any, where: str = ""
         raise unknown_name("parameter", name, known, where)
     leaf = known[name]
     if leaf.structured or not leaf.extra("live", True):
-        raise BadInput(
-            f"{prefix}parameter {name} does not change while its service runs: state it as a parameter of it"
-        )
+        raise BadInput(f"{prefix}parameter {name} cannot change while its service runs: state it with its service")
     if not _finite(value):
         raise BadInput(f"{prefix}parameter {name} = {value!r}: a number that is not finite")
     try:
@@ -143,7 +140,7 @@ def stated(record: type[Parameters], values: Mapping[str, Any]) -> dict[str, Any
 
 
 def _at(table: Any, path: list[str]) -> Any:
-    """What a table states at a path of names, or _NOTHING."""
+    """The value at a path of names in nested tables, or _NOTHING."""
     for step in path:
         if not isinstance(table, Mapping) or step not in table:
             return _NOTHING
@@ -152,7 +149,7 @@ def _at(table: Any, path: list[str]) -> Any:
 
 
 def _bound(metas: Iterable[Meta], inclusive: str, exclusive: str) -> tuple[float | None, bool]:
-    """The bound that the innermost annotation states, and whether it lies outside; none beyond the wire's own."""
+    """The bound of the innermost annotation, and whether it is exclusive; none beyond the wire's own bound."""
     for meta in metas:
         for name in (inclusive, exclusive):
             value = getattr(meta, name)
@@ -162,7 +159,7 @@ def _bound(metas: Iterable[Meta], inclusive: str, exclusive: str) -> tuple[float
 
 
 def _choice_error(leaf: Field | None, value: Any) -> str:
-    """Return what is wrong with a value that is none of the parameter's choices; nothing for other parameters."""
+    """The error text for a value that is not one of the parameter's choices; empty for other parameters."""
     choices = type_name(leaf)[1] if leaf is not None else ()
     if not choices or not isinstance(value, str):
         return ""

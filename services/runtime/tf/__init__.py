@@ -1,1 +1,1 @@
-"""Where any frame lies in any other, as told on /tf and /tf_static."""
+"""Transforms between frames, from /tf and /tf_static, with tf2's semantics."""

@@ -1,4 +1,4 @@
-"""Who tells of which frame: a frame has one parent and one publisher, and what breaks this is told."""
+"""Publishers of each frame: a frame has one parent and one publisher; conflicts are reported."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 MAX_AUTHORITIES = 64
-"""On one frame; whoever made the first one is forgotten for another."""
+"""Maximum publishers of one frame that are remembered; a further one replaces the oldest."""
 
 
 class Authority(NamedTuple):
@@ -17,7 +17,7 @@ class Authority(NamedTuple):
 
 
 class FrameAuthorities:
-    """The claims on each frame; one that was not renewed for ``cache_ns`` [ns] no longer counts."""
+    """The publishers of each frame; one without a new transform for ``cache_ns`` [ns] no longer counts."""
 
     def __init__(self, cache_ns: int) -> None:
         self._cache_ns = cache_ns
@@ -26,12 +26,12 @@ class FrameAuthorities:
         self._newest = 0
 
     def moving(self, child: str, publisher: bytes, parent: str, stamp: int) -> None:
-        """A publisher has told of a moving frame."""
+        """Record a transform of a moving frame."""
         self._add(child, publisher, Authority(parent, stamp))
         self._newest = max(self._newest, stamp)
 
     def static(self, publisher: bytes, parents: Mapping[str, str]) -> None:
-        """A publisher has told its fixed frames, which stand instead of those before."""
+        """Record a publisher's static frames, which replace its earlier ones."""
         for child, claims in self._of.items():
             old = claims.get(publisher)
             if old is not None and old.stamp is None and child not in parents:
@@ -40,34 +40,34 @@ class FrameAuthorities:
             self._add(child, publisher, Authority(parent, None))
 
     def clear(self) -> None:
-        """Forget what moves."""
+        """Forget the moving frames."""
         self._keep(lambda claim: claim.stamp is None)
         self._newest = 0
 
     def prune(self) -> None:
-        """Forget what no longer counts."""
+        """Forget publishers that no longer count."""
         since = self._newest - self._cache_ns
         self._keep(lambda claim: claim.stamp is None or claim.stamp >= since)
 
     def publishers(self, frame: str) -> list[bytes]:
-        """Who tells of a frame now."""
+        """The current publishers of a frame."""
         return sorted(self._valid(frame))
 
     def conflicts(self) -> dict[str, str]:
-        """A sentence for each frame that several publishers tell of."""
-        told = {}
+        """A sentence for each frame with several publishers."""
+        found = {}
         for child in sorted(self._conflicting):
             claims = self._valid(child)
             if len(claims) < 2:
                 continue
             parents = sorted({claim.parent for claim in claims.values()})
             if len(parents) > 1:
-                told[child] = f"frame {child!r} has {len(parents)} parents, {' and '.join(map(repr, parents))}"
+                found[child] = f"frame {child!r} has {len(parents)} parents, {' and '.join(map(repr, parents))}"
             else:
-                told[child] = f"frame {child!r} has {len(claims)} publishers"
+                found[child] = f"frame {child!r} has {len(claims)} publishers"
             if len({claim.stamp is None for claim in claims.values()}) > 1:
-                told[child] += ", and is told as both fixed and moving"
-        return told
+                found[child] += ", and is published as both static and moving"
+        return found
 
     def _add(self, child: str, publisher: bytes, claim: Authority) -> None:
         claims = self._of.setdefault(child, {})
@@ -80,11 +80,12 @@ class FrameAuthorities:
     def _valid(self, frame: str) -> dict[bytes, Authority]:
         since = self._newest - self._cache_ns
         claims = self._of.get(frame, {})
-        return {who: claim for who, claim in claims.items() if claim.stamp is None or claim.stamp >= since}
+        return {publisher: claim for publisher, claim in claims.items() if claim.stamp is None or claim.stamp >= since}
 
     def _keep(self, wanted: Callable[[Authority], bool]) -> None:
         kept = {
-            child: {who: claim for who, claim in claims.items() if wanted(claim)} for child, claims in self._of.items()
+            child: {publisher: claim for publisher, claim in claims.items() if wanted(claim)}
+            for child, claims in self._of.items()
         }
         self._of = {child: claims for child, claims in kept.items() if claims}
         self._conflicting = {child for child, claims in self._of.items() if len(claims) > 1}

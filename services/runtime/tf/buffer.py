@@ -1,6 +1,6 @@
-"""The tree of frames over the last seconds: where any frame lies in any other, with the semantics of ROS's tf2.
+"""The transform buffer: the tree of frames over the last seconds, looked up with the semantics of ROS's tf2.
 
-Names do not begin with a slash; one that does is taken without it, as in tf.
+Frame names have no leading slash; one is removed, as in tf.
 """
 
 from __future__ import annotations
@@ -15,28 +15,28 @@ from services.runtime.tf.authority import FrameAuthorities
 from services.runtime.tf.time_cache import StampedTransform, TimeCache
 
 CACHE_S = 10.0
-"""How long the past is kept [s of simulation time]; tf2's default."""
+"""Length of the cache [s of simulation time]; tf2's default."""
 MAX_FRAMES = 4096
-"""Frames that are kept; what comes beyond is refused."""
+"""Maximum frames; further ones are refused."""
 MAX_PUBLISHERS = 256
 """Publishers of fixed frames that are kept apart."""
 NOT_UNIT = 0.01
-"""How far the squared length of a quaternion may be off 1; tf2's tolerance."""
+"""Tolerance of a quaternion's squared length; tf2's."""
 _LISTED = 30
 
 
 class LookupResult(NamedTuple):
-    """Where a frame lies in another, and at which time [ns]; None when it is the same at any time."""
+    """The pose of a frame in another, and its time [ns]; None if it is static."""
 
     time: int | None
     transform: Pose3
 
 
 class TransformBuffer:
-    """Takes transforms, answers ``lookup``. What is old, repeated or refused is counted and has no other effect.
+    """Receives transforms and answers ``lookup``. Old, repeated or refused ones are counted and have no other effect.
 
-    A frame that is told as moving and as fixed, or as fixed by several publishers, is what it was told as last: so it
-    is in tf2.
+    Of a frame that is published as both moving and static, or as static by several publishers, the last transform
+    counts, as in tf2.
     """
 
     def __init__(self, cache_s: float = CACHE_S) -> None:
@@ -73,29 +73,28 @@ class TransformBuffer:
                 self._add_parent(parent)
 
     def add_static(self, transforms: Iterable[TransformStamped], publisher: bytes) -> None:
-        """Take all fixed transforms of a publisher: they stand instead of those that it told before.
+        """Replace a publisher's static transforms by these.
 
-        So who comes late, and gets each publisher's last message, knows the same as who was there from the start.
-        An unknown sender (no ``publisher``) cannot be told from others like it: its transforms add up. A frame that
-        moved until now is fixed from now on.
+        So a late subscriber, which gets each publisher's last message, has the same tree as an early one. Foreign
+        senders (no ``publisher``) cannot be distinguished: their transforms add up. A frame that moved becomes static.
         """
         if publisher not in self._parents_seen and len(self._parents_seen) >= MAX_PUBLISHERS:
             self.refused, self.reason = self.refused + 1, f"more than {MAX_PUBLISHERS} publishers of fixed frames"
             return
-        told = dict(self._parents_seen.get(publisher, {})) if not publisher else {}
+        links = dict(self._parents_seen.get(publisher, {})) if not publisher else {}
         for each in transforms:
             child = self._child(each)
-            if child is not None and (child in told or len(told) < MAX_FRAMES):
-                told[child] = StampedTransform(each.header.frame_id.removeprefix("/"), Pose3.from_msg(each.transform))
+            if child is not None and (child in links or len(links) < MAX_FRAMES):
+                links[child] = StampedTransform(each.header.frame_id.removeprefix("/"), Pose3.from_msg(each.transform))
                 self._moving.pop(child, None)
-        self._parents_seen.pop(publisher, None)  # at the end of the table: the last one told wins
-        self._parents_seen[publisher] = told
-        self._claims.static(publisher, {child: link.parent for child, link in told.items()})
+        self._parents_seen.pop(publisher, None)  # at the end of the table: the last one received wins
+        self._parents_seen[publisher] = links
+        self._claims.static(publisher, {child: link.parent for child, link in links.items()})
         self._static = {child: link for links in self._parents_seen.values() for child, link in links.items()}
-        self._parents |= {link.parent for link in told.values()}
+        self._parents |= {link.parent for link in links.values()}
 
     def clear(self) -> None:
-        """Forget what moves: time has begun anew. What is fixed stays, as in tf2."""
+        """Forget the moving transforms after a reset. Static ones stay, as in tf2."""
         self._moving.clear()
         self._claims.clear()
         self._parents = {link.parent for link in self._static.values()}
@@ -105,7 +104,7 @@ class TransformBuffer:
         return sorted(self._parents | self._moving.keys() | self._static.keys())
 
     def parent(self, frame: str, time: int | None = None) -> str | None:
-        """The frame in which ``frame`` is told, at a time [ns] or last; None for the root of a tree."""
+        """The parent of ``frame``, at a time [ns] or the latest; None for the root of a tree."""
         if (history := self._moving.get(frame)) is not None:
             return history.parent(time)
         link = self._static.get(frame)
@@ -117,19 +116,23 @@ class TransformBuffer:
         return (history.oldest, history.newest) if history is not None else None
 
     def conflicts(self) -> dict[str, str]:
-        """The frames that several publishers tell of, each with a sentence that says so."""
+        """The frames with several publishers, each with a sentence for the log."""
         return self._claims.conflicts()
 
     def publishers(self, frame: str) -> list[bytes]:
-        """Who tells of a frame."""
+        """The publishers of a frame."""
         return self._claims.publishers(frame)
 
     def lookup(self, target: str, source: str, time: int | None = None) -> LookupResult:
-        """Where ``source`` lies in ``target`` at ``time`` [ns], at the latest time that all between have when None.
+        """The transform that maps points in ``source`` to ``target``, as tf2's ``lookupTransform``.
 
-        It takes points told in ``source`` to ``target``, as tf2's ``lookupTransform(target, source, time)``. A frame
-        lies in itself whether or not anybody tells of it, when None at the latest time at which it is told. Raises
-        NoTransform: UnknownFrame, NotConnected, Extrapolation or FrameLoop.
+        Args:
+            target: The frame of the result.
+            source: The frame to map from. The transform of a frame to itself is the identity, also if it is unknown.
+            time: When, in ns of simulation time; None for the latest common time.
+
+        Raises:
+            NoTransform: UnknownFrame, NotConnected, Extrapolation or FrameLoop.
         """
         target, source = target.removeprefix("/"), source.removeprefix("/")
         if target == source and target:
@@ -145,11 +148,11 @@ class TransformBuffer:
     def lookup_full(
         self, target: str, target_time: int | None, source: str, source_time: int | None, fixed: str
     ) -> LookupResult:
-        """Where ``source`` lay at ``source_time`` [ns], told in ``target`` as it lies at ``target_time`` [ns].
+        """The transform of ``source`` at ``source_time`` [ns] to ``target`` at ``target_time`` [ns].
 
-        Between the two times the frame ``fixed`` is held still, as in tf2's ``lookupTransform`` of five arguments:
-        T = T(target <- fixed, target_time) T(fixed <- source, source_time). The time of the answer is the target's. A
-        time of None is the latest common one with ``fixed``. Raises NoTransform.
+        The frame ``fixed`` does not move in between, as in tf2's ``lookupTransform`` with five arguments:
+        T = T(target <- fixed, target_time) T(fixed <- source, source_time). The result has the target's time. A time
+        of None is the latest common one with ``fixed``. Raises NoTransform.
         """
         for each in (target, source, fixed):
             self._known(each)
@@ -173,7 +176,7 @@ class TransformBuffer:
         return None
 
     def _room(self) -> bool:
-        """Whether another frame fits; those that nobody has told of for long are forgotten for it."""
+        """Whether there is room for another frame; forgets those without recent transforms to make room."""
         if len(self._moving) >= MAX_FRAMES:
             newest = max(each.newest for each in self._moving.values())
             self._moving = {name: each for name, each in self._moving.items() if each.newest >= newest - self._cache_ns}
@@ -184,7 +187,7 @@ class TransformBuffer:
         return False
 
     def _add_parent(self, parent: str) -> None:
-        """Note a parent; of a sender that names ever new ones, those that are no longer told of are forgotten."""
+        """Record a parent frame; drops parents that no transform refers to any more, to bound memory."""
         self._parents.add(parent)
         if len(self._parents) > self._most_parents:
             self._parents = {link.parent for link in self._static.values()}
@@ -192,7 +195,7 @@ class TransformBuffer:
             self._most_parents = 2 * len(self._parents) + MAX_FRAMES
 
     def _newest(self, frames: Iterable[str]) -> int | None:
-        """The latest time [ns] that all of the moving ones among these frames have; None when none of them moves."""
+        """The latest common time [ns] of the moving frames among these; None if none of them moves."""
         return min((self._moving[each].newest for each in frames if each in self._moving), default=None)
 
     def _known(self, frame: str) -> str:
@@ -202,7 +205,7 @@ class TransformBuffer:
         known = self.frames()
         if not known:
             raise UnknownFrame(
-                f"frame {name!r} is unknown: no frame is, nothing has come on /tf or /tf_static; is anybody publishing?"
+                f"frame {name!r} is unknown: no transform was received on /tf or /tf_static; are they published?"
             )
         raise UnknownFrame(f"frame {name!r} is unknown{did_you_mean(name, known, 3)} (known: {_listed(known)})")
 
@@ -214,8 +217,8 @@ class TransformBuffer:
             if frame in place:
                 return above[: place[frame]], below[:index]
         raise NotConnected(
-            f"no transforms connect {target!r} and {source!r}, they lie in two trees: "
-            f"{self._tree(above[-1])}; and {self._tree(below[-1])}: who should publish a transform between them?"
+            f"no transforms connect {target!r} and {source!r}, they are in two trees: "
+            f"{self._tree(above[-1])}; and {self._tree(below[-1])}: which node should publish a transform between them?"
         )
 
     def _ancestry(self, frame: str, time: int | None) -> list[str]:
@@ -225,7 +228,7 @@ class TransformBuffer:
             if parent in seen:
                 raise FrameLoop(
                     f"frames in a loop: {' in '.join([*line[line.index(parent) :], parent])}; one of these transforms "
-                    "is told the wrong way round"
+                    "has parent and child exchanged"
                 )
             line.append(parent)
             seen.add(parent)
@@ -243,7 +246,7 @@ class TransformBuffer:
         return frame
 
     def _up(self, path: list[str], time: int | None) -> Pose3:
-        """The first frame of a path, told in what is above its last one."""
+        """The transform of a path's first frame to the parent of its last one."""
         here = IDENTITY
         for frame in path:
             history = self._moving.get(frame)

@@ -1,4 +1,4 @@
-"""How a loop sees the tree of frames: as it stood at the start of the tick."""
+"""The transforms as a loop sees them: as of the start of the tick."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from services.runtime.transport.wire import NODE_BYTES
 
 
 class Step(Protocol):
-    """What is known of a tick here: the simulation time [s] since the one before, 0 after a reset."""
+    """The part of a tick used here: simulation time [s] since the previous one, 0 after a reset."""
 
     @property
     def dt(self) -> float: ...
@@ -26,8 +26,8 @@ class Step(Protocol):
 class TransformListener:
     """The transforms of ``/tf`` and ``/tf_static``, kept for ``cache`` [s of simulation time].
 
-    Without ``moving`` those of ``/tf_static`` alone: the simulation makes ``/tf`` only while somebody reads it. A frame
-    that gets two parents or two publishers is told in the log, once. After a reset only the fixed ones are left.
+    Without ``moving`` only ``/tf_static``: the simulation publishes ``/tf`` only while it has subscribers. A frame
+    with two parents or two publishers is logged, once. After a reset only the static transforms are left.
     """
 
     latched = False
@@ -37,28 +37,35 @@ class TransformListener:
         self._moving = node.subscribe(TF) if moving else None
         self._fixed = node.subscribe(TF_STATIC)
         self._log = node.log
-        self._said: set[str] = set()
+        self._logged: set[str] = set()
         self._refused = 0
 
     def refresh(self) -> None:
         """Follow the inputs' last batches."""
         if self._moving is not None:
             add_moving(self.buffer, self._moving)
-        # After what moves: of a frame that is told as both, whoever still moves it says so again, the other one never.
+        # After the moving ones: a publisher that still moves a frame repeats it, one that made it static does not.
         add_static(self.buffer, self._fixed)
         self._tell()
 
     def clear(self) -> None:
-        """Time has begun anew: forget what moves."""
+        """Forget the moving transforms after a reset."""
         self.buffer.clear()
         add_static(self.buffer, self._fixed)
 
     def lookup(self, target: str, source: str, time: int | None = None) -> TransformStamped:
-        """Where the frame ``source`` lies in ``target`` at ``time`` [ns]; at the latest common time when None.
+        """The transform that maps points in ``source`` to ``target``, as tf2's ``lookupTransform``.
 
-        As tf2's ``lookupTransform``: it takes what is told in ``source`` to ``target``. The stamp of the answer is that
-        time; 0 when only fixed frames lie between. Raises NoTransform, whose subclasses tell an unknown frame from two
-        unconnected ones, a time outside of what is known, and a loop.
+        Args:
+            target: The frame of the result.
+            source: The frame to map from.
+            time: When, in ns of simulation time; None for the latest common time.
+
+        Returns:
+            The transform with its time as stamp, 0 if all frames between are static.
+
+        Raises:
+            NoTransform: UnknownFrame, NotConnected, Extrapolation or FrameLoop.
         """
         found = self.buffer.lookup(target, source, time)
         return _message(target, source, found)
@@ -66,11 +73,11 @@ class TransformListener:
     def lookup_full(
         self, target: str, target_time: int | None, source: str, source_time: int | None, fixed: str
     ) -> TransformStamped:
-        """Where ``source`` lay at ``source_time`` [ns], told in ``target`` at ``target_time`` [ns].
+        """The transform of ``source`` at ``source_time`` [ns] to ``target`` at ``target_time`` [ns].
 
-        As tf2's ``lookupTransform`` with a fixed frame ("time travel"): ``fixed`` is what stands still between the two
-        times. ``lookup_full("base", now, "base", now - 10**9, "odom")`` is how the base has moved in the last second.
-        Times, stamp and errors are those of ``lookup``; the stamp is the target's time.
+        As tf2's ``lookupTransform`` with a fixed frame ("time travel"): ``fixed`` does not move between the two times.
+        ``lookup_full("base", now, "base", now - 10**9, "odom")`` is the motion of the base in the last second. Times
+        and errors are those of ``lookup``; the stamp is the target's time.
         """
         return _message(target, source, self.buffer.lookup_full(target, target_time, source, source_time, fixed))
 
@@ -93,16 +100,16 @@ class TransformListener:
     def wait_for(
         self, ticks: Iterator[Step], target: str, source: str, time: int | None = None, timeout: float = 5.0
     ) -> TransformStamped:
-        """``lookup``, as soon as it answers: until then the loop's own ``ticks`` pass, so that nobody waits for it.
+        """Wait until ``lookup`` succeeds; meanwhile the loop's own ``ticks`` pass, so that the node keeps working.
 
         Args:
-            ticks: what the loop goes on with, ``ticks = ctx.ticks()``; requests are answered, the heartbeat is sent and
-                the steps of lockstep are taken while it waits. A reset meanwhile shows in the epoch of the ticks after.
+            ticks: the loop's ticks, ``ticks = ctx.ticks()``; while it waits, requests are answered, heartbeats sent and
+                steps of lockstep done. A reset meanwhile shows in the epoch of later ticks.
             target, source, time: as for ``lookup``.
-            timeout: how long to wait at most [s of simulation time]; a simulation that is paused takes none of it.
+            timeout: maximum wait [s of simulation time], which does not pass while the simulation is paused.
 
         Raises:
-            NoTransform: what ``lookup`` said last, when the time is over.
+            NoTransform: the last error of ``lookup``, at the timeout.
         """
         waited = 0.0
         while True:
@@ -119,8 +126,8 @@ class TransformListener:
 
     def _tell(self) -> None:
         for frame, text in self.buffer.conflicts().items():
-            if frame not in self._said:
-                self._said.add(frame)
+            if frame not in self._logged:
+                self._logged.add(frame)
                 self._log.warn(f"{text}: a frame has one publisher, see ./elea tf tree")
         if self.buffer.refused > self._refused:
             self._refused = self.buffer.refused

@@ -1,4 +1,4 @@
-"""Where one moving frame was: its transforms of the last seconds, in the order of their stamps."""
+"""The time cache of one moving frame: its transforms of the last seconds, in the order of their stamps."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Verdict = Literal["taken", "old", "repeated"]
 
 
 class StampedTransform(NamedTuple):
-    """A transform: the parent's frame, and where the child lies in it."""
+    """A transform: the parent frame, and the child's pose in it."""
 
     parent: str
     transform: Pose3
@@ -58,7 +58,7 @@ class TimeCache:
         return "taken"
 
     def parent(self, time: int | None) -> str:
-        """The parent at a time [ns], or now; beyond what is known, that of the nearest sample."""
+        """The parent at a time [ns], or the latest; outside the cached times, that of the nearest sample."""
         if time is None or time >= self._stamps[-1]:
             return self._links[-1].parent
         return self._links[max(0, bisect_left(self._stamps, time + 1) - 1)].parent
@@ -82,7 +82,7 @@ class TimeCache:
         return StampedTransform(before.parent, before.transform.interpolate(after.transform, share))
 
     def _forget(self) -> None:
-        """Drop what is older than the cache reaches."""
+        """Drop transforms older than the cache."""
         stamps, oldest = self._stamps, self._stamps[-1] - self._cache_ns
         if stamps[0] >= oldest and len(stamps) <= MAX_SAMPLES:
             return

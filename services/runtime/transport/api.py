@@ -22,10 +22,10 @@ ADMIN_SPACE = "@elea"
 
 
 TIMEOUT = b"Timeout"
-"""Payload of the error that stands for an answer which did not come in time; the word is Zenoh's own."""
+"""Payload of the error that stands for a missing answer at the timeout; the word is Zenoh's own."""
 
 Sample = tuple[bytes, bytes, Any]
-"""One arrival: payload, attachment, and what its inlet tells the rest by, for which most readers never ask."""
+"""A received sample: payload, attachment, and the handle for its key and encoding, which most readers never need."""
 
 
 class TokenEvent(NamedTuple):
@@ -36,7 +36,7 @@ class TokenEvent(NamedTuple):
 
 
 class RawSubscriber(Protocol):
-    """A subscription; the newest samples are kept, the oldest overwritten when nobody takes them."""
+    """A subscription with a ring of the newest samples; unread old ones are overwritten."""
 
     def recv(self) -> Sample | None:
         """The oldest sample waiting, or None."""
@@ -64,7 +64,7 @@ class RawPublisher(Protocol):
 
     @property
     def has_subscribers(self) -> bool:
-        """Whether anybody subscribes at present."""
+        """Whether the key has subscribers."""
         ...
 
     def close(self) -> None:
@@ -73,7 +73,7 @@ class RawPublisher(Protocol):
 
 
 class Query(Protocol):
-    """A request that waits for its reply; ``key`` is what was asked, wildcards and all."""
+    """A query that waits for its reply; ``key`` is the queried key expression."""
 
     key: str
     payload: bytes
@@ -91,7 +91,7 @@ class QueryServer(Protocol):
     """The requests that arrive on one key. Those that are too large, or too many to wait, are refused on arrival."""
 
     waiting: Collection[object]
-    """What waits to be taken."""
+    """The queries waiting to be answered."""
 
     def recv(self) -> Query | None:
         """The oldest request waiting, or None."""
@@ -99,7 +99,7 @@ class QueryServer(Protocol):
 
 
 class Reply(NamedTuple):
-    """The answer to a query: ``ok`` tells a result from an error, ``session`` whose it is, empty where nobody's."""
+    """The answer to a query: ``ok`` for a result, not an error; ``session`` of the server, empty if unknown."""
 
     ok: bool
     payload: bytes
@@ -110,7 +110,7 @@ class PendingReplies(Protocol):
     """A question that waits for its answers."""
 
     def poll(self) -> Sequence[Reply] | None:
-        """All replies once they are there or the time is up; None before. Empty when nobody was there to ask."""
+        """All replies once they have arrived or time is up, None before; empty without a server."""
         ...
 
 
@@ -130,7 +130,7 @@ class TokenWatch(Protocol):
         ...
 
     def refresh(self) -> None:
-        """Ask anew which tokens are there: one that was missed while links came up is then told of."""
+        """Query the tokens again, to report one that was missed while links came up."""
         ...
 
 
@@ -142,7 +142,7 @@ class Transport(Protocol):
     open: bool
     """Whether it was not closed yet."""
     settle_s: float
-    """Wall time in which links to the others come up; what is out of sight for longer is not there."""
+    """Wall time [s] in which links come up; what is invisible for longer does not exist."""
 
     def __enter__(self) -> Self: ...
 
@@ -157,13 +157,14 @@ class Transport(Protocol):
         ...
 
     def serve(self, key: str, largest: int = MAX_REQUEST_BYTES, refusals: Refusals | None = None) -> QueryServer:
-        """Receive the requests on ``key``, each of at most ``largest`` bytes; ``refusals`` counts what is refused."""
+        """Receive the queries on ``key``, each of at most ``largest`` bytes; ``refusals`` counts refused ones."""
         ...
 
     def query(self, key: str, payload: bytes, timeout: float) -> Sequence[Reply]:
-        """Ask all who serve ``key`` and wait at most ``timeout`` [s]; nobody there is an empty list.
+        """Query all servers of ``key`` and wait at most ``timeout`` [s].
 
-        Each one's answer is in the list; where one stays out, an error TIMEOUT is.
+        Returns:
+            The answer of each server, the error TIMEOUT for a missing one; empty without servers.
         """
         ...
 
@@ -176,7 +177,7 @@ class Transport(Protocol):
         ...
 
     def tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
-        """The tokens that are in sight now; on a fresh connection, those whose links are up."""
+        """The visible tokens; on a new connection, those whose links are up."""
         ...
 
     def watch(self, pattern: str) -> TokenWatch:

@@ -17,7 +17,7 @@ from services.runtime.transport.request_queue import Refusals, RequestQueue
 
 
 def matches(pattern: str, key: str) -> bool:
-    """Whether ``key`` lies in a key expression of ``*`` and ``**`` chunks; neither matches a chunk with a leading @."""
+    """Whether ``key`` matches an expression with ``*`` and ``**`` chunks, which match no chunk with a leading @."""
     return _match(pattern.split("/"), key.split("/"))
 
 
@@ -43,7 +43,7 @@ class MemoryBus:
         self.numbers = itertools.count(1)
 
     def set_token(self, key: str, alive: bool) -> None:
-        """Tell the watches that a token came or went."""
+        """Notify the watches that a token appeared or disappeared."""
         with self.changed:
             for watch in self.watches:
                 if matches(watch.pattern, key):
@@ -142,7 +142,7 @@ class MemoryServer:
         self._backlog = backlog
 
     def on_query(self, query: MemoryQuery) -> None:
-        """Called by who asks."""
+        """Queue a query; called by the client."""
         if (refusal := self._backlog.offer(query, len(query.payload))) is None:
             self.owner.wake()
         else:
@@ -253,7 +253,7 @@ class MemoryTransport:
         return watch
 
     def subscribed(self) -> set[str]:
-        """What is subscribed to on the bus, by anybody."""
+        """All subscriptions on the bus."""
         with self._bus.changed:
             return {each.pattern for each in self._bus.subscribers}
 

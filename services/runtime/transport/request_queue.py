@@ -1,4 +1,4 @@
-"""The requests that wait at a server until its loop takes them, bounded in number and in bytes; and what is refused."""
+"""The queue of requests at a server, bounded in number and bytes, and the count of those refused."""
 
 from __future__ import annotations
 
@@ -36,13 +36,13 @@ class Refusals:
 
 
 class RequestQueue(Generic[T]):
-    """A queue between the thread that receives and the loop that answers.
+    """A queue between the receiving thread and the answering loop.
 
-    What is too large, or finds the queue full, is not kept: ``offer`` gives the error reply for it, to be sent at once.
+    A request that is too large, or finds the queue full, is refused: ``offer`` returns the error reply to send.
 
     Args:
-        largest: Bytes that one request may have, with everything that travels beside its payload.
-        refusals: Where those are counted that are not kept.
+        largest: Maximum bytes of one request, including its attachment.
+        refusals: Counts the refused requests.
     """
 
     def __init__(self, largest: int = MAX_REQUEST_BYTES, refusals: Refusals | None = None) -> None:

@@ -19,7 +19,7 @@ RESYNC_S = 0.1
 
 
 class Verdict(Enum):
-    """What the number of a sample says of it."""
+    """The verdict on a sample by its sequence number."""
 
     NEXT = "the next of its publisher, or the first"
     GAP = "new, with samples lost before it"
@@ -31,16 +31,16 @@ class Verdict(Enum):
 class SequenceTracker:
     """Judges the numbers of a reader's publishers.
 
-    Numbers grow by one from sample to sample. Anybody on the network can send a sample in the name of a publisher, so
-    a number alone must not silence the publisher for which it was given:
+    Numbers grow by one from sample to sample. Any program on the network can send a sample in the name of a publisher,
+    so a number alone must not silence the true publisher:
 
     - A number counts only once the payload was accepted: the caller judges, and then calls ``accept``.
-    - A number more than LARGEST_GAP ahead is refused.
-    - A number that does not grow is a repetition (a second path, a latched value told again), unless its source time
+    - A number more than MAX_GAP ahead is refused.
+    - A number that does not grow is a repetition (a second path, a latched value sent again), unless its source time
       is later than that of the last sample accepted: then it is new, and its number is followed from here on. A last
-      source time ahead of this machine's clock by more than AHEAD_NS does not stand against one that is not.
-    - Where source times do not help (clocks of two machines that differ), numbers that grow for RESYNC_S, while the
-      expected ones do not come, are followed. RFC 3550, A.1, does it like this.
+      source time ahead of this machine's clock by more than AHEAD_NS does not count against one that is not.
+    - Where source times do not help (machines with different clocks), numbers that grow for RESYNC_S, while the
+      expected ones do not arrive, are followed, as in RFC 3550, A.1.
 
     So after a forged sample the next true one counts where clocks agree, and one within RESYNC_S or after the next
     period, whichever is longer, where they do not. ``last`` is the number last accepted from each publisher.
@@ -53,7 +53,7 @@ class SequenceTracker:
         self._rivals: dict[bytes, tuple[int, float, int]] = {}
 
     def judge(self, origin: SampleInfo) -> Verdict:
-        """What is to be thought of a sample by its number and source time; nothing is taken over yet."""
+        """The verdict on a sample by its number and source time; nothing is recorded yet."""
         sequence, stamp, _, publisher = origin
         last = self.last.get(publisher)
         if last is None or sequence == last + 1:
@@ -70,7 +70,7 @@ class SequenceTracker:
         return Verdict.REPEATED if sequence <= last else Verdict.TOO_FAR
 
     def accept(self, origin: SampleInfo) -> None:
-        """Take over the number and the source time of a sample that was accepted."""
+        """Record the number and the source time of an accepted sample."""
         publisher = origin.publisher
         if publisher not in self.last and len(self.last) >= MAX_PUBLISHERS:
             self._forget_one()
@@ -78,14 +78,14 @@ class SequenceTracker:
         self.stamps[publisher] = origin.source_ns
 
     def pass_over(self, publisher: bytes, sequence: int) -> None:
-        """Go on to ``sequence``, the next one of a known publisher, whose payload was refused: it is not lost as well.
+        """Record the next number of a known publisher whose payload was refused, so that it is not lost as well.
 
-        Its source time is not taken over. So one that was forged is followed by the true one of the same number.
+        Its source time is not recorded, so that a forged sample does not prevent the true one of the same number.
         """
         self.last[publisher] = sequence
 
     def give_up(self, publisher: bytes, sequence: int) -> None:
-        """Go on to ``sequence``: what was sent up to now and comes later is not taken any more."""
+        """Continue after ``sequence``: earlier samples that arrive late are refused."""
         self.last[publisher] = sequence
         self.stamps[publisher] = time_ns()
 
@@ -102,9 +102,9 @@ class SequenceTracker:
         return False
 
     def _forget_one(self) -> None:
-        """Forget the publisher that was silent longest, as near as can be told without a note for each sample.
+        """Forget a publisher that has been silent for long, found without a time for each sample.
 
-        From the oldest on, each whose number has changed since it was last looked at gets a second chance.
+        From the oldest on, each whose number has changed since the last look gets a second chance.
         """
         for publisher in list(self.last):
             number = self.last.pop(publisher)

@@ -19,7 +19,7 @@ from services.runtime.errors import BadInput
 from services.runtime.user_folders import socket_suffix
 
 PROTOCOL = "unixsock-stream"
-"""What Zenoh calls a link over a Unix socket."""
+"""Zenoh's name of a link over a Unix socket."""
 ROUTER = "router.sock"
 MAX_PATH_LENGTH = 107
 """Bytes of a socket's path: sun_path has 108 with the closing zero (unix(7))."""
@@ -30,7 +30,7 @@ _YOUNG_S = 2.0
 
 
 def socket_folder(environment: Mapping[str, str] = os.environ) -> Path:
-    """The folder that holds those of all fleets of this user.
+    """The folder of the sockets of all fleets of this user.
 
     It is ``elea`` in XDG_RUNTIME_DIR (XDG base directory specification), where that is a folder of this user's; under
     ``sudo`` it may be somebody else's. Otherwise it is ``elea-UID`` in the temporary folder. A home that is not the
@@ -49,17 +49,17 @@ def socket_folder(environment: Mapping[str, str] = os.environ) -> Path:
 
 
 def router_endpoint(port: int, environment: Mapping[str, str] = os.environ) -> str:
-    """Where the router of the fleet with this port listens. The port only names it: no TCP port is opened."""
+    """The endpoint of the router of the fleet with this port, which only names it: no TCP port is opened."""
     return router_in(socket_folder(environment) / str(port))
 
 
 def router_in(folder: Path) -> str:
-    """Where a router listens whose sockets lie in ``folder``, which is the user's alone."""
+    """The endpoint of a router with its sockets in ``folder``, which only the user can enter."""
     return f"{PROTOCOL}/{folder / ROUTER}"
 
 
 def node_endpoint(router: str) -> str:
-    """Where a node listens that meets others at the endpoint ``router``: beside it, under a name of its own."""
+    """The endpoint of a node that joins the endpoint ``router``: in the same folder, under its own name."""
     return f"{PROTOCOL}/{path_of(router).parent / os.urandom(5).hex()}.sock"
 
 
@@ -107,7 +107,7 @@ def make_private(folder: Path) -> None:
 
 
 def is_listening(endpoint: str, patience: float = 2.0) -> None:
-    """Raise OSError unless somebody accepts a connection at an endpoint (Unix or ``tcp``) within ``patience`` [s]."""
+    """Raise OSError unless an endpoint (Unix or ``tcp``) accepts a connection within ``patience`` [s]."""
     if is_unix(endpoint):
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
             probe.settimeout(patience)
@@ -120,7 +120,7 @@ def is_listening(endpoint: str, patience: float = 2.0) -> None:
 def remove_stale(folder: Path) -> None:
     """Remove the sockets that killed processes left in a fleet's folder, and the folder itself once it is empty.
 
-    What cannot be removed stays: it is in nobody's way.
+    Files that cannot be removed stay; they do no harm.
     """
     with suppress(OSError):
         for lock in folder.glob("*.sock.lock"):
@@ -131,9 +131,9 @@ def remove_stale(folder: Path) -> None:
 
 
 def _held(lock: Path) -> bool:
-    """Whether a process listens on the socket beside which this file lies, or may be about to.
+    """Whether a process listens on the socket of this lock file, or may be about to.
 
-    Zenoh holds a lock on it for as long as it listens; the kernel lifts that with the process.
+    Zenoh locks it for as long as it listens; the kernel releases the lock with the process.
     """
     try:
         with lock.open("rb") as file:
@@ -150,8 +150,8 @@ def _check(folder: Path) -> None:
         found = folder.lstat()
     except OSError as error:
         raise BadInput(
-            f"the folder {folder} for Unix sockets cannot be looked at ({error.strerror}): is a fleet up? "
-            "A logout removes what lies in XDG_RUNTIME_DIR"
+            f"the folder {folder} for Unix sockets cannot be read ({error.strerror}): is a fleet up? "
+            "A logout removes the files in XDG_RUNTIME_DIR"
         ) from None
     mode = stat.S_IMODE(found.st_mode)
     if not stat.S_ISDIR(found.st_mode):
@@ -159,7 +159,7 @@ def _check(folder: Path) -> None:
         raise BadInput(f"{folder} is {what}, and Unix sockets need a folder there: remove it, if it is yours")
     if found.st_uid != os.geteuid():
         raise BadInput(
-            f"the folder {folder} belongs to the user with number {found.st_uid}, who could take the place of the "
+            f"the folder {folder} belongs to the user with number {found.st_uid}, who could replace the "
             "router: set XDG_RUNTIME_DIR to a folder of yours, or name your own router with --connect"
         )
     if mode != 0o700:

@@ -1,4 +1,4 @@
-"""What goes beside a payload: the encoding that names the type, and the 33 bytes that number each sample."""
+"""The wire format beside a payload: the encoding with the type, and the attachment of 33 bytes with the number."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ ATTACHMENT_SIZE = _LAYOUT.size
 NODE_BYTES = 6
 """Leading bytes of a publisher id that depend on the node's name alone: they order senders the same in every run."""
 MEMBER_BYTES = 10
-"""Leading bytes of a publisher id that depend on the node and on this life of it."""
+"""Leading bytes of a publisher id that depend on the node and its session."""
 
 
 class SampleInfo(NamedTuple):
-    """Where a sample comes from: its number (1, 2, …), the sender's system clock [ns], the id and its length."""
+    """Metadata of a sample: its number (1, 2, …), the sender's system clock [ns], the publisher id and its length."""
 
     sequence: int
     source_ns: int
@@ -35,18 +35,18 @@ def encoding(ros_type: str) -> str:
 
 
 def member_id(node: str, session: str) -> bytes:
-    """Ten bytes for one life of a node: six from its name, four from its session."""
+    """Ten bytes for one session of a node: six from its name, four from the session."""
     name = hashlib.blake2b(node.encode(), digest_size=NODE_BYTES).digest()
     return name + hashlib.blake2b(session.encode(), digest_size=MEMBER_BYTES - NODE_BYTES).digest()
 
 
 def node_id(node: str) -> str:
-    """What all publisher ids of a node begin with, through all its lives: NODE_BYTES in hexadecimal."""
+    """The prefix of all publisher ids of a node, in every session: NODE_BYTES in hexadecimal."""
     return member_id(node, "")[:NODE_BYTES].hex()
 
 
 def publisher_id(node: str, session: str, key: str) -> bytes:
-    """Sixteen bytes for one publisher of one life of a node."""
+    """Sixteen bytes for one publisher of one session of a node."""
     return member_id(node, session) + hashlib.blake2b(key.encode(), digest_size=16 - MEMBER_BYTES).digest()
 
 
@@ -59,8 +59,8 @@ def pack_attachment(sequence: int, publisher: bytes) -> bytes:
 
 
 def unpack_attachment(attachment: bytes) -> SampleInfo | None:
-    """The origin that an attachment tells, or None when it is not one of ours."""
+    """The metadata in an attachment, or None if it is foreign."""
     if len(attachment) != ATTACHMENT_SIZE:
         return None
-    origin = _new(SampleInfo, _unpack(attachment))  # half the time of Origin._make
+    origin = _new(SampleInfo, _unpack(attachment))  # half the time of SampleInfo._make
     return origin if origin[2] == 16 and origin[0] > 0 else None

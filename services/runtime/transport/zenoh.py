@@ -54,7 +54,7 @@ class ZenohSubscriber:
 
 
 class ZenohPublisher:
-    """A publication. A listener follows whether it is wanted (asking takes 8 us); what is latched always is."""
+    """A publication. A listener tracks whether it has subscribers (asking takes 8 us); a latched one is always sent."""
 
     def __init__(self, publisher: Any, latched: bool = False) -> None:
         self._publisher = publisher
@@ -93,7 +93,7 @@ class ZenohQuery:
 
 
 class ZenohServer:
-    """The requests on one key. What finds no room is refused where it is received: the loop never sees it."""
+    """The queries on one key. Those without room are refused in the receiving thread: the loop never sees them."""
 
     def __init__(self, backlog: RequestQueue[Any], nudge: Callable[[], None]) -> None:
         self.handle: Any = None
@@ -116,7 +116,7 @@ class ZenohServer:
 
 
 class ZenohTokenWatch:
-    """Liveliness events, in order, each change once: while links come up, Zenoh may tell of a token twice."""
+    """Liveliness events in order, each change once: while links come up, Zenoh may report a token twice."""
 
     def __init__(self, ask: Callable[[], Iterable[str]]) -> None:
         self.items: deque[Any] = deque()
@@ -144,10 +144,10 @@ class ZenohTokenWatch:
 
 
 class LivelinessCache:
-    """The tokens in a peer's sight, kept from its first moment.
+    """A cache of the tokens that are visible to a peer, kept from the start of its session.
 
-    A peer that asks gets the answer of whoever answers first: with nine fellows, 4 of 324 tokens in 37 of 40 tries.
-    What it is told as a subscriber is complete, within 0.4 s of its opening.
+    A query of a peer gets the answer of whichever process is first: with nine peers, 4 of 324 tokens in 37 of 40 tries.
+    A subscription is complete within 0.4 s of its opening.
     """
 
     def __init__(self) -> None:
@@ -179,9 +179,9 @@ class ZenohPendingReplies:
 
 
 def answers(reply: Any) -> list[Reply]:
-    """A reply of Zenoh as ours; none when it is neither result nor error.
+    """Convert a reply of Zenoh; None if it is neither a result nor an error.
 
-    That nobody answered in time is not a server's word, though Zenoh may tell it in the asker's own name.
+    A timeout is no server's answer, though Zenoh may report it under the client's own session.
     """
     session = "" if reply.replier_id is None else str(reply.replier_id.zid)
     if reply.ok is not None:
@@ -203,22 +203,21 @@ class ZenohToken:
 
 
 # One thread receives (by default one wakes another for each message), another sends while that one waits for room. A
-# router keeps to the defaults: it has to pass on what it receives, and lost large messages under load with one thread.
+# router keeps to the defaults: it forwards messages, and lost large ones under load with one thread.
 _THREADS = "(rx: (worker_threads: 1), acc: (handover: rx), net: (handover: rx))"
 
 _OPENING = threading.Lock()
 """Held while a session opens: the environment belongs to all threads."""
 
 CLOSE_S = 1.5
-"""Wall time that leaving the network takes at most. On a link that answers nothing, Zenoh takes 10 s: its sockets wait
-so long (SO_LINGER) for the other side to acknowledge what was sent. A process that ends does not wait, and whoever
-listens sees its tokens go all the same."""
+"""Maximum wall time [s] of leaving the network. On a dead link Zenoh needs 10 s: its sockets wait as long (SO_LINGER)
+for the other side's acknowledgement. A process that ends does not wait; its tokens disappear all the same."""
 
 _MOST_TOKENS = 1 << 20
 """Answers that a question for tokens can hold; a fleet of twelve processes has 400."""
 
 _EVERYBODY: dict[str, Any] = {"target": zenoh.QueryTarget.ALL, "consolidation": zenoh.ConsolidationMode.NONE}
-"""Zenoh asks all who serve a key in any case; by default it passes on one of their answers and hides the others."""
+"""Zenoh queries all servers of a key in any case; by default it returns one of their answers and hides the others."""
 
 _DROP, _BLOCK = zenoh.CongestionControl.DROP, zenoh.CongestionControl.BLOCK
 _QUALITIES: dict[Quality, dict[str, Any]] = {
@@ -353,8 +352,8 @@ class ZenohTransport:
 
 
 def run_with_timeout(work: Callable[[], None], seconds: float | None = None) -> None:
-    """Run what may block within Zenoh in a thread of its own and wait for it, ``seconds`` at most. So a signal is heard
-    meanwhile: a call of Zenoh's lets none through until it returns. Raises the ZError of ``work``.
+    """Run a blocking call of Zenoh in a thread and wait for it, ``seconds`` at most. So signals are handled
+    meanwhile: Zenoh's calls let none through until they return. Raises the ZError of ``work``.
     """
     errors: list[zenoh.ZError] = []
 

@@ -10,15 +10,15 @@ from services.runtime.errors import BadInput
 from services.runtime.transport import unix_sockets
 
 PORT = 7447
-"""The port of a fleet unless told otherwise; Zenoh's own default. It names the folder of the fleet's Unix sockets, and
-is the TCP port of a fleet that listens on TCP as well."""
+"""Default port of a fleet, and Zenoh's own default. It names the folder of the fleet's Unix sockets, and is the TCP
+port of a fleet that also listens on TCP."""
 
 Role = Literal["router", "direct", "star"]
 """A router; a peer that talks straight to its fellows; a client that goes through the router."""
 
 OPEN_MS = 500
-"""Wall time that opening a peer takes at most. It ends earlier when the router, and all peers that it knows, are linked
-and have told what they declare. A router would wait so long in any case, for nothing."""
+"""Maximum wall time [ms] of opening a peer. It ends earlier when the router, and all peers that it knows, are linked
+and have sent their declarations. A router would always wait that long, for nothing."""
 
 LARGEST_MESSAGE = 8 << 20
 """Bytes; a larger message is dropped by the receiving link before it is put together."""
@@ -30,7 +30,7 @@ _BATCHED = {
     "overwrite": {"express": False},
     "flows": ["egress"],
 }
-"""What a router passes on goes in batches, commands as well. Each on its own, sixteen filled its queue: beside twelve
+"""A router forwards messages in batches, also commands. One by one, sixteen filled its queue: beside twelve
 busy processes a client lost 65 of 105,600 samples, all of them commands; in batches, 0 of 59,400. Through a router a
 message of its own is no faster: 429 us there and back, in batches 409."""
 
@@ -45,7 +45,7 @@ _UNFIT = {
 
 
 def default_router() -> str:
-    """Where a node looks for its router unless told otherwise."""
+    """The default endpoint of a node's router."""
     return unix_sockets.router_endpoint(PORT)
 
 
@@ -79,9 +79,9 @@ def is_local(checked: str) -> bool:
 
 
 def check_listen(endpoints: Iterable[str], insecure: bool, allow: str = "--insecure") -> tuple[str, ...]:
-    """The endpoints, checked; raises BadInput for one that other machines can reach, unless that is wanted.
+    """The checked endpoints; raises BadInput for one that other machines can reach, unless that is allowed.
 
-    ``allow`` is what the user has to say for it.
+    ``allow`` is the option that allows it, for errors.
     """
     checked = tuple(endpoint(each) for each in endpoints)
     if not insecure:
@@ -111,12 +111,12 @@ def configuration(
     reached by TCP; nothing is multicast. Gossip makes peers of one router find each other. Leases of 2 s on both sides,
     because each side waits for the lease that the *other* announces; retries after 0.1 to 0.5 s, because the default of
     4 s leaves a fleet dumb after its router returns. Shared memory is off: a receiver keeps 17 MB for each sender that
-    restarts. ``reliable`` (lockstep) never drops for want of room. Who comes ``first``, before the router, waits for
-    nobody.
+    restarts. ``reliable`` (lockstep) never drops for lack of room. ``first``: the supervisor, which starts before the
+    router and does not wait for links.
 
     Commands, each a packet of its own, queue in 16 batches for each link in place of 2, made when they are needed: in
     real time, beside 40 processes that start others on two cores, ``lab`` lost 1 to 7 messages in most runs of 20 s,
-    and none in 13 with 16; memory is the same. So does all else in a router, which waits for nobody: of a lockstep
+    and none in 13 with 16; memory is the same. The same holds for all messages in a router: of a lockstep
     fleet at full speed, its clients lost 27 of 49,500 samples. A router's full queue has 10 ms to move in place of 1,
     as its sender may not have had a processor. A stuck client costs this once: Zenoh then drops what is for it without
     waiting, until it takes something again.
@@ -166,7 +166,7 @@ def configuration(
 
 
 def _socket_beside(routers: tuple[str, ...]) -> tuple[str, ...]:
-    """Where a peer of these routers listens: one that is reached by TCP may have peers that no Unix socket reaches."""
+    """The endpoints of a peer of these routers: one reached by TCP may have peers that no Unix socket reaches."""
     unix = [each for each in routers if unix_sockets.is_unix(each)][:1]
     tcp = ("tcp/127.0.0.1:0",) if len(unix) < len(routers) or not routers else ()
     return (*map(unix_sockets.node_endpoint, unix), *tcp)

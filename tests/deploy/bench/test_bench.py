@@ -50,7 +50,7 @@ def test_the_raw_loop_sets_what_the_commands_come_to_and_calls_at_every_step() -
 
 
 @pytest.fixture
-def brief(monkeypatch: pytest.MonkeyPatch) -> None:
+def short_measurements(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few messages, little simulation time."""
     monkeypatch.setattr(wire, "TRIPS", 50)
     monkeypatch.setattr(wire, "MESSAGES", 500)
@@ -61,7 +61,7 @@ def brief(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.fleet
-@pytest.mark.usefixtures("brief")
+@pytest.mark.usefixtures("short_measurements")
 def test_every_promised_figure_is_there(capsys: pytest.CaptureFixture[str]) -> None:
     measured = deploy.bench.measure(1)
     status = deploy.bench.report(measured, as_json=True)

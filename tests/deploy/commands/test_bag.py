@@ -138,7 +138,7 @@ def test_bags_whose_names_have_a_dot_have_a_recording_each(tmp_path: Path) -> No
         (["record", "-a", "-d", "-1"], "max_duration = -1.0"),
         (["record", "-e", "("], "'(' is not a regular expression"),
         (["record", "/a//b"], "parts are joined by a single '/'"),
-        (["record", "-a", "-o", "{bags}/ours"], "is there already: choose another folder"),
+        (["record", "-a", "-o", "{bags}/ours"], "exists already: choose another folder"),
         (["record", "-a", "-o", "/proc/bag"], "the bag /proc/bag cannot be written"),
         (["info", "{bags}/nowhere"], "there is no bag"),
         (["info", "{bags}/empty"], "is not a bag: no .mcap file"),

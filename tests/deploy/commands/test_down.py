@@ -35,32 +35,34 @@ main(Service(name="hung", about="Hangs at its second tick and hears no signal.",
 
 
 def test_down_after_a_stopped_process_a_hung_one_and_two_starts_at_once(tmp_path: Path) -> None:
-    desk = FleetCommandLine(tmp_path)
+    terminal = FleetCommandLine(tmp_path)
     (tmp_path / "hung.py").write_text(HUNG)
-    fleet = Path(desk.fleet("real", "never", ""))
+    fleet = Path(terminal.fleet("real", "never", ""))
     fleet.write_text(fleet.read_text() + '[[service]]\nkind = "hung.py"\n')
-    up = desk.start("up", str(fleet), "--report", str(desk.results), "--no-view", "--no-picture", "--no-saved")
+    up = terminal.start("up", str(fleet), "--report", str(terminal.results), "--no-view", "--no-picture", "--no-saved")
     try:
         wait_until(lambda: (tmp_path / "results" / "processes.json").exists(), 60, "a run")
-        before = desk.wait_until_ready("r/waypoint", 0)
-        pids = {desk.wait_until_ready(name, 0)["pid"] for name in ("router", "sim", "params", "grader", "r/waypoint")}
-        with open_transport(router_endpoint(desk.port)) as transport:
+        before = terminal.wait_until_ready("r/waypoint", 0)
+        pids = {
+            terminal.wait_until_ready(name, 0)["pid"] for name in ("router", "sim", "params", "grader", "r/waypoint")
+        }
+        with open_transport(router_endpoint(terminal.port)) as transport:
             call(transport, SUPERVISOR_STOP, key(SUPERVISOR_STOP.name), Name(name="r/waypoint"), 20.0)
             wait_until(lambda: has_ended(before["pid"]))
-            wait_until(lambda: desk.processes()["r/waypoint"]["state"] == "stopped", 30)
+            wait_until(lambda: terminal.processes()["r/waypoint"]["state"] == "stopped", 30)
             asked = key(SUPERVISOR_START.name)
             both = [transport.query_async(asked, encode(Name(name="r/waypoint")), 20.0) for _ in range(2)]
             wait_until(lambda: all(each.poll() is not None for each in both), 30)
-        desk.wait_until_ready("r/waypoint", 0)
-        hung = desk.processes()["hung"]["pid"]
-        psutil.Process(desk.processes()["sim"]["pid"]).send_signal(signal.SIGSTOP)
-        down = desk.start("down")
+        terminal.wait_until_ready("r/waypoint", 0)
+        hung = terminal.processes()["hung"]["pid"]
+        psutil.Process(terminal.processes()["sim"]["pid"]).send_signal(signal.SIGSTOP)
+        down = terminal.start("down")
         out, err = down.communicate(timeout=90)
-        assert (down.returncode, out) == (0, f"one has stopped; results in {desk.results}\n"), err
+        assert (down.returncode, out) == (0, f"one has stopped; results in {terminal.results}\n"), err
         assert "killing its supervisor" not in err
         assert up.wait(10) in (0, 1)
-        assert desk.report()["run"]["ended"] == "stopped"
+        assert terminal.report()["run"]["ended"] == "stopped"
         assert [pid for pid in (*pids, hung) if pid and not has_ended(pid)] == []
     finally:
-        desk.start("down").communicate(timeout=90)
+        terminal.start("down").communicate(timeout=90)
         up.communicate(timeout=30)

@@ -43,7 +43,7 @@ main(Service(name="failing", about="Fails at its first tick.", run=run, rate=5))
 
 
 @pytest.fixture(scope="module")
-def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FleetCommandLine]:
+def terminal(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FleetCommandLine]:
     made = FleetCommandLine(tmp_path_factory.mktemp("fleet"))
     (made.folder / "mine.py").write_text(CONTROLLER)
     fleet = made.fleet("real", "never", "")
@@ -63,93 +63,93 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FleetCommandLine]
     made.start("down").communicate(timeout=90)
 
 
-def ran(desk: FleetCommandLine, *arguments: str) -> Process:
-    log = desk.folder / f"{'-'.join(arguments).replace('/', '_')}.log"
-    return Process(["-m", "deploy", *arguments], log, desk.environment)
+def ran(terminal: FleetCommandLine, *arguments: str) -> Process:
+    log = terminal.folder / f"{'-'.join(arguments).replace('/', '_')}.log"
+    return Process(["-m", "deploy", *arguments], log, terminal.environment)
 
 
-def test_run_joins_the_fleet_that_runs(desk: FleetCommandLine) -> None:
-    for arguments in (("run", "mine.py"), ("run", "mine.py", "--port", str(desk.port), "--name", "other")):
-        with ran(desk, *arguments) as mine:
+def test_run_joins_the_fleet_that_runs(terminal: FleetCommandLine) -> None:
+    for arguments in (("run", "mine.py"), ("run", "mine.py", "--port", str(terminal.port), "--name", "other")):
+        with ran(terminal, *arguments) as mine:
             wait_until(lambda: "tick" in mine.text, 30, f"ticks of {arguments}")
     for arguments in (("run", "--port", "1", "mine.py"), ("ps", "--port", "1")):
-        process = desk.start(*arguments)
+        process = terminal.start(*arguments)
         _, err = process.communicate(timeout=60)
         assert process.returncode == 2
         assert "no fleet is running on port 1: choose one of --fleet one" in err
-    (fleet,) = json.loads(desk.run("ps", "--json", "--port", str(desk.port)))
+    (fleet,) = json.loads(terminal.run("ps", "--json", "--port", str(terminal.port)))
     assert fleet["domain"] == "apart"
 
 
-def test_controller_without_a_clock_names_the_fleets_that_run(desk: FleetCommandLine) -> None:
+def test_controller_without_a_clock_names_the_fleets_that_run(terminal: FleetCommandLine) -> None:
     nowhere = f"tcp/127.0.0.1:{free_port()}"
-    with ran(desk, "run", "mine.py", "--connect", nowhere, "--name", "lost") as lost:
+    with ran(terminal, "run", "mine.py", "--connect", nowhere, "--name", "lost") as lost:
         wait_until(lambda: "no clock for" in lost.text, 30)
-        assert f"Fleets that run here: one (port {desk.port}, domain apart)" in lost.text
+        assert f"Fleets that run here: one (port {terminal.port}, domain apart)" in lost.text
 
 
-def test_help_of_run_says_how_it_was_called(desk: FleetCommandLine) -> None:
+def test_help_of_run_says_how_it_was_called(terminal: FleetCommandLine) -> None:
     for target in ("arm", "mine.py"):
-        assert desk.run("run", target, "--help").startswith(f"Usage: ./elea run {target} [OPTIONS]\n")
+        assert terminal.run("run", target, "--help").startswith(f"Usage: ./elea run {target} [OPTIONS]\n")
 
 
-def test_logs_of_a_silent_process_and_of_an_unknown_one(desk: FleetCommandLine) -> None:
-    silent = desk.start("logs", "grader")
+def test_logs_of_a_silent_process_and_of_an_unknown_one(terminal: FleetCommandLine) -> None:
+    silent = terminal.start("logs", "grader")
     out, err = silent.communicate(timeout=60)
     assert (silent.returncode, out, err) == (0, "", "grader has written nothing yet\n")
-    unknown = desk.start("logs", "graders")
+    unknown = terminal.start("logs", "graders")
     _, err = unknown.communicate(timeout=60)
     assert unknown.returncode == 2
     assert "did you mean 'grader'" in err
 
 
-def test_parameters_by_path_and_by_line(desk: FleetCommandLine) -> None:
-    assert desk.run("param", "get", "/r/base/cmd_vel_timeout") == "0.25\n"
-    assert desk.run("param", "get", "r/base", "cmd_vel_timeout") == "0.25\n"
-    lines = desk.run("param", "list", "--values").splitlines()
+def test_parameters_by_path_and_by_line(terminal: FleetCommandLine) -> None:
+    assert terminal.run("param", "get", "/r/base/cmd_vel_timeout") == "0.25\n"
+    assert terminal.run("param", "get", "r/base", "cmd_vel_timeout") == "0.25\n"
+    lines = terminal.run("param", "list", "--values").splitlines()
     assert "/r/base/cmd_vel_timeout 0.25" in lines
     assert all(each.startswith("/") and " " in each for each in lines)
-    desk.run("param", "get", "/r/base/nothing", status=2)
+    terminal.run("param", "get", "/r/base/nothing", status=2)
 
 
-def test_bandwidth_of_several_topics(desk: FleetCommandLine) -> None:
-    out = desk.run("topic", "bw", "/r/odom", "/clock", "-n", "5", "--json")
+def test_bandwidth_of_several_topics(terminal: FleetCommandLine) -> None:
+    out = terminal.run("topic", "bw", "/r/odom", "/clock", "-n", "5", "--json")
     assert {"/r/odom", "/clock"} == {json.loads(line)["topic"] for line in out.splitlines()}
 
 
-def test_ping_measures_the_loop_of_a_node(desk: FleetCommandLine) -> None:
+def test_ping_measures_the_loop_of_a_node(terminal: FleetCommandLine) -> None:
     for node in ("/sim", "router", "/r/waypoint", "/supervisor"):
-        told = json.loads(desk.run("node", "ping", node, "-n", "3", "--interval", "0", "--timeout", "20", "--json"))
+        told = json.loads(terminal.run("node", "ping", node, "-n", "3", "--interval", "0", "--timeout", "20", "--json"))
         assert told["sent"] == told["answered"] == 3
         assert 0 < told["min_ms"] <= told["mean_ms"] <= told["max_ms"]
-    desk.run("node", "ping", "/nobody", status=2)
-    pid = desk.processes()["r/waypoint"]["pid"]
+    terminal.run("node", "ping", "/nobody", status=2)
+    pid = terminal.processes()["r/waypoint"]["pid"]
     os.kill(pid, signal.SIGSTOP)
     try:
-        out = desk.run("node", "ping", "/r/waypoint", "-n", "1", "--timeout", "0.5", status=1)
+        out = terminal.run("node", "ping", "/r/waypoint", "-n", "1", "--timeout", "0.5", status=1)
     finally:
         os.kill(pid, signal.SIGCONT)
     assert "0 of 1 answered" in out
 
 
-def test_page_that_the_verb_serves_ends_with_its_fleet_and_logs_outlive_it(desk: FleetCommandLine) -> None:
-    panel = ran(desk, "panel", "--no-open")
+def test_page_that_the_verb_serves_ends_with_its_fleet_and_logs_outlive_it(terminal: FleetCommandLine) -> None:
+    panel = ran(terminal, "panel", "--no-open")
     wait_until(lambda: "http://127.0.0.1:" in panel.text, 60, "an address")
     wait_until(lambda: "this command serves the page, until the fleet ends, or Ctrl-C" in panel.text)
-    desk.run("down")
+    terminal.run("down")
     panel.wait(60)
     assert "one has ended, and its page with it" in panel.text
-    assert "listening on" in desk.run("logs", "router")
+    assert "listening on" in terminal.run("logs", "router")
 
 
 def test_required_service_that_raises_is_quoted(tmp_path: Path) -> None:
-    desk = FleetCommandLine(tmp_path)
+    terminal = FleetCommandLine(tmp_path)
     (tmp_path / "failing.py").write_text(FAILING)
-    fleet = Path(desk.fleet("real", "never", ""))
+    fleet = Path(terminal.fleet("real", "never", ""))
     fleet.write_text(
         fleet.read_text() + '[[service]]\nkind = "failing.py"\nrequired = true\nrestart = { limit = 1, first = 0.01 }\n'
     )
-    up = desk.start("up", str(fleet), "--no-view", "--no-picture", "--no-saved", "--report", str(desk.results))
+    up = terminal.start("up", str(fleet), "--no-view", "--no-picture", "--no-saved", "--report", str(terminal.results))
     _, err = up.communicate(timeout=90)
     assert up.returncode == 1
     (ended,) = [line for line in err.splitlines() if line.startswith("the fleet ended: failing failed: exit status 1")]

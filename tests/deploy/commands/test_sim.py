@@ -40,7 +40,7 @@ class SimCommandLine:
 
 
 @pytest.fixture(scope="module")
-def line(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimCommandLine]:
+def sim_command(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimCommandLine]:
     """A simulation of an arm and a burger in which time stands still."""
     with Network(tmp_path_factory.mktemp("sim")) as network, network.node() as node:
         network.start("sim", "--param", f"robots={json.dumps(ROBOTS)}")
@@ -52,74 +52,77 @@ def line(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimCommandLine]:
         yield made
 
 
-def test_time(line: SimCommandLine) -> None:
-    before = line.output_json("pause")
-    assert line.output_json("step", "20")["tick"] == before["tick"] + 20
-    assert line.output("step").startswith("1 steps taken: t = ")
-    assert line.output_json("reset") == {"time": 0, "tick": 0, "epoch": before["epoch"] + 1}
-    assert "models are where they were spawned: t = 0.000 s" in line.output("reset-world")
-    assert line.output("resume").startswith("running: t = ")
-    refused = line.run("step", "5")
+def test_time(sim_command: SimCommandLine) -> None:
+    before = sim_command.output_json("pause")
+    assert sim_command.output_json("step", "20")["tick"] == before["tick"] + 20
+    assert sim_command.output("step").startswith("1 steps taken: t = ")
+    assert sim_command.output_json("reset") == {"time": 0, "tick": 0, "epoch": before["epoch"] + 1}
+    assert "models are where they were spawned: t = 0.000 s" in sim_command.output("reset-world")
+    assert sim_command.output("resume").startswith("running: t = ")
+    refused = sim_command.run("step", "5")
     assert (refused.returncode, refused.stderr) == (1, "elea: /sim/step: time is running: pause it before stepping\n")
-    line.output("pause")
+    sim_command.output("pause")
 
 
-def test_models_come_move_and_go(line: SimCommandLine) -> None:
+def test_models_come_move_and_go(sim_command: SimCommandLine) -> None:
     placed = ("-x", "-1.5", "-y", "-1", "-Y", "1.57", "--frame", "tb3")
-    spawned = line.output_json("spawn", "arm", "new", *placed, "-J", "bear_link=-0.4", "--param", "effort_mode=sum")
+    spawned = sim_command.output_json(
+        "spawn", "arm", "new", *placed, "-J", "bear_link=-0.4", "--param", "effort_mode=sum"
+    )
     assert spawned["pose"]["position"] == pytest.approx({"x": 1.5, "y": -1.0, "z": 0.0}, abs=1e-3)
-    listed = line.output("list")
+    listed = sim_command.output("list")
     assert [row.split()[0] for row in listed.splitlines()] == ["name", "arm", "tb3", "new"]
     assert listed.splitlines()[-1].split() == ["new", "arm", "1.500", "-1.000", "0.000", "1.570"]
-    assert line.output_json("joints", "new")[0]["position"] == -0.4
-    moved = line.output_json("set-state", "tb3", "-y", "0.5")
+    assert sim_command.output_json("joints", "new")[0]["position"] == -0.4
+    moved = sim_command.output_json("set-state", "tb3", "-y", "0.5")
     assert moved["pose"]["position"] == pytest.approx({"x": 3.0, "y": 0.5, "z": 0.0}, abs=1e-3)
-    seen = line.output_json("state", "tb3", "--relative", "arm")
+    seen = sim_command.output_json("state", "tb3", "--relative", "arm")
     assert seen["pose"]["position"]["y"] == pytest.approx(0.5, abs=1e-3)
-    words = line.output("state", "new::end_link").splitlines()
+    words = sim_command.output("state", "new::end_link").splitlines()
     assert [row.split("  ")[0] for row in words[1:]] == [
         "position m",
         "roll, pitch, yaw rad",
         "velocity m/s",
         "turn rate rad/s",
     ]
-    assert line.output("delete", "new") == "new is gone\n"
-    assert [each["name"] for each in line.output_json("list")["models"]] == ["arm", "tb3"]
+    assert sim_command.output("delete", "new") == "new is gone\n"
+    assert [each["name"] for each in sim_command.output_json("list")["models"]] == ["arm", "tb3"]
 
 
-def test_efforts_and_positions(line: SimCommandLine) -> None:
+def test_efforts_and_positions(sim_command: SimCommandLine) -> None:
     assert (
-        line.output("effort", "bear_link", "-30", "--duration", "0.2") == "-30 on arm::bear_link from now for 0.2 s\n"
+        sim_command.output("effort", "bear_link", "-30", "--duration", "0.2")
+        == "-30 on arm::bear_link from now for 0.2 s\n"
     )
-    line.output("step", "10")
-    (joint,) = line.output_json("joints", "arm::bear_link")
+    sim_command.output("step", "10")
+    (joint,) = sim_command.output_json("joints", "arm::bear_link")
     assert (joint["applied_effort"], joint["jobs"], joint["velocity_limit"]) == (-30.0, 1, 20.0)
     assert joint["position"] < -0.01
-    header, row = line.output("joints", "arm").splitlines()
+    header, row = sim_command.output("joints", "arm").splitlines()
     assert header.split()[:4] == ["joint", "type", "position", "rate"]
     assert row.split()[:2] == ["arm::bear_link", "revolute"]
-    assert len(line.output("joints").splitlines()) == 4, "the arm's and both wheels"
-    assert line.output("clear", "arm/bear_link") == "1 job of arm::bear_link dropped\n"
-    assert line.output("configure", "arm", "bear_link=-0.5") == "arm: bear_link -0.5\n"
-    assert line.output_json("joints", "arm")[0]["position"] == -0.5
-    line.output("reset")
+    assert len(sim_command.output("joints").splitlines()) == 4, "the arm's and both wheels"
+    assert sim_command.output("clear", "arm/bear_link") == "1 job of arm::bear_link dropped\n"
+    assert sim_command.output("configure", "arm", "bear_link=-0.5") == "arm: bear_link -0.5\n"
+    assert sim_command.output_json("joints", "arm")[0]["position"] == -0.5
+    sim_command.output("reset")
 
 
-def test_wrenches(line: SimCommandLine) -> None:
-    pushed = line.output("wrench", "tb3", "--force", "-1", "0", "30", "--duration", "-1")
+def test_wrenches(sim_command: SimCommandLine) -> None:
+    pushed = sim_command.output("wrench", "tb3", "--force", "-1", "0", "30", "--duration", "-1")
     assert pushed == "wrench on tb3::base_footprint from now until it is cleared\n"
-    line.output("step", "20")
-    assert line.output_json("properties", "tb3::base_footprint")["wrenches"] == 1
-    assert line.output_json("state", "tb3::base_footprint")["twist"]["linear"]["z"] > 1.0
-    assert line.output("clear", "--wrench", "tb3") == "1 job of tb3::base_footprint dropped\n"
-    line.output("reset")
+    sim_command.output("step", "20")
+    assert sim_command.output_json("properties", "tb3::base_footprint")["wrenches"] == 1
+    assert sim_command.output_json("state", "tb3::base_footprint")["twist"]["linear"]["z"] > 1.0
+    assert sim_command.output("clear", "--wrench", "tb3") == "1 job of tb3::base_footprint dropped\n"
+    sim_command.output("reset")
 
 
-def test_properties(line: SimCommandLine) -> None:
-    world = line.output_json("properties")
+def test_properties(sim_command: SimCommandLine) -> None:
+    world = sim_command.output_json("properties")
     assert (world["model_names"], world["mode"], world["pause"]) == (["arm", "tb3"], "real", True)
-    assert "gravity          x 0, y 0, z -9.81" in line.output("properties")
-    assert line.output_json("properties", "arm")["is_static"] is True
+    assert "gravity          x 0, y 0, z -9.81" in sim_command.output("properties")
+    assert sim_command.output_json("properties", "arm")["is_static"] is True
 
 
 @pytest.mark.parametrize(
@@ -138,8 +141,8 @@ def test_properties(line: SimCommandLine) -> None:
         (("stepp",), 2, "unknown verb 'stepp'; did you mean 'step'"),
     ],
 )
-def test_what_is_refused(line: SimCommandLine, words: tuple[str, ...], status: int, says: str) -> None:
-    done = line.run(*words)
+def test_what_is_refused(sim_command: SimCommandLine, words: tuple[str, ...], status: int, says: str) -> None:
+    done = sim_command.run(*words)
     assert (done.returncode, done.stdout) == (status, "")
     assert says in done.stderr
     assert "Traceback" not in done.stderr

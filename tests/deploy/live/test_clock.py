@@ -34,56 +34,68 @@ class ClockPublisher:
 
 
 @pytest.fixture
-def told() -> ClockPublisher:
+def published_clock() -> ClockPublisher:
     return ClockPublisher(MemoryBus())
 
 
-def test_a_moment_has_the_time_of_the_last_clock_before_it(told: ClockPublisher) -> None:
+def test_a_moment_has_the_time_of_the_last_clock_before_it(published_clock: ClockPublisher) -> None:
     for number in range(1, 5):
-        told.tell(number)
-    assert told.clock.time_at(TICK - 1) is None
-    assert [told.clock.time_at(round(each * TICK)) for each in (1, 1.9, 2, 4.5)] == [TICK, TICK, 2 * TICK, 4 * TICK]
-    assert told.clock.covers(4 * TICK - 1)
-    assert not told.clock.covers(4 * TICK)
+        published_clock.tell(number)
+    assert published_clock.clock.time_at(TICK - 1) is None
+    assert [published_clock.clock.time_at(round(each * TICK)) for each in (1, 1.9, 2, 4.5)] == [
+        TICK,
+        TICK,
+        2 * TICK,
+        4 * TICK,
+    ]
+    assert published_clock.clock.covers(4 * TICK - 1)
+    assert not published_clock.clock.covers(4 * TICK)
 
 
-def test_where_a_clock_was_lost_the_time_is_not_known(told: ClockPublisher) -> None:
+def test_where_a_clock_was_lost_the_time_is_not_known(published_clock: ClockPublisher) -> None:
     for number in (1, 2, 4, 5):
-        told.tell(number)
-    assert [told.clock.time_at(round(each * TICK)) for each in (1.5, 2, 2.5, 3.5)] == [TICK, None, None, None]
-    assert told.clock.time_at(round(4.5 * TICK)) == 4 * TICK
-    assert told.clock.now == 5 * TICK
+        published_clock.tell(number)
+    assert [published_clock.clock.time_at(round(each * TICK)) for each in (1.5, 2, 2.5, 3.5)] == [
+        TICK,
+        None,
+        None,
+        None,
+    ]
+    assert published_clock.clock.time_at(round(4.5 * TICK)) == 4 * TICK
+    assert published_clock.clock.now == 5 * TICK
 
 
-def test_time_that_begins_anew_forgets_what_was_before(told: ClockPublisher) -> None:
-    told.tell(8)
-    told.tell(10, epoch=1)
-    assert told.clock.time_at(9 * TICK) is None
-    assert told.clock.time_at(11 * TICK) == 10 * TICK
+def test_time_that_begins_anew_forgets_what_was_before(published_clock: ClockPublisher) -> None:
+    published_clock.tell(8)
+    published_clock.tell(10, epoch=1)
+    assert published_clock.clock.time_at(9 * TICK) is None
+    assert published_clock.clock.time_at(11 * TICK) == 10 * TICK
 
 
 HOUR = 3600 * 10**9
 
 
 @pytest.mark.parametrize("off", [-TICK // 2, -5 * TICK, -HOUR, HOUR])
-def test_it_is_right_again_with_the_first_clock_after_the_wall_clock_was_set(told: ClockPublisher, off: int) -> None:
+def test_it_is_right_again_with_the_first_clock_after_the_wall_clock_was_set(
+    published_clock: ClockPublisher, off: int
+) -> None:
     for number in range(1000, 1010):
-        told.tell(number)
+        published_clock.tell(number)
     for number in range(1010, 1015):
-        told.tell(number, off=off)
-        assert told.clock.time_at(number * TICK + off) == number * TICK
-        assert told.clock.covers(number * TICK + off - 1)
-        assert told.clock.now == number * TICK
+        published_clock.tell(number, off=off)
+        assert published_clock.clock.time_at(number * TICK + off) == number * TICK
+        assert published_clock.clock.covers(number * TICK + off - 1)
+        assert published_clock.clock.now == number * TICK
 
 
 @pytest.mark.parametrize("off", [-HOUR, HOUR])
-def test_a_wrong_stamp_costs_nothing_after_the_next_clock(told: ClockPublisher, off: int) -> None:
+def test_a_wrong_stamp_costs_nothing_after_the_next_clock(published_clock: ClockPublisher, off: int) -> None:
     for number in range(1000, 1010):
-        told.tell(number, epoch=1)
-    told.tell(1010, epoch=2, off=off)
+        published_clock.tell(number, epoch=1)
+    published_clock.tell(1010, epoch=2, off=off)
     for number in range(1011, 1015):
-        told.tell(number, epoch=2)
-        assert told.clock.time_at(number * TICK) == number * TICK
-        assert told.clock.covers(number * TICK - 1)
-        assert not told.clock.covers(number * TICK)
-        assert told.clock.since <= number * TICK, "samples of the new epoch count as such"
+        published_clock.tell(number, epoch=2)
+        assert published_clock.clock.time_at(number * TICK) == number * TICK
+        assert published_clock.clock.covers(number * TICK - 1)
+        assert not published_clock.clock.covers(number * TICK)
+        assert published_clock.clock.since <= number * TICK, "samples of the new epoch count as such"

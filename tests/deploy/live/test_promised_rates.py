@@ -37,7 +37,7 @@ COUNT = 60
 
 
 @pytest.fixture(scope="module")
-def told(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
+def rates(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
     """The last report on each topic, all measured at once."""
     with background_fleet(tmp_path_factory.mktemp("rates"), LOCKSTEP) as running:
         lines = measured(running)
@@ -50,12 +50,12 @@ def measured(running: BackgroundFleet) -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("name", STEADY)
-def test_the_rate_is_the_promised_one_to_the_message(told: dict[str, Any], name: str) -> None:
+def test_the_rate_is_the_promised_one_to_the_message(rates: dict[str, Any], name: str) -> None:
     """Also where a busy router has dropped some on the way to this reader: they are known by their numbers.
 
     Commands bear no stamp. One is untimed if the clock of its moment was dropped; at an end, the count leaves it out.
     """
-    found, topic = told[name], known_topic(name)
+    found, topic = rates[name], known_topic(name)
     assert topic is not None
     simulated = found["simulated"]
     assert (found["received"], found["promised"]) == (COUNT, topic.rate)
@@ -67,7 +67,7 @@ def test_the_rate_is_the_promised_one_to_the_message(told: dict[str, Any], name:
     assert simulated["min"] == pytest.approx(simulated["max"], abs=1e-9)
 
 
-def test_bursts_are_counted_too(told: dict[str, Any]) -> None:
-    simulated = told[RANGES]["simulated"]
+def test_bursts_are_counted_too(rates: dict[str, Any]) -> None:
+    simulated = rates[RANGES]["simulated"]
     assert simulated["hz"] == pytest.approx(160, abs=1e-6)
     assert simulated["count"] % SONARS == 0

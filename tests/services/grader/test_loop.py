@@ -30,35 +30,37 @@ TOPICS: dict[MessageKind, Topic[Any]] = {
 
 
 @pytest.fixture(scope="module")
-def posts() -> list[GradedEntry]:
+def corner_messages() -> list[GradedEntry]:
     return sorted(robot_messages("tb3_0", 0.0), key=lambda post: post[2].header.stamp.ns)
 
 
-def play(bench: ServiceHarness, posts: list[GradedEntry], until: float, epoch: int = 0) -> None:
+def play(bench: ServiceHarness, corner_messages: list[GradedEntry], until: float, epoch: int = 0) -> None:
     """Send everything stamped up to ``until`` [s], and then the clock."""
     bench.set_time(0.0, epoch)
-    for kind, name, message in posts:
+    for kind, name, message in corner_messages:
         if message.header.stamp.ns <= until * 1e9:
             bench.publish(TOPICS[kind].of(name), message)
     bench.set_time(until, epoch)
 
 
-def test_it_ends_when_all_have_finished(tmp_path: Path, posts: list[GradedEntry]) -> None:
+def test_it_ends_when_all_have_finished(tmp_path: Path, corner_messages: list[GradedEntry]) -> None:
     with run_service(SERVICE, "/", GraderParameters(robots=("/tb3_0",), output=str(tmp_path / "new"))) as bench:
-        play(bench, posts, until=60.0)
+        play(bench, corner_messages, until=60.0)
         bench.wait_end()
     measured = read_measurements(tmp_path / "new")
-    assert measured == measure_all(posts, ("tb3_0",), end=59.8).measurements("goals")
+    assert measured == measure_all(corner_messages, ("tb3_0",), end=59.8).measurements("goals")
     assert measured.robots["tb3_0"].points_reached == 3
 
 
-def test_it_ends_after_the_duration_and_counts_nothing_later(tmp_path: Path, posts: list[GradedEntry]) -> None:
+def test_it_ends_after_the_duration_and_counts_nothing_later(
+    tmp_path: Path, corner_messages: list[GradedEntry]
+) -> None:
     params = GraderParameters(robots=("tb3_0",), ends="duration", duration=3.0, output=str(tmp_path))
     with run_service(SERVICE, "/", params) as bench:
-        play(bench, posts, until=60.0)
+        play(bench, corner_messages, until=60.0)
         bench.wait_end()
     measured = read_measurements(tmp_path)
-    assert measured == measure_all(posts, ("tb3_0",), end=3.0).measurements("duration")
+    assert measured == measure_all(corner_messages, ("tb3_0",), end=3.0).measurements("duration")
     assert measured.sim_seconds == 3.0
 
 
@@ -89,7 +91,7 @@ def test_the_clearance_from_bodies_that_stand_and_move_is_measured(tmp_path: Pat
 
 def test_stopped_before_the_end_it_leaves_what_it_has(tmp_path: Path, posts: list[GradedEntry]) -> None:
     with run_service(SERVICE, "/", GraderParameters(robots=("tb3_0",), output=str(tmp_path))) as bench:
-        play(bench, posts, until=4.0)
+        play(bench, corner_messages, until=4.0)
     measured = read_measurements(tmp_path)
     assert measured.ended == "stopped"
     assert (tmp_path / "trajectories.npz").exists()

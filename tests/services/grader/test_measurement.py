@@ -45,9 +45,11 @@ def plan(*points: tuple[float, float]) -> Path:
 
 def driven(points: list[tuple[float, float]], *goals: tuple[float, float]) -> RobotFigures:
     """Figures of a robot that jumps from point to point, one sample each, without a status."""
-    posts: list[GradedEntry] = [(MessageKind.PLAN, "a", plan(*goals))] if goals else []
-    posts += [(MessageKind.TRUTH, "a", odometry_sample(FAST * step, x, y)) for step, (x, y) in enumerate(points)]
-    return measure_all(posts, ("a",)).measurements("goals").robots["a"]
+    corner_messages: list[GradedEntry] = [(MessageKind.PLAN, "a", plan(*goals))] if goals else []
+    corner_messages += [
+        (MessageKind.TRUTH, "a", odometry_sample(FAST * step, x, y)) for step, (x, y) in enumerate(points)
+    ]
+    return measure_all(corner_messages, ("a",)).measurements("goals").robots["a"]
 
 
 def test_distance_to_a_segment_ends_at_its_ends() -> None:
@@ -92,40 +94,44 @@ def test_a_robot_without_a_plan_has_no_cross_track() -> None:
 
 
 def test_a_claim_to_have_reached_a_point_counts_for_nothing() -> None:
-    posts: list[GradedEntry] = [
+    corner_messages: list[GradedEntry] = [
         (MessageKind.PLAN, "a", plan((1.0, 0.0))),
         (MessageKind.TRUTH, "a", odometry_sample(0, 0, 0)),
     ]
-    posts.append((MessageKind.STATUS, "a", GoalStatus(header=header(0.1), state="finished", index=0, count=1)))
-    posts.append((MessageKind.TRUTH, "a", odometry_sample(0.2, 0.2, 0)))
-    run = measure_all(posts, ("a",))
+    corner_messages.append(
+        (MessageKind.STATUS, "a", GoalStatus(header=header(0.1), state="finished", index=0, count=1))
+    )
+    corner_messages.append((MessageKind.TRUTH, "a", odometry_sample(0.2, 0.2, 0)))
+    run = measure_all(corner_messages, ("a",))
     assert run.finished
     assert run.measurements("goals").robots["a"].points_reached == 0
 
 
 def test_odometry_is_compared_at_equal_stamps_from_a_common_start() -> None:
-    posts: list[GradedEntry] = []
+    corner_messages: list[GradedEntry] = []
     for step in range(101):
-        posts.append((MessageKind.TRUTH, "a", odometry_sample(step * FAST, 3 + 0.01 * step, 4, 0.0)))
-        posts.append((MessageKind.ODOMETRY, "a", odometry_sample(step * FAST, 0, -0.0099 * step, -math.pi / 2)))
-    posts.append((MessageKind.ODOMETRY, "a", odometry_sample(9, 50, 50)))
-    figures = measure_all(posts, ("a",)).measurements("goals").robots["a"]
+        corner_messages.append((MessageKind.TRUTH, "a", odometry_sample(step * FAST, 3 + 0.01 * step, 4, 0.0)))
+        corner_messages.append(
+            (MessageKind.ODOMETRY, "a", odometry_sample(step * FAST, 0, -0.0099 * step, -math.pi / 2))
+        )
+    corner_messages.append((MessageKind.ODOMETRY, "a", odometry_sample(9, 50, 50)))
+    figures = measure_all(corner_messages, ("a",)).measurements("goals").robots["a"]
     assert figures.odometry_error_max_m == pytest.approx(0.01)
     assert figures.odometry_error_final_m == pytest.approx(0.01)
 
 
 def test_world_odometry_has_no_error_at_all() -> None:
-    posts = list(robot_messages("a", 0.0))
-    assert measure_all(posts, ("a",)).measurements("goals").robots["a"].odometry_error_max_m == 0
+    corner_messages = list(robot_messages("a", 0.0))
+    assert measure_all(corner_messages, ("a",)).measurements("goals").robots["a"].odometry_error_max_m == 0
 
 
 def test_distances_between_robots_are_taken_at_one_instant() -> None:
-    posts: list[GradedEntry] = []
+    corner_messages: list[GradedEntry] = []
     for step in range(11):
-        posts.append((MessageKind.TRUTH, "a", odometry_sample(step * FAST, 0.1 * step, 0)))
-        posts.append((MessageKind.TRUTH, "b", odometry_sample(step * FAST, 1 - 0.1 * step, 0.25)))
-        posts.append((MessageKind.TRUTH, "c", odometry_sample(step * FAST + 0.001, 0.1 * step, 0)))
-    robots = measure_all(posts, ("a", "b", "c")).measurements("goals").robots
+        corner_messages.append((MessageKind.TRUTH, "a", odometry_sample(step * FAST, 0.1 * step, 0)))
+        corner_messages.append((MessageKind.TRUTH, "b", odometry_sample(step * FAST, 1 - 0.1 * step, 0.25)))
+        corner_messages.append((MessageKind.TRUTH, "c", odometry_sample(step * FAST + 0.001, 0.1 * step, 0)))
+    robots = measure_all(corner_messages, ("a", "b", "c")).measurements("goals").robots
     assert robots["a"].min_distance_m == robots["b"].min_distance_m == pytest.approx(0.25)
     assert robots["c"].min_distance_m is None
 
@@ -197,12 +203,12 @@ NAMES = ("tb3_0", "tb3_1")
 
 
 @pytest.fixture(scope="module")
-def posts() -> list[GradedEntry]:
+def corner_messages() -> list[GradedEntry]:
     return [post for shift, name in enumerate(NAMES) for post in robot_messages(name, 0.5 * shift)]
 
 
-def test_a_whole_run_reaches_everything_and_finishes(posts: list[GradedEntry]) -> None:
-    run = measure_all(posts, NAMES)
+def test_a_whole_run_reaches_everything_and_finishes(corner_messages: list[GradedEntry]) -> None:
+    run = measure_all(corner_messages, NAMES)
     assert run.finished
     for figures in run.measurements("goals").robots.values():
         assert figures.points_reached == figures.points == len(CORNERS)
@@ -213,14 +219,14 @@ def test_a_whole_run_reaches_everything_and_finishes(posts: list[GradedEntry]) -
         assert list(figures.points_reached_at) == sorted(each for each in figures.points_reached_at if each)
 
 
-def test_nothing_depends_on_the_order_or_the_portions_of_arrival(posts: list[GradedEntry]) -> None:
-    whole = measure_all(posts, NAMES).measurements("goals")
-    shuffled = list(posts)
+def test_nothing_depends_on_the_order_or_the_portions_of_arrival(corner_messages: list[GradedEntry]) -> None:
+    whole = measure_all(corner_messages, NAMES).measurements("goals")
+    shuffled = list(corner_messages)
     random.Random(7).shuffle(shuffled)
     assert measure_all(shuffled, NAMES).measurements("goals") == whole
 
     portions = Measurement(NAMES, 0.05)
-    by_time = sorted(posts, key=lambda post: post[2].header.stamp.ns)
+    by_time = sorted(corner_messages, key=lambda post: post[2].header.stamp.ns)
     for begin in range(0, len(by_time), 97):
         part = by_time[begin : begin + 97]
         for kind, name, message in reversed(part):
@@ -232,23 +238,25 @@ def test_nothing_depends_on_the_order_or_the_portions_of_arrival(posts: list[Gra
 
 def test_the_hash_is_the_documented_one_and_ends_with_the_run() -> None:
     samples = [odometry_sample(step * FAST, 0.1 * step, -0.2 * step, 0.3 * step) for step in range(5)]
-    posts: list[GradedEntry] = [(MessageKind.TRUTH, name, each) for each in samples for name in ("b", "a")]
+    corner_messages: list[GradedEntry] = [(MessageKind.TRUTH, name, each) for each in samples for name in ("b", "a")]
     packed = b""
     for each in samples[:4]:
         p, q = each.pose.pose.position, each.pose.pose.orientation
         packed += struct.pack("<q7d", each.header.stamp.ns, p.x, p.y, p.z, q.x, q.y, q.z, q.w)
     expected = sha256(b"".join(name + b"\0" + sha256(packed).digest() for name in (b"a", b"b"))).hexdigest()
-    assert measure_all(posts, ("b", "a"), end=3 * FAST).measurements("goals").trajectory_hash == expected
+    assert measure_all(corner_messages, ("b", "a"), end=3 * FAST).measurements("goals").trajectory_hash == expected
 
 
-def test_the_hash_sees_a_single_bit(posts: list[GradedEntry]) -> None:
-    before = measure_all(posts, NAMES).measurements("goals").trajectory_hash
-    index = next(i for i, post in enumerate(posts) if post[0] is MessageKind.TRUTH and post[2].header.stamp.sec == 5)
-    kind, name, message = posts[index]
+def test_the_hash_sees_a_single_bit(corner_messages: list[GradedEntry]) -> None:
+    before = measure_all(corner_messages, NAMES).measurements("goals").trajectory_hash
+    index = next(
+        i for i, post in enumerate(corner_messages) if post[0] is MessageKind.TRUTH and post[2].header.stamp.sec == 5
+    )
+    kind, name, message = corner_messages[index]
     replace, pose = msgspec.structs.replace, message.pose.pose
     place = replace(pose.position, x=math.nextafter(pose.position.x, 9))
     moved = replace(message, pose=replace(message.pose, pose=replace(pose, position=place)))
-    changed = [*posts[:index], (kind, name, moved), *posts[index + 1 :]]
+    changed = [*corner_messages[:index], (kind, name, moved), *corner_messages[index + 1 :]]
     assert measure_all(changed, NAMES).measurements("goals").trajectory_hash != before
 
 

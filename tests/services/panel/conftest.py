@@ -103,7 +103,7 @@ class PanelFleet:
         return address
 
     def poll(self) -> None:
-        """Take what has come."""
+        """Read new messages."""
         assert self.up.status is None, self.up.text
         self.node.update_subscribers()
         for state, _ in self._state.messages:

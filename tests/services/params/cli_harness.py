@@ -45,12 +45,12 @@ class ParameterServiceProcess:
 
 
 def param_command(
-    bench: ParameterServiceProcess, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    service: ParameterServiceProcess, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> RunCommand:
     """``elea param VERB ...`` at the bench."""
 
     def run(verb: str, *words: str) -> CommandResult:
-        monkeypatch.setattr(sys, "argv", ["elea", "param", verb, "--connect", bench.network.endpoint, *words])
+        monkeypatch.setattr(sys, "argv", ["elea", "param", verb, "--connect", service.network.endpoint, *words])
         capsys.readouterr()
         status: Any = 0
         try:

@@ -21,7 +21,7 @@ def at() -> Iterator[ServerHarness]:
 
 
 @pytest.fixture(scope="package")
-def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ParameterServiceProcess]:
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ParameterServiceProcess]:
     """The real service, once for all files that ask it from the command line."""
     folder = tmp_path_factory.mktemp("param")
     with Network(folder) as network, connected_client(network) as client:
@@ -29,11 +29,11 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ParameterService
 
 
 @pytest.fixture
-def line(
-    bench: ParameterServiceProcess, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def param(
+    service: ParameterServiceProcess, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> Iterator[RunCommand]:
     """``elea param VERB ...`` in this process; every set is as announced before and after."""
-    run = param_command(bench, monkeypatch, capsys)
+    run = param_command(service, monkeypatch, capsys)
     yield run
     for name in SETS:
         run("reset", name)

@@ -16,23 +16,23 @@ from tests.services.params.parameter_client import value_dict
 SET = "/robot_control"
 
 
-def test_list_get_and_describe(line: RunCommand) -> None:
-    said = line("list")
+def test_list_get_and_describe(param: RunCommand) -> None:
+    said = param("list")
     assert f"{SET}  (followed by /arm, /reference)\n  reference_type\n  ref_angle\n" in said.out
-    assert json.loads(line("list", "waypoint", "--json").out or "null") is None
-    assert json.loads(line("list", "tb3_0/waypoint", "--json").out) == [
+    assert json.loads(param("list", "waypoint", "--json").out or "null") is None
+    assert json.loads(param("list", "tb3_0/waypoint", "--json").out) == [
         {"set": "/tb3_0/waypoint", "nodes": ["/tb3_0/waypoint"], "parameters": ["ref_angle", "ss_Kp"]}
     ]
-    assert line("get", "robot_control", "ref_angle").out == "30.0\n"
-    assert line("get", "reference", "ref_angle").out == "30.0\n"
-    assert "ref_angle       30.0" in line("get", SET).out
-    values = json.loads(line("get", SET, "limits", "offset", "--json").out)["values"]
+    assert param("get", "robot_control", "ref_angle").out == "30.0\n"
+    assert param("get", "reference", "ref_angle").out == "30.0\n"
+    assert "ref_angle       30.0" in param("get", SET).out
+    values = json.loads(param("get", SET, "limits", "offset", "--json").out)["values"]
     assert values == {
         "limits": {"value": [-1.0, 1.0], "origin": "default"},
         "offset": {"value": None, "origin": "default"},
     }
-    assert "-90 to 90 deg" in line("describe", "arm").out
-    described = json.loads(line("describe", SET, "ref_angle", "--json").out)["parameters"][0]
+    assert "-90 to 90 deg" in param("describe", "arm").out
+    described = json.loads(param("describe", SET, "ref_angle", "--json").out)["parameters"][0]
     assert (described["low"], described["unit"], described["text"]) == (-90.0, "deg", "where to be")
 
 
@@ -55,12 +55,12 @@ def test_list_get_and_describe(line: RunCommand) -> None:
     ],
 )
 def test_set_in_every_way_of_writing(
-    line: RunCommand, bench: ParameterServiceProcess, words: list[str], values: dict[str, Any]
+    param: RunCommand, service: ParameterServiceProcess, words: list[str], values: dict[str, Any]
 ) -> None:
-    said = line("set", "robot_control", *words)
+    said = param("set", "robot_control", *words)
     assert said.status == 0, said
-    assert repr(values.items() <= value_dict(bench.client.get()).items()) == "True", bench.client.get()
-    changed = {each.name: each.origin for each in bench.client.get().values if each.name in values}
+    assert repr(values.items() <= value_dict(service.client.get()).items()) == "True", service.client.get()
+    changed = {each.name: each.origin for each in service.client.get().values if each.name in values}
     assert set(changed.values()) == {"run" if "--run" in words else "saved"}
     assert ("was clamped" in said.err) == ("--clamp" in words)
 
@@ -82,13 +82,13 @@ def test_set_in_every_way_of_writing(
     ],
 )
 def test_bad_input_ends_with_status_2(
-    line: RunCommand, bench: ParameterServiceProcess, words: list[str], says: str
+    param: RunCommand, service: ParameterServiceProcess, words: list[str], says: str
 ) -> None:
-    before = bench.client.get()
-    said = line("set", *words)
+    before = service.client.get()
+    said = param("set", *words)
     assert said.status == 2
     assert says in said.err
-    assert bench.client.get() == before
+    assert service.client.get() == before
 
 
 @pytest.mark.parametrize(
@@ -105,36 +105,36 @@ def test_bad_input_ends_with_status_2(
     ],
 )
 def test_what_the_parameter_service_refuses_ends_with_status_1(
-    line: RunCommand, bench: ParameterServiceProcess, words: list[str], says: str
+    param: RunCommand, service: ParameterServiceProcess, words: list[str], says: str
 ) -> None:
-    before = bench.client.get()
-    said = line("set", *words)
+    before = service.client.get()
+    said = param("set", *words)
     assert said.status == 1
     assert says in said.err
-    assert bench.client.get() == before
+    assert service.client.get() == before
 
 
-def test_reset_undo_and_history(line: RunCommand, bench: ParameterServiceProcess) -> None:
-    line("set", SET, "ref_angle=10", "ss_Kp=3")
-    line("set", SET, "ref_angle", "11")
-    assert f"{SET} ref_angle: 11.0 -> 30.0  (default)" in line("reset", SET, "ref_angle").out
-    assert value_dict(bench.client.get())["ss_Kp"] == 3.0
-    assert "30.0 -> 11.0" in line("undo", SET).out
-    assert "11.0 -> 10.0" in line("undo", SET).out
-    changes = json.loads(line("history", SET, "-n", "3", "--json").out)
+def test_reset_undo_and_history(param: RunCommand, service: ParameterServiceProcess) -> None:
+    param("set", SET, "ref_angle=10", "ss_Kp=3")
+    param("set", SET, "ref_angle", "11")
+    assert f"{SET} ref_angle: 11.0 -> 30.0  (default)" in param("reset", SET, "ref_angle").out
+    assert value_dict(service.client.get())["ss_Kp"] == 3.0
+    assert "30.0 -> 11.0" in param("undo", SET).out
+    assert "11.0 -> 10.0" in param("undo", SET).out
+    changes = json.loads(param("history", SET, "-n", "3", "--json").out)
     assert [each["kind"] for each in changes] == ["undo", "undo", "reset"]
     assert changes[2]["undone"] is True
     assert "(param)" in changes[0]["who"]
-    shown = line("history").out.splitlines()
+    shown = param("history").out.splitlines()
     assert "undo" in shown[0]
     assert "ref_angle 11.0 -> 10.0" in shown[0]
-    assert line("undo", "/tb3_0/waypoint").status in (0, 1)
+    assert param("undo", "/tb3_0/waypoint").status in (0, 1)
 
 
-def test_completion_knows_sets_and_parameters_and_gives_up_in_time(bench: ParameterServiceProcess) -> None:
+def test_completion_knows_sets_and_parameters_and_gives_up_in_time(service: ParameterServiceProcess) -> None:
     completion = ShellComplete(elea, {}, "elea", "_ELEA_COMPLETE")
 
-    def of(*words: str, part: str, endpoint: str = bench.network.endpoint) -> list[str]:
+    def of(*words: str, part: str, endpoint: str = service.network.endpoint) -> list[str]:
         return [each.value for each in completion.get_completions(["param", *words, "--connect", endpoint], part)]
 
     assert of("get", part="robot") == ["robot_control"]

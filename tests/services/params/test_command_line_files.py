@@ -20,27 +20,27 @@ SET = "/robot_control"
 
 @pytest.mark.parametrize("form", ["yaml", "toml"])
 def test_what_is_dumped_can_be_loaded(
-    line: RunCommand, bench: ParameterServiceProcess, tmp_path: Path, form: str
+    param: RunCommand, service: ParameterServiceProcess, tmp_path: Path, form: str
 ) -> None:
     file = tmp_path / f"values.{form}"
-    line("set", SET, "ref_angle=10", "reference_type=sine", "limits=[1,2]", "feed_forward=yes", "offset=-0.5")
-    line("set", "tb3_1/waypoint", "ss_Kp", "8")
-    held = {name: value_dict(bench.client.get(name)) for name in (SET, "/tb3_0/waypoint", "/tb3_1/waypoint")}
-    assert line("dump", "-o", str(file)).status == 0
+    param("set", SET, "ref_angle=10", "reference_type=sine", "limits=[1,2]", "feed_forward=yes", "offset=-0.5")
+    param("set", "tb3_1/waypoint", "ss_Kp", "8")
+    held = {name: value_dict(service.client.get(name)) for name in (SET, "/tb3_0/waypoint", "/tb3_1/waypoint")}
+    assert param("dump", "-o", str(file)).status == 0
     text = file.read_text()
     table = yaml.safe_load(text) if form == "yaml" else tomllib.loads(text)
     assert table[SET]["limits"] == [1.0, 2.0]
     assert "file" not in table[SET]
     for name in held:
-        line("reset", name)
-    said = line("load", str(file))
+        param("reset", name)
+    said = param("load", str(file))
     assert said.status == 0, said
     assert f"{SET} ref_angle: 30.0 -> 10.0  (saved)" in said.out
     assert f"{SET}: 5 changed, 3 as before" in said.out
-    assert {name: value_dict(bench.client.get(name)) for name in held} == held
-    history = call(bench.client.transport, PARAMS_HISTORY, "params/history", HistoryOf(set=SET, limit=1)).changes
+    assert {name: value_dict(service.client.get(name)) for name in held} == held
+    history = call(service.client.transport, PARAMS_HISTORY, "params/history", HistoryOf(set=SET, limit=1)).changes
     assert history[0].kind == "load"
-    assert "0 changed, 8 as before" in line("load", str(file)).out
+    assert "0 changed, 8 as before" in param("load", str(file)).out
 
 
 @pytest.mark.parametrize(
@@ -63,36 +63,36 @@ def test_what_is_dumped_can_be_loaded(
     ],
 )
 def test_a_file_that_is_not_right_changes_nothing(
-    line: RunCommand, bench: ParameterServiceProcess, tmp_path: Path, name: str, text: str, says: str
+    param: RunCommand, service: ParameterServiceProcess, tmp_path: Path, name: str, text: str, says: str
 ) -> None:
     (tmp_path / name).write_text(text)
-    before = bench.client.get()
-    said = line("load", str(tmp_path / name))
+    before = service.client.get()
+    said = param("load", str(tmp_path / name))
     assert said.status == 2
     assert says in said.err
-    assert bench.client.get() == before
+    assert service.client.get() == before
 
 
-def test_a_file_of_one_set(line: RunCommand, bench: ParameterServiceProcess, tmp_path: Path) -> None:
+def test_a_file_of_one_set(param: RunCommand, service: ParameterServiceProcess, tmp_path: Path) -> None:
     (tmp_path / "arm.yaml").write_text("ref_angle: 7\nfeed_forward: yes\n")
-    assert line("load", str(tmp_path / "arm.yaml"), "--set", "robot_control", "--run").status == 0
-    assert value_dict(bench.client.get())["ref_angle"] == 7.0
-    assert "cannot read" in line("load", str(tmp_path / "none.yaml")).err
+    assert param("load", str(tmp_path / "arm.yaml"), "--set", "robot_control", "--run").status == 0
+    assert value_dict(service.client.get())["ref_angle"] == 7.0
+    assert "cannot read" in param("load", str(tmp_path / "none.yaml")).err
 
 
-def test_an_answer_that_does_not_come_is_told_as_it_is(line: RunCommand, bench: ParameterServiceProcess) -> None:
+def test_an_answer_that_does_not_come_is_told_as_it_is(param: RunCommand, service: ParameterServiceProcess) -> None:
     """The service is stopped for a while, then gone."""
-    bench.service.signal(signal.SIGSTOP)
+    service.service.signal(signal.SIGSTOP)
     try:
-        said = line("list", "-t", "0.5")
+        said = param("list", "-t", "0.5")
     finally:
-        bench.service.signal(signal.SIGCONT)
+        service.service.signal(signal.SIGCONT)
     assert said.status == 1
     assert "unknown whether the request was carried out" in said.err
-    assert line("set", SET, "ref_angle", "3").status == 0
-    bench.service.kill()
-    said = line("set", SET, "ref_angle", "4")
-    bench.start()
+    assert param("set", SET, "ref_angle", "3").status == 0
+    service.service.kill()
+    said = param("set", SET, "ref_angle", "4")
+    service.start()
     assert said.status == 1
     assert "no server for /params/list, nothing was sent" in said.err
-    assert value_dict(bench.client.get())["ref_angle"] == 3.0
+    assert value_dict(service.client.get())["ref_angle"] == 3.0

@@ -24,7 +24,7 @@ from tests.services.params.server_on_file import read_values, server_on_file, se
 
 
 @pytest.fixture(scope="module")
-def sound(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any], tuple[ParameterChange, ...]]:
+def valid_file(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any], tuple[ParameterChange, ...]]:
     """A file with a history, and what lies in it."""
     file = tmp_path_factory.mktemp("sound") / "params.db"
     with server_on_file(file) as at:
@@ -38,9 +38,9 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {each.name: each.read_bytes() for each in folder.iterdir()}
 
 
-def spoilt(sound: Path, folder: Path, data: bytes) -> Path:
+def spoilt(valid_file: Path, folder: Path, data: bytes) -> Path:
     folder.mkdir()
-    file = folder / sound.name
+    file = folder / valid_file.name
     file.write_bytes(data)
     return file
 
@@ -61,23 +61,23 @@ def outcome(file: Path, held: Any) -> str:
     return "refused"
 
 
-def test_what_is_saved_is_there_after_the_next_start(sound: Any, tmp_path: Path) -> None:
-    file, *held = sound
+def test_what_is_saved_is_there_after_the_next_start(valid_file: Any, tmp_path: Path) -> None:
+    file, *held = valid_file
     again = spoilt(file, tmp_path / "copy", file.read_bytes())
     for _ in range(2):
         assert outcome(again, tuple(held)) == "whole"
 
 
-def test_a_file_truncated_anywhere_is_refused_or_whole(sound: Any, tmp_path: Path) -> None:
-    file, *held = sound
+def test_a_file_truncated_anywhere_is_refused_or_whole(valid_file: Any, tmp_path: Path) -> None:
+    file, *held = valid_file
     data, chance = file.read_bytes(), random.Random(7)
     cuts = [0, 1, 15, 16, 50, 99, 100, 4096, len(data) - 4096, *(chance.randrange(len(data)) for _ in range(30))]
     outcomes = [outcome(spoilt(file, tmp_path / str(i), data[:cut]), tuple(held)) for i, cut in enumerate(cuts)]
     assert set(outcomes) == {"refused"}
 
 
-def test_corrupted_bytes_are_refused_or_harmless(sound: Any, tmp_path: Path) -> None:
-    file, *held = sound
+def test_corrupted_bytes_are_refused_or_harmless(valid_file: Any, tmp_path: Path) -> None:
+    file, *held = valid_file
     data, chance = file.read_bytes(), random.Random(8)
     outcomes = []
     for index in range(80):

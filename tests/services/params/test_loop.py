@@ -56,7 +56,7 @@ class LoopHarness:
 
 
 @contextmanager
-def bench(
+def running_service(
     bus: MemoryBus, clock: ManualClock, schedule: tuple[Scheduled, ...] = SCHEDULE, progress: str = ""
 ) -> Iterator[LoopHarness]:
     service, out = memory_node(bus, "params"), io.StringIO()
@@ -83,7 +83,7 @@ def bench(
 
 
 def test_changes_come_at_their_time_and_again_after_a_reset(bus: MemoryBus, clock: ManualClock) -> None:
-    with bench(bus, clock) as at:
+    with running_service(bus, clock) as at:
         at.announce()
         at.tell(0.9)
         at.tell(1.05)
@@ -110,17 +110,17 @@ def test_a_service_that_is_restarted_in_a_run_goes_on_with_the_schedule(
 ) -> None:
     schedule = (*SCHEDULE[:2], Scheduled(at=4.0, set=SET, values={"window": 4}))
     file = str(tmp_path / "schedule.json")
-    with bench(bus, clock, schedule, file) as at:
+    with running_service(bus, clock, schedule, file) as at:
         at.announce()
         at.tell(2.0)
         at.until(ref_angle=12.0, ss_Kp=5.0)
         wait_until(lambda: "as scheduled" in at.out.getvalue())
-    with bench(bus, clock, schedule, file) as at:
+    with running_service(bus, clock, schedule, file) as at:
         answer = at.announce(run=assignments(ref_angle=25.0, ss_Kp=5.0))
         assert (answer["ref_angle"], answer["reference_type"]) == (25.0, "step")
         at.tell(4.5)
         at.until(ref_angle=25.0, window=4, reference_type="step")
-    with bench(bus, clock, schedule, file) as at:
+    with running_service(bus, clock, schedule, file) as at:
         at.announce()
         at.tell(2.5, epoch=1)
         at.until(ref_angle=12.0, ss_Kp=5.0, window=2)
@@ -128,7 +128,7 @@ def test_a_service_that_is_restarted_in_a_run_goes_on_with_the_schedule(
         Path(file).unlink()
         if content:
             Path(file).write_bytes(content)
-        with bench(bus, clock, schedule, file) as at:
+        with running_service(bus, clock, schedule, file) as at:
             at.announce()
             at.tell(2.5, epoch=1)
             at.until(ref_angle=12.0, ss_Kp=5.0, window=2)
@@ -136,14 +136,14 @@ def test_a_service_that_is_restarted_in_a_run_goes_on_with_the_schedule(
 
 
 def test_a_set_that_never_comes_is_said(bus: MemoryBus, clock: ManualClock) -> None:
-    with bench(bus, clock) as at:
+    with running_service(bus, clock) as at:
         at.tell(13.0)
         wait_until(lambda: "which no service has announced" in at.out.getvalue(), what="a warning")
         assert "/late, /robot_control" in at.out.getvalue()
 
 
 def test_who_comes_late_hears_the_schema_and_the_values(bus: MemoryBus, clock: ManualClock) -> None:
-    with bench(bus, clock, ()) as at:
+    with running_service(bus, clock, ()) as at:
         at.announce()
         with memory_node(bus, "late") as late:
             schema = late.subscribe(DESCRIPTIONS, f"{SET}/parameter_descriptions")
@@ -153,7 +153,7 @@ def test_who_comes_late_hears_the_schema_and_the_values(bus: MemoryBus, clock: M
             assert [each.name for each in schema.messages[0][0].parameters][:2] == ["reference_type", "ref_angle"]
             assert value_dict(news.messages[0][0]) == at.get()
             assert own.messages[0][0].parameters[0].name == "file"
-    assert "what is set is kept for this run only" in at.out.getvalue()
+    assert "values are kept for this run only" in at.out.getvalue()
 
 
 def test_due_changes_come_in_the_order_of_time_and_file() -> None:

@@ -92,7 +92,7 @@ def network() -> Network:
 
 
 @pytest.fixture(scope="module")
-def stage(network: Network) -> Iterator[tuple[Simulation, Node]]:
+def simulation_and_node(network: Network) -> Iterator[tuple[Simulation, Node]]:
     """Three hundred burgers that stand, two metres apart."""
     with memory_node(network.bus, "sim") as simulation, BulletWorld(WorldDescription(), STEP_NS) as world:
         made = Simulation(simulation, world, 0)
@@ -111,8 +111,8 @@ def whole(beats: list[Health], of: Node) -> None:
 
 
 @pytest.mark.slow
-def test_what_the_simulation_tells(network: Network, stage: tuple[Simulation, Node]) -> None:
-    made, simulation = stage
+def test_what_the_simulation_tells(network: Network, simulation_and_node: tuple[Simulation, Node]) -> None:
+    made, simulation = simulation_and_node
     with memory_node(network.bus, "reader") as reader:
         inputs = {topic: reader.subscribe(topic) for topic in (TF, TF_STATIC, MODEL_STATES, LINK_STATES)}
         network.sent()
@@ -150,9 +150,9 @@ def test_the_largest_model_three_hundred_times() -> None:
 
 @pytest.mark.slow
 def test_heartbeats_of_the_simulation_and_a_loss_in_the_last_robot(
-    network: Network, stage: tuple[Simulation, Node]
+    network: Network, simulation_and_node: tuple[Simulation, Node]
 ) -> None:
-    simulation = stage[1]
+    simulation = simulation_and_node[1]
     beats = network.beats(simulation)
     whole(beats, simulation)
     losses = MessageLosses(("/sim",))
@@ -177,7 +177,7 @@ def test_heartbeats_of_the_simulation_and_a_loss_in_the_last_robot(
 
 @pytest.mark.slow
 def test_heartbeats_of_a_recorder_a_grader_a_panel_and_the_parameter_service(
-    network: Network, stage: tuple[Simulation, Node]
+    network: Network, simulation_and_node: tuple[Simulation, Node]
 ) -> None:
     with memory_node(network.bus, "recorder") as recorder:
         resolve = recorder.identity.resolve

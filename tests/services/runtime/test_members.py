@@ -27,7 +27,9 @@ def test_those_that_tick_and_those_that_only_work_are_waited_for(bus: MemoryBus)
         name, ticks = next(coming)
         _ready(bus, name, ticks=ticks)
 
-    assert wait_for_nodes(MemoryTransport(bus), ["/a", "/b"], idle, tell=lambda absent, _: looks.append(absent)) == []
+    assert (
+        wait_for_nodes(MemoryTransport(bus), ["/a", "/b"], idle, on_wait=lambda absent, _: looks.append(absent)) == []
+    )
     assert looks == [["/a", "/b"], ["/b"]]
 
 

@@ -181,7 +181,7 @@ def test_what_no_member_told_of_is_held_within_bounds_and_never_blocks_its_true_
     assert _speeds(source) == []
     assert sum(map(len, source._deferred.values())) <= QUEUE_SIZE
     assert source.received + source.refused == 5 * QUEUE_SIZE // 2 - 1
-    assert "told of 0" in source.reason
+    assert "has reported 0" in source.reason
     other = MemoryTransport(bus).advertise(KEY, TWIST, Quality.COMMAND)
     other.put(encode(Twist.planar(9, 0)), attachment=pack_attachment(1, member.id[:10] + b"forged"))
     refused = source.refused

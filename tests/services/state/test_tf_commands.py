@@ -103,7 +103,7 @@ def test_the_rate_is_in_simulation_time(scene: TfHarness) -> None:
     ("source", "target", "told"),
     [
         ("world", "a/base_lnk", "frame 'a/base_lnk' is unknown; did you mean 'a/base_link'"),
-        ("world", "gripper/arm", "they lie in two trees: 'world' with a/base_footprint"),
+        ("world", "gripper/arm", "they are in two trees: 'world' with a/base_footprint"),
     ],
 )
 def test_why_it_cannot_be_told(scene: TfHarness, source: str, target: str, told: str) -> None:

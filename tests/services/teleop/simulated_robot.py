@@ -27,7 +27,7 @@ class SimulatedRobot:
         wait_until(lambda: self.poll() or self.recorder.samples, WITHIN_S, "ground truth")
 
     def poll(self) -> None:
-        """Take what has come."""
+        """Read new messages."""
         assert self.sim.status is None, self.sim.text
         self.recorder.poll()
 

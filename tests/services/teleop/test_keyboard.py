@@ -17,7 +17,7 @@ from tests.harness.waiting import wait_until
 
 
 @pytest.fixture
-def ends() -> Iterator[tuple[int, int]]:
+def pseudo_terminal() -> Iterator[tuple[int, int]]:
     """Where the person types, and where the program reads."""
     master, slave = pty.openpty()
     yield master, slave
@@ -28,8 +28,10 @@ def ends() -> Iterator[tuple[int, int]]:
             assert each == master, "the test closes the person's end alone"
 
 
-def test_keys_come_one_by_one_without_echo_and_what_was_typed_before_is_dropped(ends: tuple[int, int]) -> None:
-    master, slave = ends
+def test_keys_come_one_by_one_without_echo_and_what_was_typed_before_is_dropped(
+    pseudo_terminal: tuple[int, int],
+) -> None:
+    master, slave = pseudo_terminal
     os.write(master, b"iii")
     # Its echo tells that the terminal has it.
     assert b"".join(os.read(master, 1) for _ in range(3)) == b"iii"
@@ -42,8 +44,8 @@ def test_keys_come_one_by_one_without_echo_and_what_was_typed_before_is_dropped(
             os.read(master, 100)
 
 
-def test_the_terminal_and_the_hook_are_given_back_whatever_happens(ends: tuple[int, int]) -> None:
-    _, slave = ends
+def test_the_terminal_and_the_hook_are_given_back_whatever_happens(pseudo_terminal: tuple[int, int]) -> None:
+    _, slave = pseudo_terminal
     before, hook = termios.tcgetattr(slave), threading.excepthook
     try:
         with Terminal(slave):
@@ -56,16 +58,16 @@ def test_the_terminal_and_the_hook_are_given_back_whatever_happens(ends: tuple[i
     assert threading.excepthook is hook
 
 
-def test_a_terminal_that_is_gone_ends_the_loop_and_is_left_without_an_error(ends: tuple[int, int]) -> None:
-    master, slave = ends
+def test_a_terminal_that_is_gone_ends_the_loop_and_is_left_without_an_error(pseudo_terminal: tuple[int, int]) -> None:
+    master, slave = pseudo_terminal
     with Terminal(slave) as keyboard:
         os.close(master)
         with pytest.raises(Stopped, match="the terminal"):
             keyboard.read_events(5.0)
 
 
-def test_keys_that_were_read_late_say_so(ends: tuple[int, int]) -> None:
-    master, slave = ends
+def test_keys_that_were_read_late_say_so(pseudo_terminal: tuple[int, int]) -> None:
+    master, slave = pseudo_terminal
     with Terminal(slave) as keyboard:
         keyboard.read_events(0.0)
         since = time.monotonic()

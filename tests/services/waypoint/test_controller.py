@@ -31,13 +31,13 @@ def reached(run: list[SimulatedStep]) -> list[int]:
 
 
 @pytest.fixture(scope="module")
-def four() -> list[list[SimulatedStep]]:
+def four_runs() -> list[list[SimulatedStep]]:
     return [lap(0.5 * robot) for robot in range(4)]
 
 
 @pytest.mark.slow
-def test_a_lap_stops_on_every_point_within_a_millimetre_and_in_time(four: list[list[SimulatedStep]]) -> None:
-    run = four[0]
+def test_a_lap_stops_on_every_point_within_a_millimetre_and_in_time(four_runs: list[list[SimulatedStep]]) -> None:
+    run = four_runs[0]
     assert run[-1].progress.state == "finished"
     assert reached(run) == list(range(10))
     for now in run:
@@ -47,22 +47,22 @@ def test_a_lap_stops_on_every_point_within_a_millimetre_and_in_time(four: list[l
     assert run[-1].time < 300
 
 
-def test_the_lap_keeps_to_its_legs(four: list[list[SimulatedStep]]) -> None:
+def test_the_lap_keeps_to_its_legs(four_runs: list[list[SimulatedStep]]) -> None:
     corners = [(0.0, 0.0), *TEN]
     offsets = [
         Segment(*corners[now.progress.index], *corners[now.progress.index + 1]).remaining_and_offset(now.pose)[1]
-        for now in four[0]
+        for now in four_runs[0]
     ]
     assert math.sqrt(sum(offset**2 for offset in offsets) / len(offsets)) < 0.001
     assert max(map(abs, offsets)) < 0.005
 
 
-def test_four_robots_half_a_metre_apart_keep_their_distance(four: list[list[SimulatedStep]]) -> None:
+def test_four_robots_half_a_metre_apart_keep_their_distance(four_runs: list[list[SimulatedStep]]) -> None:
     """Same law, same shifted points, same start: the formation moves as one, so 0.5 m stays 0.5 m."""
-    assert [len(reached(run)) for run in four] == [10, 10, 10, 10]
+    assert [len(reached(run)) for run in four_runs] == [10, 10, 10, 10]
     smallest = min(
         math.hypot(a.pose.x - b.pose.x, a.pose.y - b.pose.y)
-        for together in zip(*four, strict=True)
+        for together in zip(*four_runs, strict=True)
         for a, b in itertools.combinations(together, 2)
     )
     assert 0.49 < smallest < 0.51

@@ -53,75 +53,75 @@ class LedMember:
 
 
 @pytest.fixture
-def led() -> LedMember:
+def member() -> LedMember:
     return LedMember(MemoryBus())
 
 
-def test_a_go_counts_only_from_the_simulation_that_knows_the_nonce_and_never_backwards(led: LedMember) -> None:
-    counts, session = led.follower.refusals, led.simulation.session
-    forged = ("feed", "", "a?b", "a/b", "*", session, led.transport.session)
-    assert led.take(*(led.go(simulation=each) for each in forged)) == []
-    assert led.take(led.go(roster=("/other",)), led.go(roster=("/m", "\x1b[2J"))) == []
+def test_a_go_counts_only_from_the_simulation_that_knows_the_nonce_and_never_backwards(member: LedMember) -> None:
+    counts, session = member.follower.refusals, member.simulation.session
+    forged = ("feed", "", "a?b", "a/b", "*", session, member.transport.session)
+    assert member.take(*(member.go(simulation=each) for each in forged)) == []
+    assert member.take(member.go(roster=("/other",)), member.go(roster=("/m", "\x1b[2J"))) == []
     assert counts.refused == len(forged) + 2
-    assert led.take(led.go(simulation="feed", roster=("/m",))) == [], "it holds no token of the simulation"
-    (greeting,) = led.take(led.greeting)
-    led.follower.send_join(greeting, {}, {})
-    nonce = led.follower._nonce_for(session)
-    assert led.take(led.go()) == [], "it does not know the nonce"
-    first, later = led.go(nonce=nonce), led.go(tick=8, nonce=nonce)
-    assert led.take(first) == [first]
+    assert member.take(member.go(simulation="feed", roster=("/m",))) == [], "it holds no token of the simulation"
+    (greeting,) = member.take(member.greeting)
+    member.follower.send_join(greeting, {}, {})
+    nonce = member.follower._nonce_for(session)
+    assert member.take(member.go()) == [], "it does not know the nonce"
+    first, later = member.go(nonce=nonce), member.go(tick=8, nonce=nonce)
+    assert member.take(first) == [first]
     refused = counts.refused
     bad = (
-        led.go(nonce=b"x" * 8, tick=8),
-        led.go(nonce=nonce, tick=3),
-        led.go(nonce=nonce, tick=3, paused=True),
-        led.go(nonce=nonce, tick=FAR),
-        led.go(nonce=nonce, epoch=FAR),
-        led.go(paused=True),
-        led.go(simulation="feed", roster=("/m",)),
+        member.go(nonce=b"x" * 8, tick=8),
+        member.go(nonce=nonce, tick=3),
+        member.go(nonce=nonce, tick=3, paused=True),
+        member.go(nonce=nonce, tick=FAR),
+        member.go(nonce=nonce, epoch=FAR),
+        member.go(paused=True),
+        member.go(simulation="feed", roster=("/m",)),
     )
-    assert led.take(*bad) == []
+    assert member.take(*bad) == []
     assert counts.refused == refused + len(bad)
-    assert led.take(led.go(nonce=nonce, paused=True), later) == [led.go(nonce=nonce, paused=True), later]
+    assert member.take(member.go(nonce=nonce, paused=True), later) == [member.go(nonce=nonce, paused=True), later]
     assert "\x1b" not in counts.reason
 
 
-def test_another_simulation_leads_only_when_the_token_of_the_one_before_is_gone(led: LedMember) -> None:
-    led.follower.send_join(led.take(led.greeting)[0], {}, {})
-    first = led.go(nonce=led.follower._nonce_for(led.simulation.session), tick=100)
-    assert led.take(first) == [first]
+def test_another_simulation_leads_only_when_the_token_of_the_one_before_is_gone(member: LedMember) -> None:
+    member.follower.send_join(member.take(member.greeting)[0], {}, {})
+    first = member.go(nonce=member.follower._nonce_for(member.simulation.session), tick=100)
+    assert member.take(first) == [first]
     session = "feed"
-    greeting = led.go(simulation=session, roster=("/m",))
+    greeting = member.go(simulation=session, roster=("/m",))
     claim = Entity(session, "node", SIMULATION, "sim")
-    other = led.simulation.declare_token(claim.key)
-    assert led.take(greeting) == []
-    double = led.simulation.declare_token(Entity(led.simulation.session, "node", SIMULATION, "nothing").key)
+    other = member.simulation.declare_token(claim.key)
+    assert member.take(greeting) == []
+    double = member.simulation.declare_token(Entity(member.simulation.session, "node", SIMULATION, "nothing").key)
     double.close()
-    assert led.take(greeting) == [], "the token of a stranger went, not the simulation's"
-    led.token.close()
-    (taken,) = led.take(greeting)
-    led.follower.send_join(taken, {}, {})
-    again = led.go(simulation=session, nonce=led.follower._nonce_for(session), tick=0, time=0)
-    assert led.take(again) == [again], "its time stands where it likes"
+    assert member.take(greeting) == [], "the token of a stranger went, not the simulation's"
+    member.token.close()
+    (taken,) = member.take(greeting)
+    member.follower.send_join(taken, {}, {})
+    again = member.go(simulation=session, nonce=member.follower._nonce_for(session), tick=0, time=0)
+    assert member.take(again) == [again], "its time stands where it likes"
     other.close()
 
 
-def test_a_greeting_counts_once_its_senders_token_is_in_sight(led: LedMember) -> None:
-    led.token.close()
-    assert led.take(led.greeting) == []
-    led.simulation.declare_token(Entity(led.simulation.session, "node", SIMULATION, "sim").key)
-    assert led.take() == [led.greeting]
-    assert led.follower.refusals.refused == 0
+def test_a_greeting_counts_once_its_senders_token_is_in_sight(member: LedMember) -> None:
+    member.token.close()
+    assert member.take(member.greeting) == []
+    member.simulation.declare_token(Entity(member.simulation.session, "node", SIMULATION, "sim").key)
+    assert member.take() == [member.greeting]
+    assert member.follower.refusals.refused == 0
 
 
-def test_a_go_that_comes_again_is_answered_again_and_stepped_once(led: LedMember) -> None:
-    led.follower.send_join(led.take(led.greeting)[0], {}, {})
-    go = led.go(nonce=led.follower._nonce_for(led.simulation.session), token=b"t" * 8)
-    assert led.take(go, go) == [go]
-    led.follower.finish(4, {"a": {b"m" * 16: 1}}, {})
-    before = list(iter(led.answers.recv, None))
-    assert led.take(go) == []
-    (again,) = iter(led.answers.recv, None)
+def test_a_go_that_comes_again_is_answered_again_and_stepped_once(member: LedMember) -> None:
+    member.follower.send_join(member.take(member.greeting)[0], {}, {})
+    go = member.go(nonce=member.follower._nonce_for(member.simulation.session), token=b"t" * 8)
+    assert member.take(go, go) == [go]
+    member.follower.finish(4, {"a": {b"m" * 16: 1}}, {})
+    before = list(iter(member.answers.recv, None))
+    assert member.take(go) == []
+    (again,) = iter(member.answers.recv, None)
     assert again[0] == before[-1][0]
 
 

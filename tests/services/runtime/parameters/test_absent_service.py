@@ -29,7 +29,7 @@ def test_without_a_parameter_service_a_node_says_so_once_and_follows_it_when_it_
         assert time.monotonic() - began < 0.5
         for _ in range(20):
             spin_once(made, followed)
-        assert log_of(made).count("no parameter service is there") == 1
+        assert log_of(made).count("no parameter service is visible") == 1
         assert followed.params == Gains(p=1.5)
         with FakeParameterService(bus, lambda asked: parameter_values(asked.set, {"p": 4.0})) as params:
             wait_until(lambda: spin_once(made, followed))

@@ -112,7 +112,7 @@ def test_saved_values_that_contradict_each_other_are_left_for_a_person_to_mend(
         params.publish(SET, bad)
         assert spin_once(made, followed) == 0
         assert followed.params == Gains()
-        assert f"./elea param reset {SET} forgets what was saved" in log_of(made)
+        assert f"./elea param reset {SET} forgets the saved ones" in log_of(made)
         for _ in range(5):
             made.spin_once()
         assert params.undo_requests == []

@@ -172,8 +172,8 @@ def test_what_a_table_states_is_told_by_dotted_names() -> None:
         ("limits.top", 2.5, "< 2"),
         ("limits.topp", 1.0, "did you mean 'limits.top'"),
         ("law", "c", "law = 'c'"),
-        ("seed", 1, "does not change while"),
-        ("entries", "[]", "does not change while"),
+        ("seed", 1, "cannot change while"),
+        ("entries", "[]", "cannot change while"),
         ("limits.top", math.inf, "not finite"),
     ):
         with pytest.raises(BadInput, match=says):

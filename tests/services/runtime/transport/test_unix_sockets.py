@@ -103,7 +103,7 @@ def test_a_folder_that_others_can_reach_is_refused_with_the_remedy(
     planted.touch()
     with pytest.raises(BadInput, match="7447 is no folder"):
         make_private(planted)
-    with pytest.raises(BadInput, match=r"cannot be looked at .*: is a fleet up"):
+    with pytest.raises(BadInput, match=r"cannot be read .*: is a fleet up"):
         make_private(folder / "nowhere" / "7447")
     with (
         pytest.raises(BadInput, match="7447 is no folder"),

@@ -7,7 +7,7 @@ import pytest
 from messages.sensor import JointState
 from messages.std import Header, Time
 from models.urdf import parse_urdf
-from services.state.links import LinkTransforms
+from services.state.link_transforms import LinkTransforms
 from tests.services.state.sample_urdfs import GRIPPER, joint_urdf, robot_urdf
 
 MS = 1_000_000

@@ -9,7 +9,7 @@ import pytest
 from messages.sensor import JointState
 from models.urdf import BadUrdf, parse_urdf
 from services.state import StateParameters
-from services.state.merger import JointStateMerger
+from services.state.joint_state_merger import JointStateMerger
 from tests.services.state.sample_urdfs import GRIPPER, joint_urdf, robot_urdf
 
 
@@ -100,7 +100,7 @@ def test_joints_without_a_source_go_to_and_fro() -> None:
         ({"zeros": ("mount=1",)}, "no joint 'mount' that moves"),
         ({"zeros": ("shoulder",)}, "not joint=number"),
         ({"zeros": ("shoulder=nan",)}, "not joint=number"),
-        ({"zeros": ("shoulder=3",)}, "shoulder = 3 lies outside -1 to 2"),
+        ({"zeros": ("shoulder=3",)}, "shoulder = 3 is outside -1 to 2"),
         ({"zeros": ("left=0",)}, "'left' follows 'right'"),
         ({"dependent_joints": ("left",)}, "not joint=other"),
         ({"dependent_joints": ("left=thumb",)}, "no joint 'thumb'"),

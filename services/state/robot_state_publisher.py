@@ -12,8 +12,8 @@ from models.urdf import BadUrdf, parse_urdf
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 from services.state import StateParameters
-from services.state.links import LinkTransforms
-from services.state.merger import JointStateMerger
+from services.state.joint_state_merger import JointStateMerger
+from services.state.link_transforms import LinkTransforms
 
 
 class RobotStatePublisher:
@@ -87,10 +87,10 @@ class RobotStatePublisher:
         if links is None:
             return
         for state in self._states(now):
-            told = links.moving_transforms(state, now)
-            if told.warning:
-                self._ctx.log.warn(f"{self.label}: {told.warning}", every=10.0)
-            yield from told.transforms
+            moving = links.moving_transforms(state, now)
+            if moving.warning:
+                self._ctx.log.warn(f"{self.label}: {moving.warning}", every=10.0)
+            yield from moving.transforms
         self.rejected += links.rejected
         links.rejected = 0
 

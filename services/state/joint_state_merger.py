@@ -46,7 +46,7 @@ class JointStateMerger:
             reading = self._free[each.name] = FreeJoint(*joint_limits(each, params.use_smallest_joint_limits))
             zero = zeros.get(each.name)
             if zero is not None and not reading.low <= zero <= reading.high:
-                raise BadUrdf(f"zeros: {each.name} = {zero:g} lies outside {reading.low:g} to {reading.high:g}")
+                raise BadUrdf(f"zeros: {each.name} = {zero:g} is outside {reading.low:g} to {reading.high:g}")
             self._set_defaults(reading, zero)
 
     @property
@@ -132,7 +132,7 @@ def joint_limits(joint: Joint, smallest: bool) -> tuple[float, float, bool]:
         low = low if joint.limits.soft_lower is None else max(low, joint.limits.soft_lower)
         high = high if joint.limits.soft_upper is None else min(high, joint.limits.soft_upper)
     if low > high:
-        raise BadUrdf(f"joint {joint.name!r}: its soft limits leave no room, {low:g} lies above {high:g}")
+        raise BadUrdf(f"joint {joint.name!r}: its soft limits leave no room, {low:g} is above {high:g}")
     return low, high, False
 
 

@@ -1,0 +1,122 @@
+"""The world in a recording: its bodies, logged once, and the transforms of those that move."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from messages.errors import BadInput
+from messages.gazebo import WorldStates
+from messages.geometry import Pose
+from messages.visualization import Marker, MarkerArray
+from services.driving.world_bodies import FIXED, GROUND, marker_triangles, world_bodies
+from services.logger import entity_paths
+
+FLAT_TRIANGLES = 50_000
+"""Triangles of a mesh whose faces are shaded flat, which takes three vertices for each."""
+
+Floats = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+
+class WorldScene:
+    """The bodies of the world; what cannot be drawn is reported to ``warn``.
+
+    States of bodies that move are collected by ``add_states`` and drained by ``transforms``.
+    """
+
+    def __init__(self, array: MarkerArray, warn: Callable[[str], None]) -> None:
+        self._bodies, self._warn = world_bodies(array), warn
+        self._moving = {body.name for body in self._bodies if body.kind not in (FIXED, GROUND)}
+        self._rows: list[tuple[int, str, Pose]] = []
+
+    def log_to(self, stream: rr.RecordingStream) -> None:
+        """Log the shapes of all bodies."""
+        for body in self._bodies:
+            for number, marker in enumerate(body.markers):
+                try:
+                    shape = marker_shape(marker)
+                except BadInput as error:
+                    self._warn(f"{body.name} is not drawn: {error}")
+                    continue
+                entity = f"{entity_paths.WORLD_BODIES}/{rr.escape_entity_path_part(body.name)}/{number}"
+                if body.name in self._moving:
+                    stream.log(entity, rr.CoordinateFrame(_frame(body.name)), shape, static=True)
+                    continue
+                # A frame of its own, fixed in the world.
+                frame, (p, q) = f"{_frame(body.name)}/{number}", (marker.pose.position, marker.pose.orientation)
+                place = rr.Transform3D(
+                    translation=(p.x, p.y, p.z),
+                    quaternion=rr.Quaternion(xyzw=(q.x, q.y, q.z, q.w)),
+                    parent_frame="world",
+                    child_frame=frame,
+                )
+                stream.log(entity, rr.CoordinateFrame(frame), shape, static=True)
+                stream.log(f"{entity}/pose", place, static=True)
+
+    def begin(self, time: int = 0) -> None:
+        """Put the bodies that move where they start, at ``time`` [ns] of a timeline that begins."""
+        self._rows = [(time, body.name, body.markers[0].pose) for body in self._bodies if body.name in self._moving]
+
+    def add_states(self, messages: Sequence[WorldStates]) -> None:
+        """Add states of the bodies, oldest first."""
+        for message in messages:
+            stamp = message.header.stamp.ns
+            self._rows += [
+                (stamp, name, pose)
+                for name, pose in zip(message.name, message.pose, strict=False)
+                if name in self._moving
+            ]
+
+    def transforms(self) -> tuple[Stamps, rr.ComponentColumnList] | None:
+        """Times and rows of the transforms since the last call; None without any."""
+        rows, self._rows = sorted(self._rows, key=lambda row: row[0]), []
+        if not rows:
+            return None
+        places = np.array([(pose.position.x, pose.position.y, pose.position.z) for _, _, pose in rows])
+        turns = [pose.orientation for _, _, pose in rows]
+        columns = rr.Transform3D.columns(
+            translation=places,
+            quaternion=np.array([(each.x, each.y, each.z, each.w) for each in turns]),
+            parent_frame=["world"] * len(rows),
+            child_frame=[_frame(name) for _, name, _ in rows],
+        )
+        return np.array([time for time, _, _ in rows], np.int64), columns
+
+
+def marker_shape(marker: Marker) -> rr.AsComponents:
+    """A marker's shape in its own frame; raises BadInput for one that cannot be drawn."""
+    half = marker.scale.x / 2, marker.scale.y / 2, marker.scale.z / 2
+    c = marker.color
+    colour = tuple(round(255 * each) for each in (c.r, c.g, c.b, c.a))
+    match marker.type:
+        case Marker.CUBE:
+            return rr.Boxes3D(half_sizes=[half], colors=[colour], fill_mode="solid")
+        case Marker.SPHERE:
+            return rr.Ellipsoids3D(half_sizes=[half], colors=[colour], fill_mode="solid")
+        case Marker.CYLINDER if half[0] == half[1]:
+            return rr.Cylinders3D(lengths=[2 * half[2]], radii=[half[0]], colors=[colour], fill_mode="solid")
+    triangles = marker_triangles(marker)
+    if len(triangles) > FLAT_TRIANGLES:
+        corners, triangle = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+        return rr.Mesh3D(vertex_positions=corners, triangle_indices=triangle.reshape(-1, 3), albedo_factor=colour)
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
+    every = None
+    if len(marker.colors) == len(marker.points) > 0:
+        every = [tuple(round(255 * part) for part in (each.r, each.g, each.b, each.a)) for each in marker.colors]
+    return rr.Mesh3D(
+        vertex_positions=triangles.reshape(-1, 3),
+        vertex_normals=np.repeat(normals, 3, axis=0),
+        vertex_colors=every,
+        albedo_factor=None if every else colour,
+    )
+
+
+def _frame(name: str) -> str:
+    """The frame of a body in the recording; robots' frames have other names."""
+    return f"world/{name}"

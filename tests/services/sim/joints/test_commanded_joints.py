@@ -1,0 +1,106 @@
+"""Joints beside a robot's wheels, in the whole simulation: they obey ``joint_command``, the wheels ``cmd_vel``."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from messages.geometry import Twist
+from messages.joints import JointCommand, JointTarget
+from messages.requests import RESET
+from messages.std import Bool, Empty, Header, Time
+from messages.topics import CMD_VEL, E_STOP, JOINT_COMMAND, JOINT_FEEDBACK, JOINT_STATES
+from models import model_config_path, urdf_path
+from models.robot_source import resolve_robot
+from tests.services.sim.joints.joint_simulation import JointSimulation, robot_entry, run_joint_simulation
+
+PAN_TILT = """
+  <link name="pan"><inertial><mass value="0.1"/>
+    <inertia ixx="0.0001" iyy="0.0001" izz="0.0001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="tilt"><inertial><mass value="0.1"/>
+    <inertia ixx="0.0001" iyy="0.0001" izz="0.0001" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="pan_joint" type="continuous"><parent link="base_link"/><child link="pan"/>
+    <origin xyz="0 0 0.2"/><axis xyz="0 0 1"/><limit effort="1" velocity="3"/></joint>
+  <joint name="tilt_joint" type="revolute"><parent link="pan"/><child link="tilt"/>
+    <origin xyz="0 0 0.05"/><axis xyz="0 1 0"/><limit lower="-0.5" upper="0.8" effort="1" velocity="3"/></joint>
+</robot>"""
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> str:
+    """A burger with a pan-tilt, as a folder of the user's own."""
+    text = urdf_path("burger").read_text()
+    (tmp_path / "robot.urdf").write_text(text.replace("</robot>", PAN_TILT))
+    (tmp_path / "model.toml").write_text(model_config_path("burger").read_text())
+    return resolve_robot(str(tmp_path), tmp_path).model
+
+
+def command(on: JointSimulation, **positions: float) -> None:
+    targets = tuple(JointTarget(joint_name=joint, value=value) for joint, value in positions.items())
+    stamp = Time.of(on.simulation.now)
+    on.publish(JOINT_COMMAND, JointCommand(header=Header(stamp=stamp), targets=targets), "r", "/r/controller_manager")
+
+
+def drive(on: JointSimulation, seconds: float, **positions: float) -> None:
+    """Drive straight on with the base, and command joints, at 50 Hz."""
+    for _ in range(round(seconds * 50)):
+        on.publish(CMD_VEL, Twist.planar(0.2, 0.0), "r", "/driver")
+        command(on, **positions)
+        on.run(0.02)
+
+
+def joints(on: JointSimulation) -> dict[str, float]:
+    readings = on.simulation.find("r").actuation.joint_readings
+    return dict(zip(on.simulation.world.body("r").joints, readings.position, strict=True))
+
+
+def test_a_pan_tilt_and_the_wheels_of_one_robot_both_move(model: str) -> None:
+    with run_joint_simulation(robot_entry("r", model)) as on:
+        states, feedback = (
+            on.subscribe(JOINT_STATES, "/r/joint_states"),
+            on.subscribe(JOINT_FEEDBACK, "/r/joint_feedback"),
+        )
+        on.run(0.2)
+        assert on.simulation.input_steps == 4
+        drive(on, 2.0, pan_joint=1.0, tilt_joint=2.0)
+        told = joints(on)
+        assert told["pan_joint"] == pytest.approx(1.0, abs=0.01)
+        assert told["tilt_joint"] == pytest.approx(0.8, abs=0.01), "the end of its range"
+        assert on.simulation.find("r").pose.position[0] == pytest.approx(0.4, abs=0.03)
+        assert abs(on.simulation.find("r").pose.position[1]) < 0.01
+        for each in (states, feedback):
+            each.update()
+        assert len(states.messages) == pytest.approx(2.2 * 25, abs=1)
+        stamps = [each.header.stamp.ns for each, _ in feedback.messages]
+        assert {later - earlier for earlier, later in pairwise(stamps)} == {5_000_000}
+        assert stamps[0] <= 220_000_000, "from the first command on"
+        assert on.simulation.input_steps == 1, "in real time it listens at each step"
+
+
+def test_the_wheels_obey_the_base_alone(model: str) -> None:
+    with run_joint_simulation(robot_entry("r", model)) as on:
+        drive(on, 0.5, wheel_left_joint=3.0, pan_joint=0.5)
+        [topic] = [each for each in on.node.subscribers if each.name == "/r/joint_command"]
+        assert topic.refused == 25
+        assert topic.reason == "r::wheel_left_joint is driven by the robot's base: command cmd_vel instead"
+        assert joints(on)["pan_joint"] == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_stop_holds_base_and_joints_and_a_reset_forgets_the_targets(model: str) -> None:
+    with run_joint_simulation(robot_entry("r", model)) as on:
+        drive(on, 0.2, pan_joint=2.0)
+        on.publish(E_STOP, Bool(data=True), "r", "/panel")
+        drive(on, 0.5, pan_joint=2.0)
+        where, place = joints(on)["pan_joint"], on.simulation.find("r").pose.position[0]
+        drive(on, 1.0, pan_joint=2.0)
+        assert joints(on)["pan_joint"] == pytest.approx(where, abs=1e-3)
+        assert where < 1.5
+        assert on.simulation.find("r").pose.position[0] == pytest.approx(place, abs=1e-3)
+        on.publish(E_STOP, Bool(data=False), "r", "/panel")
+        drive(on, 1.0, pan_joint=2.0)
+        assert joints(on)["pan_joint"] == pytest.approx(2.0, abs=0.01)
+        on.call(RESET, Empty())
+        on.run(0.2)
+        assert joints(on)["pan_joint"] == pytest.approx(0.0, abs=0.01)
