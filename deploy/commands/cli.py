@@ -25,6 +25,7 @@ COMMANDS = {
     "topic": LazyCommand("topic", "List, show, measure and publish topics."),
     "node": LazyCommand("node", "List nodes, show one or ping it."),
     "service": LazyCommand("service", "List services or call one."),
+    "model": LazyCommand("model", "List the robot models, or check one of your own."),
     "world": LazyCommand("world", "List and check worlds, or write one as a map."),
     "interface": LazyCommand("interface", "List message and service types or show one."),
     "tf": LazyCommand("tf", "Show the frame tree, or the transform between two frames."),

@@ -8,11 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from messages.se3 import IDENTITY, Pose3, Rotation, Vector
+from messages.se3 import IDENTITY, Pose3, Rotation, Vector, rotate_inverse
 from services.runtime.errors import unknown_name
 from services.sim.physics._pybullet import pybullet
 from services.sim.physics.engine import load_urdf
 from services.sim.physics.world import (
+    SLIDING_SHARE,
     Body,
     BodyState,
     Configuration,
@@ -42,6 +43,9 @@ class BulletBody:
         """Load the body into a new or reset client, at rest; raises BadInput for a joint that it does not have."""
         client, description = self._client, self.description
         self.body_id = load_urdf(client, description.urdf, description.pose, description.fixed)
+        # PyBullet tells and takes where the principal axes of the root's inertia are, not where its frame is.
+        centre = Pose3(*pybullet.getDynamicsInfo(self.body_id, -1, client)[3:5])
+        self._centre = None if centre == IDENTITY else centre
         count = pybullet.getNumJoints(self.body_id, client)
         rows = [pybullet.getJointInfo(self.body_id, index, client) for index in range(count)]
         self._joints = {row[1].decode(): row[0] for row in rows if row[2] != pybullet.JOINT_FIXED}
@@ -58,6 +62,7 @@ class BulletBody:
         self._links = {root: -1} | {row[12].decode(): row[0] for row in rows}
         at, turn = pybullet.getDynamicsInfo(self.body_id, -1, client)[3:5]
         self._root_inertial = None if (at, turn) == IDENTITY else Pose3(at, turn)
+        self._let_slide()
         self.set_joints(dict(description.initial_positions))
         if description.joint_friction:
             self.set_joint_friction(dict(description.joint_friction))
@@ -212,7 +217,9 @@ class BulletBody:
         row = pybullet.getLinkState(
             self.body_id, index, computeLinkVelocity=1, computeForwardKinematics=1, physicsClientId=self._client
         )
-        linear = _velocity_at(row[4], row[0], row[6], row[7])  # PyBullet gives that of the centre of mass
+        (cx, cy, cz), (x, y, z) = row[0], row[4]
+        # PyBullet gives the velocity of the centre of mass.
+        linear = _velocity_at(row[6], row[7], (x - cx, y - cy, z - cz), 1.0)
         return BodyState(row[4], _normalized(row[5]), linear, row[7])
 
     def link_pose(self, link: str) -> Pose3:
@@ -231,6 +238,19 @@ class BulletBody:
         index, frame = self._link_index(link), pybullet.WORLD_FRAME
         pybullet.applyExternalForce(self.body_id, index, force, point, frame, physicsClientId=self._client)
         pybullet.applyExternalTorque(self.body_id, index, torque, frame, physicsClientId=self._client)
+
+    def _let_slide(self) -> None:
+        """Give links along their sliding axes little friction."""
+        if self.description.slides:
+            # By default friction acts along two axes of the world, each limited by itself: shares along a link's axes
+            # fail where both coincide.
+            pybullet.setPhysicsEngineParameter(enableConeFriction=0, physicsClientId=self._client)
+        for link, axis in self.description.slides:
+            index = self._link_index(link)
+            # The engine counts them in the principal axes of the link's inertia.
+            along = rotate_inverse(pybullet.getDynamicsInfo(self.body_id, index, self._client)[4], axis)
+            shares = [1 - (1 - SLIDING_SHARE) * each * each for each in along]
+            pybullet.changeDynamics(self.body_id, index, anisotropicFriction=shares, physicsClientId=self._client)
 
     def _root_pose(self) -> Pose3:
         engine = Pose3(*pybullet.getBasePositionAndOrientation(self.body_id, self._client))
