@@ -18,6 +18,7 @@ from messages.errors import BadInput
 from messages.se3 import IDENTITY, Pose3, Vector, quaternion_from_rpy
 from models.bodies import (
     GREY,
+    GROUND_NAME,
     MAX_PARTS,
     BadWorld,
     BodyPart,
@@ -581,7 +582,7 @@ def _turn_to(x: float, y: float, z: float) -> tuple[float, float, float, float]:
 
 def _with_own_names(bodies: tuple[WorldBody, ...]) -> tuple[WorldBody, ...]:
     """The bodies, with a number after a name that another has, as Gazebo renames models."""
-    taken: set[str] = set()
+    taken = {GROUND_NAME}
     named = []
     for body in bodies:
         name, number = body.name, 0

@@ -16,6 +16,7 @@ from messages.errors import BadInput, unknown_name
 from messages.se3 import IDENTITY, Pose3, quaternion_from_rpy
 from models.bodies import (
     GREY,
+    GROUND_NAME,
     MAX_MOVABLE,
     MAX_PARTS,
     BadWorld,
@@ -38,7 +39,7 @@ from models.bodies import (
     WorldBody,
     WorldDescription,
 )
-from models.floor_plan import PlanKeys, plan_body, read_map_yaml, read_plan
+from models.floor_plan import PLAN_NAME, PlanKeys, plan_body, read_map_yaml, read_plan
 from models.height_map import read_height_map
 from models.input_file import read_limited
 from models.mesh import read_mesh
@@ -320,7 +321,8 @@ class _TomlWorld:
         return Light(light.name, light.direction, self._colour(light.colour, "lights", index)[:3])
 
     def _check_names(self, file: WorldFile) -> None:
-        seen: dict[str, str] = {"plan": self._source.location("plan")} if file.plan else {}
+        seen: dict[str, str] = {PLAN_NAME: self._source.location("plan")} if file.plan else {}
+        seen[GROUND_NAME] = "z = 0"
         for key, entries in (("boxes", file.boxes), ("bodies", file.bodies), ("obstacles", file.obstacles)):
             for index, entry in enumerate(entries):
                 if entry.name in seen:

@@ -85,7 +85,7 @@ def service_check_lines(report: Report) -> list[str]:
 
 
 def _cause_lines(check: str, report: Report) -> list[str]:
-    """What stands behind a count that is too high."""
+    """The hint behind a count that is too high."""
     robot, _, figure = check.rpartition(".")
     figures = report.robots.get(robot)
     if figure == "min_clearance_m" and isinstance(figures, RobotFigures) and figures.min_clearance_at_s is not None:
