@@ -64,7 +64,9 @@ def test_it_ends_after_the_duration_and_counts_nothing_later(
     assert measured.sim_seconds == 3.0
 
 
-def test_the_clearance_from_bodies_that_stand_and_move_is_measured(tmp_path: Path, corner_messages: list[GradedEntry]) -> None:
+def test_the_clearance_from_bodies_that_stand_and_move_is_measured(
+    tmp_path: Path, corner_messages: list[GradedEntry]
+) -> None:
     """The robot drives from (0, 0) to (0.6, 0): a post stands behind that, and a ball comes towards it."""
     size = Vector3(x=0.2, y=0.2, z=0.4)
     place = Pose(position=Point(x=1.0, z=0.2))
