@@ -25,7 +25,7 @@ from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.validation import build
 from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.zenoh_config import PORT
-from services.sim.drive.config import robot_config
+from services.sim.drive.config import odometry_config, robot_config
 from services.sim.parameters import BaseParameters, JointParameters
 from services.sim.robot_names import robot_frame_prefix, robot_namespace
 
@@ -34,8 +34,8 @@ CHANGE_MARGIN_S = 1.0
 
 
 def is_arm(robot: RobotConfig) -> bool:
-    """Whether a robot is an arm: it has no wheels, and a joint with limits."""
-    return read_model(robot.model).wheels is None and bool(_limited_joints(robot))
+    """Whether a robot is an arm: it has no base that drives, and a joint with limits."""
+    return not read_model(robot.model).has_base and bool(_limited_joints(robot))
 
 
 def controlled_joint(robot: RobotConfig) -> str:
@@ -155,7 +155,7 @@ def fleet_endpoint(fleet: Fleet) -> str:
 
 
 def listen_endpoints(fleet: Fleet, options: RunOptions) -> tuple[str, ...]:
-    """Where it listens for others, too."""
+    """The further endpoints of the fleet's router."""
     own = (f"tcp/127.0.0.1:{options.tcp_port or fleet.run.port}",) if fleet.run.tcp else ()
     return (*own, *(each for each in options.listen if each not in own))
 
@@ -208,7 +208,7 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
             return {
                 "robots": [each.name for each in robots],
                 "namespaces": [robot_namespace(each) for each in robots],
-                "halting": [_braking_spec(each) for each in robots if read_model(each.model).wheels],
+                "halting": [_braking_spec(each) for each in robots if read_model(each.model).has_base],
                 "sizes": [_size_spec(each) for each in robots if not is_arm(each)],
                 "arms": grader_arms(fleet),
                 "ends": run.ends,
@@ -247,7 +247,7 @@ def _live_view_port(router: int) -> dict[str, int]:
 
 def _sim_robot(fleet: Fleet, robot: RobotConfig) -> dict[str, Any]:
     pose = {"x": robot.pose.x, "y": robot.pose.y, "z": robot.pose.z, "yaw": robot.pose.yaw}
-    table = "parameters" if read_model(robot.model).wheels else "joint_parameters"
+    table = "parameters" if read_model(robot.model).has_base else "joint_parameters"
     names: dict[str, Any] = {"name": robot.name, "model": robot.model}
     if robot.namespace:
         names["namespace"] = robot.namespace
@@ -258,14 +258,23 @@ def _sim_robot(fleet: Fleet, robot: RobotConfig) -> dict[str, Any]:
     return {**names, **pose, table: robot.parameters}
 
 
+def odometry_counts_from_start(robot: RobotConfig) -> bool:
+    """Whether the odometry of a robot is 0 at its start; else it begins at the robot's pose in the world."""
+    model = read_model(robot.model)
+    if model.wheels is None:
+        return False
+    config = odometry_config(model, build(BaseParameters, robot.parameters))
+    return config.source != "world" and not config.in_world
+
+
 def robot_parameter_set(robot: RobotConfig) -> str:
     """The set of a robot in the simulation: of its base, or of its joints."""
-    return join(robot_namespace(robot), "base" if read_model(robot.model).wheels else "joints")
+    return join(robot_namespace(robot), "base" if read_model(robot.model).has_base else "joints")
 
 
 def robot_parameters_type(model: str) -> type[Parameters]:
     """The parameter record of a robot of this model."""
-    return BaseParameters if read_model(model).wheels else JointParameters
+    return BaseParameters if read_model(model).has_base else JointParameters
 
 
 def _size_spec(robot: RobotConfig) -> dict[str, Any]:
