@@ -10,8 +10,10 @@ from messages.base import WrongPayload
 from messages.nav import Odometry
 from messages.std import String
 from messages.topics import GROUND_TRUTH, ROBOT_DESCRIPTION
-from models import MODELS, urdf_path
+from models import MODELS, display_name, urdf_path
 from models.model import read_model
+from models.packages import FileAccess
+from models.robot_source import resolve_urdf_text
 from services.bag.csv_export import export_csv
 from services.bag.reader import Bag, MessageDecoder, is_sidecar, open_bag, unreadable_reason
 from services.bag.writer import BagWriter
@@ -29,9 +31,9 @@ class BagRobots(NamedTuple):
 
 
 def find_robots(bag: Bag) -> BagRobots:
-    """The robots of this project's models; those of others are left out."""
-    models = {urdf_path(name).read_text(): name for name in MODELS}
-    robots: dict[str, str] = {}
+    """The robots that were simulated, by their descriptions; those whose meshes are gone are left out."""
+    descriptions: dict[str, str] = {}
+    simulated: set[str] = set()
     low, high = [math.inf, math.inf], [-math.inf, -math.inf]
     typed = MessageDecoder()
     for entry in bag.entries():
@@ -43,21 +45,37 @@ def find_robots(bag: Bag) -> BagRobots:
             message = typed.decode(entry)
         except WrongPayload:
             continue
-        if isinstance(message, String) and (model := models.get(message.data)) is not None:
-            robots[namespace] = model
+        if isinstance(message, String):
+            # Beside a description whose links were prefixed for viewers there is the text as it was.
+            if is_sidecar(entry.channel) or namespace not in descriptions:
+                descriptions[namespace] = message.data
         elif isinstance(message, Odometry):
+            simulated.add(namespace)
             at = message.pose.pose.position
             low, high = [min(low[0], at.x), min(low[1], at.y)], [max(high[0], at.x), max(high[1], at.y)]
     if not math.isfinite(low[0]):
         low, high = [-1.0, -1.0], [1.0, 1.0]
     extent = (low[0] - _MARGIN, low[1] - _MARGIN, high[0] + _MARGIN, high[1] + _MARGIN)
-    return BagRobots(sorted(robots.items(), key=_rank), extent)
+    found = {namespace: _model_of(descriptions[namespace]) for namespace in descriptions if namespace in simulated}
+    robots = [(namespace, model) for namespace, model in found.items() if model is not None]
+    return BagRobots(sorted(robots, key=_rank), extent)
+
+
+def _model_of(description: str) -> str | None:
+    """The model that a bag describes, None for one that cannot be read any more."""
+    for name in MODELS:
+        if urdf_path(name).read_text(encoding="utf-8") == description:
+            return name
+    try:
+        return resolve_urdf_text(description, access=FileAccess(run_xacro=False)).model
+    except BadInput:
+        return None
 
 
 def _rank(robot: tuple[str, str]) -> tuple[bool, str]:
     """Arms come last: they leave no trail, and need no distinct colour."""
     namespace, model = robot
-    return read_model(model).wheels is None, namespace
+    return not read_model(model).has_base, namespace
 
 
 class ExportResult(NamedTuple):
@@ -111,7 +129,7 @@ def export_rrd(bag: Bag, output: Path, names: frozenset[str]) -> ExportResult:
             if message is not None:
                 rebuild.add(channel.name, message, entry.publish_time)
     troubles += bag.problems + ([f"{unread} messages were not of their type"] if unread else [])
-    robots = ", ".join(f"{namespace or '/'} ({model})" for namespace, model in found.robots)
+    robots = ", ".join(f"{namespace or '/'} ({display_name(model)})" for namespace, model in found.robots)
     return ExportResult(output, f"{output}: {robots}", troubles)
 
 

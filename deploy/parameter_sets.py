@@ -40,7 +40,7 @@ def parameter_sets(fleet: Fleet) -> dict[str, list[type[Parameters]]]:
             sets.setdefault(name, []).append(service.parameters)
         sets |= {gains: [type(values)] for gains, values in gain_values(member, owner).items()}
     for robot in fleet.robot:
-        wheeled = read_model(robot.model).wheels is not None
+        wheeled = read_model(robot.model).has_base
         sets[robot_parameter_set(robot)] = [BaseParameters if wheeled else JointParameters]
     return sets
 
@@ -55,7 +55,7 @@ def fleet_values(fleet: Fleet, plan: Sequence[ProcessSpec]) -> dict[str, dict[st
             stated = read_assignments(value for option, value in options if option == "--fleet-param")
             values.setdefault(name, {}).update(_live_values(build(service.parameters, stated)))
     for robot in fleet.robot:
-        wheeled = read_model(robot.model).wheels is not None
+        wheeled = read_model(robot.model).has_base
         made: Parameters = (
             robot_config(robot.model, build(BaseParameters, robot.parameters)).parameters
             if wheeled

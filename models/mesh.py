@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
+from xml.etree import ElementTree
 from xml.parsers import expat
 
 import numpy as np
@@ -31,6 +32,19 @@ HULL_DIRECTIONS = 256
 """Directions in which a convex hull reaches as far as its mesh; a sphere loses 0.8 % of its radius between two."""
 
 _STL_HEADER, _STL_TRIANGLE = 84, 50
+_LOOKS = (
+    "library_effects",
+    "library_materials",
+    "library_images",
+    "library_cameras",
+    "library_lights",
+    "library_animations",
+    "bind_material",
+    "instance_camera",
+    "instance_light",
+    "extra",
+)
+"""Elements of a DAE that say nothing of shapes."""
 
 
 class BadMesh(BadInput):
@@ -207,14 +221,8 @@ def _count_dae(content: bytes, where: str) -> int:
 def _load_dae(content: bytes) -> tuple[Any, Any]:
     import collada
 
-    document = collada.Collada(
-        io.BytesIO(content),
-        ignore=[
-            collada.common.DaeUnsupportedError,
-            collada.common.DaeBrokenRefError,
-            collada.common.DaeIncompleteError,
-        ],
-    )
+    ignored = [collada.common.DaeUnsupportedError, collada.common.DaeBrokenRefError, collada.common.DaeIncompleteError]
+    document = collada.Collada(io.BytesIO(_shapes_of_dae(content)), ignore=ignored)
     if document.scene is None:
         raise BadMesh("the DAE has no scene: nothing in it is placed")
     vertices: list[NDArray[np.float64]] = []
@@ -238,6 +246,17 @@ def _load_dae(content: bytes) -> tuple[Any, Any]:
     if not faces:
         raise BadMesh("the mesh has no triangle")
     return np.concatenate(vertices) * (document.assetInfo.unitmeter or 1.0), np.concatenate(faces)
+
+
+def _shapes_of_dae(content: bytes) -> bytes:
+    """The DAE without what it looks like, which exporters often get wrong: geometry that names a broken material would
+    be missing."""
+    root = ElementTree.fromstring(content)
+    for parent in list(root.iter()):
+        for child in list(parent):
+            if child.tag.rpartition("}")[2] in _LOOKS:
+                parent.remove(child)
+    return ElementTree.tostring(root)
 
 
 _FORMATS: dict[str, tuple[Callable[[bytes, str], int], Callable[[bytes], tuple[Any, Any]]]] = {

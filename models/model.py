@@ -12,10 +12,14 @@ import msgspec
 from msgspec import Meta
 
 from messages.errors import BadInput, unknown_name
-from models import model_config_path, physics_urdf_path
+from messages.se3 import Pose3, quaternion_from_rpy
+from models import UnknownModel, model_config_path, physics_urdf_path
 from models.robot_cache import is_made
 from models.robot_facts import read_facts
 from models.urdf import NoWheels, read_robot, read_wheels
+
+INFERRED_FILE = "model.json"
+"""The model of a robot from outside that has no ``model.toml``, in the folder that was made of it."""
 
 Positive = Annotated[float, Meta(gt=0)]
 NonNegative = Annotated[float, Meta(ge=0)]
@@ -26,7 +30,7 @@ class ModelTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 class WheelConfig(ModelTable, frozen=True, kw_only=True):
-    """A base with two driven wheels.
+    """A base with driven wheels on its left and on its right: one on each side, or several that turn alike.
 
     Lengths in m; ``separation`` and ``radius`` are the URDF's unless stated. ``max_linear`` [m/s] and ``max_angular``
     [rad/s] are the hardware's; ``acceleration`` and ``brake`` [m/s2] are those of a wheel's rim, or of the base where
@@ -42,6 +46,50 @@ class WheelConfig(ModelTable, frozen=True, kw_only=True):
     acceleration: Positive
     brake: Positive
     torque: Positive
+    other_left: tuple[str, ...] = ()
+    other_right: tuple[str, ...] = ()
+
+    @property
+    def left_joints(self) -> tuple[str, ...]:
+        """All driven wheels of the left."""
+        return self.left_joint, *self.other_left
+
+    @property
+    def right_joints(self) -> tuple[str, ...]:
+        """All driven wheels of the right."""
+        return self.right_joint, *self.other_right
+
+
+class PlanarConfig(ModelTable, frozen=True, kw_only=True):
+    """A holonomic base, whose velocity is set as it is commanded: forwards, sideways and turning.
+
+    ``max_linear`` [m/s] holds for either axis, ``max_angular`` in rad/s; ``acceleration`` and ``brake`` in m/s2,
+    ``acceleration_angular`` in rad/s2.
+    """
+
+    max_linear: Positive
+    max_angular: Positive
+    acceleration: Positive
+    acceleration_angular: Positive
+    brake: Positive
+
+
+class Mount(ModelTable, frozen=True, kw_only=True):
+    """Where a sensor sits on its link, ``xyz`` [m] and ``rpy`` [rad], and the ``frame`` of its messages; the link's
+    own where it is empty."""
+
+    xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    frame: str = ""
+
+    @property
+    def pose(self) -> Pose3:
+        """In the link."""
+        return Pose3(self.xyz, quaternion_from_rpy(*self.rpy))
+
+
+ON_LINK = Mount()
+"""At the link's origin, in its axes."""
 
 
 class LaserConfig(ModelTable, frozen=True, kw_only=True):
@@ -61,6 +109,7 @@ class LaserConfig(ModelTable, frozen=True, kw_only=True):
     clearance: Positive
     angle_min: float = 0.0
     angle_max: float | None = None
+    mount: Mount = ON_LINK
 
     def __post_init__(self) -> None:
         if self.angle_max is None:
@@ -104,10 +153,12 @@ class ImuConfig(ModelTable, frozen=True, kw_only=True):
     rate: Positive
     gyro_noise: NonNegative
     acceleration_noise: NonNegative
+    mount: Mount = ON_LINK
 
 
 class CameraConfig(ModelTable, frozen=True, kw_only=True):
-    """A pinhole camera: ``link`` is its optical frame (z forward, y down), ``fov`` [rad] is horizontal, clips in m."""
+    """A pinhole camera: ``link`` is its optical frame (z forward, y down), or, without ``optical``, looks along its x
+    axis; ``fov`` [rad] is horizontal, clips in m."""
 
     link: str
     rate: Positive
@@ -116,6 +167,8 @@ class CameraConfig(ModelTable, frozen=True, kw_only=True):
     fov: Annotated[float, Meta(gt=0, lt=3.14)]
     near: Positive
     far: Positive
+    optical: bool = True
+    mount: Mount = ON_LINK
 
 
 ErrorShare = Annotated[float, Meta(ge=0, le=0.05)]
@@ -138,10 +191,11 @@ class RobotModel(ModelTable, frozen=True, kw_only=True):
 
     ``odometry_rate`` [Hz] is that of odometry and ground truth, ``joint_rate`` [Hz] that of the joint states, the same
     where it is not stated. ``fixed_base`` holds the root where it is. ``drive`` holds what this model's base driver
-    takes for parameters that a fleet leaves open, by the names of ``services.sim.BaseParameters``.
+    takes for parameters that a fleet leaves open, by the names of ``services.sim.BaseParameters``. ``topics`` gives
+    topics, by their names here, a second name in the robot's namespace.
 
     ``odometry`` is the pose in the world, or what the wheels' encoders tell, with ``odometry_error``; that counts from
-    the robot's pose in the world, or from 0, by ``odometry_origin``.
+    the robot's pose in the world, or from 0, by ``odometry_origin``. ``odom_frame`` is its frame.
     """
 
     about: str
@@ -154,11 +208,19 @@ class RobotModel(ModelTable, frozen=True, kw_only=True):
     joint_rate: Positive | None = None
     fixed_base: bool = False
     wheels: WheelConfig | None = None
+    planar: PlanarConfig | None = None
+    odom_frame: str = "odom"
+    topics: dict[str, str] = {}
     drive: dict[str, Any] = {}
     laser: LaserConfig | None = None
     sonar: SonarConfig | None = None
     imu: ImuConfig | None = None
     camera: CameraConfig | None = None
+
+    @property
+    def has_base(self) -> bool:
+        """Whether it drives by velocity commands; else it takes efforts on its joints."""
+        return self.wheels is not None or self.planar is not None
 
 
 def read_model(model: str) -> RobotModel:
@@ -188,17 +250,11 @@ def _read(model: str, path: Path, _: int) -> RobotModel:
 
 @lru_cache(64)
 def _without_file(model: str) -> RobotModel:
-    """What a URDF tells by itself: a robot whose joints take efforts, held in the world where its root is ``world``."""
-    facts, robot = read_facts(model), read_robot(model)
-    return RobotModel(
-        about=facts.title or facts.name,
-        base_frame=robot.root,
-        radius=max(facts.reach, 0.01),
-        odometry="world",
-        odometry_rate=25.0,
-        joint_rate=50.0,
-        fixed_base=robot.root == "world",
-    )
+    """What was inferred from the URDF when the robot's folder was made."""
+    try:
+        return msgspec.json.decode((Path(model) / INFERRED_FILE).read_bytes(), type=RobotModel)
+    except (OSError, msgspec.MsgspecError):
+        raise UnknownModel(f"the files of the robot {model} are gone or damaged: name it by its own file") from None
 
 
 def _check_links(found: RobotModel, model: str, where: Path, text: str) -> None:

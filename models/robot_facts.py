@@ -10,12 +10,30 @@ from models import UnknownModel
 from models.robot_cache import is_made
 
 
+class Skid(msgspec.Struct, frozen=True, kw_only=True):
+    """The driven wheels of a base that skids: the middle of where they touch the ground, in the root's frame [m], the
+    mean of their friction, and the axles in the frames of their links."""
+
+    middle: tuple[float, float, float]
+    friction: float
+    axles: dict[str, tuple[float, float, float]]
+
+
+class BuiltWheels(msgspec.Struct, frozen=True, kw_only=True):
+    """The driven wheels as the shapes have them: the distance between left and right and the radii, m."""
+
+    track: float
+    left_radius: float
+    right_radius: float
+
+
 class RobotFacts(msgspec.Struct, frozen=True, kw_only=True):
     """What was found out about a robot from outside.
 
     ``title`` is what the URDF calls it; ``reach`` [m] is how far it extends from the root's z axis, ``lowest`` and
     ``highest`` [m] are its ends above the root's frame, all joints at zero. ``origin`` is the user's file, empty for a
-    text.
+    text. ``height`` [m] is how high the root stands when the robot touches the ground, ``starts`` [rad or m] where
+    joints start that may not stand at zero.
     """
 
     name: str
@@ -25,6 +43,11 @@ class RobotFacts(msgspec.Struct, frozen=True, kw_only=True):
     lowest: float = 0.0
     highest: float = 0.0
     notes: tuple[str, ...] = ()
+    height: float = 0.0
+    starts: dict[str, float] = {}
+    skid: Skid | None = None
+    wheels: BuiltWheels | None = None
+    ignored: tuple[str, ...] = ()
 
 
 def read_facts(model: str) -> RobotFacts:

@@ -13,9 +13,13 @@ from xml.sax.saxutils import quoteattr
 import msgspec
 
 from messages.errors import BadInput
+from models.engine_fit import DrivenWheels, fit_urdf
+from models.gazebo_tags import parse_gazebo_tags
 from models.inertials import mend_inertias
+from models.inferred import infer_model
 from models.input_file import read_limited
 from models.mesh import Mesh, read_mesh
+from models.model import INFERRED_FILE
 from models.packages import FileAccess, PackagePath, find_file
 from models.robot_cache import robots_folder, write_folder
 from models.robot_facts import RobotFacts
@@ -23,7 +27,7 @@ from models.shapes import read_shapes
 from models.urdf import located, parse_urdf, parse_xml
 from models.urdf_writer import EngineFiles, extents, physics_urdf, viewer_urdf
 
-FORMAT = "1"
+FORMAT = "6"
 """Changes when other files are made of the same robot."""
 MAX_MODEL_TOML = 1 << 20
 """Bytes of a ``model.toml``."""
@@ -39,8 +43,8 @@ _OPEN_NAMES = re.compile(r"\$\{(?:namespace|ns|prefix|frame_prefix|tf_prefix)\}"
 class _NamedFiles:
     """The files that a URDF names, each found and read once; ``hashes`` grows with what they hold."""
 
-    def __init__(self, path: Path | None, packages: PackagePath, access: FileAccess) -> None:
-        self._path, self._packages, self._access = path, packages, access
+    def __init__(self, path: Path | None, base: Path, packages: PackagePath, access: FileAccess) -> None:
+        self._path, self._source, self._packages, self._access = path, path or base / "text", packages, access
         self._meshes: dict[Path, Mesh] = {}
         self.found: dict[str, Path] = {}
         """By what the URDF calls them."""
@@ -61,7 +65,7 @@ class _NamedFiles:
         if said not in self.found:
             if self._path is None and "://" not in said and not os.path.isabs(said):
                 raise BadInput(f"mesh {said!r}: a URDF without a file names its meshes by package:// or file://")
-            self.found[said] = find_file(said, self._path or Path("/robot.urdf"), self._packages, self._access)
+            self.found[said] = find_file(said, self._source, self._packages, self._access)
         return self.found[said]
 
     def _add(self, file: Path, mesh: Mesh) -> None:
@@ -80,6 +84,8 @@ def make_robot(
     config: Path | None,
     packages: PackagePath,
     access: FileAccess,
+    base: Path | None = None,
+    faults: list[str] | None = None,
 ) -> Path:
     """Read all that belongs to a robot, and write its folder unless it is there already; raises BadInput.
 
@@ -91,6 +97,8 @@ def make_robot(
         config: Its ``model.toml``, if there is one.
         packages: Where packages are looked for.
         access: What may be read.
+        base: The folder above which the packages of a text are looked for.
+        faults: Gets why meshes cannot be read, and these are left out; without a list they are errors.
 
     Returns:
         The folder.
@@ -100,14 +108,14 @@ def make_robot(
         urdf = _OPEN_NAMES.sub("", urdf)
         notes.append("placeholders for a prefix, as ${namespace}, are left out of its names")
     robot, description = parse_xml(urdf, told), parse_urdf(urdf, told)
-    files = _NamedFiles(path, packages, access)
+    files = _NamedFiles(path, base or Path("/"), packages, access)
     with located(told):
-        shapes = read_shapes(robot, files.read)
+        shapes = read_shapes(robot, files.read, faults)
         mended = mend_inertias(description, shapes)
     name = re.sub(r"[^A-Za-z0-9_.]+", "_", name or description.name).strip("_.")[:60] or "robot"
     resolved = _with_paths(urdf, {said: f"file://{file}" for said, file in files.found.items()})
     toml = read_limited(config, MAX_MODEL_TOML, "a model.toml") if config is not None else b""
-    files.hashes.update("\0".join((FORMAT, resolved, str(path), "")).encode() + toml)
+    files.hashes.update("\0".join((FORMAT, resolved, str(path), *(faults or ()), "")).encode() + toml)
     folder = robots_folder() / f"{name}-{files.hashes.hexdigest()[:16]}"
     if (folder / "facts.json").is_file():
         return folder
@@ -115,8 +123,18 @@ def make_robot(
     def write(into: Path) -> None:
         contacts = {each.get("name", ""): contact for each in robot if (contact := each.find("contact")) is not None}
         physics, assumed = physics_urdf(description, shapes, mended.inertias, contacts, EngineFiles(into, folder))
+        shown = path.name if path is not None else told
+        tags = parse_gazebo_tags(resolved, shown)
+        chosen: tuple[str, ...] = ()
+        if config is not None:
+            driven = _stated_wheels(toml)
+        else:
+            model, chosen = infer_model(description, shapes, tags, shown)
+            driven = DrivenWheels.of(model)
+            (into / INFERRED_FILE).write_bytes(msgspec.json.encode(model))
+        fit = fit_urdf(physics, description, shapes, tags.friction, driven)
         viewer = _with_paths(viewer_urdf(description, shapes), {said: str(file) for said, file in files.found.items()})
-        for file, text in (("robot.urdf", resolved), ("physics.urdf", physics), ("viewer.urdf", viewer)):
+        for file, text in (("robot.urdf", resolved), ("physics.urdf", fit.text), ("viewer.urdf", viewer)):
             (into / file).write_text(text, encoding="utf-8")
         if config is not None:
             (into / "model.toml").write_bytes(toml)
@@ -129,12 +147,43 @@ def make_robot(
             reach=reach,
             lowest=lowest,
             highest=highest,
-            notes=(*notes, *left_out, *description.warnings, *mended.notes, *assumed),
+            notes=(*notes, *left_out, *description.warnings, *mended.notes, *assumed, *chosen),
+            height=fit.height,
+            starts=fit.starts,
+            skid=fit.skid,
+            wheels=fit.wheels,
+            ignored=tags.ignored,
         )
         (into / "facts.json").write_bytes(msgspec.json.encode(facts))
 
     write_folder(folder, write)
     return folder
+
+
+def _stated_wheels(toml: bytes) -> DrivenWheels:
+    """The driven wheels that a ``model.toml`` names; none where it cannot be read, which ``read_model`` says."""
+    try:
+        config = msgspec.toml.decode(toml, type=_BaseTables)
+    except msgspec.MsgspecError:
+        return DrivenWheels()
+    wheels = config.wheels
+    if wheels is None:
+        return DrivenWheels(holonomic=config.planar is not None)
+    left, right = (wheels.left_joint, *wheels.other_left), (wheels.right_joint, *wheels.other_right)
+    return DrivenWheels(left, right, wheels.radius)
+
+
+class _StatedWheels(msgspec.Struct):
+    left_joint: str
+    right_joint: str
+    other_left: tuple[str, ...] = ()
+    other_right: tuple[str, ...] = ()
+    radius: float = 0.0
+
+
+class _BaseTables(msgspec.Struct):
+    wheels: _StatedWheels | None = None
+    planar: dict[str, float] | None = None
 
 
 def _with_paths(urdf: str, paths: Mapping[str, str]) -> str:

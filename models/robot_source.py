@@ -50,6 +50,7 @@ def resolve_robot(
     packages: Sequence[Path] = (),
     xacro_args: Mapping[str, XacroValue] | None = None,
     access: FileAccess = OWNER,
+    faults: list[str] | None = None,
 ) -> RobotSource:
     """The files of a robot; raises BadInput, with file and line.
 
@@ -60,6 +61,7 @@ def resolve_robot(
         packages: Folders in which ``package://`` is looked for beside those of ROS; each is a package or holds some.
         xacro_args: Values of a xacro's arguments.
         access: What may be read.
+        faults: Gets why meshes cannot be read, and these are left out; without a list they are errors.
     """
     if xacro_args and not names_file(model):
         raise BadInput(f"xacro_args are for a xacro, and {model[:100]!r} names none")
@@ -87,16 +89,19 @@ def resolve_robot(
             raise BadInput(f"{path}: xacro_args are for a xacro, and this is a plain URDF")
     toml = path.with_name("model.toml")
     config = toml if path.name in _FILES and toml.exists() else None
-    return _make(_name_of(path), urdf, path, told, config, packages, access)
+    return _make(_name_of(path), urdf, path, told, config, packages, access, faults=faults)
 
 
 def resolve_urdf_text(
-    urdf: str, packages: Sequence[Path] = (), access: FileAccess = OWNER, name: str = ""
+    urdf: str, packages: Sequence[Path] = (), access: FileAccess = OWNER, name: str = "", base: Path | None = None
 ) -> RobotSource:
-    """The files of a robot whose URDF is given as text; raises BadInput, with the line."""
+    """The files of a robot whose URDF is given as text; raises BadInput, with the line.
+
+    With ``base``, its packages are looked for above that folder, too.
+    """
     if "<xacro:" in urdf:
         raise BadInput("this text is a xacro: it is code, and is not run; send the URDF that the command xacro makes")
-    return _make(name, urdf, None, name or "the URDF", None, packages, access)
+    return _make(name, urdf, None, name or "the URDF", None, packages, access, base)
 
 
 def find_made(model: str) -> RobotSource | None:
@@ -115,10 +120,12 @@ def _make(
     config: Path | None,
     packages: Sequence[Path],
     access: FileAccess,
+    base: Path | None = None,
+    faults: list[str] | None = None,
 ) -> RobotSource:
     from models.robot_files import make_robot  # numpy and decoders of meshes, which a command line alone never needs
 
-    found = _source(make_robot(name, urdf, path, told, config, PackagePath(tuple(packages)), access))
+    found = _source(make_robot(name, urdf, path, told, config, PackagePath(tuple(packages)), access, base, faults))
     read_model(found.model)
     return found
 

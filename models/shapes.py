@@ -73,14 +73,21 @@ class LinkShapes:
         return np.array([low, high])
 
 
+class UnreadMesh(BadUrdf):
+    """A mesh of a URDF is missing or bad."""
+
+
 MeshReader = Callable[[str], Mesh]
 """Reads the mesh that a URDF names; raises BadInput."""
 
 
-def read_shapes(robot: ElementTree.Element, read: MeshReader) -> dict[str, LinkShapes]:
-    """The shapes of each link of a URDF; raises BadUrdf with the line, and what ``read`` raises."""
+def read_shapes(robot: ElementTree.Element, read: MeshReader, faults: list[str] | None = None) -> dict[str, LinkShapes]:
+    """The shapes of each link of a URDF; raises BadUrdf with the line.
+
+    Meshes that ``read`` refuses are left out where there is a list of ``faults``, which gets why.
+    """
     colours = dict(_named_colours(robot))
-    shapes = {each.get("name", ""): _link_shapes(each, read, colours) for each in robot.findall("link")}
+    shapes = {each.get("name", ""): _link_shapes(each, read, colours, faults) for each in robot.findall("link")}
     if (count := sum(len(each.collisions) + len(each.visuals) for each in shapes.values())) > MAX_SHAPES:
         raise BadUrdf(f"the links have {count} shapes, the limit is {MAX_SHAPES}")
     return shapes
@@ -93,13 +100,21 @@ def placed(points: Floats, pose: Pose3) -> Floats:
     return found
 
 
-def _link_shapes(link: ElementTree.Element, read: MeshReader, colours: dict[str, tuple[float, ...]]) -> LinkShapes:
+def _link_shapes(
+    link: ElementTree.Element, read: MeshReader, colours: dict[str, tuple[float, ...]], faults: list[str] | None
+) -> LinkShapes:
     name, remarks = link.get("name", ""), []
     found: dict[str, list[Shape]] = {"collision": [], "visual": []}
     for element in link:
         if element.tag not in found:
             continue
-        shape = _shape(element, read, colours, f"link {name!r}: {element.tag}")
+        try:
+            shape = _shape(element, read, colours, f"link {name!r}: {element.tag}")
+        except UnreadMesh as error:
+            if faults is None:
+                raise
+            faults.append(str(error))
+            shape = "has no mesh"
         if isinstance(shape, Shape):
             found[element.tag].append(shape)
         else:
@@ -131,7 +146,7 @@ def _shape(
         try:
             mesh = read(file).scaled(*scale)
         except BadInput as error:
-            raise BadUrdf(f"{where}: {error}") from None
+            raise UnreadMesh(f"{where}: {error}") from None
         return Shape("mesh", scale, pose, rpy, placed(hull_points(mesh), pose), 0.0, file, mesh, colour)
     if given.tag not in GEOMETRIES:
         return f"is a {given.tag[:40]!r}, which is no shape of a URDF"

@@ -74,6 +74,11 @@ class JointLimits:
     soft_lower: float | None = None
     soft_upper: float | None = None
 
+    def clamp(self, position: float) -> float:
+        """The nearest position within the limits."""
+        low, high = self.lower, self.upper
+        return low if low is not None and position < low else high if high is not None and position > high else position
+
 
 @dataclass(frozen=True)
 class Joint:

@@ -60,7 +60,7 @@ def lab_robots() -> tuple[RobotConfig, ...]:
 
 def has_wheels(robot: RobotConfig) -> bool:
     """Whether a robot has wheels."""
-    return read_model(robot.model).wheels is not None
+    return read_model(robot.model).has_base
 
 
 def wheel_motors(robot: RobotConfig) -> tuple[Motor, ...]:
@@ -68,7 +68,7 @@ def wheel_motors(robot: RobotConfig) -> tuple[Motor, ...]:
     if not has_wheels(robot):
         return ()
     settings = drive_settings(robot)
-    return tuple(Motor(each, settings.torque) for each in (settings.left_joint, settings.right_joint))
+    return tuple(Motor(each, settings.torque) for each in (*settings.left_joints, *settings.right_joints))
 
 
 def drive_settings(robot: RobotConfig) -> DriveConfig:

@@ -26,6 +26,7 @@ COMMANDS = {
     "node": LazyCommand("node", "List nodes, show one or ping it."),
     "service": LazyCommand("service", "List services or call one."),
     "world": LazyCommand("world", "List and check worlds, or write one as a map."),
+    "model": LazyCommand("model", "List the robot models, or check one of your own."),
     "interface": LazyCommand("interface", "List message and service types or show one."),
     "tf": LazyCommand("tf", "Show the frame tree, or the transform between two frames."),
     "doctor": LazyCommand("diagnostics:doctor_command", "Check the machine, the installation and the network."),

@@ -210,7 +210,7 @@ def _own_robot(model: str, packages: tuple[Path, ...], xacro_args: dict[str, Any
 
     if model == "-":
         text = sys.stdin.read(MAX_CHARACTERS + 1)
-        found = resolve_urdf_text(text, packages)
+        found = resolve_urdf_text(text, packages, base=Path.cwd())
     elif names_file(model) or xacro_args or packages:
         if model in MODELS:
             raise BadInput(f"--xacro-arg and --package are for a robot of your own, and {model} comes with Elea")

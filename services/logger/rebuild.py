@@ -44,7 +44,7 @@ class RecordingBuilder:
         self._recording = Recording(file, names, extent, warn)
         self._frames = TransformBuffer()
         self._columns = {namespace: RobotColumns(frames=self._frames) for namespace, _ in robots}
-        arms = [namespace for namespace, model in robots if read_model(model).wheels is None]
+        arms = [namespace for namespace, model in robots if not read_model(model).has_base]
         self._arm = self._columns[arms[0]] if len(arms) == 1 else None
         self._lines: list[Log] = []
         self._world_states: list[WorldStates] = []

@@ -70,7 +70,7 @@ class RobotScene:
                 f"logger, robot {name}: the URDF of {models.display_name(model)} cannot be read: {error}"
             ) from None
         figures = read_model(model)
-        self.is_arm = figures.wheels is None
+        self.is_arm = not figures.has_base
         self._radius = figures.radius + DISC_MARGIN
         self._joints = {joint.name: joint for joint in read_joints(model) if joint.kind != "fixed"}
         self.tree_name = self._tree.name

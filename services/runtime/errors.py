@@ -9,6 +9,7 @@ EleaError
 │   ├── UnknownModel             models: no robot or world has this name
 │   ├── BadWorld                 models.bodies: a world's file, or one that it names, cannot be read
 │   ├── BadUrdf                  models.urdf: a URDF cannot be read
+│   │   └── UnreadMesh           models.shapes: a mesh of a URDF is missing or bad
 │   ├── BadMesh                  models.mesh: a mesh cannot be read, or is too large
 │   ├── BadXacro                 models.xacro_file: a xacro cannot be expanded
 │   ├── FileNotAllowed           models.packages: a robot's description names a file that it may not read

@@ -1,4 +1,4 @@
-"""What moves a robot: the driver of two wheels, or the efforts on its joints, behind one Protocol."""
+"""What moves a robot: the driver of a base, or the efforts on its joints, behind one Protocol."""
 
 from __future__ import annotations
 
@@ -17,11 +17,14 @@ from models.urdf import read_joint_limits
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
 from services.runtime.subscriber import Subscriber
+from services.sim.adaptation import adapt_body
 from services.sim.command_sources import CommandSources
 from services.sim.drive.config import effective_parameters, odometry_config
 from services.sim.drive.controller import DiffDriveController
+from services.sim.drive.glide import glide
 from services.sim.drive.odometry import Odometer
 from services.sim.drive.odometry_error import NO_ERROR
+from services.sim.drive.side_grip import SideGrip
 from services.sim.joints.config import check_positions
 from services.sim.joints.effort_controller import JointEffortController
 from services.sim.parameters import RobotEntry
@@ -139,16 +142,16 @@ def spawn_actuation(
     wait: bool,
 ) -> Actuation:
     """Put the body of a robot into the world, with what moves it; raises BadInput with nothing left behind."""
-    if model.wheels is not None:
+    if model.has_base:
         base = BaseParameterSet(node, namespace, entry, wait)
-        torque = base.config.torque
-        motors = Motor(base.config.left_joint, torque), Motor(base.config.right_joint, torque)
-        body = _spawn_body(world, entry, model, pose, base, motors=motors)
-        return WheelActuation(node, body, entry, model, base, seed, command_sources, delays)
-    joints = JointParameterSet(node, namespace, entry, wait)
-    friction = tuple(joints.config.joint_friction.items())
-    body = _spawn_body(world, entry, model, pose, joints, joint_friction=friction)
-    return JointActuation(node, world, body, entry, model, joints, delays)
+        joints = (*base.config.left_joints, *base.config.right_joints)
+        motors = tuple(Motor(joint, base.config.torque) for joint in joints)
+        body, grip = _spawn_body(world, entry, model, pose, base, motors=motors)
+        return BaseActuation(node, body, entry, model, base, seed, command_sources, delays, grip)
+    parameters = JointParameterSet(node, namespace, entry, wait)
+    friction = tuple(parameters.config.joint_friction.items())
+    body, _ = _spawn_body(world, entry, model, pose, parameters, joint_friction=friction)
+    return JointActuation(node, world, body, entry, model, parameters, delays)
 
 
 def _spawn_body(
@@ -159,28 +162,22 @@ def _spawn_body(
     parameters: BaseParameterSet | JointParameterSet,
     motors: tuple[Motor, ...] = (),
     joint_friction: tuple[tuple[str, JointFriction], ...] = (),
-) -> BodyHandle:
+) -> tuple[BodyHandle, SideGrip | None]:
     try:
         check_positions(entry.model, entry.joints)
-        start = tuple({**_joints_off_zero(entry.model), **entry.joints}.items())
+        start = tuple(entry.joints.items())
         urdf = physics_urdf_path(entry.model)
-        return world.spawn(Body(entry.name, urdf, pose, motors, model.fixed_base, start, joint_friction))
+        body = Body(entry.name, urdf, pose, motors, model.fixed_base, start, joint_friction)
+        adapted = adapt_body(body, entry.model)
+        spawned = world.spawn(adapted.body)
+        return spawned, adapted.side_grip(spawned)
     except BadInput:
         parameters.close()
         raise
 
 
-def _joints_off_zero(model: str) -> dict[str, float]:
-    """Where joints start whose limits leave out 0: at the nearest one, or the engine would throw them there."""
-    return {
-        joint: min(max(0.0, limits.lower), limits.upper)
-        for joint, limits in read_joint_limits(model).items()
-        if limits.lower is not None and limits.upper is not None and not limits.lower <= 0 <= limits.upper
-    }
-
-
-class WheelActuation:
-    """Two driven wheels that obey velocity commands."""
+class BaseActuation:
+    """A base that obeys velocity commands by its driven wheels, or, if it is holonomic, with its whole body."""
 
     def __init__(
         self,
@@ -192,8 +189,10 @@ class WheelActuation:
         seed: int,
         command_sources: CommandSources,
         delays: TransitDelayEstimator,
+        side_grip: SideGrip | None = None,
     ) -> None:
         self._body, self._entry, self._model, self._parameters = body, entry, model, parameters
+        self._side_grip = side_grip
         self.controller = DiffDriveController(parameters.config, command_sources, delays, node.log)
         self.noise = parameters.parameters.noise
         config = odometry_config(model, parameters.parameters)
@@ -258,16 +257,21 @@ class WheelActuation:
 
     def step(self, now: int) -> None:
         speeds = self.controller.step(now)
-        if self.controller.config.gains is not None:
-            self._body.set_torques(self.controller.torques(self._wheel_speeds()))
+        if self._model.wheels is None:
+            glide(self._body, *self.controller.planar_velocity)
+        elif self.controller.config.gains is not None:
+            self._body.set_torques(self._of_wheels(self.controller.torques(self._wheel_speeds())))
         elif speeds is not None:
-            self._body.set_speeds(speeds)
+            self._body.set_speeds(self._of_wheels(speeds))
+        if self._side_grip is not None:
+            self._side_grip.step()
         if self._open_loop:
             self.odometer.update_from_commands()
 
     def reset(self) -> None:
         self.controller.reset()
-        self._body.set_speeds((0.0, 0.0))
+        if self._model.wheels is not None:
+            self._body.set_speeds(self._of_wheels((0.0, 0.0)))
 
     def reconfigure(self, now: int) -> None:
         if not self._parameters.update():
@@ -289,10 +293,18 @@ class WheelActuation:
         self._parameters.close()
 
     def _wheel_speeds(self) -> tuple[float, float]:
-        """How fast the wheels turn, rad/s."""
+        """How fast the wheels of the left and of the right turn on average, rad/s."""
         config = self.controller.config
         speeds = dict(zip(self._body.joints, self._body.joint_readings().velocity, strict=True))
-        return speeds[config.left_joint], speeds[config.right_joint]
+        left, right = (
+            sum(speeds[each] for each in side) / len(side) for side in (config.left_joints, config.right_joints)
+        )
+        return left, right
+
+    def _of_wheels(self, sides: tuple[float, float]) -> tuple[float, ...]:
+        """A figure of each wheel, from those of the two sides."""
+        config = self.controller.config
+        return (sides[0],) * len(config.left_joints) + (sides[1],) * len(config.right_joints)
 
 
 class JointActuation:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
+from messages.base import Message
 from messages.elea import BaseStatus
 from messages.gazebo import LinkStates, ModelStates, WorldStates
 from messages.geometry import Twist, TwistStamped
 from messages.names import join
 from messages.nav import Odometry
-from messages.se3 import rotate_inverse
+from messages.se3 import quaternion_conjugate, quaternion_multiply, rotate_inverse
 from messages.std import Header, String, Time
 from messages.topics import (
     BASE_STATUS,
@@ -32,7 +33,7 @@ from messages.topics import (
     Topic,
 )
 from models import urdf_path
-from models.model import RobotModel
+from models.model import ON_LINK, CameraConfig, ImuConfig, LaserConfig, RobotModel
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
 from services.runtime.step import STEP_NS
@@ -56,6 +57,38 @@ from services.sim.sensors import (
     sonar_ring,
 )
 
+ALIGNED = 1 - 1e-9
+"""Cosine of half the angle up to which an inertial unit has the axes of its body."""
+
+
+def topic_names(topic: Topic[Any], model: RobotModel, namespace: str) -> list[str]:
+    """What a topic of a robot is called: by its name here, and by the one that the robot's tags give it.
+
+    The second one is relative to the robot's namespace, also where the tag begins it with a slash or with the
+    namespace itself: tags are written for the one robot of a network.
+    """
+    names = [join(namespace, topic.name)]
+    if other := model.topics.get(topic.name):
+        names.append(join(namespace, f"/{other}".removeprefix(namespace.rstrip("/") + "/").strip("/")))
+    return list(dict.fromkeys(names))
+
+
+class RobotPublisher:
+    """A topic of a robot, published under each of its names."""
+
+    def __init__(self, node: Node, topic: Topic[Any], names: list[str]) -> None:
+        self.ends: list[Publisher[Any]] = [node.advertise(topic, name) for name in names]
+
+    @property
+    def has_subscribers(self) -> bool:
+        """Whether anybody reads any of them."""
+        return any(each.has_subscribers for each in self.ends)
+
+    def publish(self, message: Message) -> None:
+        """Publish under all names."""
+        for each in self.ends:
+            each.publish(message)
+
 
 class RobotPublishers:
     """The publications of one robot. What takes time to make is made only while somebody subscribes."""
@@ -77,7 +110,7 @@ class RobotPublishers:
         self._frame_prefix = robot_frame_prefix(entry)
         self._body = world.body(entry.name)
         self._joints = self._body.joints
-        self.joint_state_steps = _steps(model.joint_rate or model.odometry_rate)
+        self.joint_state_steps = max(1, _steps(entry.joint_state_rate or model.joint_rate or model.odometry_rate))
         topics: list[Topic[Any]] = [GROUND_TRUTH, JOINT_STATES, ROBOT_DESCRIPTION]
         topics += [] if model.fixed_base else [ODOM]
         topics += actuation.extra_topics
@@ -86,8 +119,8 @@ class RobotPublishers:
         self._sonar_ring = sonar_ring(entry.model, model.sonar) if model.sonar else None
         topics += [IMU] if model.imu else []
         topics += [IMAGE, CAMERA_INFO] if model.camera else []
-        self._publishers: dict[Topic[Any], Publisher[Any]] = {
-            topic: node.advertise(topic, join(namespace, topic.name)) for topic in topics
+        self._publishers: dict[Topic[Any], RobotPublisher] = {
+            topic: RobotPublisher(node, topic, topic_names(topic, model, namespace)) for topic in topics
         }
         self._publishers[ROBOT_DESCRIPTION].publish(String(data=urdf_path(entry.model).read_text(encoding="utf-8")))
         self._base_frame = self.frame_id(model.base_frame)
@@ -95,7 +128,7 @@ class RobotPublishers:
 
     def close(self) -> None:
         """Leave the network."""
-        self._node.unregister(*self._publishers.values())
+        self._node.unregister(*(end for each in self._publishers.values() for end in each.ends))
 
     def reset(self) -> None:
         """Start over from where the body is."""
@@ -106,6 +139,9 @@ class RobotPublishers:
     def frame_id(self, link: str) -> str:
         """The frame of a link, with the robot's frame prefix."""
         return f"{self._frame_prefix}{link}"
+
+    def _sensor_frame(self, sensor: LaserConfig | ImuConfig | CameraConfig) -> str:
+        return self.frame_id(sensor.mount.frame or sensor.link)
 
     def publish_joint_states(self, now: int, tick: int) -> None:
         """Publish the joints if they are due at ``tick``, and to a controller manager at each."""
@@ -118,7 +154,9 @@ class RobotPublishers:
             self._publishers[JOINT_STATES].publish(state)
         if self._motors.commanded:
             if JOINT_FEEDBACK not in self._publishers:
-                feedback = self._node.advertise(JOINT_FEEDBACK, join(self._namespace, JOINT_FEEDBACK.name))
+                feedback = RobotPublisher(
+                    self._node, JOINT_FEEDBACK, topic_names(JOINT_FEEDBACK, self._model, self._namespace)
+                )
                 self._publishers[JOINT_FEEDBACK] = feedback
             self._publishers[JOINT_FEEDBACK].publish(state)
 
@@ -139,7 +177,7 @@ class RobotPublishers:
                 world_odometry(state, Header(stamp=stamp, frame_id="world"), self._base_frame)
             )
         if odometry_due:
-            header = Header(stamp=stamp, frame_id=self.frame_id("odom"))
+            header = Header(stamp=stamp, frame_id=self.frame_id(self._model.odom_frame))
             self.odometry = self.odometer.to_message(header, self._base_frame, state)
             self._publishers[ODOM].publish(self.odometry)
 
@@ -149,13 +187,13 @@ class RobotPublishers:
         if model.imu is not None and _due(tick, model.imu.rate):
             self._publish_imu(now, tick)
         if model.laser is not None and _due(tick, model.laser.rate) and self._publishers[SCAN].has_subscribers:
-            header = Header(stamp=Time.of(now), frame_id=self.frame_id(model.laser.link))
+            header = Header(stamp=Time.of(now), frame_id=self._sensor_frame(model.laser))
             noise = noise_generator(self._seed, self._name, "scan", tick) if self._actuation.noise else None
             self._publishers[SCAN].publish(laser_scan(self._world, self._name, model.laser, header, noise))
         if model.sonar is not None and _due(tick, model.sonar.rate):
             self._publish_sonar(now, tick)
         if model.camera is not None and _due(tick, model.camera.rate) and self._publishers[IMAGE].has_subscribers:
-            header = Header(stamp=Time.of(now), frame_id=self.frame_id(model.camera.link))
+            header = Header(stamp=Time.of(now), frame_id=self._sensor_frame(model.camera))
             self._publishers[CAMERA_INFO].publish(camera_info(model.camera, header))
             self._publishers[IMAGE].publish(camera_image(self._world, self._name, model.camera, header))
 
@@ -173,12 +211,16 @@ class RobotPublishers:
         self._previous_state = now, state
         if before is None or before[0] >= now:
             return
-        place = self._body.link_pose(unit.link).position
+        pose = self._body.link_pose(unit.link)
+        pose = pose if unit.mount == ON_LINK else pose @ unit.mount.pose
+        place = pose.position
         apart = (place[0] - state.position[0], place[1] - state.position[1], place[2] - state.position[2])
         noise = noise_generator(self._seed, self._name, "imu", tick) if self._actuation.noise else None
-        header = Header(stamp=Time.of(now), frame_id=self.frame_id(unit.link))
+        header = Header(stamp=Time.of(now), frame_id=self._sensor_frame(unit))
         offset, dt = rotate_inverse(state.orientation, apart), (now - before[0]) / 1e9
-        self._publishers[IMU].publish(imu_reading(unit, offset, before[1], state, dt, header, noise))
+        turned = abs(quaternion_multiply(quaternion_conjugate(state.orientation), pose.orientation)[3]) < ALIGNED
+        axes = pose.orientation if turned else None
+        self._publishers[IMU].publish(imu_reading(unit, offset, before[1], state, dt, header, noise, axes))
 
     def _publish_sonar(self, now: int, tick: int) -> None:
         ring, every, single = self._sonar_ring, self._publishers[SONAR], self._publishers[RANGE]

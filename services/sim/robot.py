@@ -19,7 +19,7 @@ from services.sim.drive.odometry import body_pose, body_twist
 from services.sim.joints.motors import JointMotors
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import World
-from services.sim.publishers import RobotPublishers
+from services.sim.publishers import RobotPublishers, topic_names
 from services.sim.robot_names import ROOT_NAMESPACE, robot_frame_prefix, robot_namespace
 from services.sim.transit_delay import TransitDelayEstimator
 
@@ -48,7 +48,9 @@ class Robot:
         )
         self._node, self._world, self._body = node, world, world.body(entry.name)
         commands = self.actuation.command_topic
-        self._command_subscriber: Subscriber[Any] = node.subscribe(commands, join(self.namespace, commands.name))
+        self._command_subscribers: tuple[Subscriber[Any], ...] = tuple(
+            node.subscribe(commands, name) for name in topic_names(commands, self.model, self.namespace)
+        )
         self.motors = JointMotors(self._body, entry.name, read_joints(entry.model), delays, node.log)
         self._motor_subscriber: Subscriber[Any] | None = None
         if self.motors.joints:
@@ -66,7 +68,7 @@ class Robot:
     def close(self) -> None:
         """Leave the world and the network."""
         self.actuation.close()
-        for each in (self._command_subscriber, self._motor_subscriber, self.e_stop_subscriber):
+        for each in (*self._command_subscribers, self._motor_subscriber, self.e_stop_subscriber):
             if each is not None:
                 self._node.unregister(each)
         self.publishers.close()
@@ -81,7 +83,8 @@ class Robot:
 
     def apply_commands(self, now: int, lockstep_members: set[bytes], factor: float) -> None:
         """Take the commands that were admitted at this tick."""
-        self.actuation.apply_commands(self._command_subscriber, now, lockstep_members, factor)
+        for each in self._command_subscribers:
+            self.actuation.apply_commands(each, now, lockstep_members, factor)
         if self._motor_subscriber is not None:
             self.motors.apply_commands(self._motor_subscriber, now, lockstep_members, factor)
 
@@ -115,7 +118,7 @@ class Robot:
 
     def publish_status(self, now: int) -> None:
         """Publish what a base obeys and refuses."""
-        refused, touching = self._command_subscriber.refused, bool(self._contacts)
+        refused, touching = sum(each.refused for each in self._command_subscribers), bool(self._contacts)
         status = self.actuation.status(now, refused, touching, self._collisions, self._stopped_by)
         if status is not None:
             self.publishers.publish_status(status)

@@ -55,7 +55,7 @@ def robot_frames(robot: NamedRobot) -> frozenset[str]:
     """All frames of a robot; raises ``models.UnknownModel``."""
     model, prefix = read_model(robot.model), robot_frame_prefix(robot)
     links = {model.base_frame, *(link for joint in read_joints(robot.model) for link in (joint.parent, joint.child))}
-    return frozenset(f"{prefix}{frame}" for frame in (links if model.fixed_base else links | {"odom"}))
+    return frozenset(f"{prefix}{frame}" for frame in (links if model.fixed_base else links | {model.odom_frame}))
 
 
 def check_robot_names(robot: NamedRobot, others: Iterable[NamedRobot]) -> None:

@@ -158,11 +158,9 @@ class BaseParameterSet:
         return msgspec.structs.replace(one, optional=False) if one.name == "wheel_pid.p" else one
 
     def _derive(self, parameters: BaseParameters) -> DriveConfig:
-        wheels = self._model.wheels
-        assert wheels is not None
         if (parameters.wheel_pid is not None) != self._torque_driven:
             raise BadInput("wheel_pid: a base is driven by torque or by speed from its spawn on; only gains change")
-        return drive_config(self._model_name, self._model, wheels, with_model_defaults(self._model, parameters))
+        return drive_config(self._model_name, self._model, with_model_defaults(self._model, parameters))
 
 
 def _robot_config(entry: RobotEntry) -> RobotConfig:

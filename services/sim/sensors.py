@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from messages.base import Float32Array
 from messages.geometry import Point32, Quaternion, Vector3
-from messages.se3 import Vector, rotate, rotate_inverse, rotated_axes
+from messages.se3 import Pose3, Rotation, Vector, rotate, rotate_inverse, rotated_axes
 from messages.sensor import CameraInfo, ChannelFloat32, Image, Imu, JointState, LaserScan, PointCloud, Range
 from messages.std import Header
-from models.model import CameraConfig, ImuConfig, LaserConfig, SonarConfig
+from models.model import ON_LINK, CameraConfig, ImuConfig, LaserConfig, SonarConfig
 from models.urdf import read_joints
 from services.sim.physics.world import GRAVITY, BodyState, CameraModel, JointReadings, World
 
@@ -33,7 +33,7 @@ def laser_scan(
     A ray without an echo up to ``range_max`` gives inf, one that meets something nearer than ``range_min`` gives -inf
     (REP 117). The rays start outside the laser's housing, so that they cannot see it. 360 rays take about 1 ms.
     """
-    eye = world.body(robot).link_pose(laser.link)
+    eye = _sensor_pose(world, robot, laser)
     rays = _ray_directions(laser) @ np.array(rotated_axes(eye.orientation))
     origin = np.array(eye.position)
     reach = laser.range_max - laser.clearance
@@ -53,6 +53,11 @@ def laser_scan(
         range_max=laser.range_max,
         ranges=Float32Array(ranges),
     )
+
+
+def _sensor_pose(world: World, robot: str, sensor: LaserConfig | CameraConfig) -> Pose3:
+    pose = world.body(robot).link_pose(sensor.link)
+    return pose if sensor.mount == ON_LINK else pose @ sensor.mount.pose
 
 
 def _ray_directions(laser: LaserConfig) -> NDArray[np.float64]:
@@ -75,22 +80,24 @@ def imu_reading(
     dt: float,
     header: Header,
     noise: np.random.Generator | None = None,
+    axes: Rotation | None = None,
 ) -> Imu:
-    """What an inertial unit at ``offset`` [m] of a body, with the body's axes, measures over the last ``dt`` [s].
+    """What an inertial unit at ``offset`` [m] of a body measures over the last ``dt`` [s].
+
+    It has the axes of the orientation ``axes``, or the body's where that is None.
 
     The specific force is R^T (dv/dt + g e_z), with dv the change of the unit's own velocity from ``before`` to ``now``:
     turning off the centre shows up, and a unit at rest measures +g upward.
     """
     old, new = point_velocity(before, offset), point_velocity(now, offset)
-    force = rotate_inverse(
-        now.orientation, ((new[0] - old[0]) / dt, (new[1] - old[1]) / dt, (new[2] - old[2]) / dt + GRAVITY)
-    )
-    rate = rotate_inverse(now.orientation, now.angular)
+    turn = now.orientation if axes is None else axes
+    force = rotate_inverse(turn, ((new[0] - old[0]) / dt, (new[1] - old[1]) / dt, (new[2] - old[2]) / dt + GRAVITY))
+    rate = rotate_inverse(turn, now.angular)
     if noise is not None:
         errors = noise.standard_normal(6)
         rate = _add_noise(rate, errors[:3] * unit.gyro_noise)
         force = _add_noise(force, errors[3:] * unit.acceleration_noise)
-    x, y, z, w = now.orientation
+    x, y, z, w = turn
     return Imu(
         header=header,
         orientation=Quaternion(x=x, y=y, z=z, w=w),
@@ -121,10 +128,15 @@ def _isotropic(deviation: float) -> tuple[float, ...]:
     return (variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance)
 
 
+TO_OPTICAL = Pose3((0.0, 0.0, 0.0), (-0.5, 0.5, -0.5, 0.5))
+"""The optical frame (z forward, x right) of what looks along its x axis, as Gazebo's cameras do."""
+
+
 def camera_image(world: World, robot: str, camera: CameraConfig, header: Header) -> Image:
     """What the robot's camera sees, ``rgb8``; the header's frame should be the camera's optical one."""
     lens = CameraModel(camera.width, camera.height, camera.fov, camera.near, camera.far)
-    pixels = world.render(world.body(robot).link_pose(camera.link), lens)
+    eye = _sensor_pose(world, robot, camera)
+    pixels = world.render(eye if camera.optical else eye @ TO_OPTICAL, lens)
     return Image(
         header=header,
         height=camera.height,

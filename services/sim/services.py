@@ -98,7 +98,7 @@ class SimulationServices:
         values = {each.name: each.value for each in request.parameters}
         place = to_world_pose(frame_state(self._simulation.world, request.reference_frame), pose_from_msg(request.pose))
         try:
-            wheeled = read_model(model).wheels is not None
+            wheeled = read_model(model).has_base
             entry = RobotEntry(
                 name=request.name,
                 model=model,
@@ -341,7 +341,7 @@ class PropertyServices:
             mass=sum(body.inertia(link).mass for link in body.links),
             radius=robot.model.radius,
             is_static=robot.model.fixed_base,
-            driven=robot.model.wheels is not None,
+            driven=robot.model.has_base,
         )
 
     def _world_properties(self, _: Empty) -> WorldProperties:

@@ -242,7 +242,7 @@ class Simulation:
         self._stops_publisher.publish(EmergencyStopList(stops=self.stops.all))
 
     def _set_input_steps(self) -> None:
-        rates = [robot.publishers.joint_state_steps for robot in self.robots if robot.model.wheels is None]
+        rates = [robot.publishers.joint_state_steps for robot in self.robots if not robot.model.has_base]
         rates += [1 for robot in self.robots if robot.motors.commanded]
         self.input_steps = min([CONTROL_STEPS, *rates]) if self._real_time else CONTROL_STEPS
 

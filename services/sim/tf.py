@@ -26,7 +26,7 @@ def static_transforms(robots: Iterable[tuple[Robot, Pose3]], now: int) -> TFMess
     for robot, spawn_pose in robots:
         fixed_base = robot.model.fixed_base
         origin = robot.pose if fixed_base else _odom_origin(robot, spawn_pose)
-        child = f"{robot.frame_prefix}{robot.model.base_frame if fixed_base else 'odom'}"
+        child = f"{robot.frame_prefix}{robot.model.base_frame if fixed_base else robot.model.odom_frame}"
         header = Header(stamp=Time.of(now), frame_id=WORLD_FRAME)
         transforms.append(_stamped(header, child, origin))
         for joint in _published_joints(robot):

@@ -4,8 +4,10 @@
 ``arbiter``     which command is obeyed: priorities, time-outs, emergency stop
 ``controller``  the controller of one robot: arbiter, driver and PID at each physics step
 ``driver``      from a velocity command to wheel speeds, a pure function
+``glide``       the motion of a holonomic base
 ``limiter``     jerk, acceleration and velocity limits of one axis, and the ramp of the wheels
 ``kinematics``  wheel separation and radii, wheel speeds and base speeds
 ``odometry``    from wheel angles or commands back to a pose
+``side_grip``   what keeps a base that skids from sliding sideways
 ``pid``         from wheel speeds to torques
 """

@@ -15,12 +15,13 @@ STANDSTILL = 1e-9
 
 
 class Decision(NamedTuple):
-    """What a base does now: the command of ``source``, or, with ``braking``, come to a stop."""
+    """What a base does now: the command of ``source``, or, with ``braking``, come to a stop. ``vy`` is sideways."""
 
     v: float
     w: float
     braking: bool
     source: bytes | None
+    vy: float = 0.0
 
 
 BRAKE = Decision(0.0, 0.0, True, None)
@@ -36,6 +37,7 @@ class _Command:
     stamp: int
     until: float
     order: int
+    vy: float = 0.0
 
 
 class Arbiter:
@@ -60,7 +62,9 @@ class Arbiter:
         self.commands = self.refused = self.stale_dropped = self.commands_timed_out = 0
         self.last_command = 0
 
-    def accept(self, source: bytes, priority: int, v: float, w: float, stamp_ns: int | None, now_ns: int) -> bool:
+    def accept(
+        self, source: bytes, priority: int, v: float, w: float, stamp_ns: int | None, now_ns: int, vy: float = 0.0
+    ) -> bool:
         """Take a command made at ``stamp_ns`` (None if unknown) that arrived at ``now_ns``; True if it is accepted.
 
         Refused and counted are speeds that are not finite or beyond ``messages.geometry``'s bounds. Dropped as stale
@@ -68,16 +72,18 @@ class Arbiter:
         During an emergency stop commands count but are not kept, so none moves the base when it is over.
         """
         # Comparisons that a NaN fails.
-        if not (-FASTEST_LINEAR <= v <= FASTEST_LINEAR and -FASTEST_ANGULAR <= w <= FASTEST_ANGULAR):
+        linear = -FASTEST_LINEAR <= v <= FASTEST_LINEAR and -FASTEST_LINEAR <= vy <= FASTEST_LINEAR
+        if not (linear and -FASTEST_ANGULAR <= w <= FASTEST_ANGULAR):
             self.refused += 1
             return False
         made = now_ns if stamp_ns is None else stamp_ns
         if not 0 <= now_ns - made <= self._timeout:
             self.stale_dropped += 1
             return False
-        v, w = v if abs(v) >= STANDSTILL else 0.0, w if abs(w) >= STANDSTILL else 0.0
+        v, w, vy = (each if abs(each) >= STANDSTILL else 0.0 for each in (v, w, vy))
         if not self.e_stopped:
-            self._active[source] = _Command(priority, v, w, made, made + self._timeout, self.commands + self.refused)
+            order = self.commands + self.refused
+            self._active[source] = _Command(priority, v, w, made, made + self._timeout, order, vy)
             self._choose(now_ns)
             if self.conflict:
                 self.refused += 1
@@ -128,12 +134,12 @@ class Arbiter:
             return
         if not self._active:
             self.timed_out = self.timed_out or not before.braking
-            if before.v or before.w:
+            if before.v or before.w or before.vy:
                 self.commands_timed_out += 1
             self._decision, self._until = BRAKE, inf
             return
         source, best = max(self._active.items(), key=lambda item: (item[1].priority, item[1].order))
-        self._decision, self._until = Decision(best.v, best.w, False, source), best.until
+        self._decision, self._until = Decision(best.v, best.w, False, source, best.vy), best.until
         self.timed_out = False
 
 

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
-from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
 
 from messages.base import Packed36, covariance
-from models import model_config_path, physics_urdf_path
-from models.model import OdometryErrorConfig, RobotModel, WheelConfig, read_model
+from models import model_config_path, urdf_path
+from models.model import OdometryErrorConfig, PlanarConfig, RobotModel, WheelConfig, read_model
+from models.robot_cache import is_made
+from models.robot_facts import read_facts
 from models.urdf import NoWheels, WheelPair, read_wheels
 from services.driving.pid import PidGains
 from services.runtime.errors import BadInput
@@ -50,10 +51,13 @@ NO_TIMEOUT = (
 
 @dataclass(frozen=True)
 class DriveConfig:
-    """Everything that a base driver is set to. ``geometry`` is without multipliers; ``drive`` has those of ``live``."""
+    """Everything that a base driver is set to. ``geometry`` is without multipliers; ``drive`` has those of ``live``.
 
-    left_joint: str
-    right_joint: str
+    The wheels of one side turn alike; a holonomic base drives none.
+    """
+
+    left_joints: tuple[str, ...]
+    right_joints: tuple[str, ...]
     torque: float
     geometry: WheelGeometry
     drive: Drive
@@ -99,21 +103,14 @@ def effective_parameters(name: str, model: RobotModel, stated: BaseParameters) -
 
 def with_model_defaults(model: RobotModel, parameters: BaseParameters) -> BaseParameters:
     """The parameters with the figures that count where they have None, as far as a single one does."""
-    wheels = model.wheels
-    if wheels is None:
+    wheels, base = model.wheels, model.wheels or model.planar
+    if base is None:
         return parameters
-    defaults = {
-        "left_wheel": wheels.left_joint,
-        "right_wheel": wheels.right_joint,
-        "wheel_separation": wheels.separation,
-        "wheel_radius": wheels.radius,
-        "wheel_separation_multiplier": 1.0,
-        "left_wheel_radius_multiplier": 1.0,
-        "right_wheel_radius_multiplier": 1.0,
-        "ramp": "wheels",
+    defaults: dict[str, Any] = {
+        "ramp": "base" if wheels is None else "wheels",
         "jerk_rule": "ros2",
         "keep_curvature": False,
-        "brake": wheels.brake,
+        "brake": base.brake,
         "allow_multiple_cmd_vel_publishers": True,
         "use_stamped_vel": False,
         "publish_cmd": False,
@@ -122,13 +119,23 @@ def with_model_defaults(model: RobotModel, parameters: BaseParameters) -> BasePa
         "publish_rate": model.odometry_rate,
         "enable_odom_tf": True,
     }
+    if wheels is not None:
+        defaults |= {
+            "left_wheel": wheels.left_joint,
+            "right_wheel": wheels.right_joint,
+            "wheel_separation": wheels.separation,
+            "wheel_radius": wheels.radius,
+            "wheel_separation_multiplier": 1.0,
+            "left_wheel_radius_multiplier": 1.0,
+            "right_wheel_radius_multiplier": 1.0,
+        }
     missing = {name: value for name, value in defaults.items() if getattr(parameters, name) is None}
     return msgspec.structs.replace(parameters, **missing)
 
 
 @dataclass(frozen=True)
 class RobotConfig:
-    """A model, the effective parameters of its base, and what its driver works with; None without wheels."""
+    """A model, the effective parameters of its base, and what its driver works with; None without a base."""
 
     model: RobotModel
     parameters: BaseParameters
@@ -139,8 +146,7 @@ def robot_config(name: str, stated: BaseParameters) -> RobotConfig:
     """How a robot of the model ``name`` is driven when a fleet gives these parameters; raises BadInput."""
     model = read_model(name)
     parameters = effective_parameters(name, model, stated)
-    wheels = model.wheels
-    return RobotConfig(model, parameters, drive_config(name, model, wheels, parameters) if wheels else None)
+    return RobotConfig(model, parameters, drive_config(name, model, parameters) if model.has_base else None)
 
 
 def odometry_config(model: RobotModel, parameters: BaseParameters) -> OdometryConfig:
@@ -162,15 +168,26 @@ def odometry_config(model: RobotModel, parameters: BaseParameters) -> OdometryCo
     )
 
 
-def drive_config(name: str, model: RobotModel, wheels: WheelConfig, parameters: BaseParameters) -> DriveConfig:
+def drive_config(name: str, model: RobotModel, parameters: BaseParameters) -> DriveConfig:
     """How the base of a robot is driven. ``parameters`` are the effective ones; raises BadInput for what contradicts
     itself, and for wheels that are exchanged."""
+    wheels, live = model.wheels, _live_parameters(model, parameters)
+    common: dict[str, Any] = {
+        "live": live,
+        "timeout": parameters.cmd_vel_timeout,
+        "exclusive": parameters.allow_multiple_cmd_vel_publishers is False,
+        "stamped": bool(parameters.use_stamped_vel),
+        "publish_cmd": bool(parameters.publish_cmd),
+    }
+    if wheels is None:
+        assert model.planar is not None
+        geometry = WheelGeometry(2 * model.radius, 1.0, 1.0)
+        drive = _planar_drive(model.planar, parameters, geometry)
+        return DriveConfig((), (), 0.0, geometry, drive, gains=None, **common)
     left, right = parameters.left_wheel or wheels.left_joint, parameters.right_wheel or wheels.right_joint
     radius = parameters.wheel_radius or wheels.radius
     geometry = WheelGeometry(parameters.wheel_separation or wheels.separation, radius, radius)
-    live = _live_parameters(model, parameters)
-    drive = _drive(wheels, parameters, geometry)
-    turned = apply_multipliers(drive, geometry, live)
+    turned = apply_multipliers(_drive(wheels, parameters, geometry), geometry, live)
     gains = pid_gains(parameters.wheel_pid, wheels.torque)
     idle = (
         []
@@ -178,22 +195,18 @@ def drive_config(name: str, model: RobotModel, wheels: WheelConfig, parameters: 
         else ["wheel_pid: i does nothing while i_clamp is 0, its default in ROS, too"]
     )
     return DriveConfig(
-        left_joint=left,
-        right_joint=right,
+        left_joints=(left, *wheels.other_left),
+        right_joints=(right, *wheels.other_right),
         torque=wheels.torque,
         geometry=geometry,
         drive=turned,
-        live=live,
         gains=gains,
-        timeout=parameters.cmd_vel_timeout,
-        exclusive=parameters.allow_multiple_cmd_vel_publishers is False,
-        stamped=bool(parameters.use_stamped_vel),
-        publish_cmd=bool(parameters.publish_cmd),
         warnings=(
-            *_check_against_urdf(physics_urdf_path(name), left, right, turned.geometry, parameters),
+            *_check_against_urdf(name, left, right, turned.geometry, parameters),
             *idle,
             *([] if parameters.cmd_vel_timeout else [NO_TIMEOUT]),
         ),
+        **common,
     )
 
 
@@ -203,7 +216,14 @@ def apply_multipliers(drive: Drive, geometry: WheelGeometry, live: LiveParameter
         live.wheel_separation_multiplier, live.left_wheel_radius_multiplier, live.right_wheel_radius_multiplier
     )
     return Drive(
-        made, drive.linear, drive.angular, drive.stop_linear, drive.stop_angular, drive.ramp, drive.keep_curvature
+        made,
+        drive.linear,
+        drive.angular,
+        drive.stop_linear,
+        drive.stop_angular,
+        drive.ramp,
+        drive.keep_curvature,
+        drive.holonomic,
     )
 
 
@@ -247,10 +267,24 @@ def _drive(wheels: WheelConfig, parameters: BaseParameters, geometry: WheelGeome
     return Drive(geometry, linear, angular, braking_limits(linear, brake), stop_angular, NO_RAMP, keep)
 
 
-def _check_against_urdf(
-    urdf: Path, left: str, right: str, used: WheelGeometry, parameters: BaseParameters
-) -> list[str]:
+def _planar_drive(planar: PlanarConfig, parameters: BaseParameters, geometry: WheelGeometry) -> Drive:
+    if parameters.ramp == "wheels" or parameters.wheel_pid is not None:
+        raise BadInput('a holonomic base drives no wheels: ramp = "wheels" and wheel_pid are for those that do')
+    fastest = (planar.max_linear, planar.max_angular) if parameters.clamp else (None, None)
+    ros1 = parameters.jerk_rule == "ros1"
+    linear = axis_limits("linear", parameters.linear, fastest[0], planar.acceleration, ros1)
+    angular = axis_limits("angular", parameters.angular, fastest[1], planar.acceleration_angular, ros1)
+    if linear.limits_jerk:
+        raise BadInput("linear: a holonomic base has no jerk limit")
+    brake = parameters.brake or planar.brake
+    stop_angular = braking_limits(angular, parameters.brake_angular or brake / (geometry.separation / 2))
+    keep = bool(parameters.keep_curvature)
+    return Drive(geometry, linear, angular, braking_limits(linear, brake), stop_angular, NO_RAMP, keep, holonomic=True)
+
+
+def _check_against_urdf(name: str, left: str, right: str, used: WheelGeometry, parameters: BaseParameters) -> list[str]:
     """Warnings about figures and wheels that do not fit the URDF; raises BadInput."""
+    urdf = urdf_path(name)
     try:
         pair = read_wheels(urdf, left, right)
     except NoWheels as error:
@@ -258,6 +292,9 @@ def _check_against_urdf(
     if left == right:
         raise BadInput(f"left_wheel and right_wheel are both {left!r}: a base has one on each side")
     said = _check_sides(pair, left, right, parameters.allow_swapped_wheels)
+    if is_made(name) and (built := read_facts(name).wheels) is not None:
+        wrong = describe_mismatch(used, WheelGeometry(built.track, built.left_radius, built.right_radius))
+        return [*said, wrong] if wrong else said
     if pair.left_radius is None or pair.right_radius is None:
         return [*said, f"{urdf}: no collision sphere or cylinder gives the wheels' radii: the figures are unchecked"]
     wrong = describe_mismatch(used, WheelGeometry(pair.separation, pair.left_radius, pair.right_radius))

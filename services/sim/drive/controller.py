@@ -66,7 +66,8 @@ class DiffDriveController:
                 made = self._command_time(command, made, now)
                 command = command.twist
             assert isinstance(command, Twist)
-            self.arbiter.accept(source, priority, command.linear.x, command.angular.z, made, now)
+            sideways = command.linear.y if self.drive.holonomic else 0.0
+            self.arbiter.accept(source, priority, command.linear.x, command.angular.z, made, now, sideways)
             if self.arbiter.stale_dropped == stale:
                 continue
             if age == inf or age * factor > self.config.timeout:
@@ -95,7 +96,7 @@ class DiffDriveController:
         if self._settled and decision is self._last_decision:
             return None
         before = self._state
-        state = step_drive(self.drive, before, decision.v, decision.w, decision.braking, STEP_S)
+        state = step_drive(self.drive, before, decision.v, decision.w, decision.braking, STEP_S, decision.vy)
         self._last_decision, self._settled = decision, state is before
         if self._settled and not self._force_update:
             return None
@@ -117,6 +118,11 @@ class DiffDriveController:
         self.config, self.drive, self.live = config, config.drive, config.live
         self.arbiter.reconfigure(config.timeout, config.exclusive, now)
         self._settled, self._force_update = False, True
+
+    @property
+    def planar_velocity(self) -> tuple[float, float, float]:
+        """The limited command of a holonomic base: forwards and sideways [m/s], turning [rad/s]."""
+        return self._state.v, self._state.vy, self._state.w
 
     @property
     def commanded_velocity(self) -> tuple[float, float]:

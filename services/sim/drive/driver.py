@@ -20,7 +20,8 @@ class Drive:
     """What a command passes: the limits of the two axes, then the geometry, then the ramp of the wheels.
 
     ``stop_linear`` and ``stop_angular`` replace the limits while the base brakes, after a time-out or an emergency
-    stop. ``keep_curvature`` slows both axes together, so that a limited command bends as the wanted one does.
+    stop. ``keep_curvature`` slows both axes together, so that a limited command bends as the wanted one does. A
+    ``holonomic`` base moves sideways, too, within the limits of ``linear``; others cannot.
     """
 
     geometry: WheelGeometry
@@ -30,6 +31,7 @@ class Drive:
     stop_angular: AxisLimits = UNLIMITED
     ramp: WheelRamp = NO_RAMP
     keep_curvature: bool = False
+    holonomic: bool = False
 
     @classmethod
     def of(cls, wheels: WheelConfig, *, clamp: bool = True, jump: float = 0.0) -> Drive:
@@ -44,7 +46,8 @@ class Drive:
 
 
 class DriveState(NamedTuple):
-    """The limited command (m/s, rad/s), for jerk limits the one of the step before, and the speeds of the rims, m/s."""
+    """The limited command (m/s, rad/s), for jerk limits the one of the step before, the speeds of the rims, m/s, and
+    the limited command sideways, m/s."""
 
     v: float = 0.0
     w: float = 0.0
@@ -52,13 +55,16 @@ class DriveState(NamedTuple):
     w_before: float = 0.0
     left: float = 0.0
     right: float = 0.0
+    vy: float = 0.0
 
 
 AT_REST = DriveState()
 
 
-def step_drive(drive: Drive, state: DriveState, v: float, w: float, braking: bool, dt: float) -> DriveState:
-    """The state one step of ``dt`` [s] later under the command ``v`` [m/s], ``w`` [rad/s], both finite.
+def step_drive(
+    drive: Drive, state: DriveState, v: float, w: float, braking: bool, dt: float, vy: float = 0.0
+) -> DriveState:
+    """The state one step of ``dt`` [s] later under the command ``v`` [m/s], ``w`` [rad/s], ``vy`` [m/s] sideways.
 
     It is ``state`` itself when nothing changes.
 
@@ -66,7 +72,7 @@ def step_drive(drive: Drive, state: DriveState, v: float, w: float, braking: boo
     """
     linear, angular = drive.linear, drive.angular
     if braking:
-        v = w = 0.0
+        v = w = vy = 0.0
         linear, angular = drive.stop_linear, drive.stop_angular
     elif drive.keep_curvature:
         v, w = _scale_to_limits(drive, v, w)
@@ -77,7 +83,8 @@ def step_drive(drive: Drive, state: DriveState, v: float, w: float, braking: boo
     goals = rim_speeds(drive.geometry, after_v, after_w)
     rims = ramp_wheels(drive.ramp, state.left, state.right, goals, braking, dt)
     had_v, had_w = state.v if linear.limits_jerk else after_v, state.w if angular.limits_jerk else after_w
-    after = DriveState(after_v, after_w, had_v, had_w, *rims)
+    sideways = limit(linear, vy, state.vy, state.vy, dt) if drive.holonomic else 0.0
+    after = DriveState(after_v, after_w, had_v, had_w, *rims, sideways)
     return state if after == state else after
 
 

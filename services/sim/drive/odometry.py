@@ -174,10 +174,8 @@ class Odometer:
         self._draws = draw_errors(seed, name)
         self.reconfigure(settings)
         if controller is not None:
-            joints = body.joints
-            self._left, self._right = (
-                joints.index(joint) for joint in (controller.config.left_joint, controller.config.right_joint)
-            )
+            sides = controller.config.left_joints, controller.config.right_joints
+            self._left, self._right = (tuple(body.joints.index(joint) for joint in side) for side in sides)
         self._slot: int | None = None
         self.reset()
 
@@ -252,4 +250,8 @@ class Odometer:
 
     def _angles(self) -> tuple[float, float]:
         angles = self._body.joint_readings().position
-        return angles[self._left], angles[self._right]
+        return _mean(angles, self._left), _mean(angles, self._right)
+
+
+def _mean(values: tuple[float, ...], chosen: tuple[int, ...]) -> float:
+    return sum(values[each] for each in chosen) / len(chosen)

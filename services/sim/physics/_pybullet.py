@@ -6,27 +6,32 @@ import ctypes
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 
 __all__ = ["pybullet", "stdout_to_stderr"]
 
 
+def stdout_to_stderr() -> AbstractContextManager[None]:
+    """Send what C code prints to the standard output to the standard error: PyBullet prints when it dislikes a URDF,
+    and a service's standard output belongs to its reader."""
+    return _redirected(1, 2)
+
+
 @contextmanager
-def stdout_to_stderr() -> Iterator[None]:
-    """Send what C code prints to the standard output to the standard error: PyBullet prints when it is imported and
-    when it dislikes a URDF, and a service's standard output belongs to its reader."""
+def _redirected(source: int, target: int) -> Iterator[None]:
+    """Send what C code writes to one file descriptor to another."""
     flush = ctypes.CDLL(None).fflush
     sys.stdout.flush()
     flush(None)
-    kept = os.dup(1)
-    os.dup2(2, 1)
+    kept = os.dup(source)
+    os.dup2(target, source)
     try:
         yield
     finally:
         flush(None)
-        os.dup2(kept, 1)
+        os.dup2(kept, source)
         os.close(kept)
 
 
-with stdout_to_stderr():
-    import pybullet
+with open(os.devnull, "wb") as _nowhere, _redirected(2, _nowhere.fileno()), _redirected(1, _nowhere.fileno()):
+    import pybullet  # it tells when it was built

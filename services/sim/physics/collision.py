@@ -101,7 +101,7 @@ class CollisionChecker:
             self._world.handles[name].set_pose(pose)
 
     def _set_configuration(self, copy: BulletBody, configuration: Configuration) -> None:
-        copy.set_pose(configuration.pose)
+        copy.place(configuration.pose)
         copy.set_joints(configuration.joints)
 
     def _check_pair(self, name: str, pose: Pose3, copy: int, number: int, other: str) -> None:

@@ -26,7 +26,7 @@ from services.runtime.step import STEP_NS
 from services.runtime.subscriber import Subscriber
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.wire import encoding
-from services.sim.actuation import WheelActuation
+from services.sim.actuation import BaseActuation
 from services.sim.drive.controller import DiffDriveController
 from services.sim.loop import SimulationLoop
 from services.sim.parameters import BaseParameters, RobotEntry
@@ -132,7 +132,7 @@ class SimulationHarness:
 
     @property
     def base(self) -> DiffDriveController:
-        assert isinstance(self.robot.actuation, WheelActuation)
+        assert isinstance(self.robot.actuation, BaseActuation)
         return self.robot.actuation.controller
 
     def status(self) -> BaseStatus:

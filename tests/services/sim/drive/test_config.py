@@ -23,7 +23,7 @@ from tests.services.sim.drive.simulation_harness import base_parameters, run_sim
 def settings(name: str, **parameters: Any) -> DriveConfig:
     model = read_model(name)
     assert model.wheels is not None
-    return drive_config(name, model, model.wheels, effective_parameters(name, model, base_parameters(**parameters)))
+    return drive_config(name, model, effective_parameters(name, model, base_parameters(**parameters)))
 
 
 @pytest.mark.parametrize("name", WHEELED)

@@ -21,7 +21,7 @@ from services.runtime.node import Node
 from services.runtime.publisher import Publisher
 from services.runtime.transport.memory import MemoryTransport
 from services.runtime.transport.wire import member_id
-from services.sim.actuation import WheelActuation
+from services.sim.actuation import BaseActuation
 from tests.services.sim.drive.simulation_harness import NAME, SimulationHarness, run_simulation
 
 SPEEDS = (0.2, 0.5, 0.75)
@@ -182,5 +182,5 @@ def test_a_robot_is_spawned_stopped_and_deleted_with_its_stop() -> None:
         world.run(0.02)
         assert world.call(LIST_STOPS, Empty()).stops == ()
         late = world.simulation.find("late").actuation
-        assert isinstance(late, WheelActuation)
+        assert isinstance(late, BaseActuation)
         assert not late.controller.arbiter.e_stopped

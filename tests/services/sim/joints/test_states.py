@@ -25,7 +25,7 @@ from messages.requests import (
 from messages.simulation import GetModelState, SetModelState, SpawnModel
 from messages.std import Empty
 from messages.topics import LINK_STATES, MODEL_STATES
-from services.sim.actuation import JointActuation, WheelActuation
+from services.sim.actuation import BaseActuation, JointActuation
 from tests.services.sim.joints.joint_simulation import robot_entry, run_joint_simulation
 
 
@@ -108,7 +108,7 @@ def test_a_model_is_spawned_in_a_frame_with_joints_and_parameters() -> None:
         )
         on.call(SPAWN, wheeled)
         base = on.simulation.find("b").actuation
-        assert isinstance(base, WheelActuation)
+        assert isinstance(base, BaseActuation)
         assert base.controller.config.timeout == 1.5
 
 

@@ -1,20 +1,18 @@
-"""Robots driven as the simulation drives them: one step of the ramp before each physics step."""
+"""Robots of this project to be driven as ``services.sim.driving_trial`` drives them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable
 
 from messages.se3 import Pose3
 from models import urdf_path
 from models.model import RobotModel, WheelConfig, read_model
-from services.sim.drive.driver import AT_REST, Drive, DriveState, step_drive, wheel_speeds
-from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import Body, BodyState, Motor
+from services.runtime.step import STEP_NS
+from services.sim.driving_trial import DT, DrivenRobot, drive_robots, turned, yaw_of
+from services.sim.physics.world import Body, Motor
 
-STEP_NS = 5_000_000
-DT = STEP_NS / 1e9
+__all__ = ["DT", "STEP_NS", "DrivenRobot", "Spawner", "drive_robots", "turned", "yaw_of"]
 
 
 def placement_at(x: float, y: float, yaw: float = 0.0, z: float = 0.0) -> Pose3:
@@ -30,40 +28,6 @@ def robot_body(name: str, model: str, placement: Pose3) -> Body:
     wheels = wheels_of(read_model(model))
     motors = tuple(Motor(joint, wheels.torque) for joint in (wheels.left_joint, wheels.right_joint))
     return Body(name, urdf_path(model), placement, motors)
-
-
-def yaw_of(state: BodyState) -> float:
-    x, y, z, w = state.orientation
-    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-
-
-@dataclass
-class DrivenRobot:
-    """A base under constant commands, driven as ``drive_robots`` says."""
-
-    world: BulletWorld
-    name: str
-    drive: Drive
-    state: DriveState = field(default=AT_REST)
-
-    def set(self, v: float, w: float, *, braking: bool = False) -> None:
-        after = step_drive(self.drive, self.state, v, w, braking, DT)
-        if after is not self.state:
-            self.state = after
-            self.world.body(self.name).set_speeds(wheel_speeds(self.drive, after))
-
-
-def drive_robots(
-    drivers: Sequence[DrivenRobot], v: float, w: float, seconds: float, *, braking: bool = False
-) -> list[BodyState]:
-    """Command all for a time; returns the states of the first after each step."""
-    states = []
-    for _ in range(round(seconds / DT)):
-        for each in drivers:
-            each.set(v, w, braking=braking)
-        drivers[0].world.step()
-        states.append(drivers[0].world.body(drivers[0].name).state())
-    return states
 
 
 Spawner = Callable[..., DrivenRobot]

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 import pytest
 
 from models import WHEELED
 from models.model import read_model
 from services.sim.physics.bullet import BulletWorld
-from tests.services.sim.physics.driven_robot import DT, Spawner, drive_robots, placement_at, wheels_of, yaw_of
+from tests.services.sim.physics.driven_robot import DT, Spawner, drive_robots, placement_at, turned, wheels_of, yaw_of
 
 
 @pytest.mark.parametrize("model", WHEELED)
@@ -33,9 +32,8 @@ def test_spin_on_the_spot(spawn: Spawner, model: str, share: float) -> None:
     wheels = wheels_of(read_model(model))
     rate = share * wheels.max_angular
     drive_robots([robot], 0.0, rate, 1.0 + rate * wheels.separation / 2 / wheels.acceleration)
-    angles = [yaw_of(state) for state in drive_robots([robot], 0.0, rate, 4.0)]
-    turned = sum(math.remainder(b - a, math.tau) for a, b in pairwise(angles))
-    assert turned == pytest.approx((len(angles) - 1) * DT * rate, rel=0.004)
+    states = drive_robots([robot], 0.0, rate, 4.0)
+    assert turned(states) == pytest.approx((len(states) - 1) * DT * rate, rel=0.004)
 
 
 def test_a_command_beyond_the_hardware_is_clamped(spawn: Spawner) -> None:

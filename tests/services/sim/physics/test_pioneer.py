@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from itertools import pairwise
 
 import pytest
 
@@ -23,6 +22,7 @@ from tests.services.sim.physics.driven_robot import (
     drive_robots,
     placement_at,
     robot_body,
+    turned,
     wheels_of,
     yaw_of,
 )
@@ -64,8 +64,7 @@ def test_spin_within_a_thousandth(spawn: Spawner, rate: float) -> None:
     robot = spawn(model="p3dx")
     drive_robots([robot], 0.0, rate, 1.0 + abs(rate) * WHEELS.separation / 2 / WHEELS.acceleration)
     states = drive_robots([robot], 0.0, rate, 4.0)
-    turned = sum(math.remainder(b - a, math.tau) for a, b in pairwise(map(yaw_of, states)))
-    assert turned == pytest.approx((len(states) - 1) * DT * rate, rel=1e-3)
+    assert turned(states) == pytest.approx((len(states) - 1) * DT * rate, rel=1e-3)
     assert math.hypot(*states[-1].position[:2]) < 1e-4, "it stays on its spot"
 
 

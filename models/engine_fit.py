@@ -1,0 +1,209 @@
+"""Fits the URDF that the physics engine loads to how a robot drives: wheels, casters and friction.
+
+``models/README.md`` says what PyBullet needs to drive straight and why. Names, joints and frames stay as they are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+from messages.se3 import Pose3
+from models.extents import PlacedShape, lowest_point, placed_shapes, solid_shapes
+from models.gazebo_tags import Friction
+from models.inferred import TOUCHES, Wheel, read_wheel, rolling_joints
+from models.model import RobotModel
+from models.robot_facts import BuiltWheels, Skid
+from models.shapes import LinkShapes
+from models.urdf import RobotDescription, parse_xml
+from models.urdf_writer import link_poses
+
+WHEEL_FRICTION = 1.0
+"""Of a driven wheel without a tag."""
+CASTER_WHEEL_FRICTION = 0.6
+"""Of a wheel without a motor and without a tag."""
+SLIDER_FRICTION = 0.05
+"""Of what touches the ground and does not roll, as a ball or a skid, without a tag."""
+BODY_FRICTION = 0.5
+"""Of all else without a tag."""
+MAX_FRICTION = 1.5
+"""Rubber on concrete has less; tags say 100 and 1e5 for "does not slip", with which a robot that skids would hop."""
+
+
+@dataclass(frozen=True)
+class DrivenWheels:
+    """The driven wheels of a robot by their joints, their radius [m], and whether it is holonomic instead."""
+
+    left: tuple[str, ...] = ()
+    right: tuple[str, ...] = ()
+    radius: float = 0.0
+    holonomic: bool = False
+
+    @classmethod
+    def of(cls, model: RobotModel) -> DrivenWheels:
+        """Those of a model."""
+        if model.wheels is None:
+            return cls(holonomic=model.planar is not None)
+        return cls(model.wheels.left_joints, model.wheels.right_joints, model.wheels.radius)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """All of them."""
+        return (*self.left, *self.right)
+
+
+@dataclass(frozen=True)
+class EngineFit:
+    """The text, how high the root stands when the robot touches the ground, m, where joints start that may not stand
+    at zero, rad or m, how the base skids, if it has several driven wheels on a side, and its wheels as the shapes have
+    them."""
+
+    text: str
+    height: float
+    starts: dict[str, float]
+    skid: Skid | None = None
+    wheels: BuiltWheels | None = None
+
+
+def fit_urdf(
+    text: str,
+    robot: RobotDescription,
+    shapes: Mapping[str, LinkShapes],
+    friction: Mapping[str, Friction],
+    driven: DrivenWheels,
+) -> EngineFit:
+    """The URDF ``text`` of the robot, for the engine, with its shapes and the friction of its tags."""
+    return _Fit(text, robot, shapes, friction, driven).result()
+
+
+class _Fit:
+    """The steps of it."""
+
+    def __init__(
+        self,
+        text: str,
+        robot: RobotDescription,
+        shapes: Mapping[str, LinkShapes],
+        friction: Mapping[str, Friction],
+        driven: DrivenWheels,
+    ) -> None:
+        self._xml, self._robot, self._shapes, self._driven = parse_xml(text), robot, solid_shapes(shapes), driven
+        self._stated = friction
+        self._poses = link_poses(robot)
+        self._links = {each.get("name", ""): each for each in self._xml.findall("link")}
+        self._floor = lowest_point(placed_shapes(robot, shapes))
+        self._bottoms: dict[str, float] = {}
+        """Of the spheres that wheels roll on, by link, in the root's frame."""
+        self._friction = dict.fromkeys(self._links, WHEEL_FRICTION)
+
+    def result(self) -> EngineFit:
+        rolling = self._roll_on_spheres()
+        floor = min([lowest_point(self._rigid()), *self._bottoms.values()]) if self._bottoms else self._floor
+        self._set_friction(rolling, floor)
+        starts = {each.name: each.limits.clamp(0.0) for each in self._robot.joints if each.single_dof}
+        ElementTree.indent(self._xml)
+        return EngineFit(
+            text=ElementTree.tostring(self._xml, encoding="unicode") + "\n",
+            height=0.0 if self._robot.root == "world" else 0.0 - floor,
+            starts={name: start for name, start in starts.items() if start},
+            skid=self._skid(),
+            wheels=self._built(),
+        )
+
+    def _built(self) -> BuiltWheels | None:
+        sides = [
+            [read_wheel(self._robot, self._shapes, each) for each in self._robot.joints if each.name in side]
+            for side in (self._driven.left, self._driven.right)
+        ]
+        if not all(each.radius > 0 for side in sides for each in side) or not all(sides):
+            return None
+        left, right = (sum(each.place[1] for each in side) / len(side) for side in sides)
+        radii = [max(each.radius for each in side) for side in sides]
+        return BuiltWheels(track=left - right, left_radius=radii[0], right_radius=radii[1])
+
+    def _skid(self) -> Skid | None:
+        if len(self._driven.left) < 2:
+            return None
+        wheels = [
+            read_wheel(self._robot, self._shapes, each)
+            for each in self._robot.joints
+            if each.name in self._driven.joints
+        ]
+        if not wheels:
+            return None
+        x, y, z = (sum(each.place[axis] for each in wheels) / len(wheels) for axis in range(3))
+        return Skid(
+            middle=(x, y, z - max(each.radius for each in wheels)),
+            friction=sum(self._friction[each.link] for each in wheels) / len(wheels),
+            axles={each.link: each.axle for each in wheels},
+        )
+
+    def _roll_on_spheres(self) -> dict[str, bool]:
+        """Let wheels collide as spheres; the links of all, and whether they are driven."""
+        joints = {each.name: each for each in self._robot.joints}
+        rolling: dict[str, bool] = {}
+        # One that does not exist is an error of its model.toml, which is told when that is read.
+        for joint in [*(joints[each] for each in self._driven.joints if each in joints), *rolling_joints(self._robot)]:
+            if joint.child in rolling:
+                continue
+            driven = joint.name in self._driven.joints
+            wheel = read_wheel(self._robot, self._shapes, joint)
+            radius = wheel.radius or (self._driven.radius if driven else 0.0)
+            if radius > 0 and (driven or wheel.place[2] - radius < self._floor + TOUCHES):
+                rolling[joint.child] = driven
+                self._make_sphere(wheel, radius)
+                if driven and wheel.width > 0 and abs(wheel.direction[1]) > 0.9:
+                    self._add_guard(joint.parent, wheel, radius)
+        return rolling
+
+    def _make_sphere(self, wheel: Wheel, radius: float) -> None:
+        link = self._links[wheel.link]
+        for each in link.findall("collision"):
+            link.remove(each)
+        _collision(link, Pose3(wheel.centre), "sphere", radius=repr(radius))
+        self._bottoms[wheel.link] = wheel.place[2] - radius
+
+    def _add_guard(self, parent: str, wheel: Wheel, radius: float) -> None:
+        """The side of a wheel, which others can touch: the sphere meets the ground alone."""
+        pose = self._poses[parent].inverse() @ Pose3(wheel.place)
+        size = f"{1.8 * radius!r} {wheel.width!r} {1.2 * radius!r}"
+        _collision(self._links[parent], pose, "box", size=size)
+
+    def _rigid(self) -> list[PlacedShape]:
+        """What collides as its own shape."""
+        return [
+            (shape, self._poses[link])
+            for link, own in self._shapes.items()
+            if link not in self._bottoms
+            for shape in own.collisions
+        ]
+
+    def _set_friction(self, rolling: Mapping[str, bool], floor: float) -> None:
+        for name, link in self._links.items():
+            if link.find("collision") is None or link.find("contact") is not None:
+                continue
+            own = self._shapes[name].collisions
+            lowest = lowest_point((each, self._poses[name]) for each in own)
+            stands = name in rolling or (bool(own) and lowest < floor + TOUCHES)
+            stated = self._stated.get(name)
+            value = stated.coefficient if stated is not None else None
+            if self._driven.holonomic and stands:
+                value = 0.0
+            elif value is None and name in rolling:
+                value = WHEEL_FRICTION if rolling[name] else CASTER_WHEEL_FRICTION
+            elif value is None:
+                value = SLIDER_FRICTION if stands and self._driven.joints else BODY_FRICTION
+            self._friction[name] = min(value, MAX_FRICTION)
+            contact = ElementTree.SubElement(link, "contact")
+            ElementTree.SubElement(contact, "lateral_friction", value=repr(self._friction[name]))
+            if not stands and own and all(each.kind == "sphere" for each in own):
+                # What is nothing but spheres rolls, and touches the ground alone; this one is to meet everything.
+                _collision(link, own[0].pose, "box", size=" ".join([repr(own[0].size[0] / 10)] * 3))
+
+
+def _collision(link: ElementTree.Element, pose: Pose3, shape: str, **figures: str) -> None:
+    collision = ElementTree.SubElement(link, "collision")
+    xyz, rpy = (" ".join(map(repr, each)) for each in (pose.position, pose.rpy))
+    ElementTree.SubElement(collision, "origin", xyz=xyz, rpy=rpy)
+    ElementTree.SubElement(ElementTree.SubElement(collision, "geometry"), shape, figures)

@@ -1,0 +1,64 @@
+"""How far the shapes of a robot reach."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from messages.se3 import Pose3, Vector, rotate_inverse
+from models.shapes import LinkShapes, Shape
+from models.urdf import RobotDescription
+from models.urdf_writer import link_poses
+
+DIRECTIONS = 72
+"""In which a robot is measured for the circle around it."""
+
+PlacedShape = tuple[Shape, Pose3]
+"""A shape, and the pose of its link in the root."""
+
+
+def support(shape: Shape, frame: Pose3, direction: Vector) -> float:
+    """How far the shape of a link at ``frame`` reaches along a unit vector from the origin, m."""
+    local = np.array(rotate_inverse(frame.orientation, direction))
+    start = sum(a * b for a, b in zip(frame.position, direction, strict=True))
+    return start + float((shape.points @ local).max()) + shape.rounding
+
+
+def solid_shapes(shapes: Mapping[str, LinkShapes]) -> Mapping[str, LinkShapes]:
+    """The shapes with what the engine collides as: what one sees where nothing of the robot has a collision."""
+    if any(each.collisions for each in shapes.values()):
+        return shapes
+    return {link: replace(each, collisions=each.visuals) for link, each in shapes.items()}
+
+
+def placed_shapes(robot: RobotDescription, shapes: Mapping[str, LinkShapes]) -> list[PlacedShape]:
+    """All that a robot collides as."""
+    poses = link_poses(robot)
+    return [(shape, poses[link]) for link, own in solid_shapes(shapes).items() for shape in own.collisions]
+
+
+def circle_radius(placed: Iterable[PlacedShape]) -> float:
+    """The radius of the circle about the root's z axis that holds these shapes, m; 0 without any."""
+    angles = [math.tau * each / DIRECTIONS for each in range(DIRECTIONS)]
+    return max(
+        (support(shape, pose, (math.cos(a), math.sin(a), 0.0)) for shape, pose in placed for a in angles), default=0.0
+    )
+
+
+def lowest_point(placed: Iterable[PlacedShape]) -> float:
+    """The height of the lowest point of these shapes in the root's frame, m; 0 without any."""
+    return min((bottom(shape, pose) for shape, pose in placed), default=0.0)
+
+
+def bottom(shape: Shape, pose: Pose3) -> float:
+    """The height of the lowest point of a shape, m."""
+    return -support(shape, pose, (0.0, 0.0, -1.0))
+
+
+def box_inertia(mass: float, size: Vector) -> tuple[float, float, float]:
+    """The moments [kg m2] of a homogeneous box about its centre: m (b^2 + c^2) / 12."""
+    x, y, z = (each * each for each in size)
+    return mass * (y + z) / 12, mass * (x + z) / 12, mass * (x + y) / 12

@@ -1,0 +1,13 @@
+"""The motion of a holonomic base, whose velocity is set as it is commanded."""
+
+from __future__ import annotations
+
+from messages.se3 import rotate
+from services.sim.physics.world import BodyHandle
+
+
+def glide(body: BodyHandle, ahead: float, sideways: float, turn: float) -> None:
+    """Set the velocity of a body in its own axes, m/s and rad/s; how it falls and tilts is left to physics."""
+    state = body.state()
+    x, y, _ = rotate(state.orientation, (ahead, sideways, 0.0))
+    body.set_velocity((x, y, state.linear[2]), (state.angular[0], state.angular[1], turn))

