@@ -25,7 +25,7 @@ from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.validation import build
 from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.zenoh_config import PORT
-from services.sim.drive.config import robot_config
+from services.sim.drive.config import odometry_config, robot_config
 from services.sim.parameters import BaseParameters, JointParameters
 from services.sim.robot_names import robot_frame_prefix, robot_namespace
 
@@ -256,6 +256,15 @@ def _sim_robot(fleet: Fleet, robot: RobotConfig) -> dict[str, Any]:
     if rate := joint_state_rate(_own_services(fleet, robot), robot):
         names["joint_state_rate"] = rate
     return {**names, **pose, table: robot.parameters}
+
+
+def odometry_counts_from_start(robot: RobotConfig) -> bool:
+    """Whether the odometry of a robot is 0 at its start; else it begins at the robot's pose in the world."""
+    model = read_model(robot.model)
+    if model.wheels is None:
+        return False
+    config = odometry_config(model, build(BaseParameters, robot.parameters))
+    return config.source != "world" and not config.in_world
 
 
 def robot_parameter_set(robot: RobotConfig) -> str:
