@@ -32,9 +32,17 @@ HULL_DIRECTIONS = 256
 """Directions in which a convex hull reaches as far as its mesh; a sphere loses 0.8 % of its radius between two."""
 
 _STL_HEADER, _STL_TRIANGLE = 84, 50
-_LOOKS = frozenset(
-    ("library_effects", "library_materials", "library_images", "library_cameras", "library_lights")
-    + ("library_animations", "bind_material", "instance_camera", "instance_light", "extra")
+_LOOKS = (
+    "library_effects",
+    "library_materials",
+    "library_images",
+    "library_cameras",
+    "library_lights",
+    "library_animations",
+    "bind_material",
+    "instance_camera",
+    "instance_light",
+    "extra",
 )
 """Elements of a DAE that say nothing of shapes."""
 

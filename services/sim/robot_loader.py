@@ -121,7 +121,7 @@ def on_the_ground(model: str, pose: Pose3, ground: float = 0.0) -> Pose3:
     if not is_made(model) or read_model(model).fixed_base or max(map(abs, pose.rpy[:2])) > UPRIGHT:
         return pose
     x, y, z = pose.position
-    return pose._replace(position=(x, y, max(z, ground - read_facts(model).lowest)))
+    return pose._replace(position=(x, y, max(z, ground + read_facts(model).height)))
 
 
 def _label(model: str) -> str:

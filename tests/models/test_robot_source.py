@@ -315,7 +315,7 @@ def test_a_folder_with_a_model_file_has_its_figures(tmp_path: Path) -> None:
     wheels = read_model(found.model).wheels
     assert found.name == "rover"
     assert wheels is not None
-    assert (wheels.separation, wheels.radius) == (0.24, 0.05)
+    assert (wheels.separation, wheels.radius) == pytest.approx((0.24, 0.05))
     for wrong, told in (
         (figures.replace("torque = 2.0", "torque = -1"), r"rover/model.toml:14: .*wheels.torque"),
         (figures.replace("brake", "brak"), r"rover/model.toml:13: .*unknown field `brak`"),

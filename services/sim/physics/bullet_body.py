@@ -220,7 +220,9 @@ class BulletBody:
         row = pybullet.getLinkState(
             self.body_id, index, computeLinkVelocity=1, computeForwardKinematics=1, physicsClientId=self._client
         )
-        linear = _velocity_at(row[4], row[0], row[6], row[7])  # PyBullet gives that of the centre of mass
+        (cx, cy, cz), (x, y, z) = row[0], row[4]
+        # PyBullet gives the velocity of the centre of mass.
+        linear = _velocity_at(row[6], row[7], (x - cx, y - cy, z - cz), 1.0)
         return BodyState(row[4], _normalized(row[5]), linear, row[7])
 
     def link_pose(self, link: str) -> Pose3:
