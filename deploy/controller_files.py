@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,11 @@ def manager_parameters(kind: str, robot: RobotConfig | None) -> dict[str, Any]:
     return {"robot": robot.name} if kind == KIND and robot is not None else {}
 
 
+def joint_state_rate(members: Iterable[ServiceConfig], robot: RobotConfig) -> float:
+    """The rate [Hz] of joint states that a controller manager among the services of a robot asks for; 0 for none."""
+    return max((_read(each, robot).joint_state_rate for each in members if each.kind == KIND), default=0.0)
+
+
 def gain_values(member: ServiceConfig, owner: RobotConfig | None) -> dict[str, PidParameters]:
     """The sets of gains that a controller manager announces, with the values of its file; none of another service."""
     if member.kind != KIND:
@@ -49,7 +55,8 @@ def _namespace(member: ServiceConfig, owner: RobotConfig | None) -> str:
 
 
 def _read(member: ServiceConfig, owner: RobotConfig | None) -> ManagerConfig:
-    return read_config(Path(member.parameters["config"]), _namespace(member, owner))
+    path, chosen = Path(member.parameters["config"]), member.parameters.get("controllers", ())
+    return read_config(path, _namespace(member, owner), chosen)
 
 
 def check_controllers(

@@ -44,7 +44,8 @@ class RunConfig(FleetTable, frozen=True, kw_only=True):
     """The run: time mode, duration and network.
 
     ``port`` distinguishes the fleets of a user. With ``tcp`` the router also listens on 127.0.0.1 at this port, for
-    every user of the machine. ``packages`` are folders in which the ``package://`` of robots is searched.
+    every user of the machine. ``packages`` are folders in which the ``package://`` of robots and the
+    ``model://`` of worlds are searched.
     """
 
     mode: Mode = "lockstep"

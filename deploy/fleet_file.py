@@ -153,7 +153,7 @@ def _place_in_world(tree: dict[str, Any], source: TomlSource, folder: Path) -> d
         return tree  # the record refuses it
     try:
         name = str(find_world(name, folder)) if is_world_file(name) else name
-        start = read_world(name).start
+        start = read_world(name, packages=_packages(tree, folder)).start
     except BadInput as error:
         raise BadInput(f"{where}: {error}") from None
     tree = {**tree, "world": name}
@@ -170,6 +170,17 @@ def _place_in_world(tree: dict[str, Any], source: TomlSource, folder: Path) -> d
     pose = msgspec.to_builtins(start)
     rows = [{**each, "pose": pose} if own else each for each, own in zip(tree["robot"], placed, strict=True)]
     return {**tree, "robot": rows}
+
+
+def _packages(tree: dict[str, Any], folder: Path) -> tuple[Path, ...]:
+    """The folders of packages that a fleet file states, as far as it states them right."""
+    run = tree.get("run")
+    stated = run.get("packages") if isinstance(run, dict) else None
+    return tuple(
+        folder / Path(each).expanduser()
+        for each in (stated if isinstance(stated, list) else ())
+        if isinstance(each, str)
+    )
 
 
 def _resolve_user_files(fleet: Fleet, folder: Path) -> Fleet:

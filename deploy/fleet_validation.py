@@ -18,7 +18,7 @@ from services.sim.robot_names import check_robot_names, robot_namespace
 
 
 def validate_fleet(fleet: Fleet, source: TomlSource) -> None:
-    """Raise BadInput, with file and line, for the first thing that cannot be run."""
+    """Raise BadInput, with file and line, for the first error."""
     for index in range(len(fleet.robot)):
         _check_robot(fleet, index, source)
     _check_models(fleet, source)

@@ -52,8 +52,8 @@ def make_run_folder(fleet: str, report: str = "", runs: str = "", now: datetime 
     """The folder of a new run; raises BadInput when it cannot be written.
 
     It is ``report``, or else ``<time>-<fleet>`` in ``runs``, or in the user's folder of runs when that is not given.
-    What an earlier run left in ``report`` is removed, lest it be taken for this one's. Links are not followed: others
-    may be able to write in that folder.
+    The files of an earlier run in ``report`` are removed, so that they are not mistaken for this run's. Links are not
+    followed: other users may be able to write in that folder.
     """
     moment = f"{now or datetime.now():%Y%m%d-%H%M%S}-{fleet}"
     path = Path(report).absolute() if report else _unused((Path(runs).absolute() if runs else runs_folder()) / moment)

@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 
 from deploy.controller_files import KIND as CONTROLLER_MANAGER
+from deploy.controller_files import joint_state_rate
 from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.run_folder import BAG_FOLDER, RECORDING_FILE, SCHEDULE_FILE, STOPS_FILE
 from messages.names import join
@@ -24,7 +25,7 @@ from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.validation import build
 from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.zenoh_config import PORT
-from services.sim.drive.config import robot_config
+from services.sim.drive.config import odometry_config, robot_config
 from services.sim.parameters import BaseParameters, JointParameters
 from services.sim.robot_names import robot_frame_prefix, robot_namespace
 
@@ -79,8 +80,12 @@ def grader_arms(fleet: Fleet) -> list[dict[str, Any]]:
 
 
 def _has_controller_manager(fleet: Fleet, robot: RobotConfig) -> bool:
-    members = (*robot.services, *(each for _, each in fleet.shared_services(robot)))
-    return any(each.kind == CONTROLLER_MANAGER for each in members)
+    return any(each.kind == CONTROLLER_MANAGER for each in _own_services(fleet, robot))
+
+
+def _own_services(fleet: Fleet, robot: RobotConfig) -> tuple[ServiceConfig, ...]:
+    """The services in the namespace of a robot."""
+    return (*robot.services, *(each for _, each in fleet.shared_services(robot)))
 
 
 def control_state_topics(fleet: Fleet) -> list[str]:
@@ -150,7 +155,7 @@ def fleet_endpoint(fleet: Fleet) -> str:
 
 
 def listen_endpoints(fleet: Fleet, options: RunOptions) -> tuple[str, ...]:
-    """Where it listens for others, too."""
+    """The further endpoints of the fleet's router."""
     own = (f"tcp/127.0.0.1:{options.tcp_port or fleet.run.port}",) if fleet.run.tcp else ()
     return (*own, *(each for each in options.listen if each not in own))
 
@@ -188,7 +193,7 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
         case "sim":
             return {
                 **({"world": fleet.world} if fleet.world else {}),
-                "robots": [_sim_robot(each) for each in robots],
+                "robots": [_sim_robot(fleet, each) for each in robots],
                 "mode": run.mode,
                 "factor": run.factor,
                 "latency": run.latency,
@@ -240,7 +245,7 @@ def _live_view_port(router: int) -> dict[str, int]:
     return {"port": port} if router != PORT and 1024 <= port <= 65535 else {}
 
 
-def _sim_robot(robot: RobotConfig) -> dict[str, Any]:
+def _sim_robot(fleet: Fleet, robot: RobotConfig) -> dict[str, Any]:
     pose = {"x": robot.pose.x, "y": robot.pose.y, "z": robot.pose.z, "yaw": robot.pose.yaw}
     table = "parameters" if read_model(robot.model).has_base else "joint_parameters"
     names: dict[str, Any] = {"name": robot.name, "model": robot.model}
@@ -248,7 +253,18 @@ def _sim_robot(robot: RobotConfig) -> dict[str, Any]:
         names["namespace"] = robot.namespace
     if robot.frame_prefix is not None:
         names["frame_prefix"] = robot.frame_prefix
+    if rate := joint_state_rate(_own_services(fleet, robot), robot):
+        names["joint_state_rate"] = rate
     return {**names, **pose, table: robot.parameters}
+
+
+def odometry_counts_from_start(robot: RobotConfig) -> bool:
+    """Whether the odometry of a robot is 0 at its start; else it begins at the robot's pose in the world."""
+    model = read_model(robot.model)
+    if model.wheels is None:
+        return False
+    config = odometry_config(model, build(BaseParameters, robot.parameters))
+    return config.source != "world" and not config.in_world
 
 
 def robot_parameter_set(robot: RobotConfig) -> str:

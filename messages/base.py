@@ -43,7 +43,7 @@ Count = Annotated[int, Meta(ge=0, le=MOST_COUNTED)]
 
 
 def saturating_add(count: int, more: int) -> int:
-    """``more`` added to a counter, which stays at the largest number that a ``Count`` can tell."""
+    """Add ``more`` to a counter, which saturates at the largest ``Count``."""
     return min(count + more, MOST_COUNTED)
 
 
@@ -233,8 +233,8 @@ Matrix3 = Annotated[tuple[float, ...], Meta(min_length=9, max_length=9)]
 M = TypeVar("M")
 _TYPECODES: dict[str, Literal["d", "f"]] = {"<f8": "d", "<f4": "f"}
 _HEADS: dict[tuple[type, int], tuple[bytes, tuple[int, ...]]] = {}
-"""By type and size of the extension: what stands before the values of an array that was checked, and its shape. A robot
-has few sizes of arrays, and its readers take a third of the time that reading ``[dtype, shape, raw]`` takes."""
+"""By type and size of the extension: the bytes before the values of a checked array, and its shape. A robot has few
+sizes of arrays, and decoding with this cache takes a third of the time of reading ``[dtype, shape, raw]``."""
 _MOST_HEADS = 64
 _NO_HEAD: tuple[bytes, tuple[int, ...]] = b"", ()
 _parts = msgspec.msgpack.Decoder(tuple[str, tuple[int, ...], bytes]).decode
@@ -249,7 +249,7 @@ def _to_plain(value: Any) -> object:
 
 
 def _to_array(wanted: type, value: Any) -> object:
-    """What a decoder calls for each array: of an extension, nothing but its first bytes and its size is looked at."""
+    """The decoder's hook for arrays: of a known extension, only the first bytes and the size are compared."""
     if type(value) is Ext:
         data: Any = value.data  # bytes or a view of them
         head, shape = _HEADS.get((wanted, len(data)), _NO_HEAD)
@@ -282,7 +282,7 @@ def _remember(read: Array, data: bytes) -> None:
 
 
 DECODE_ERRORS = (msgspec.MsgspecError, ValueError, RecursionError, OverflowError)
-"""What a decoding function raises for a payload that is not the record, WrongPayload among them."""
+"""Exceptions of a decoding function for a payload that is not the record, WrongPayload among them."""
 
 encode: Callable[[object], bytes] = msgspec.msgpack.Encoder(enc_hook=_to_plain).encode
 """Encode one record as MessagePack bytes."""
@@ -302,7 +302,7 @@ def decoder(record: type[M]) -> Callable[[bytes], M]:
 
 
 def raw_decoder(record: type[M]) -> Callable[[bytes], M]:
-    """As ``decoder``, but raising any of FAULTS; for who counts what is wrong and goes on."""
+    """Like ``decoder`` without wrapping errors; catch DECODE_ERRORS. For hot paths."""
     return msgspec.msgpack.Decoder(record, dec_hook=_to_array).decode
 
 
@@ -325,7 +325,7 @@ _PACKED_SIZE, _PACKED_HEAD = len(_PACKED_ZEROS), _PACKED_ZEROS[: -8 * 36]
 
 
 def check36(packed: Packed36) -> None:
-    """Refuse what ``unpack36`` would refuse; what is packed as ours is known by its first bytes."""
+    """Raise WrongPayload if ``unpack36`` would; a covariance packed as ours is recognised by its first bytes."""
     if type(packed) is not Ext:
         return
     data: Any = packed.data  # bytes or a view of them

@@ -12,11 +12,11 @@ Seconds = Annotated[float, Meta(ge=0, le=1e9, extra={"unit": "s"})]
 
 
 class InputHealth(Message, frozen=True, kw_only=True):
-    """What came in on one topic: samples taken, lost (gaps in sequence numbers), refused (with the last reason).
+    """Input of one topic: samples received, lost (gaps in sequence numbers), and refused, with the last reason.
 
-    ``repeated`` were dropped because their number does not grow; ``resynced`` is how often a publisher's numbers were
-    followed though they do not continue those before: it began anew under its old id, or somebody forged its numbers.
-    ``foreign`` came without a number.
+    ``repeated`` samples were dropped because their number does not grow; ``resynced`` counts how often a publisher's
+    numbers were followed although they do not continue: it restarted under its old id, or its numbers were forged.
+    ``foreign`` samples have no number.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/InputHealth"
@@ -31,7 +31,7 @@ class InputHealth(Message, frozen=True, kw_only=True):
 
 
 class OutputHealth(Message, frozen=True, kw_only=True):
-    """What went out on one topic."""
+    """Output on one topic."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/OutputHealth"
     topic: str = ""
@@ -41,11 +41,10 @@ class OutputHealth(Message, frozen=True, kw_only=True):
 class Health(Message, frozen=True, kw_only=True):
     """The heartbeat of a node, sent by its own loop; its absence means that the loop hangs.
 
-    ``missed`` counts the ticks that it did not take because it was late: a newer time had come meanwhile. ``received``
-    to ``sent`` are totals over all topics, of which there are ``reads`` that it reads and ``writes`` that it writes.
-    ``inputs`` and ``outputs`` list all of them where they fit into one beat. Of a node with hundreds, they list those
-    with new trouble first, and the others in turn: each is told every few beats. ``refused_requests`` counts the
-    requests that got an error for their answer, ``request_reason`` is the last one.
+    ``missed`` counts ticks skipped because the node was late. ``received`` to ``sent`` are totals over all topics, of
+    which the node subscribes to ``reads`` and publishes ``writes``. ``inputs`` and ``outputs`` list all of them if they
+    fit into one heartbeat; of a node with hundreds, those with new trouble first and the others in turn, each every few
+    heartbeats. ``refused_requests`` counts requests answered by an error, ``request_reason`` is the last one.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Health"
@@ -72,7 +71,7 @@ class Health(Message, frozen=True, kw_only=True):
 
 
 class GoalStatus(Message, frozen=True, kw_only=True):
-    """Where a robot is on its way: ``index`` of ``count`` goals, the distance left to the present one."""
+    """Progress of a robot: ``index`` of ``count`` goals, and the distance left to the current one."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/GoalStatus"
     header: Header = Header()
@@ -84,10 +83,10 @@ class GoalStatus(Message, frozen=True, kw_only=True):
 
 
 class BaseStatus(Message, frozen=True, kw_only=True):
-    """What a base obeys and refuses; the counts grow from spawn to delete.
+    """The commands that a base obeys and refuses; the counts grow from spawn to delete.
 
-    ``last_command`` is the simulation time of the newest command that it took. ``stopped_by`` names the nodes whose
-    emergency stops hold it.
+    ``last_command`` is the simulation time of the newest accepted command. ``stopped_by`` names the nodes that hold
+    its emergency stop.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/BaseStatus"
@@ -136,9 +135,9 @@ CheckName = Annotated[str, Meta(pattern=r"^[A-Za-z_][A-Za-z0-9_]*\Z", max_length
 
 
 class Check(Message, frozen=True, kw_only=True):
-    """A figure that a node has measured itself, with the least and the largest good value; null: not measured.
+    """A figure that a node has measured itself, with the lowest and highest passing value; null: not measured.
 
-    ``reason`` tells a person what it means, or why it is as it is.
+    ``reason`` explains it to people.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Check"
@@ -150,7 +149,7 @@ class Check(Message, frozen=True, kw_only=True):
 
 
 class Checks(Message, frozen=True, kw_only=True):
-    """All checks of one node as they stand; the newest message of a node counts."""
+    """All checks of one node; its newest message counts."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/Checks"
     node: Annotated[str, Meta(max_length=255)] = ""
@@ -192,10 +191,10 @@ class FleetState(Message, frozen=True, kw_only=True):
 
 
 class LockstepState(Message, frozen=True, kw_only=True):
-    """Whom the simulation waits for at its ticks.
+    """The members of lockstep, for which the simulation waits at its ticks.
 
-    ``lost`` are the nodes that it has gone on without since time began: their processes ended, did not answer, or never
-    came. ``left`` are those that took leave. Who came back is among ``members`` as well.
+    ``lost`` are the nodes without which it has continued since time began: their processes ended, did not answer, or
+    never started. ``left`` are those that left in order. A node that returned is among ``members`` as well.
     """
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/LockstepState"

@@ -38,11 +38,10 @@ def did_you_mean(name: str, known: Iterable[str], count: int = 1) -> str:
 
 
 def nearest(name: str, known: Iterable[str], count: int = 1, cutoff: float = 0.6) -> list[str]:
-    """The names of ``known`` that ``name`` may have been meant for, the nearest first.
+    """The names of ``known`` most similar to ``name``, the nearest first.
 
-    Names come from outside, as long and as many as anybody likes, and comparing two takes the product of their lengths:
-    a name of _LONG characters or more is compared with none, others with those nearest to its length for as long as
-    _WORK lasts.
+    Names from outside may be long and many, and comparing two costs the product of their lengths: a name of _LONG
+    characters or more is compared with none, others with those nearest to its length within the budget _WORK.
 
     Args:
         name: The name that does not exist.

@@ -16,7 +16,7 @@ Duration = Annotated[float, Meta(ge=-1, le=1e9, extra={"unit": "s"})]
 
 
 class ApplyEffort(Message, frozen=True, kw_only=True):
-    """Put a job on a joint of ``model``, which may be empty where the joint's name tells it."""
+    """Add an effort job to a joint of ``model``, which may be empty if the joint's name has it."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ApplyEffort"
     model: NameStr = ""
@@ -24,7 +24,7 @@ class ApplyEffort(Message, frozen=True, kw_only=True):
 
 
 class JointName(Message, frozen=True, kw_only=True):
-    """A joint; ``model`` may be empty where the joint's name tells it."""
+    """A joint; ``model`` may be empty if the joint's name has it."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/JointName"
     model: NameStr = ""
@@ -66,7 +66,7 @@ class LinkName(Message, frozen=True, kw_only=True):
 
 
 class LinkState(Message, frozen=True, kw_only=True):
-    """Where the frame of a link is and how it moves, as seen from ``reference_frame``, in its axes."""
+    """Pose and twist of a link's frame relative to ``reference_frame``, in its axes."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/LinkState"
     link_name: str = ""
@@ -76,8 +76,8 @@ class LinkState(Message, frozen=True, kw_only=True):
 
 
 class LinkProperties(Message, frozen=True, kw_only=True):
-    """What a link weighs [kg; 0 when it is held in the world], where its centre of mass is in its own frame, its
-    principal moments [kg m2] about the axes of ``com``, its friction, and how many wrenches wait or act on it."""
+    """Properties of a link: mass [kg; 0 if fixed to the world], centre of mass in its own frame, principal moments
+    [kg m2] about the axes of ``com``, friction, and the number of pending and acting wrenches."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/LinkProperties"
     link_name: str = ""
@@ -89,7 +89,7 @@ class LinkProperties(Message, frozen=True, kw_only=True):
 
 
 class ModelProperties(Message, frozen=True, kw_only=True):
-    """What a model is made of. ``is_static`` tells that its root is held in the world; ``mass`` [kg] is what moves."""
+    """The parts of a model. ``is_static``: its root is fixed to the world; ``mass`` [kg]: of the moving links."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ModelProperties"
     name: str = ""
@@ -125,7 +125,7 @@ class WorldProperties(Message, frozen=True, kw_only=True):
 
 
 class ModelStates(Message, frozen=True, kw_only=True):
-    """Where all models are and how they move, in the world's axes; the three lists are in the same order."""
+    """Poses and twists of all models, in the world's axes; the three lists are in the same order."""
 
     ROS_TYPE: ClassVar[str] = "gazebo_msgs/ModelStates"
     name: tuple[str, ...] = ()

@@ -66,7 +66,7 @@ def validate(name: str, longest: int = LONGEST) -> str:
 def resolve(name: str, namespace: str, node: str) -> str:
     """The absolute name that ``name`` means to a node.
 
-    ``/name`` is itself, ``name`` lies in ``namespace``, ``~/name`` and ``~name`` lie below the node, ``~`` is the node.
+    ``/name`` is itself, ``name`` is in ``namespace``, ``~/name`` and ``~name`` are below the node, ``~`` is the node.
     ``namespace`` may lack its slash; ``node`` is the node's name in it, or its absolute name. Raises BadName.
     """
     validate(name)

@@ -168,7 +168,7 @@ class SetParameters(Message, frozen=True, kw_only=True):
 
 
 class ResetParameters(Message, frozen=True, kw_only=True):
-    """Forget what was set of the named parameters, of all when none is named: fleet file and defaults count again."""
+    """Reset the named parameters, or all if none is named, to the fleet file and the defaults."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ResetParameters"
     set: SetName = ""

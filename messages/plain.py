@@ -1,4 +1,4 @@
-"""Reading a payload of any type, known or not, as plain values: dicts, lists, text, numbers, truth values, bytes."""
+"""Reads a payload of any type, known or not, as plain values: dicts, lists, text, numbers, bools, bytes."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ _parts = decoder(tuple[str, tuple[int, ...], bytes])
 
 
 def plain(payload: bytes) -> Any:
-    """What a MessagePack payload holds, without its type; raises WrongPayload when it is not one whole value.
+    """The value of a MessagePack payload, without its type; raises WrongPayload if it is not one whole value.
 
-    Our array extension becomes nested lists by its shape, keys become text. An extension that is not known here is
-    shown as ``{"extension": code, "data": bytes}``, a point in time as text.
+    The array extension becomes nested lists by its shape, keys become text. An unknown extension is shown as
+    ``{"extension": code, "data": bytes}``, a timestamp as text.
     """
     try:
         return _plain(_decode(payload))

@@ -168,14 +168,14 @@ SIM_REQUESTS: tuple[Request[Message, Message], ...] = (
     MODEL_PROPERTIES,
     WORLD_PROPERTIES,
 )
-"""What the simulation serves."""
+"""The requests of the simulation."""
 
 SUPERVISOR_REQUESTS: tuple[Request[Message, Message], ...] = (
     SUPERVISOR_START,
     SUPERVISOR_STOP,
     SUPERVISOR_RESTART,
 )
-"""What the supervisor of a fleet serves."""
+"""The requests of a fleet's supervisor."""
 
 PARAMS_REQUESTS: tuple[Request[Message, Message], ...] = (
     PARAMS_ANNOUNCE,
@@ -186,7 +186,7 @@ PARAMS_REQUESTS: tuple[Request[Message, Message], ...] = (
     PARAMS_UNDO,
     PARAMS_HISTORY,
 )
-"""What the parameter service serves."""
+"""The requests of the parameter service."""
 
 CONTROLLER_REQUESTS: tuple[Request[Message, Message], ...] = (LIST_CONTROLLERS, SWITCH_CONTROLLER)
 """What a controller manager serves, as ``/NAMESPACE/controller_manager/list_controllers``."""

@@ -11,7 +11,7 @@ from messages.geometry import Pose, Transform, Twist
 class Pose2(NamedTuple):
     """The pose of a frame in its parent: x, y [m] and yaw [rad], which no operation wraps.
 
-    It is also the transform from the frame to its parent: a point p lies at R(yaw) p + (x, y) in the parent.
+    It is also the transform from the frame to its parent: a point p is R(yaw) p + (x, y) in the parent.
     """
 
     x: float = 0.0
@@ -20,7 +20,7 @@ class Pose2(NamedTuple):
 
     @classmethod
     def from_msg(cls, message: Pose | Transform) -> Pose2:
-        """The part of a pose or transform that lies on the ground."""
+        """The planar part of a pose or transform."""
         if isinstance(message, Pose):
             return cls(message.position.x, message.position.y, message.orientation.yaw)
         return cls(message.translation.x, message.translation.y, message.rotation.yaw)

@@ -21,7 +21,7 @@ sine in the arc's denominator goes to 0."""
 class Pose3(NamedTuple):
     """The pose of a frame in its parent: ``position`` [m] and ``orientation``, a unit quaternion (x, y, z, w).
 
-    It is also the transform from the frame to its parent: a point p lies at R(orientation) p + position in the parent.
+    It is also the transform from the frame to its parent: a point p is R(orientation) p + position in the parent.
     """
 
     position: Vector = (0.0, 0.0, 0.0)

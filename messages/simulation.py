@@ -11,7 +11,7 @@ from messages.parameters import Assignment
 
 
 class SimStatus(Message, frozen=True, kw_only=True):
-    """How simulation time runs.
+    """The state of simulation time.
 
     ``absent`` are the nodes of the fleet that were not ready when time began. In real time, ``lags`` counts how often
     the simulation fell behind the wall clock and gave up catching up, and ``lag`` [s] is the wall time lost by that.
@@ -52,7 +52,7 @@ class SpawnModel(Message, frozen=True, kw_only=True):
 class SetModelState(Message, frozen=True, kw_only=True):
     """Move a model; joint angles keep their values.
 
-    Without a ``reference_frame`` the pose is in the world and the twist in the model's own axes, as odometry tells it;
+    Without a ``reference_frame`` the pose is in the world and the twist in the model's own axes, as in odometry;
     with one (``world``, ``model`` or ``model::link``), both are in its axes, as in Gazebo.
     """
 
@@ -92,7 +92,7 @@ class DriveSettings(Message, frozen=True, kw_only=True):
 
 
 class ReleaseStop(Message, frozen=True, kw_only=True):
-    """Release emergency stops that others hold: of the robot ``name``, or, when that is empty, the stop of all robots.
+    """Release emergency stops of other holders: of the robot ``name``, or, if that is empty, the stop of all robots.
 
     ``holder`` is the node, or its ``id``, whose stop is released; when it is empty, that of every holder is.
     """
@@ -117,7 +117,7 @@ class Steps(Message, frozen=True, kw_only=True):
 
 
 class SimTime(Message, frozen=True, kw_only=True):
-    """Where the simulation stands, in ns and in physics steps since the last reset."""
+    """Simulation time, in ns and in physics steps since the last reset."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/SimTime"
     time: Count = 0
@@ -126,7 +126,7 @@ class SimTime(Message, frozen=True, kw_only=True):
 
 
 class GetModelState(Message, frozen=True, kw_only=True):
-    """Where the model ``name`` is.
+    """Pose and twist of the model ``name``.
 
     Without a ``relative_entity`` the pose is in the world and the twist in the model's own axes; with one (``world``,
     ``model`` or ``model::link``), both are as seen from it, in its axes, as in Gazebo: the twist is the difference.

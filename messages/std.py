@@ -49,7 +49,7 @@ class Duration(Message, frozen=True, kw_only=True):
 
 
 class Header(Message, frozen=True, kw_only=True):
-    """When and in which frame the data was taken."""
+    """Time and frame of the data."""
 
     ROS_TYPE: ClassVar[str] = "std_msgs/Header"
     stamp: Time = Time()

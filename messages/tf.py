@@ -15,7 +15,7 @@ class TFMessage(Message, frozen=True, kw_only=True):
 
 
 SPLIT_BYTES = 48_000
-"""What the messages of ``split`` take at most, well below what readers of /tf take: some 200 transforms."""
+"""Maximum bytes of the messages of ``split``, about 200 transforms, well below the limit of /tf."""
 _BYTES = 192
 """A transform without its two names: field names, and nine numbers."""
 

@@ -24,7 +24,7 @@ M_co = TypeVar("M_co", bound=Message, covariant=True)
 
 
 class Quality(Enum):
-    """How samples of a topic travel."""
+    """The quality of service of a topic."""
 
     SENSOR = "newest wins, may drop"
     COMMAND = "newest wins, express, before all other traffic"
@@ -46,10 +46,10 @@ class Topic(Generic[M_co]):
     quality: Quality
     about: str
     largest: int = 1 << 16
-    """Bytes; a larger payload is refused unread. A reader's ring holds 64 MiB at most, so it is the shorter for this.
+    """Maximum bytes; a larger payload is refused unread. A subscriber's ring holds 64 MiB at most, so this shortens it.
 
-    What tells of a whole fleet in one message has room for a thousand robots, the fixed frames and links of models with
-    twenty links for 500.
+    Messages about a whole fleet have room for a thousand robots, those of static frames and links for 500 models with
+    twenty links.
     """
     only: str = ""
     """The node that alone may publish it, where there is one: samples of others are refused."""

@@ -29,6 +29,8 @@ Colour = tuple[float, float, float, float]
 """Red, green, blue and opacity, each from 0 to 1."""
 
 GREY: Colour = (0.6, 0.6, 0.6, 1.0)
+GROUND_NAME = "ground"
+"""The name that the ground has, and no body."""
 MAX_PARTS = 5000
 """Shapes of a world: with as many boxes, PyBullet takes 0.7 ms for a step and 0.4 s to load them."""
 MAX_MOVABLE = 300

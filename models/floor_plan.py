@@ -12,7 +12,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from messages.errors import BadInput, unknown_name
+from messages.errors import BadInput, nearest, unknown_name
 from messages.se3 import Pose3
 from models.bodies import (
     MAX_PARTS,
@@ -100,6 +100,8 @@ def plan_body(plan: FloorPlan) -> WorldBody:
         size = (right - left) * edge, (bottom - top) * edge, plan.wall_height
         centre = (left + right) / 2 * edge, (rows - (top + bottom) / 2) * edge, plan.wall_height / 2
         parts.append(BodyPart(BoxShape(size), Pose3(centre), WALL_COLOUR))
+    if not parts:
+        raise BadInput("the plan has no wall: nothing in the picture is dark enough for occupied_thresh")
     return WorldBody(PLAN_NAME, tuple(parts), Pose3.planar(x, y, yaw))
 
 
@@ -144,7 +146,7 @@ def _wide_first(filled: NDArray[np.bool_], top: int, left: int) -> tuple[int, in
 
 
 class MapFile(msgspec.Struct, frozen=True, kw_only=True):
-    """What a ``map.yaml`` states."""
+    """What a ``map.yaml`` states; ``notes`` name the keys that are not understood."""
 
     image: Path
     resolution: Resolution
@@ -153,6 +155,7 @@ class MapFile(msgspec.Struct, frozen=True, kw_only=True):
     occupied_thresh: Shade = 0.65
     free_thresh: Shade = 0.196
     mode: Literal["trinary", "scale", "raw"] = "trinary"
+    notes: tuple[str, ...] = ()
 
 
 _MAX_YAML = 1 << 16
@@ -165,20 +168,23 @@ def read_map(path: Path) -> MapFile:
     tree, source = read_yaml(text, str(path)), YamlSource(path, text)
     if not isinstance(tree, dict):
         raise BadInput(f"{path}: this is no map.yaml: it has no keys image, resolution and origin")
-    known = [each.name for each in msgspec.structs.fields(MapFile)]
+    known = [each.name for each in msgspec.structs.fields(MapFile) if each.name != "notes"]
     for key in _NEEDED:
         if key not in tree:
             raise BadInput(f"{path}: this is no map.yaml: the key {key} is missing")
-    for key in tree:
-        if key not in known:
-            raise unknown_name("key", str(key), known, source.location(str(key)))
+    notes = []
+    for key in map(str, [each for each in tree if each not in known]):
+        if nearest(key, known):
+            raise unknown_name("key", key, known, source.location(key))
+        notes.append(f"{source.location(key)}: {key}: it is not understood, and ignored")
     if isinstance(tree.get("negate"), int):
         tree["negate"] = bool(tree["negate"])
     image = tree["image"]
     if not isinstance(image, str):
         raise BadInput(f"{source.location('image')}: image is not the path of a picture")
     try:
-        return msgspec.convert({**tree, "image": path.parent / image}, MapFile, strict=False)
+        stated = {key: value for key, value in tree.items() if key in known}
+        return msgspec.convert({**stated, "image": path.parent / image, "notes": notes}, MapFile, strict=False)
     except msgspec.ValidationError as error:
         reason, _, where = str(error).partition(" - at `$.")
         key = where.rstrip("`").partition("[")[0]
@@ -190,7 +196,9 @@ def read_map_yaml(path: Path) -> WorldDescription:
     try:
         stated = read_map(path)
         plan = FloorPlan(_walls(stated), stated.resolution, stated.origin, 1.0)
-        return WorldDescription(about=f"The walls of {path.name}", start=Start(), bodies=(plan_body(plan),))
+        return WorldDescription(
+            about=f"The walls of {path.name}", start=Start(), bodies=(plan_body(plan),), notes=stated.notes
+        )
     except BadInput as error:
         text = str(error)
         raise BadWorld(text if text.startswith(str(path)) else f"{path}: {text}") from None

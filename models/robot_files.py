@@ -138,16 +138,18 @@ def make_robot(
             (into / file).write_text(text, encoding="utf-8")
         if config is not None:
             (into / "model.toml").write_bytes(toml)
-        reach, _, highest = extents(description, shapes)
+        reach, lowest, highest = extents(description, shapes)
         left_out = [f"{told}: {each}" for shape in shapes.values() for each in shape.remarks]
         facts = RobotFacts(
             name=name,
             title=description.name,
             origin=str(path or ""),
             reach=reach,
-            lowest=fit.lowest,
+            lowest=lowest,
             highest=highest,
             notes=(*notes, *left_out, *description.warnings, *mended.notes, *assumed, *chosen),
+            height=fit.height,
+            starts=fit.starts,
             skid=fit.skid,
             wheels=fit.wheels,
             ignored=tags.ignored,

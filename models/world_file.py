@@ -16,6 +16,7 @@ from messages.errors import BadInput, unknown_name
 from messages.se3 import IDENTITY, Pose3, quaternion_from_rpy
 from models.bodies import (
     GREY,
+    GROUND_NAME,
     MAX_MOVABLE,
     MAX_PARTS,
     BadWorld,
@@ -28,7 +29,6 @@ from models.bodies import (
     CylinderShape,
     Extent,
     Light,
-    MeshShape,
     RampShape,
     Repeat,
     Shade,
@@ -38,11 +38,10 @@ from models.bodies import (
     WorldBody,
     WorldDescription,
 )
-from models.floor_plan import PlanKeys, plan_body, read_map_yaml, read_plan
-from models.height_map import read_height_map
+from models.floor_plan import PLAN_NAME, PlanKeys, plan_body, read_map_yaml, read_plan
 from models.input_file import read_limited
-from models.mesh import read_mesh
 from models.toml_source import TomlSource, key_path
+from models.world_meshes import WorldMeshes
 
 MAX_BYTES = 8 << 20
 """Of a world's TOML file; a box takes about 100."""
@@ -225,6 +224,7 @@ class _TomlWorld:
 
     def __init__(self, path: Path, text: str, tree: dict[str, Any]) -> None:
         self._source, self._tree, self._folder = TomlSource(path, text), tree, path.parent
+        self._meshes = WorldMeshes()
 
     def read(self) -> WorldDescription:
         try:
@@ -298,13 +298,10 @@ class _TomlWorld:
             case RampKeys():
                 return RampShape(entry.size)
             case MeshKeys():
-                x, y, z = scale = entry.scale if isinstance(entry.scale, tuple) else (entry.scale,) * 3
-                if 0 in scale:
-                    raise BadInput("a mesh cannot be scaled by 0")
-                file = (self._folder / entry.file).resolve()
-                return MeshShape(read_mesh(file).scaled(x, y, z), file, (x, y, z), entry.convex)
+                x, y, z = entry.scale if isinstance(entry.scale, tuple) else (entry.scale,) * 3
+                return self._meshes.mesh((self._folder / entry.file).resolve(), (x, y, z), entry.convex)
             case HeightMapKeys():
-                return read_height_map(self._folder / entry.image, entry.resolution, entry.height)
+                return self._meshes.height_map(self._folder / entry.image, entry.height, None, entry.resolution)
 
     def _colour(self, value: ColourValue, key: str, index: int) -> Colour:
         if isinstance(value, str):
@@ -320,7 +317,8 @@ class _TomlWorld:
         return Light(light.name, light.direction, self._colour(light.colour, "lights", index)[:3])
 
     def _check_names(self, file: WorldFile) -> None:
-        seen: dict[str, str] = {"plan": self._source.location("plan")} if file.plan else {}
+        seen: dict[str, str] = {PLAN_NAME: self._source.location("plan")} if file.plan else {}
+        seen[GROUND_NAME] = "z = 0"
         for key, entries in (("boxes", file.boxes), ("bodies", file.bodies), ("obstacles", file.obstacles)):
             for index, entry in enumerate(entries):
                 if entry.name in seen:

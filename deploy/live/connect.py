@@ -40,7 +40,7 @@ def user_and_host() -> str:
 
 @contextmanager
 def cli_node(place: NetworkAddress, role: str, owner: str = "") -> Iterator[LightNode]:
-    """Join the network for a while; raises BadInput when nobody is there. SIGINT and SIGTERM stop it."""
+    """Join the network; raises BadInput without a router. SIGINT and SIGTERM stop it."""
     with open_transport(place.router, place.domain) as transport:
         made = LightNode(transport, role, owner)
         install_signal_handlers(made.stop)

@@ -123,8 +123,8 @@ def echo(place: NetworkAddress, asked: EchoRequest, style: EchoFormat) -> int:
         live.declare_subscription(name, expected, "LATCHED" if latched else "SENSOR")
         left = None if deadline is None else max(0.0, deadline - time.monotonic())
         for _ in spin(live, listener.raw, left):
-            for heard in listener.drain():
-                printer.show(heard, reader.read(heard))
+            for sample in listener.drain():
+                printer.show(sample, reader.read(sample))
                 if printer.shown == asked.count:
                     return 0
         if listener.lost:

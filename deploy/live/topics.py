@@ -92,7 +92,7 @@ def wait_for_topic(
 
 
 def find_topic(live: LightNode, name: str, graph: Mapping[str, TopicEndpoints] | None = None) -> TopicEndpoints:
-    """The topic ``name``; raises BadInput when it is neither in the graph nor heard for a second."""
+    """The endpoints of the topic ``name``; raises BadInput if it is not in the graph and has no sample for a second."""
     known = group_by_topic(snapshot(live.transport)) if graph is None else graph
     if name in known:
         return known[name]

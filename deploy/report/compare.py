@@ -178,7 +178,7 @@ def _number(value: float) -> float | None:
 
 
 def _report_notes(left: Path, right: Path) -> list[str]:
-    """What differs by the reports before anything has moved: fleet, mode, seed, version, and parameters."""
+    """The differences of the reports' settings: fleet, mode, seed, version and parameters."""
     one, other = read_report(left), read_report(right)
     if one is None or other is None:
         return []

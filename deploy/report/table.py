@@ -85,7 +85,7 @@ def service_check_lines(report: Report) -> list[str]:
 
 
 def _cause_lines(check: str, report: Report) -> list[str]:
-    """What stands behind a count that is too high."""
+    """The hint behind a count that is too high."""
     robot, _, figure = check.rpartition(".")
     figures = report.robots.get(robot)
     if figure == "min_clearance_m" and isinstance(figures, RobotFigures) and figures.min_clearance_at_s is not None:
@@ -178,8 +178,12 @@ def stop_lines(report: Report) -> list[str]:
     """For each robot that stopped after its last command: the stop, against the theory."""
     return [
         f"{name}: left without a command {each.stops} times; from {_number(each.stop_speed, 1, 2)} m/s to rest in "
-        f"{_number(each.stop_time_s, 1, 2)} s and {_number(each.stop_distance_m, 1000, 0)} mm (theory "
-        f"{_number(each.stop_time_theory_s, 1, 2)} s, {_number(each.stop_distance_theory_m, 1000, 0)} mm)"
+        f"{_number(each.stop_time_s, 1, 2)} s and {_number(each.stop_distance_m, 1000, 0)} mm"
+        + (
+            f" (theory {_number(each.stop_time_theory_s, 1, 2)} s, {_number(each.stop_distance_theory_m, 1000, 0)} mm)"
+            if each.stop_time_theory_s is not None
+            else ""
+        )
         for name, each in wheeled_robots(report).items()
         if each.stops
     ]

@@ -94,7 +94,7 @@ def _guarded(name: str, types: Definitions, record: type[Message] | None) -> Cal
                 raise WrongPayload(_unread(data[:4]))
             read = made[kind] = _Readers(types, encoding).whole(name, record)
         if len(data) > LARGEST_READ:
-            raise WrongPayload(f"it has {len(data)} bytes, the limit of what is read into values is {LARGEST_READ}")
+            raise WrongPayload(f"it has {len(data)} bytes, the limit for reading it into values is {LARGEST_READ}")
         try:
             return read(data[4:], 0)[0]
         except (struct.error, ValueError, TypeError, IndexError, OverflowError, RecursionError) as error:

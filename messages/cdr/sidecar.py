@@ -31,7 +31,7 @@ class RosLog(Message, frozen=True, kw_only=True):
 
 
 class LogExtra(Message, frozen=True, kw_only=True):
-    """What ROS 2's log line lacks."""
+    """The fields that ROS 2's log line lacks."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/LogExtra"
     level: Level = INFO
@@ -40,7 +40,7 @@ class LogExtra(Message, frozen=True, kw_only=True):
 
 
 class ClockExtra(Message, frozen=True, kw_only=True):
-    """What ROS's clock lacks."""
+    """The fields that ROS's clock lacks."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ClockExtra"
     tick: Count = 0
@@ -85,7 +85,7 @@ def split(message: Message) -> tuple[Message, Message | None]:
 
 
 def join(message: Message, extra: Message | None) -> Message:
-    """The message as it is on the bus, from what ``split`` made of it."""
+    """The message as on the bus, joined from the parts of ``split``."""
     match message, extra:
         case Clock(clock=time), ClockExtra(tick=tick, epoch=epoch, paused=paused):
             return Clock(clock=time, tick=tick, epoch=epoch, paused=paused)

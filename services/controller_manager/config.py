@@ -153,12 +153,14 @@ class ManagerConfig:
     """The controllers of a robot in the order of the file.
 
     ``hardware_gains`` are gazebo_ros_control's ``pid_gains``: joints that take positions or velocities are then moved
-    by effort. ``notes`` say what of the file is ignored.
+    by effort. ``joint_state_rate`` [Hz] is that of a JointStateController, 0 without one. ``notes`` say what of the
+    file is ignored.
     """
 
     controllers: tuple[ControllerConfig, ...]
     update_rate: float = DEFAULT_RATE
     hardware_gains: Mapping[str, Gains] = field(default_factory=dict)
+    joint_state_rate: float = 0.0
     notes: tuple[str, ...] = ()
 
     @property

@@ -102,8 +102,11 @@ class _Head(NamedTuple):
     where: str
 
 
-def read_config(path: Path, namespace: str) -> ManagerConfig:
-    """The controllers of the robot in ``namespace``, from a file; raises BadInput."""
+def read_config(path: Path, namespace: str, chosen: Collection[str] = ()) -> ManagerConfig:
+    """The controllers of the robot in ``namespace``, from a file; raises BadInput.
+
+    Where some are ``chosen`` by their names, others may be of unknown types, and are then left out.
+    """
     try:
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
@@ -112,24 +115,25 @@ def read_config(path: Path, namespace: str) -> ManagerConfig:
         text = data.decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"the controllers' file {path} cannot be read: {error}") from None
-    return parse_config(path, text, namespace)
+    return parse_config(path, text, namespace, chosen)
 
 
-def parse_config(path: Path, text: str, namespace: str) -> ManagerConfig:
-    """The controllers in ``text``; ``path`` is named in errors. Raises BadInput."""
+def parse_config(path: Path, text: str, namespace: str, chosen: Collection[str] = ()) -> ManagerConfig:
+    """The controllers in ``text``, as ``read_config`` reads them; ``path`` is named in errors."""
     tree = read_yaml(text, str(path))
     if not isinstance(tree, dict):
         raise BadInput(f"{path}:1: expected a table of controllers, by their names")
     _check_size(tree, path)
-    return _Reader(YamlSource(path, text), namespace.strip("/")).read(tree)
+    return _Reader(YamlSource(path, text), namespace.strip("/"), chosen).read(tree)
 
 
 class _Reader:
     """Reads one file for one robot; ``notes`` collect what is ignored."""
 
-    def __init__(self, source: YamlSource, namespace: str) -> None:
-        self._source, self._namespace = source, namespace
+    def __init__(self, source: YamlSource, namespace: str, chosen: Collection[str]) -> None:
+        self._source, self._namespace, self._chosen = source, namespace, chosen
         self._notes: list[str] = []
+        self._joint_state_rate = 0.0
 
     def read(self, tree: dict[Any, Any]) -> ManagerConfig:
         """The controllers of the file."""
@@ -150,7 +154,7 @@ class _Reader:
         for each in found:
             if each.name == _GAZEBO and self._is_own(each):
                 gains |= self._gains(each.table.get("pid_gains", {}), (*each.path, "pid_gains"))
-        return ManagerConfig(tuple(configs), rate, gains, tuple(self._notes))
+        return ManagerConfig(tuple(configs), rate, gains, self._joint_state_rate, tuple(self._notes))
 
     def _walk(self, table: dict[Any, Any], path: Path_) -> Iterator[_Found]:
         """The tables that are controllers, controller managers or gains of the hardware, at any depth."""
@@ -220,7 +224,11 @@ class _Reader:
             self._notes.append(f"{where}: {found.name} is left out: {OF_THE_SIMULATION[type_name]}")
             return None
         if type_name not in TYPES:
-            raise unknown_name("type of controller", type_name, TYPES, f"{where}: {found.name}")
+            if self._chosen and found.name not in self._chosen:
+                self._notes.append(f"{where}: {found.name} is left out: there is no type {type_name}")
+                return None
+            error = unknown_name("type of controller", type_name, TYPES, f"{where}: {found.name}")
+            raise BadInput(f'{error}; to leave it out, name those to run: controllers = ["NAME"]')
         if not _NAME.fullmatch(found.name):
             raise BadInput(f"{where}: {found.name[:80]!r} is no name of a controller: letters, digits and _")
         each = TYPES[type_name]
@@ -234,10 +242,7 @@ class _Reader:
             case "trajectory":
                 return self._trajectory_controller(each, table, path, head)
         stated = self._table(table, _StateTable, path, ("joints", "interfaces", "extra_joints"))
-        if stated.publish_rate:
-            self._notes.append(
-                f"{where}: {found.name}: joint_states come from the simulation, at the rate of the model"
-            )
+        self._joint_state_rate = stated.publish_rate or self._joint_state_rate
         return ControllerConfig(**head._asdict(), kind="state", interface=each.interface, commanded=each.commanded)
 
     def _joint_controller(

@@ -37,7 +37,7 @@ def run(ctx: Context[ControllerManagerParameters]) -> None:
     """Command the joints until asked to stop, then leave them to the simulation, which holds them."""
     if not ctx.params.config:
         raise BadInput("config is missing: the YAML file of the controllers")
-    config = read_config(Path(ctx.params.config).absolute(), ctx.namespace)
+    config = read_config(Path(ctx.params.config).absolute(), ctx.namespace, ctx.params.controllers)
     for note in config.notes:
         ctx.log.info(note)
     loop = _ManagerLoop(ctx, config)

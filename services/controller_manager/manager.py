@@ -156,12 +156,15 @@ class ControllerManager:
 
     def _start(self, names: Iterable[str]) -> None:
         """Let controllers run, but those of which another one has a joint."""
+        left_out = []
         for name in names:
             claimed = self._claimed()
             if taken := [joint for joint in self._configs[name].joints if joint in claimed]:
-                self._ports.warn(f"{name} is not started: {claimed[taken[0]]} has the joint {taken[0]}")
-                continue
-            self._states[name] = "running"
+                left_out.append(f"{name} ({claimed[taken[0]]} has {taken[0]})")
+            else:
+                self._states[name] = "running"
+        if left_out:
+            self._ports.warn(f"not started, as others have their joints: {', '.join(left_out)}")
 
     def _claimed(self) -> dict[str, str]:
         """The joints of the running controllers, with these."""

@@ -83,7 +83,9 @@ class StopMetrics:
         self.count += 1
         if self.longest.distance is None or distance > self.longest.distance:
             base = self.braking
-            theory = predict_stop(begin.speed, base.timeout, base.brake) if base else (None, None)
+            # Without a time-out it depends on the network when the base learns that its commander has gone.
+            timed = base is not None and base.timeout > 0
+            theory = predict_stop(begin.speed, base.timeout, base.brake) if base and timed else (None, None)
             self.longest = Stop(begin.speed, _rest_time(samples) - since / 1e9, distance, *theory)
 
 

@@ -41,7 +41,7 @@ def run(ctx: Context[SimParameters]) -> None:
     """Simulate until the process is asked to end."""
     params, node = ctx.params, ctx.node
     try:
-        world_description = read_world(params.world)
+        world_description = read_world(params.world, packages=[Path(each) for each in params.model_folders[1:]])
         for note in world_description.notes:
             ctx.log.warn(note)
         with BulletWorld(world_description, STEP_NS) as world:

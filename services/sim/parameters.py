@@ -290,6 +290,7 @@ class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     ``parameters`` are those of a model with wheels, ``joint_parameters`` those of one without. ``joints`` are positions
     to start from, rad or m, 0 where none is stated. Its topics are in ``namespace``, its name when that is empty and
     the root for ``/``; its frames begin with ``frame_prefix``, its name and a slash when that is None.
+    ``joint_state_rate`` is that of the model if it is 0.
     """
 
     name: str
@@ -302,4 +303,5 @@ class RobotEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     frame_prefix: str | None = None
     parameters: BaseParameters = BaseParameters()
     joint_parameters: JointParameters = JointParameters()
+    joint_state_rate: Annotated[float, Meta(ge=0, le=1000, extra={"unit": "Hz"})] = 0.0
     joints: dict[str, float] = {}

@@ -110,7 +110,7 @@ class RobotPublishers:
         self._frame_prefix = robot_frame_prefix(entry)
         self._body = world.body(entry.name)
         self._joints = self._body.joints
-        self.joint_state_steps = _steps(model.joint_rate or model.odometry_rate)
+        self.joint_state_steps = max(1, _steps(entry.joint_state_rate or model.joint_rate or model.odometry_rate))
         topics: list[Topic[Any]] = [GROUND_TRUTH, JOINT_STATES, ROBOT_DESCRIPTION]
         topics += [] if model.fixed_base else [ODOM]
         topics += actuation.extra_topics

@@ -9,7 +9,7 @@ from messages.geometry import Point, Pose, Vector3
 from messages.se3 import IDENTITY, Pose3
 from messages.std import ColorRGBA, Header
 from messages.visualization import Marker, MarkerArray
-from models.bodies import BodyPart, BoxShape, CylinderShape, HeightMapShape, MeshShape, SphereShape
+from models.bodies import GROUND_NAME, BodyPart, BoxShape, CylinderShape, HeightMapShape, MeshShape, SphereShape
 from models.mesh import Mesh
 from models.shape_mesh import joined, placed, shape_mesh
 from models.world import WorldBody, WorldDescription
@@ -34,9 +34,9 @@ _UNIT = Vector3(x=1.0, y=1.0, z=1.0)
 def world_markers(world: WorldDescription) -> MarkerArray:
     """The ground, in the namespace ``ground``, as a flat cube whose top is z = 0; then the bodies, in order.
 
-    A body's namespace is its kind (``fixed``, ``movable`` or ``moving``), or ``ground`` for parts on which wheels roll;
-    its ``text`` is its name, ``id`` counts the markers. A fixed body has a marker for each part; one that moves has one
-    alone, whose pose is the body's, so that it can be drawn anew where ``/world/states`` says.
+    A body's namespace is its kind (``fixed``, ``movable`` or ``moving``), or ``ground`` for a fixed part that robots
+    drive on, as a ramp; its ``text`` is its name, ``id`` counts the markers. A fixed body has a marker for each part;
+    one that moves has one alone, whose pose is the body's, so that it can be drawn anew where ``/world/states`` says.
     """
     markers: list[Marker] = []
     points = 0
@@ -56,10 +56,8 @@ def _body_markers(body: WorldBody, triangles: bool) -> list[Marker]:
     parts = [part for part in body.parts if part.visible]
     if body.kind == "fixed":
         markers = [_part_marker(body, part, body.pose @ part.pose, triangles) for part in parts]
-        return [
-            msgspec.structs.replace(marker, ns="ground") if part.ground else marker
-            for part, marker in zip(parts, markers, strict=True)
-        ]
+        kinds = [GROUND_NAME if part.ground else "fixed" for part in parts]
+        return [msgspec.structs.replace(marker, ns=kind) for marker, kind in zip(markers, kinds, strict=True)]
     if len(parts) == 1 and parts[0].pose == IDENTITY:
         return [_part_marker(body, parts[0], body.pose, triangles)]
     return [_compound_marker(body, parts, triangles)] if parts else []
@@ -136,7 +134,7 @@ def _colour(part: BodyPart) -> ColorRGBA:
 
 def _ground(world: WorldDescription) -> Marker:
     """The rectangle that holds all bodies where they start, with a margin, and all paths."""
-    reaches = [(0.0, 0.0, 0.0)] if not world.all_bodies else []
+    reaches = []
     for body in world.all_bodies:
         for part in body.parts:
             low, high = shape_mesh(part.shape, 2).bounds
@@ -149,17 +147,17 @@ def _ground(world: WorldDescription) -> Marker:
     low_y, high_y = _extent([(y - reach, y + reach) for _, y, reach in reaches])
     return Marker(
         header=_HEADER,
-        ns="ground",
+        ns=GROUND_NAME,
         type=Marker.CUBE,
         pose=Pose(position=Point(x=(low_x + high_x) / 2, y=(low_y + high_y) / 2, z=-_GROUND_THICKNESS / 2)),
         scale=Vector3(x=high_x - low_x, y=high_y - low_y, z=_GROUND_THICKNESS),
         color=_GROUND_COLOUR,
-        text="ground",
+        text=GROUND_NAME,
     )
 
 
 def _extent(intervals: list[tuple[float, float]]) -> tuple[float, float]:
     """The interval [m] that holds all, LEAST_GROUND long at least."""
-    low, high = min(each[0] for each in intervals), max(each[1] for each in intervals)
+    low, high = min((each[0] for each in intervals), default=0.0), max((each[1] for each in intervals), default=0.0)
     missing = max(0.0, LEAST_GROUND - (high - low)) / 2
     return low - missing, high + missing

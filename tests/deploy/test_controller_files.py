@@ -18,6 +18,7 @@ bear_controller:
   type: effort_controllers/JointPositionController
   joint: bear_link
   pid: {p: 100, d: 3}
+states: {type: joint_state_controller/JointStateController, publish_rate: 40}
 """
 WHEEL = "turn: {type: velocity_controllers/JointVelocityController, joint: wheel_left_joint}\n"
 
@@ -46,6 +47,8 @@ def test_the_file_counts_from_the_fleet_and_its_gains_are_sets_of_parameters(fol
     assert f'config="{folder / "sub" / "c.yaml"}"' in manager.argv
     assert 'robot="a"' in manager.argv
     assert fleet_values(fleet, plan)["/a/bear_controller/pid"]["p"] == 100.0
+    [sim] = [each for each in plan if each.kind == "sim"]
+    assert any('"joint_state_rate": 40.0' in each for each in sim.argv)
     assert grader_arms(fleet) == [], "the exercise of the arm service is not that of a controller manager"
 
 

@@ -13,6 +13,7 @@ from deploy.fleet_file import FLEETS, parse_fleet, read_fleet
 from deploy.report.notes import fleet_notes, overrides_note, start_lines
 from messages.se3 import Pose3
 from models import WORLDS, urdf_path
+from models.bodies import CylinderShape
 from models.model import read_model
 from models.world import read_world
 from services.runtime.errors import BadInput
@@ -125,6 +126,13 @@ def test_the_doors_of_the_house_are_wide_enough() -> None:
                 along, across = abs(c * dx + s * dy) - box.size[0] / 2, abs(c * dy - s * dx) - box.size[1] / 2
                 if math.hypot(max(along, 0.0), max(across, 0.0)) < radius:
                     blocked.add((i, j))
+    for body in world.bodies:
+        [part] = body.parts
+        assert isinstance(part.shape, CylinderShape)
+        x, y, _ = body.pose.position
+        n = round((part.shape.radius + radius) / cell)
+        near = [(round(x / cell) + i, round(y / cell) + j) for i in range(-n, n + 1) for j in range(-n, n + 1)]
+        blocked |= {each for each in near if math.hypot(each[0] * cell - x, each[1] * cell - y) < n * cell}
     assert world.start is not None
     reached = [(round(world.start.x / cell), round(world.start.y / cell))]
     seen = set(reached)

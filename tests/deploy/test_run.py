@@ -6,7 +6,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -18,6 +17,7 @@ import pytest
 from deploy.run_fleet import INTERRUPTED
 from services.runtime.process import ROOT
 from tests.deploy.supervisor.supervisor_harness import has_ended
+from tests.harness.fork_server import ForkedVerb
 from tests.harness.ports import free_port
 
 FLEET = """
@@ -50,14 +50,7 @@ class FleetCommandLine:
         return str(path)
 
     def start(self, *arguments: str) -> subprocess.Popen[str]:
-        return subprocess.Popen(
-            [sys.executable, "-P", "-m", "deploy", *arguments],
-            env=self.environment,
-            cwd=self.folder,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        return ForkedVerb(arguments, self.folder, self.environment)
 
     def run(self, *arguments: str, status: int = 0) -> str:
         """What a command prints; it must end with ``status``."""

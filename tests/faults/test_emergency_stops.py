@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from services.runtime.process import ROOT
 from tests.faults.fleet_files import FLEET_HEADER, robot_table, waypoint_entry
 from tests.faults.supervised_fleet import START_S, SupervisedFleet
 from tests.faults.test_killed_simulation import LANDING
+from tests.harness.fork_server import ForkedVerb
 from tests.harness.robot_recorder import STANDSTILL_SPEED
 from tests.harness.waiting import wait_until
 from tests.services.panel.page_client import page_client, send, wait_message
@@ -45,7 +45,7 @@ class EmergencyStopHarness:
         """Press STOP, or reset, of a robot on a page; what it answers."""
         address = wait_until(lambda: read_address(self.fleet.folder / "run" / ADDRESS_FILE), what="the panel's address")
         with page_client(address) as at:
-            send(at, k="want", channels=["robots"])
+            send(at, k="subscribe", channels=["robots"])
             wait_until(
                 lambda: any(each["ns"] == name for each in wait_message(at, "robots")["robots"]),
                 what=f"{name} on the page",
@@ -57,7 +57,7 @@ class EmergencyStopHarness:
         """Whether a new page shows the robot as stopped by this panel, and as stopped at all."""
         address = wait_until(lambda: read_address(self.fleet.folder / "run" / ADDRESS_FILE), what="the panel's address")
         with page_client(address) as at:
-            send(at, k="want", channels=["robots"])
+            send(at, k="subscribe", channels=["robots"])
 
             def told() -> dict[str, bool] | None:
                 robots = wait_message(at, "robots")["robots"]
@@ -67,15 +67,13 @@ class EmergencyStopHarness:
             return found["asked"], found["stopped"]
 
     def verb(self, *arguments: str) -> subprocess.Popen[str]:
-        command = [sys.executable, "-P", "-m", "deploy", *arguments, "--connect", self.fleet.endpoint]
-        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-        return subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        return ForkedVerb((*arguments, "--connect", self.fleet.endpoint), ROOT, os.environ)
 
     def do(self, *arguments: str) -> str:
         """Run a verb to its end."""
         ran = self.verb(*arguments)
-        out, _ = ran.communicate(timeout=60)
-        assert ran.returncode == 0, out
+        out, err = ran.communicate(timeout=60)
+        assert ran.returncode == 0, out + err
         return out
 
     def stops(self) -> tuple[EmergencyStop, ...]:

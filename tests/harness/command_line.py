@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 from pathlib import Path
 from typing import NamedTuple
 
 from services.runtime.process import ROOT
+from tests.harness.fork_server import ForkedVerb
 from tests.harness.ports import free_port
 
 WITHIN_S = 100.0
@@ -48,15 +48,7 @@ class CommandLine:
 
     def start(self, *arguments: str) -> subprocess.Popen[str]:
         """Begin a verb, for a test that ends it."""
-        return subprocess.Popen(
-            [sys.executable, "-P", "-m", "deploy", *arguments],
-            env=self.environment,
-            cwd=self.folder,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
+        return ForkedVerb(arguments, self.folder, self.environment)
 
     def run_fleet(self, fleet: str | Path, results: Path, *options: str, picture: bool = False) -> CommandResult:
         """Run a fleet to its end."""

@@ -274,7 +274,7 @@ def test_few_bytes_never_become_many_values() -> None:
     value = struct.pack("<I", len(data) + 1) + data + b"\0"
     with pytest.raises(WrongPayload, match="recursion"):
         record_reader(Parameter, definitions(Parameter))(b"\0\1\0\0" + name + value)
-    with pytest.raises(WrongPayload, match="the limit of what is read into values is"):
+    with pytest.raises(WrongPayload, match="the limit for reading it into values is"):
         read(b"\0\1" + bytes(LARGEST_READ))
 
 

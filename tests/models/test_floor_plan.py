@@ -92,6 +92,8 @@ def test_a_wrong_map_is_told_with_its_line(tmp_path: Path) -> None:
     (tmp_path / "map.pgm").write_bytes(b"P5\n2 2\n255\n" + bytes([0, 254, 254, 0]))
     file.write_text(right)
     assert len(read_world(str(file)).bodies[0].parts) == 2
+    file.write_text(right + "author: nobody\n")
+    assert read_world(str(file)).notes == (f"{file}:6: author: it is not understood, and ignored",)
     for wrong, instead, told in [
         ("0.05", "-1", f"{file}:2: resolution: Expected `float` > 0.0"),
         ("0.05", ".nan", f"{file}:2: resolution: Expected `float` > 0.0"),
@@ -100,6 +102,7 @@ def test_a_wrong_map_is_told_with_its_line(tmp_path: Path) -> None:
         ("resolution: 0.05\n", "", f"{file}: this is no map.yaml: the key resolution is missing"),
         ("map.pgm", "no.pgm", f"{tmp_path}/no.pgm cannot be read"),
         ("image", "image: [", f"{file}: "),
+        ("occupied_thresh: 0.65", "occupied_thresh: 1.0", "the plan has no wall"),
     ]:
         file.write_text(right.replace(wrong, instead, 1))
         with pytest.raises(BadWorld) as error:

@@ -121,6 +121,12 @@ def test_what_is_wrong_is_told_with_file_line_and_the_right_name(tmp_path: Path)
     file.write_text("[[boxes]]\n" * 100_000)
     with pytest.raises(BadWorld, match=r"\[\[boxes\]\] has 100,000 entries, the limit of a world is 5,000"):
         read_world(str(file))
+    with open(tmp_path / "large.stl", "wb") as mesh:  # 2 million triangles, none of which is read
+        mesh.write(bytes(80) + (2_000_000).to_bytes(4, "little"))
+        mesh.truncate(84 + 50 * 2_000_000)
+    file.write_text('[[bodies]]\nname = "statue"\nshape = "mesh"\nfile = "large.stl"\n')
+    with pytest.raises(BadWorld, match=rf"^{file}:4: 'statue': .*large\.stl has 100000084 bytes, the limit of a mesh"):
+        read_world(str(file))
     with pytest.raises(BadWorld, match="there is no world file"):
         read_world("nowhere.toml", tmp_path)
 

@@ -43,8 +43,8 @@ class JointMotors:
     """Drives joints as ``JointCommand`` says, within the URDF's limits of position, velocity and effort.
 
     A joint whose command is over is held where it is, or let go if it felt an effort. Joints that mimic a commanded one
-    follow it, as the URDF says. While the robot is stopped, all joints that were commanded are held, also those that
-    felt an effort, as by a brake.
+    follow it, as the URDF says, unless they are commanded themselves. While the robot is stopped, all joints that were
+    commanded are held, also those that felt an effort, as by a brake.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class JointMotors:
         self._wheels = frozenset(body.motor_joints)
         movable = [each for each in joints if each.single_dof and each.name not in self._wheels]
         self._mimics = {each.name: each.mimic for each in movable if each.mimic is not None}
-        self.joints = tuple(each.name for each in movable if each.mimic is None)
+        self.joints = tuple(each.name for each in movable)
         """The joints that can be commanded."""
         self.commanded = False
         """Whether a controller manager has ever sent something."""
@@ -137,7 +137,7 @@ class JointMotors:
             else:
                 motors[joint] = self._motor_target(joint, each, position[place], inertias[place], now)
         for joint, mimic in self._mimics.items():
-            if mimic.joint in self._driven:
+            if mimic.joint in self._driven and joint not in self._driven:
                 leader, place = places[mimic.joint], places[joint]
                 goal = within(self._limits[joint], mimic.factor * position[leader] + mimic.offset)
                 wanted = mimic.factor * velocity[leader] + POSITION_GAIN * (goal - position[place]) / STEP_S
@@ -195,8 +195,6 @@ class JointMotors:
         joint = target.joint_name
         if joint in self._wheels:
             raise BadInput(f"{self._name}::{joint} is driven by the robot's base: command cmd_vel instead")
-        if joint in self._mimics:
-            raise BadInput(f"{self._name}::{joint} follows {self._mimics[joint].joint} by the URDF: command that one")
         if joint not in self.joints:
             raise unknown_name("joint", joint, self.joints, self._name)
 
@@ -206,7 +204,8 @@ class JointMotors:
         for joint in free:
             del self._driven[joint]
             self._efforts.pop(joint, None)
-            self._body.release_joints([each for each, mimic in self._mimics.items() if mimic.joint == joint])
+            followers = [each for each, mimic in self._mimics.items() if mimic.joint == joint]
+            self._body.release_joints([each for each in followers if each not in self._driven])
         self._hold([joint for joint in joints if joint not in free])
 
     def _hold(self, joints: list[str] | tuple[str, ...]) -> None:

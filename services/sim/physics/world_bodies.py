@@ -15,7 +15,7 @@ from models.shape_mesh import height_map_mesh, ramp_mesh
 from models.world import WorldBody, WorldDescription
 from services.runtime.errors import BadInput
 from services.sim.physics._pybullet import pybullet
-from services.sim.physics.collision_groups import BODY, GROUND, MOVING_GROUND, set_contact_dynamics
+from services.sim.physics.collision_groups import BODY, FIXED, GROUND, MOVING_GROUND, set_contact_dynamics
 from services.sim.physics.world import BodyState
 
 MOST_TRIANGLES = 80_000
@@ -118,7 +118,8 @@ def _load_fixed(client: int, body: WorldBody, loaded: LoadedWorld) -> None:
 def _register(client: int, number: int, link: int, body: WorldBody, part: BodyPart, loaded: LoadedWorld) -> None:
     loaded.names[number] = body.name
     if part.solid:
-        touches = BODY if not part.ground else GROUND if body.kind == "fixed" else MOVING_GROUND
+        fixed = body.kind == "fixed"
+        touches = (GROUND if fixed else MOVING_GROUND) if part.ground else (FIXED if fixed else BODY)
         set_contact_dynamics(client, number, link, body.friction, touches)
     if part.ground:
         loaded.grounds.add(number)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from services.runtime.process import ROOT
+from tests.harness.fork_server import run_verb
 
 
 @pytest.fixture
@@ -20,14 +20,7 @@ def state(tmp_path: Path) -> dict[str, str]:
 
 
 def elea(environment: dict[str, str], *arguments: str, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-P", "-m", "deploy", *arguments],
-        env=environment,
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
+    return run_verb(*arguments, env=environment, cwd=cwd)
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,7 @@ def test_run_joins_the_fleet_that_runs(terminal: FleetCommandLine) -> None:
         process = terminal.start(*arguments)
         _, err = process.communicate(timeout=60)
         assert process.returncode == 2
-        assert f"no fleet is running on port 1: choose one of one (--port {terminal.port})" in err
+        assert "no fleet is running on port 1: choose one of --fleet one" in err
     (fleet,) = json.loads(terminal.run("ps", "--json", "--port", str(terminal.port)))
     assert fleet["domain"] == "apart"
 

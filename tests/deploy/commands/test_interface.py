@@ -14,7 +14,7 @@ from messages.requests import REQUESTS
 from services.runtime.errors import BadInput
 from services.runtime.process import ROOT
 from tests.harness.cases import case
-from tests.services.state.conftest import run_command
+from tests.harness.fork_server import run_verb
 
 
 def test_every_record_is_described_whole() -> None:
@@ -48,7 +48,7 @@ def test_fields_have_their_types_units_bounds_and_defaults() -> None:
 
 @pytest.mark.parametrize("name", ["geometry_msgs/Twist", "geometry_msgs/msg/Twist"])
 def test_show_takes_both_spellings(name: str) -> None:
-    ran = run_command("interface", "show", name)
+    ran = run_verb("interface", "show", name)
     assert ran.returncode == 0, ran.stderr
     lines = ran.stdout.splitlines()
     assert lines[0] == "geometry_msgs/Twist"
@@ -58,29 +58,29 @@ def test_show_takes_both_spellings(name: str) -> None:
         ["linear", "geometry_msgs/Vector3"],
         ["x", "float"],
     ]
-    told = json.loads(run_command("interface", "show", name, "--json").stdout)
+    told = json.loads(run_verb("interface", "show", name, "--json").stdout)
     assert [each["name"] for each in told["fields"]] == ["linear", "angular"]
 
 
 def test_a_request_is_shown_with_both_sides() -> None:
-    ran = run_command("interface", "show", "/sim/spawn")
+    ran = run_verb("interface", "show", "/sim/spawn")
     assert ran.returncode == 0, ran.stderr
     asks, replies = ran.stdout.split("---\n")
     assert "/sim/spawn: spawn a model" in asks
     assert "elea_msgs/SpawnModel" in asks
     assert replies.startswith("elea_msgs/ModelState")
-    told = json.loads(run_command("interface", "show", "sim/spawn", "--json").stdout)
+    told = json.loads(run_verb("interface", "show", "sim/spawn", "--json").stdout)
     assert (told["asks"]["type"], told["replies"]["type"]) == ("elea_msgs/SpawnModel", "elea_msgs/ModelState")
 
 
 def test_the_list_is_that_of_the_tables() -> None:
-    told = json.loads(run_command("interface", "list", "--json").stdout)
+    told = json.loads(run_verb("interface", "list", "--json").stdout)
     assert [each["type"] for each in told["messages"]] == sorted(RECORDS)
     assert [each["name"] for each in told["requests"]] == [each.name for each in REQUESTS]
-    text = run_command("interface", "list", "nav_msgs", "--only-msgs").stdout
+    text = run_verb("interface", "list", "nav_msgs", "--only-msgs").stdout
     assert text.startswith("Messages:\n  nav_msgs/Odometry  ")
     assert "Requests" not in text
-    assert set(json.loads(run_command("interface", "list", "--only-srvs", "--json").stdout)) == {"requests"}
+    assert set(json.loads(run_verb("interface", "list", "--only-srvs", "--json").stdout)) == {"requests"}
 
 
 def test_a_wrong_name_is_answered_with_the_nearest() -> None:
@@ -93,7 +93,7 @@ def test_a_wrong_name_is_answered_with_the_nearest() -> None:
             find_interface(wrong)
     with pytest.raises(BadInput, match="known: actionlib_msgs, builtin_interfaces, control_msgs"):
         list_types("zzz")
-    ran = run_command("interface", "show", "geometry_msgs/Twsit")
+    ran = run_verb("interface", "show", "geometry_msgs/Twsit")
     assert (ran.returncode, ran.stdout) == (2, "")
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,8 @@ from typing import Any
 import pytest
 
 from messages.topics import CLOCK
-from tests.harness.processes import ROOT, Network
+from tests.harness.fork_server import run_verb
+from tests.harness.processes import Network
 from tests.harness.waiting import wait_until
 
 ROBOTS = [{"name": "arm", "model": "arm_corrected"}, {"name": "tb3", "model": "burger", "x": 3.0}]
@@ -26,8 +26,7 @@ class SimCommandLine:
 
     def run(self, *words: str) -> subprocess.CompletedProcess[str]:
         """``elea sim WORDS``."""
-        command = [sys.executable, "-P", "-m", "deploy", "sim", *words, "--connect", self._endpoint]
-        return subprocess.run(command, capture_output=True, text=True, timeout=60, cwd=ROOT, check=False)
+        return run_verb("sim", *words, "--connect", self._endpoint)
 
     def output(self, *words: str) -> str:
         """What it prints when all is well."""

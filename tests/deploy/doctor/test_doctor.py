@@ -22,10 +22,10 @@ from services.runtime.network_address import NetworkAddress
 from services.runtime.process import ROOT
 from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.wire import encoding
+from tests.harness.fork_server import run_verb
 from tests.harness.ports import free_port
 from tests.harness.processes import Network
 from tests.harness.waiting import wait_until
-from tests.services.state.conftest import run_command
 
 
 def test_a_sound_machine_passes_and_a_busy_network_is_told(tmp_path: Path) -> None:
@@ -61,7 +61,7 @@ def test_a_sound_machine_passes_and_a_busy_network_is_told(tmp_path: Path) -> No
 
 
 def test_a_missing_router_fails_with_advice() -> None:
-    ran = run_command("doctor", "--connect", f"tcp/127.0.0.1:{free_port()}")
+    ran = run_verb("doctor", "--connect", f"tcp/127.0.0.1:{free_port()}")
     assert ran.returncode == 1
     line = next(line for line in ran.stdout.splitlines() if line.startswith("fail"))
     assert "no router at" in line

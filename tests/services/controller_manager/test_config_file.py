@@ -88,10 +88,8 @@ def test_a_file_of_ros_1() -> None:
         "shoulder": ("shoulder_controller", "c.yaml:7"),
         "elbow": ("arm_controller", "c.yaml:11"),
     }
-    assert config.notes == (
-        "c.yaml:4: joint_state_controller: joint_states come from the simulation, at the rate of the model",
-        "c.yaml:20: stop_trajectory_duration is not known and ignored",
-    )
+    assert config.joint_state_rate == 50.0
+    assert config.notes == ("c.yaml:20: stop_trajectory_duration is not known and ignored",)
 
 
 def test_the_namespace_on_top_may_be_missing_or_another() -> None:
@@ -172,6 +170,11 @@ def test_what_is_ignored_is_named() -> None:
         ).notes[-1]
         == "c.yaml:21: state_publsh_rate is not known and ignored; did you mean 'state_publish_rate'?"
     )
+    gripper = ROS_2.replace("diff_drive_controller/DiffDriveController", "gripper/Controller")
+    with pytest.raises(BadInput, match=r"c\.yaml:9: drive: unknown type .*; to leave it out, name those to run"):
+        parsed(gripper)
+    chosen = parse_config(Path("c.yaml"), gripper, "arm0", ("arm_controller",))
+    assert chosen.notes == ("c.yaml:9: drive is left out: there is no type gripper/Controller",)
     silent = parsed(ROS_1.replace("i_clamp: 5, i_clamp_max: 3", ""))
     assert "c.yaml:9: i = 0.01 has no effect, as i_clamp bounds its share to 0" in silent.notes
 

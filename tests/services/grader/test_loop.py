@@ -64,7 +64,9 @@ def test_it_ends_after_the_duration_and_counts_nothing_later(
     assert measured.sim_seconds == 3.0
 
 
-def test_the_clearance_from_bodies_that_stand_and_move_is_measured(tmp_path: Path, posts: list[GradedEntry]) -> None:
+def test_the_clearance_from_bodies_that_stand_and_move_is_measured(
+    tmp_path: Path, corner_messages: list[GradedEntry]
+) -> None:
     """The robot drives from (0, 0) to (0.6, 0): a post stands behind that, and a ball comes towards it."""
     size = Vector3(x=0.2, y=0.2, z=0.4)
     place = Pose(position=Point(x=1.0, z=0.2))
@@ -78,7 +80,7 @@ def test_the_clearance_from_bodies_that_stand_and_move_is_measured(tmp_path: Pat
             place = Pose(position=Point(x=-0.5, y=2.0 - 0.01 * step, z=0.1))
             header = Header(stamp=Time.of(step * 100_000_000))
             bench.publish(WORLD_STATES, WorldStates(header=header, name=("ball",), pose=(place,)))
-        play(bench, posts, until=2.8)
+        play(bench, corner_messages, until=2.8)
     figures = read_measurements(tmp_path).robots["tb3_0"]
     assert isinstance(figures, RobotFigures)
     with np.load(tmp_path / "trajectories.npz") as arrays:
@@ -89,7 +91,7 @@ def test_the_clearance_from_bodies_that_stand_and_move_is_measured(tmp_path: Pat
     assert (figures.min_clearance_at_s, figures.min_clearance_to) == (pytest.approx(nearest[0]), "post")
 
 
-def test_stopped_before_the_end_it_leaves_what_it_has(tmp_path: Path, posts: list[GradedEntry]) -> None:
+def test_stopped_before_the_end_it_leaves_what_it_has(tmp_path: Path, corner_messages: list[GradedEntry]) -> None:
     with run_service(SERVICE, "/", GraderParameters(robots=("tb3_0",), output=str(tmp_path))) as bench:
         play(bench, corner_messages, until=4.0)
     measured = read_measurements(tmp_path)

@@ -147,11 +147,11 @@ def test_a_stop_is_measured_from_the_last_command_and_compared_with_the_theory(s
     assert hardest.time == pytest.approx(theory.time, rel=0.05)
 
 
-def test_without_the_figures_of_the_base_there_is_no_theory() -> None:
-    stops = StopMetrics()
-    Brake(0.5, 2.0, 0.25, 0.3).feed(stops)
-    assert stops.longest.distance == pytest.approx(0.5 * 0.25 + 0.25 / 0.6, rel=0.01)
-    assert (stops.longest.theory_time, stops.longest.theory_distance) == (None, None)
+def test_without_the_figures_of_the_base_or_a_time_out_there_is_no_theory() -> None:
+    for stops in (StopMetrics(), StopMetrics(BrakingSpec(name="a", timeout=0.0, brake=0.3))):
+        Brake(0.5, 2.0, 0.25, 0.3).feed(stops)
+        assert stops.longest.distance == pytest.approx(0.5 * 0.25 + 0.25 / 0.6, rel=0.01)
+        assert (stops.longest.theory_time, stops.longest.theory_distance) == (None, None)
 
 
 def test_lost_samples_make_no_stop_of_less_than_nothing() -> None:
@@ -251,3 +251,5 @@ def test_the_table_tells_a_stop_beside_its_theory() -> None:
     )
     told = "a: left without a command 2 times; from 0.50 m/s to rest in 0.59 s and 210 mm (theory 0.58 s, 208 mm)"
     assert told in shown(figures)
+    untimed = msgspec.structs.replace(figures, stop_time_theory_s=None, stop_distance_theory_m=None)
+    assert "to rest in 0.59 s and 210 mm\n" in shown(untimed)

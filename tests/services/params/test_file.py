@@ -91,9 +91,9 @@ def test_corrupted_bytes_are_refused_or_harmless(valid_file: Any, tmp_path: Path
 
 
 @pytest.mark.slow
-def test_a_changed_value_is_found_though_the_database_is_in_order(sound: Any, tmp_path: Path) -> None:
+def test_a_changed_value_is_found_though_the_database_is_in_order(valid_file: Any, tmp_path: Path) -> None:
     """In forty of the places where it stands, from the first to the last."""
-    file, *_ = sound
+    file, *_ = valid_file
     data, outcomes = file.read_bytes(), []
     parts = data.split(b"p7")
     places = len(parts) - 1

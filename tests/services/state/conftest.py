@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,8 +11,8 @@ import pytest
 
 from messages.topics import JOINT_STATES, TF, TF_STATIC
 from services.runtime.node import Node
-from services.runtime.process import ROOT
 from services.runtime.tf.listener import TransformListener
+from tests.harness.fork_server import run_verb
 from tests.harness.processes import Network, Process
 from tests.harness.waiting import wait_until
 from tests.services.state.sample_urdfs import GRIPPER
@@ -41,20 +40,7 @@ class TfHarness:
 
     def run_command(self, *arguments: str, within: float = 60.0) -> subprocess.CompletedProcess[str]:
         """A verb on this network, run to its end."""
-        return run_command(*arguments, "--connect", self.network.endpoint, within=within)
-
-
-def run_command(*arguments: str, within: float = 60.0) -> subprocess.CompletedProcess[str]:
-    """A verb, run to its end."""
-    return subprocess.run(
-        [sys.executable, "-P", "-m", "deploy", *arguments],
-        cwd=ROOT,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=within,
-        check=False,
-    )
+        return run_verb(*arguments, "--connect", self.network.endpoint, within=within)
 
 
 @pytest.fixture(scope="package")

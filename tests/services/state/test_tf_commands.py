@@ -21,10 +21,11 @@ from messages.std import Header
 from messages.tf import TFMessage
 from messages.topics import TF_STATIC
 from services.runtime.process import ROOT
+from tests.harness.fork_server import run_verb
 from tests.harness.ports import free_port
 from tests.harness.processes import Network
 from tests.harness.waiting import wait_until
-from tests.services.state.conftest import TfHarness, run_command
+from tests.services.state.conftest import TfHarness
 
 
 def test_the_tree_shows_who_tells_of_what_and_how_often(scene: TfHarness) -> None:
@@ -151,7 +152,7 @@ def test_an_interrupt_ends_it(scene: TfHarness) -> None:
 
 def test_a_circle_is_no_tree(tmp_path: Path) -> None:
     with Network(tmp_path) as network, network.node("twister") as node:
-        empty = run_command("tf", "tree", "--listen", "0.3", "--connect", network.endpoint)
+        empty = run_verb("tf", "tree", "--listen", "0.3", "--connect", network.endpoint)
         assert empty.returncode == 1
         assert "no frames on /tf or /tf_static within" in empty.stderr
         pairs = [("p", "q"), ("q", "r"), ("r", "p")]
@@ -160,16 +161,16 @@ def test_a_circle_is_no_tree(tmp_path: Path) -> None:
             for parent, child in pairs
         ]
         node.advertise(TF_STATIC).publish(TFMessage(transforms=tuple(transforms)))
-        ran = run_command("tf", "tree", "--listen", "1", "--connect", network.endpoint)
+        ran = run_verb("tf", "tree", "--listen", "1", "--connect", network.endpoint)
         assert ran.returncode == 1
         assert "frames in a loop: p in r in q in p" in ran.stderr
         assert "p in r  static, /twister, in a loop" in ran.stdout
-        echoed = run_command("tf", "echo", "p", "q", "--timeout", "1", "--connect", network.endpoint)
+        echoed = run_verb("tf", "echo", "p", "q", "--timeout", "1", "--connect", network.endpoint)
         assert echoed.returncode == 1
         assert "in a loop" in echoed.stderr
 
 
 def test_nobody_there_is_told() -> None:
-    ran = run_command("tf", "tree", "--connect", f"tcp/127.0.0.1:{free_port()}")
+    ran = run_verb("tf", "tree", "--connect", f"tcp/127.0.0.1:{free_port()}")
     assert ran.returncode == 2
     assert "no router at" in ran.stderr

@@ -57,7 +57,7 @@ def joints(on: JointSimulation) -> dict[str, float]:
 
 
 def test_a_pan_tilt_and_the_wheels_of_one_robot_both_move(model: str) -> None:
-    with run_joint_simulation(robot_entry("r", model)) as on:
+    with run_joint_simulation(robot_entry("r", model, joint_state_rate=40.0)) as on:
         states, feedback = (
             on.subscribe(JOINT_STATES, "/r/joint_states"),
             on.subscribe(JOINT_FEEDBACK, "/r/joint_feedback"),
@@ -72,7 +72,7 @@ def test_a_pan_tilt_and_the_wheels_of_one_robot_both_move(model: str) -> None:
         assert abs(on.simulation.find("r").pose.position[1]) < 0.01
         for each in (states, feedback):
             each.update()
-        assert len(states.messages) == pytest.approx(2.2 * 25, abs=1)
+        assert len(states.messages) == pytest.approx(2.2 * 40, abs=1)
         stamps = [each.header.stamp.ns for each, _ in feedback.messages]
         assert {later - earlier for earlier, later in pairwise(stamps)} == {5_000_000}
         assert stamps[0] <= 220_000_000, "from the first command on"

@@ -32,6 +32,8 @@ def test_positions_are_reached_at_the_limits_of_the_urdf_without_overshoot() -> 
         for joint, wanted in (("waist", 2.0), ("shoulder", -1.0), ("elbow", 1.5), ("gripper", 0.03)):
             assert rig.position(joint) == pytest.approx(wanted, abs=1e-4)
         assert rig.position("mirrored_gripper") == pytest.approx(0.025, abs=1e-4), "half of the gripper's, and 0.01"
+        drive(rig, 0.5, gripper=0.03, mirrored_gripper=0.0)
+        assert rig.position("mirrored_gripper") == pytest.approx(0.0, abs=1e-4), "its own command wins"
         drive(rig, 2.0, shoulder=-7.0, gripper=1.0)
         assert rig.position("shoulder") == pytest.approx(-2.0, abs=1e-3), "its lower limit"
         assert rig.position("gripper") == pytest.approx(0.04, abs=1e-3), "its upper limit"
@@ -111,15 +113,13 @@ def test_an_emergency_stop_holds_every_joint_that_was_commanded() -> None:
 
 def test_joints_of_the_base_and_unknown_ones_are_refused_and_the_others_move() -> None:
     with joint_rig(Motor("waist", 20.0)) as rig:
-        assert rig.motors.joints == ("shoulder", "elbow", "gripper")
+        assert rig.motors.joints == ("shoulder", "elbow", "gripper", "mirrored_gripper")
         drive(rig, 1.0, waist=1.0, wrist=1.0, elbow=0.5)
         assert rig.topic.refused == 200
         assert "arm::waist is driven by the robot's base: command cmd_vel instead" in rig.log.getvalue()
         assert rig.topic.reason.startswith("arm: unknown joint 'wrist'")
         assert rig.position("elbow") == pytest.approx(0.5, abs=1e-3)
         assert rig.position("waist") == pytest.approx(0.0, abs=1e-3)
-        rig.command("position", mirrored_gripper=0.0)
-        assert rig.topic.reason == "arm::mirrored_gripper follows gripper by the URDF: command that one"
 
 
 def test_a_command_that_was_on_its_way_for_too_long_moves_nothing() -> None:

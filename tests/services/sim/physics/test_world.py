@@ -154,4 +154,4 @@ def test_standard_output_stays_clean() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout == "BadInput\n"
-    assert "pybullet" in done.stderr, "PyBullet did print"
+    assert "missing.urdf" in done.stderr, "PyBullet did print"

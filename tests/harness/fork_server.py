@@ -1,0 +1,184 @@
+"""Runs verbs as processes that need not load the project first: they are forked from one that has.
+
+A verb takes a fifth of a second to start Python and to import, and most of them do little else. All but that is as with
+``python -m deploy``: a process of its own, with its environment, folder, streams, signals and exit status. How long the
+imports take is measured elsewhere.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import pkgutil
+import runpy
+import selectors
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from services.runtime.process import ROOT
+
+STREAMS = (0, 1, 2)
+
+
+class ForkedVerb(subprocess.Popen[str]):
+    """``python -m deploy`` with some arguments. ``stdin`` is empty, the other streams are pipes."""
+
+    def __init__(self, arguments: tuple[str, ...], cwd: Path, env: Mapping[str, str]) -> None:
+        streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        super().__init__(["deploy", *arguments], cwd=cwd, env=env, text=True, **streams)  # type: ignore[call-overload]
+
+    def _execute_child(self, args: list[str], executable: Any, preexec: Any, close: Any, *rest: Any) -> None:
+        _, cwd, env, _, _, _, in_read, _, _, out_write, _, err_write, *_ = rest  # as in CPython 3.11
+        self._link = socket.socket(socket.AF_UNIX)
+        self._link.connect(_server())
+        asked = {"arguments": args, "cwd": str(cwd), "env": dict(env)}
+        socket.send_fds(self._link, [json.dumps(asked).encode() + b"\n"], [in_read, out_write, err_write])
+        for each in (in_read, out_write, err_write):
+            os.close(each)
+        self._closed_child_pipe_fds = True
+        self._answers = self._link.makefile()
+        self.pid = int(self._answers.readline())
+        self._child_created = True
+
+    def _internal_poll(self, *_: Any, **__: Any) -> int | None:
+        return self._wait_for(0.0)
+
+    def _wait(self, timeout: float | None) -> int:
+        if (status := self._wait_for(timeout)) is None:
+            raise subprocess.TimeoutExpired(self.args, timeout or 0.0)
+        return status
+
+    def _wait_for(self, seconds: float | None) -> int | None:
+        if self.returncode is None:
+            with selectors.DefaultSelector() as selector:
+                selector.register(self._link, selectors.EVENT_READ)
+                if selector.select(seconds):
+                    self.returncode = int(self._answers.readline())
+                    self._answers.close()
+                    self._link.close()
+        return self.returncode
+
+
+def run_verb(
+    *arguments: str, cwd: Path = ROOT, env: Mapping[str, str] = os.environ, within: float = 60.0
+) -> subprocess.CompletedProcess[str]:
+    """A verb, run to its end."""
+    with ForkedVerb(arguments, cwd, env) as process:
+        try:
+            out, err = process.communicate(timeout=within)
+        except BaseException:
+            process.kill()
+            raise
+    return subprocess.CompletedProcess(arguments, process.returncode, out, err)
+
+
+@cache
+def _server() -> str:
+    """Where the server listens; it ends with this process, by the end of its standard input."""
+    path = str(Path(tempfile.mkdtemp(prefix="elea-fork-")) / "socket")
+    command = [sys.executable, "-P", "-m", "tests.harness.fork_server", path]
+    server = subprocess.Popen(
+        command, env={**os.environ, "PYTHONPATH": str(ROOT)}, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert server.stdout is not None
+    assert server.stdout.readline() == "ready\n"
+    _server.process = server  # type: ignore[attr-defined]
+    return path
+
+
+def _serve(path: str) -> None:
+    """Fork for each who connects, and tell the process id, and its exit status at its end."""
+    import deploy.commands
+    import deploy.live
+
+    for package in (deploy.commands, deploy.live):
+        for each in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
+            importlib.import_module(each.name)
+    for name in ("deploy.run_fleet", "deploy.detach", "services.runtime.transport.zenoh", "deploy.doctor.checks"):
+        importlib.import_module(name)
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    signal.set_wakeup_fd(writing)
+    signal.signal(signal.SIGCHLD, lambda *_: None)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    links: dict[int, socket.socket] = {}
+    with socket.socket(socket.AF_UNIX) as listener, selectors.DefaultSelector() as selector:
+        listener.bind(path)
+        listener.listen(64)
+        for each in (listener, reading, 0):
+            selector.register(each, selectors.EVENT_READ)
+        print("ready", flush=True)
+        while True:
+            for key, _ in selector.select():
+                if key.fileobj == 0:
+                    return
+                if key.fileobj == reading:
+                    os.read(reading, 4096)
+                    _tell_ended(links)
+                else:
+                    _fork(listener, links)
+
+
+def _fork(listener: socket.socket, links: dict[int, socket.socket]) -> None:
+    link, _ = listener.accept()
+    message, streams, *_ = socket.recv_fds(link, 1 << 20, len(STREAMS))
+    while not message.endswith(b"\n"):
+        message += link.recv(1 << 20)
+    if pid := os.fork():
+        links[pid] = link
+        link.sendall(f"{pid}\n".encode())
+        for each in streams:
+            os.close(each)
+        return
+    for target, each in zip(STREAMS, streams, strict=True):
+        os.dup2(each, target)
+    os.closerange(max(STREAMS) + 1, 1024)
+    _become(json.loads(message))
+
+
+def _become(asked: dict[str, Any]) -> None:
+    signal.set_wakeup_fd(-1)
+    signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    os.chdir(asked["cwd"])
+    os.environ.clear()
+    os.environ.update(asked["env"])
+    sys.argv = [str(ROOT / "deploy" / "__main__.py"), *asked["arguments"][1:]]
+    status = 1
+    try:
+        runpy.run_module("deploy", run_name="__main__", alter_sys=True)
+        status = 0
+    except SystemExit as ended:
+        status = ended.code if isinstance(ended.code, int) else 0 if ended.code is None else 1
+    except BaseException:  # noqa: BLE001 as the interpreter does it at the end of a program
+        sys.excepthook(*sys.exc_info())  # type: ignore[arg-type]
+    finally:
+        for each in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError):
+                each.flush()
+        os._exit(status)
+
+
+def _tell_ended(links: dict[int, socket.socket]) -> None:
+    while links:
+        try:
+            pid, status = os.waitpid(-1, os.WNOHANG)
+        except ChildProcessError:
+            return
+        if not pid:
+            return
+        with links.pop(pid) as link, suppress(OSError):
+            link.sendall(f"{os.waitstatus_to_exitcode(status)}\n".encode())
+
+
+if __name__ == "__main__":
+    _serve(sys.argv[1])
