@@ -19,9 +19,11 @@ from deploy.service_parameters import (
     RunOptions,
     arm_parameters,
     fleet_endpoint,
+    odometry_counts_from_start,
     service_parameters,
     state_parameters,
 )
+from messages.se2 import Pose2
 from services.catalog import is_user_file, load_service
 
 _RESTART_MODES: dict[str, RestartMode] = {"router": "always", "grader": "never"}
@@ -153,10 +155,18 @@ def _arguments(
 
 
 def _shift_points(stated: _PlacedService) -> dict[str, Any]:
-    """The service's own parameters, with the points counted from the robot's start put there."""
+    """The service's own parameters, with points counted from the robot's start put into the frame of its odometry."""
     parameters = dict(stated.service.parameters)
     if stated.robot is not None:
-        start = stated.robot.pose
         for name in stated.service.from_start:
-            parameters[name] = [[x + start.x, y + start.y] for x, y in parameters[name]]
+            parameters[name] = [_point_in_odometry(stated.robot, x, y) for x, y in parameters[name]]
     return parameters
+
+
+def _point_in_odometry(robot: RobotConfig, x: float, y: float) -> list[float]:
+    """A point that lies (x, y) [m] from the robot's start in the axes of the world, as its odometry has it."""
+    start = robot.pose
+    if not odometry_counts_from_start(robot):
+        return [x + start.x, y + start.y]
+    there = Pose2(yaw=start.yaw).between(Pose2(x, y))
+    return [there.x, there.y]

@@ -15,7 +15,6 @@ from deploy.run_folder import BAG_FOLDER, RECORDING_FILE, SCHEDULE_FILE, STOPS_F
 from messages.names import join
 from messages.topics import CONTROL_STATE
 from models.dynamics import read_pendulum
-from models.extent import vertical_extent
 from models.model import read_model
 from models.urdf import read_joint_limits
 from services.arm import ArmParameters
@@ -25,7 +24,7 @@ from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.validation import build
 from services.runtime.transport.unix_sockets import router_endpoint
 from services.runtime.transport.zenoh_config import PORT
-from services.sim.drive.config import robot_config
+from services.sim.drive.config import odometry_config, robot_config
 from services.sim.parameters import BaseParameters, JointParameters
 from services.sim.robot_names import robot_frame_prefix, robot_namespace
 
@@ -128,11 +127,10 @@ OBSERVER_SERVICES = ("panel",)
 
 
 class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What the command line adds to a fleet file: where results go, the network, whether to open a viewer and to draw
-    the report's picture.
+    """Options of the command line beside the fleet file: result folder, network, viewer, and the report's picture.
 
-    ``saved`` is the file of what parameters were set to; without one that is known for the run alone. The router
-    joins those at ``links``, and listens at ``listen`` as well; ``insecure`` allows addresses beyond this machine.
+    ``saved`` is the file of saved parameters; without one, changes last for the run only. The router joins those at
+    ``links``, and also listens at ``listen``; ``insecure`` allows addresses that other machines can reach.
     ``overrides`` are the keys of the fleet file that were changed, for the report. ``tcp_port`` replaces the fleet's
     port for a fleet that uses TCP.
     """
@@ -258,6 +256,15 @@ def _sim_robot(fleet: Fleet, robot: RobotConfig) -> dict[str, Any]:
     return {**names, **pose, table: robot.parameters}
 
 
+def odometry_counts_from_start(robot: RobotConfig) -> bool:
+    """Whether the odometry of a robot is 0 at its start; else it begins at the robot's pose in the world."""
+    model = read_model(robot.model)
+    if model.wheels is None:
+        return False
+    config = odometry_config(model, build(BaseParameters, robot.parameters))
+    return config.source != "world" and not config.in_world
+
+
 def robot_parameter_set(robot: RobotConfig) -> str:
     """The set of a robot in the simulation: of its base, or of its joints."""
     return join(robot_namespace(robot), "base" if read_model(robot.model).has_base else "joints")
@@ -269,7 +276,9 @@ def robot_parameters_type(model: str) -> type[Parameters]:
 
 
 def _size_spec(robot: RobotConfig) -> dict[str, Any]:
-    """The room that a robot takes; without a top where its URDF does not tell how high it is."""
+    """The space that a robot occupies; without a top if its URDF does not give its height."""
+    from models.extent import vertical_extent  # numpy and decoders of meshes, which a command line alone never needs
+
     bottom, top = vertical_extent(robot.model)
     size = {"name": robot.name, "radius": read_model(robot.model).radius, "bottom": bottom}
     return size if math.isinf(top) else {**size, "top": top}

@@ -55,11 +55,13 @@ class DrivenWheels:
 
 @dataclass(frozen=True)
 class EngineFit:
-    """The text, the lowest point in the root's frame, m, how the base skids, if it has several driven wheels on a
-    side, and its wheels as the shapes have them."""
+    """The text, how high the root stands when the robot touches the ground, m, where joints start that may not stand
+    at zero, rad or m, how the base skids, if it has several driven wheels on a side, and its wheels as the shapes have
+    them."""
 
     text: str
-    lowest: float
+    height: float
+    starts: dict[str, float]
     skid: Skid | None = None
     wheels: BuiltWheels | None = None
 
@@ -99,10 +101,12 @@ class _Fit:
         rolling = self._roll_on_spheres()
         floor = min([lowest_point(self._rigid()), *self._bottoms.values()]) if self._bottoms else self._floor
         self._set_friction(rolling, floor)
+        starts = {each.name: each.limits.clamp(0.0) for each in self._robot.joints if each.single_dof}
         ElementTree.indent(self._xml)
         return EngineFit(
             text=ElementTree.tostring(self._xml, encoding="unicode") + "\n",
-            lowest=floor,
+            height=0.0 if self._robot.root == "world" else 0.0 - floor,
+            starts={name: start for name, start in starts.items() if start},
             skid=self._skid(),
             wheels=self._built(),
         )

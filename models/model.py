@@ -192,10 +192,10 @@ class RobotModel(ModelTable, frozen=True, kw_only=True):
     ``odometry_rate`` [Hz] is that of odometry and ground truth, ``joint_rate`` [Hz] that of the joint states, the same
     where it is not stated. ``fixed_base`` holds the root where it is. ``drive`` holds what this model's base driver
     takes for parameters that a fleet leaves open, by the names of ``services.sim.BaseParameters``. ``topics`` gives
-    topics, by their names here, a second name in the robot's namespace. ``odom_frame`` is that of odometry.
+    topics, by their names here, a second name in the robot's namespace.
 
     ``odometry`` is the pose in the world, or what the wheels' encoders tell, with ``odometry_error``; that counts from
-    the robot's pose in the world, or from 0, by ``odometry_origin``.
+    the robot's pose in the world, or from 0, by ``odometry_origin``. ``odom_frame`` is its frame.
     """
 
     about: str

@@ -32,7 +32,8 @@ class RobotFacts(msgspec.Struct, frozen=True, kw_only=True):
 
     ``title`` is what the URDF calls it; ``reach`` [m] is how far it extends from the root's z axis, ``lowest`` and
     ``highest`` [m] are its ends above the root's frame, all joints at zero. ``origin`` is the user's file, empty for a
-    text.
+    text. ``height`` [m] is how high the root stands when the robot touches the ground, ``starts`` [rad or m] where
+    joints start that may not stand at zero.
     """
 
     name: str
@@ -42,6 +43,8 @@ class RobotFacts(msgspec.Struct, frozen=True, kw_only=True):
     lowest: float = 0.0
     highest: float = 0.0
     notes: tuple[str, ...] = ()
+    height: float = 0.0
+    starts: dict[str, float] = {}
     skid: Skid | None = None
     wheels: BuiltWheels | None = None
     ignored: tuple[str, ...] = ()

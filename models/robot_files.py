@@ -27,7 +27,7 @@ from models.shapes import read_shapes
 from models.urdf import located, parse_urdf, parse_xml
 from models.urdf_writer import EngineFiles, extents, physics_urdf, viewer_urdf
 
-FORMAT = "7"
+FORMAT = "9"
 """Changes when other files are made of the same robot."""
 MAX_MODEL_TOML = 1 << 20
 """Bytes of a ``model.toml``."""
@@ -84,6 +84,7 @@ def make_robot(
     config: Path | None,
     packages: PackagePath,
     access: FileAccess,
+    base: Path | None = None,
     faults: list[str] | None = None,
 ) -> Path:
     """Read all that belongs to a robot, and write its folder unless it is there already; raises BadInput.
@@ -96,6 +97,7 @@ def make_robot(
         config: Its ``model.toml``, if there is one.
         packages: Where packages are looked for.
         access: What may be read.
+        base: The folder above which the packages of a text are looked for.
         faults: Gets why meshes cannot be read, and these are left out; without a list they are errors.
 
     Returns:
@@ -121,13 +123,13 @@ def make_robot(
     def write(into: Path) -> None:
         contacts = {each.get("name", ""): contact for each in robot if (contact := each.find("contact")) is not None}
         physics, assumed = physics_urdf(description, shapes, mended.inertias, contacts, EngineFiles(into, folder))
-        file_name = path.name if path is not None else told
-        tags = parse_gazebo_tags(resolved, file_name)
+        shown = path.name if path is not None else told
+        tags = parse_gazebo_tags(resolved, shown)
         chosen: tuple[str, ...] = ()
         if config is not None:
             driven = _stated_wheels(toml)
         else:
-            model, chosen = infer_model(description, shapes, tags, file_name)
+            model, chosen = infer_model(description, shapes, tags, shown)
             driven = DrivenWheels.of(model)
             (into / INFERRED_FILE).write_bytes(msgspec.json.encode(model))
         fit = fit_urdf(physics, description, shapes, tags.friction, driven)
@@ -136,16 +138,18 @@ def make_robot(
             (into / file).write_text(text, encoding="utf-8")
         if config is not None:
             (into / "model.toml").write_bytes(toml)
-        reach, _, highest = extents(description, shapes)
+        reach, lowest, highest = extents(description, shapes)
         left_out = [f"{told}: {each}" for shape in shapes.values() for each in shape.remarks]
         facts = RobotFacts(
             name=name,
             title=description.name,
             origin=str(path or ""),
             reach=reach,
-            lowest=fit.lowest,
+            lowest=lowest,
             highest=highest,
             notes=(*notes, *left_out, *description.warnings, *mended.notes, *assumed, *chosen),
+            height=fit.height,
+            starts=fit.starts,
             skid=fit.skid,
             wheels=fit.wheels,
             ignored=tags.ignored,

@@ -89,7 +89,7 @@ def resolve_robot(
             raise BadInput(f"{path}: xacro_args are for a xacro, and this is a plain URDF")
     toml = path.with_name("model.toml")
     config = toml if path.name in _FILES and toml.exists() else None
-    return _make(_name_of(path), urdf, path, told, config, packages, access, faults)
+    return _make(_name_of(path), urdf, path, told, config, packages, access, faults=faults)
 
 
 def resolve_urdf_text(
@@ -120,11 +120,12 @@ def _make(
     config: Path | None,
     packages: Sequence[Path],
     access: FileAccess,
+    base: Path | None = None,
     faults: list[str] | None = None,
 ) -> RobotSource:
     from models.robot_files import make_robot  # numpy and decoders of meshes, which a command line alone never needs
 
-    found = _source(make_robot(name, urdf, path, told, config, PackagePath(tuple(packages)), access, faults))
+    found = _source(make_robot(name, urdf, path, told, config, PackagePath(tuple(packages)), access, base, faults))
     read_model(found.model)
     return found
 

@@ -165,7 +165,7 @@ def _spawn_body(
 ) -> tuple[BodyHandle, SideGrip | None]:
     try:
         check_positions(entry.model, entry.joints)
-        start = tuple({**joints_off_zero(entry.model), **entry.joints}.items())
+        start = tuple(entry.joints.items())
         urdf = physics_urdf_path(entry.model)
         body = Body(entry.name, urdf, pose, motors, model.fixed_base, start, joint_friction)
         adapted = adapt_body(body, entry.model)
@@ -174,12 +174,6 @@ def _spawn_body(
     except BadInput:
         parameters.close()
         raise
-
-
-def joints_off_zero(model: str) -> dict[str, float]:
-    """Where joints start whose limits leave out 0: at the nearest one, or the engine would throw them there."""
-    starts = {joint: limits.clamp(0.0) for joint, limits in read_joint_limits(model).items()}
-    return {joint: start for joint, start in starts.items() if start}
 
 
 class BaseActuation:

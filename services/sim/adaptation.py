@@ -1,9 +1,10 @@
-"""What a robot from outside needs in the world beside its URDF."""
+"""A robot from anywhere as the simulation spawns it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from messages.se3 import Pose3
 from models.robot_cache import is_made
 from models.robot_facts import Skid, read_facts
 from services.sim.drive.side_grip import SideGrip
@@ -23,8 +24,17 @@ class AdaptedBody:
 
 
 def adapt_body(body: Body, model: str) -> AdaptedBody:
-    """The body of a robot from outside; the driven wheels of one that skids slide along their axles."""
-    skid = read_facts(model).skid if is_made(model) else None
-    if skid is None:
+    """A robot from outside, lifted out of the ground if its root stands higher than its pose; joints whose limits leave
+    out zero start at the limit. One of this project's own stays as it is."""
+    if not is_made(model):
         return AdaptedBody(body)
-    return AdaptedBody(replace(body, slides=tuple(skid.axles.items())), skid)
+    facts = read_facts(model)
+    (x, y, z), turn = body.pose
+    skid = facts.skid
+    adapted = replace(
+        body,
+        pose=Pose3((x, y, max(z, facts.height)), turn),
+        initial_positions=tuple({**facts.starts, **dict(body.initial_positions)}.items()),
+        slides=() if skid is None else tuple(skid.axles.items()),
+    )
+    return AdaptedBody(adapted, skid)

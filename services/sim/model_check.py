@@ -23,7 +23,6 @@ from models.urdf import Joint, Link, RobotDescription, parse_urdf, parse_xml, re
 from models.world import WorldDescription
 from models.xacro_file import XacroValue
 from services.runtime.step import STEP_NS
-from services.sim.actuation import joints_off_zero
 from services.sim.adaptation import AdaptedBody, adapt_body
 from services.sim.drive.config import DriveConfig, robot_config
 from services.sim.driving_trial import (
@@ -39,7 +38,6 @@ from services.sim.driving_trial import (
 from services.sim.parameters import BaseParameters
 from services.sim.physics.bullet import BulletWorld
 from services.sim.physics.world import Body, Motor, World
-from services.sim.robot_loader import on_the_ground
 
 STRAIGHT = 0.02
 """Share by which the way of 1 m may differ, and m that it may lead aside."""
@@ -227,7 +225,7 @@ def _describe(robot: _Robot, faults: Sequence[str]) -> ModelCheck:
         mass=sum(each.inertia.mass for each in robot.description.links),
         links=len(robot.description.links),
         radius=model.radius,
-        height=0.0 - facts.lowest,
+        height=facts.height,
         fixed_base=model.fixed_base,
         base=_base(robot),
         sensors=tuple(_sensors(model)),
@@ -362,7 +360,7 @@ def _gap(name: str, robot: _Robot) -> float:
     """How high a wheel is above the ground, m."""
     joint = next(each for each in robot.description.joints if each.name == name)
     wheel = read_wheel(robot.description, robot.shapes, joint)
-    return wheel.place[2] - wheel.radius - robot.facts.lowest
+    return wheel.place[2] - wheel.radius + robot.facts.height
 
 
 def _with_trials(check: ModelCheck, robot: _Robot) -> ModelCheck:
@@ -378,10 +376,8 @@ def _with_trials(check: ModelCheck, robot: _Robot) -> ModelCheck:
 
 
 def _body(robot: _Robot, motors: tuple[Motor, ...], fixed: bool = False) -> AdaptedBody:
-    model = robot.source.model
-    place, starts = on_the_ground(model, Pose3()), tuple(joints_off_zero(model).items())
-    body = Body("robot", physics_urdf_path(model), place, motors, robot.model.fixed_base or fixed, starts)
-    return adapt_body(body, model)
+    urdf = physics_urdf_path(robot.source.model)
+    return adapt_body(Body("robot", urdf, Pose3(), motors, robot.model.fixed_base or fixed), robot.source.model)
 
 
 def driven_robot(world: World, body: AdaptedBody, settings: DriveConfig) -> DrivenRobot:
@@ -460,7 +456,7 @@ def _shake(robot: _Robot) -> Iterator[TrialFacts]:
         body = _body(robot, motors, fixed=True).body
         if not model.fixed_base:
             # In the air: what it stands on would be in the way.
-            body = replace(body, pose=Pose3((0.0, 0.0, LIFT - robot.facts.lowest)))
+            body = replace(body, pose=Pose3((0.0, 0.0, LIFT + robot.facts.height)))
         world.spawn(body)
         for trial in shake_joints(world, "robot", [each.joint for each in motors], moves):
             yield _joint_trial(trial, units[trial.joint])

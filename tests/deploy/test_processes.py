@@ -43,6 +43,26 @@ def test_lab_is_the_tutorial_shifted_by_each_start() -> None:
         assert stated["laps"] == 1
 
 
+def test_points_from_the_start_are_put_into_the_frame_of_the_odometry(tmp_path: Path) -> None:
+    """A metre north of its start: a robot that looks west and counts from there has the point on its right."""
+    file = tmp_path / "starts.toml"
+    robots = (("a", "burger", ""), ("b", "burger", 'odometry_origin = "start"'), ("c", "p3dx", ""))
+    file.write_text(
+        'name = "starts"\n[[every_robot]]\nkind = "waypoint"\nfrom_start = ["goals"]\n'
+        "parameters = { goals = [[0, 1]] }\n"
+        + "".join(
+            f'[[robot]]\nname = "{name}"\nmodel = "{model}"\nparameters = {{ {more} }}\n'
+            f"pose = {{ x = {3 * number}.0, y = 2.0, yaw = 3.141592653589793 }}\n"
+            for number, (name, model, more) in enumerate(robots)
+        )
+    )
+    plan = expand(read_fleet(file))
+    told = {name: read_assignments(options(plan[f"{name}/waypoint"], "--fleet-param")) for name, *_ in robots}
+    assert told["a"]["goals"] == [[0, 3]]
+    for name in ("b", "c"):
+        assert told[name]["goals"][0] == pytest.approx([0.0, -1.0])
+
+
 def test_lab_starts_in_order_and_steps_together() -> None:
     plan = expand(read_fleet(find_fleet("lab")))
     assert plan["router"].depends_on == ()

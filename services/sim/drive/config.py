@@ -9,7 +9,7 @@ from typing import Any, Literal
 import msgspec
 
 from messages.base import Packed36, covariance
-from models import model_config_path, physics_urdf_path
+from models import model_config_path, urdf_path
 from models.model import OdometryErrorConfig, PlanarConfig, RobotModel, WheelConfig, read_model
 from models.robot_cache import is_made
 from models.robot_facts import read_facts
@@ -284,7 +284,7 @@ def _planar_drive(planar: PlanarConfig, parameters: BaseParameters, geometry: Wh
 
 def _check_against_urdf(name: str, left: str, right: str, used: WheelGeometry, parameters: BaseParameters) -> list[str]:
     """Warnings about figures and wheels that do not fit the URDF; raises BadInput."""
-    urdf = physics_urdf_path(name)
+    urdf = urdf_path(name)
     try:
         pair = read_wheels(urdf, left, right)
     except NoWheels as error:

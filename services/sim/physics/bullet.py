@@ -140,7 +140,7 @@ class BulletWorld:
             return
         body = self.body(name)
         self._check(name, Configuration(pose, body.configuration.joints))
-        body.set_pose(pose)
+        body.place(pose)
         body.set_velocity(state.linear, state.angular)
 
     def set_joints(self, name: str, positions: Mapping[str, float]) -> None:

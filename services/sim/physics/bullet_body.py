@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from messages.se3 import IDENTITY, Pose3, Rotation, Vector, rotate_inverse
+from messages.se3 import IDENTITY, Pose3, Rotation, Vector, rotate, rotate_inverse
 from services.runtime.errors import unknown_name
 from services.sim.physics._pybullet import pybullet
 from services.sim.physics.engine import load_urdf
@@ -36,8 +36,8 @@ class BulletBody:
         self._motors: tuple[int, ...] = ()
         self._links: dict[str, int] = {}
         """Indices; that of the root is -1."""
-        self._root_inertial: Pose3 | None = None
-        """Where the engine has the root: at its principal axes of inertia. None where these are the link's frame."""
+        self._centre: Pose3 | None = None
+        """Where the principal axes of the root's inertia are in its frame; None where they are its axes."""
 
     def load(self) -> None:
         """Load the body into a new or reset client, at rest; raises BadInput for a joint that it does not have."""
@@ -60,9 +60,16 @@ class BulletBody:
         root = pybullet.getBodyInfo(self.body_id, client)[0].decode()
         self._motors = tuple(self._joints[motor.joint] for motor in description.motors)
         self._links = {root: -1} | {row[12].decode(): row[0] for row in rows}
-        at, turn = pybullet.getDynamicsInfo(self.body_id, -1, client)[3:5]
-        self._root_inertial = None if (at, turn) == IDENTITY else Pose3(at, turn)
-        self._let_slide()
+        if description.slides:
+            # By default friction acts along two axes of the world, each limited by itself: shares along a link's axes
+            # fail where both coincide.
+            pybullet.setPhysicsEngineParameter(enableConeFriction=0, physicsClientId=client)
+        for link, axis in description.slides:
+            index = self._link_index(link)
+            # The engine counts them in the principal axes of the link's inertia.
+            along = rotate_inverse(pybullet.getDynamicsInfo(self.body_id, index, client)[4], axis)
+            shares = [1 - (1 - SLIDING_SHARE) * each * each for each in along]
+            pybullet.changeDynamics(self.body_id, index, anisotropicFriction=shares, physicsClientId=client)
         self.set_joints(dict(description.initial_positions))
         if description.joint_friction:
             self.set_joint_friction(dict(description.joint_friction))
@@ -85,25 +92,21 @@ class BulletBody:
         return Configuration(self._root_pose(), dict(zip(self._joints, self.joint_readings().position, strict=True)))
 
     def state(self) -> BodyState:
-        centre, turn = pybullet.getBasePositionAndOrientation(self.body_id, self._client)
         linear, angular = pybullet.getBaseVelocity(self.body_id, self._client)
-        if self._root_inertial is None:
-            return BodyState(centre, turn, linear, angular)
-        pose = Pose3(centre, turn) @ self._root_inertial.inverse()
-        velocity = _velocity_at(pose.position, centre, linear, angular)
-        return BodyState(pose.position, pose.orientation, velocity, angular)
+        pose = self._root_pose()
+        if self._centre is not None:
+            linear = _velocity_at(linear, angular, rotate(pose.orientation, self._centre.position), -1.0)
+        return BodyState(*pose, linear, angular)
 
-    def set_pose(self, pose: Pose3) -> None:
-        """Put the root's frame at a pose, unchecked."""
-        engine = pose if self._root_inertial is None else pose @ self._root_inertial
-        pybullet.resetBasePositionAndOrientation(self.body_id, *engine, physicsClientId=self._client)
+    def place(self, pose: Pose3) -> None:
+        """Put the root frame somewhere, unchecked."""
+        if self._centre is not None:
+            pose = pose @ self._centre
+        pybullet.resetBasePositionAndOrientation(self.body_id, *pose, physicsClientId=self._client)
 
     def set_velocity(self, linear: Vector, angular: Vector) -> None:
-        """Let the origin of the root's frame move at ``linear`` [m/s] and turn at ``angular`` [rad/s], in world
-        axes."""
-        if self._root_inertial is not None:
-            centre = pybullet.getBasePositionAndOrientation(self.body_id, self._client)[0]
-            linear = _velocity_at(centre, self._root_pose().position, linear, angular)
+        if self._centre is not None:
+            linear = _velocity_at(linear, angular, rotate(self._root_pose().orientation, self._centre.position), 1.0)
         pybullet.resetBaseVelocity(self.body_id, linear, angular, physicsClientId=self._client)
 
     def set_speeds(self, speeds: Sequence[float]) -> None:
@@ -239,22 +242,9 @@ class BulletBody:
         pybullet.applyExternalForce(self.body_id, index, force, point, frame, physicsClientId=self._client)
         pybullet.applyExternalTorque(self.body_id, index, torque, frame, physicsClientId=self._client)
 
-    def _let_slide(self) -> None:
-        """Give links along their sliding axes little friction."""
-        if self.description.slides:
-            # By default friction acts along two axes of the world, each limited by itself: shares along a link's axes
-            # fail where both coincide.
-            pybullet.setPhysicsEngineParameter(enableConeFriction=0, physicsClientId=self._client)
-        for link, axis in self.description.slides:
-            index = self._link_index(link)
-            # The engine counts them in the principal axes of the link's inertia.
-            along = rotate_inverse(pybullet.getDynamicsInfo(self.body_id, index, self._client)[4], axis)
-            shares = [1 - (1 - SLIDING_SHARE) * each * each for each in along]
-            pybullet.changeDynamics(self.body_id, index, anisotropicFriction=shares, physicsClientId=self._client)
-
     def _root_pose(self) -> Pose3:
-        engine = Pose3(*pybullet.getBasePositionAndOrientation(self.body_id, self._client))
-        return engine if self._root_inertial is None else engine @ self._root_inertial.inverse()
+        pose = Pose3(*pybullet.getBasePositionAndOrientation(self.body_id, self._client))
+        return pose if self._centre is None else pose @ self._centre.inverse()
 
     def _link_index(self, link: str) -> int:
         if link not in self._links:
@@ -262,11 +252,10 @@ class BulletBody:
         return self._links[link]
 
 
-def _velocity_at(point: Vector, other: Vector, linear: Vector, angular: Vector) -> Vector:
-    """The velocity of a point of a rigid body of which ``other`` moves at ``linear``: v + w x (p - o)."""
-    dx, dy, dz = point[0] - other[0], point[1] - other[1], point[2] - other[2]
-    (vx, vy, vz), (wx, wy, wz) = linear, angular
-    return vx + wy * dz - wz * dy, vy + wz * dx - wx * dz, vz + wx * dy - wy * dx
+def _velocity_at(linear: Vector, angular: Vector, offset: Vector, sign: float) -> Vector:
+    """The velocity of the point ``sign`` * ``offset`` away from one that moves like this: v + w x r."""
+    (vx, vy, vz), (wx, wy, wz), (x, y, z) = linear, angular, (sign * each for each in offset)
+    return vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
 
 
 def _normalized(turn: Rotation) -> Rotation:

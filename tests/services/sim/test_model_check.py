@@ -59,6 +59,7 @@ def test_a_holonomic_robot_goes_sideways(check: Checker) -> None:
     assert max(map(abs, errors(found))) < 1e-3
 
 
+@pytest.mark.process
 def test_a_xacro_with_laser_and_camera(check: Checker) -> None:
     found = check_model("scout.urdf.xacro", FOLDER, xacro_args={"camera": True})
     assert [(each.kind, each.link, each.frame) for each in found.sensors] == [
