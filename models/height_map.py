@@ -14,25 +14,17 @@ MAX_SAMPLES = 1025 * 1025
 """Pixels of a height map; PyBullet takes 2 s to load as many."""
 
 
-def read_height_map(path: Path, resolution: float, height: tuple[float, float]) -> HeightMapShape:
-    """The height map in a picture, whose rows go from north (the top, +y) to south; raises BadInput.
+def read_heights(path: Path, height: tuple[float, float]) -> HeightMapShape:
+    """The height map in a picture, whose rows go from north (the top, +y) to south, over 1 m by 1 m; raises BadInput.
 
     Args:
         path: The picture.
-        resolution: Distance of two pixels [m].
         height: Height of black and of white [m].
     """
-    grid = read_heights(path, height)
-    rows, columns = grid.heights.shape
-    return HeightMapShape(grid.heights, ((columns - 1) * resolution, (rows - 1) * resolution))
-
-
-def read_heights(path: Path, height: tuple[float, float], size: tuple[float, float] = (1.0, 1.0)) -> HeightMapShape:
-    """The same, spread over ``size`` [m]."""
     low, high = height
     if high <= low:
         raise BadInput(f"height = [{low:g}, {high:g}] m: white must lie above black")
     lightness = read_picture(path, MAX_SAMPLES, "a height map").lightness
     if min(lightness.shape) < 2:
         raise BadInput(f"{path}: a height map has two rows and two columns at least")
-    return HeightMapShape(np.ascontiguousarray(low + (high - low) * lightness[::-1]), size)
+    return HeightMapShape(np.ascontiguousarray(low + (high - low) * lightness[::-1]), (1.0, 1.0))

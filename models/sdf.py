@@ -34,18 +34,19 @@ from models.bodies import (
     WorldBody,
     WorldDescription,
 )
-from models.height_map import read_heights
-from models.mesh import read_mesh
 from models.model_uri import find_model_file, find_resource
 from models.packages import OWNER, FileAccess, PackagePath
 from models.polyline import extruded
 from models.sdf_xml import SdfElement, parse_sdf, read_sdf
 from models.shape_mesh import shape_mesh
+from models.world_meshes import WorldMeshes
 
 MAX_INCLUDES = 2000
 """Of a world, each time that one is included."""
 MAX_NESTING = 8
 """Models within models, and files that include files."""
+MAX_CHAIN = 100
+"""Frames whose poses are each relative to the next."""
 MAX_VALUE = 1e4
 """Bound of every length and coordinate, m."""
 FLOOR_EXTENT, FLOOR_HEIGHT = 2.0, 0.5
@@ -114,6 +115,7 @@ class _Reader:
     def __init__(self, packages: Sequence[Path], access: FileAccess = OWNER) -> None:
         self.notes: dict[str, str] = {}
         self.lights: list[Light] = []
+        self._meshes = WorldMeshes()
         self._packages, self._access = PackagePath(tuple(packages)), access
         self._includes = self._parts = 0
         self._open: list[Path] = []
@@ -287,13 +289,11 @@ class _Reader:
 
     def _mesh(self, kind: SdfElement) -> Shape:
         x, y, z = self._vector(kind, "scale", (1.0, 1.0, 1.0))
-        if 0 in (x, y, z):
-            self._fail(kind, "a mesh cannot be scaled by 0")
         if (part := kind.find("submesh")) is not None:
             self._note(part, "the whole mesh is taken")
         file = self._file(kind)
         try:
-            return MeshShape(read_mesh(file).scaled(x, y, z), file, (x, y, z))
+            return self._meshes.mesh(file, (x, y, z))
         except BadInput as error:
             self._fail(kind, str(error))
 
@@ -302,7 +302,7 @@ class _Reader:
         if min(x, y, z) <= 0:
             self._fail(kind, "a height map's size is positive")
         try:
-            return read_heights(self._file(kind), (0.0, z), (x, y))
+            return self._meshes.height_map(self._file(kind), (0.0, z), (x, y))
         except BadInput as error:
             self._fail(kind, str(error))
 
@@ -521,6 +521,8 @@ class _Frames:
             return pose
         if base in self._seen:
             self._reader._fail(element, f"the poses of {', '.join(self._seen)} are relative to each other")
+        if len(self._seen) >= MAX_CHAIN:
+            self._reader._fail(element, f"more than {MAX_CHAIN} poses are relative to one another")
         self._seen.append(base)
         under = self.pose_of(self._named[base])
         self._seen.pop()
@@ -530,13 +532,18 @@ class _Frames:
 def _united(solid: list[BodyPart], shown: list[BodyPart]) -> tuple[BodyPart, ...]:
     """Parts that collide and parts that are seen; what is both, with the same shape at the same place, is one part."""
     parts = []
-    shown = list(shown)
+    left: dict[Pose3, list[BodyPart]] = {}
+    for part in shown:
+        left.setdefault(part.pose, []).append(part)
     for part in solid:
-        same = next((each for each in shown if each.pose == part.pose and _same_shape(each.shape, part.shape)), None)
-        if same is not None:
-            shown.remove(same)
-            part = replace(part, colour=same.colour, visible=True)
+        beside = left.get(part.pose, [])
+        for index, same in enumerate(beside):
+            if _same_shape(same.shape, part.shape):
+                part = replace(part, colour=same.colour, visible=True)
+                del beside[index]
+                break
         parts.append(part)
+    shown = [part for beside in left.values() for part in beside]
     if not shown:
         # What has no look of its own is seen as it collides, so that nothing stops a robot unseen.
         parts = [replace(part, visible=True) for part in parts]
@@ -582,12 +589,13 @@ def _turn_to(x: float, y: float, z: float) -> tuple[float, float, float, float]:
 
 def _with_own_names(bodies: tuple[WorldBody, ...]) -> tuple[WorldBody, ...]:
     """The bodies, with a number after a name that another has, as Gazebo renames models."""
-    taken = {GROUND_NAME}
+    taken, counts = {GROUND_NAME}, dict[str, int]()
     named = []
     for body in bodies:
-        name, number = body.name, 0
+        name = body.name
         while name in taken:
-            name, number = f"{body.name}_{number}", number + 1
+            number = counts.get(body.name, 0)
+            name, counts[body.name] = f"{body.name}_{number}", number + 1
         taken.add(name)
         named.append(body if name == body.name else replace(body, name=name))
     return tuple(named)

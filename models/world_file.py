@@ -29,7 +29,6 @@ from models.bodies import (
     CylinderShape,
     Extent,
     Light,
-    MeshShape,
     RampShape,
     Repeat,
     Shade,
@@ -40,10 +39,9 @@ from models.bodies import (
     WorldDescription,
 )
 from models.floor_plan import PLAN_NAME, PlanKeys, plan_body, read_map_yaml, read_plan
-from models.height_map import read_height_map
 from models.input_file import read_limited
-from models.mesh import read_mesh
 from models.toml_source import TomlSource, key_path
+from models.world_meshes import WorldMeshes
 
 MAX_BYTES = 8 << 20
 """Of a world's TOML file; a box takes about 100."""
@@ -226,6 +224,7 @@ class _TomlWorld:
 
     def __init__(self, path: Path, text: str, tree: dict[str, Any]) -> None:
         self._source, self._tree, self._folder = TomlSource(path, text), tree, path.parent
+        self._meshes = WorldMeshes()
 
     def read(self) -> WorldDescription:
         try:
@@ -299,13 +298,10 @@ class _TomlWorld:
             case RampKeys():
                 return RampShape(entry.size)
             case MeshKeys():
-                x, y, z = scale = entry.scale if isinstance(entry.scale, tuple) else (entry.scale,) * 3
-                if 0 in scale:
-                    raise BadInput("a mesh cannot be scaled by 0")
-                file = (self._folder / entry.file).resolve()
-                return MeshShape(read_mesh(file).scaled(x, y, z), file, (x, y, z), entry.convex)
+                x, y, z = entry.scale if isinstance(entry.scale, tuple) else (entry.scale,) * 3
+                return self._meshes.mesh((self._folder / entry.file).resolve(), (x, y, z), entry.convex)
             case HeightMapKeys():
-                return read_height_map(self._folder / entry.image, entry.resolution, entry.height)
+                return self._meshes.height_map(self._folder / entry.image, entry.height, None, entry.resolution)
 
     def _colour(self, value: ColourValue, key: str, index: int) -> Colour:
         if isinstance(value, str):

@@ -256,6 +256,8 @@ def _draw_bases(figure: Any, bottom: float, report: Report, driving: dict[str, R
     if tracked:
         across = figure.add_subplot(grid[0, 1], sharex=along)
         _draw_cross_track(across, {name: driving[name] for name in tracked}, arrays, line)
+    middle = (above.dataLim.min + above.dataLim.max) / 2
+    above.update_datalim([middle - MIN_GROUND_SPAN_M / 2, middle + MIN_GROUND_SPAN_M / 2])
     _draw_world(above, arrays)
     style_axes(above, "Paths seen from above", "x [m]", "y [m]")
     above.set_aspect("equal", adjustable="datalim")
@@ -265,7 +267,10 @@ def _draw_bases(figure: Any, bottom: float, report: Report, driving: dict[str, R
     _add_path_legend(figure, above, bottom - 0.813 / figure.get_figheight(), bool(tracked))
 
 
-WORLD_MARGIN_M, WORLD_MARGIN_SHARE = 0.6, 0.2
+MIN_GROUND_SPAN_M = 2.0
+"""What the map spans at least: a robot that stands still moves by nanometres."""
+
+WORLD_MARGIN_M, WORLD_MARGIN_SHARE = 1.5, 0.2
 """How far around what was driven the world is shown: so many metres, or this share of its extent if that is more."""
 
 WORLD_FILL = 0.4
@@ -338,7 +343,17 @@ def _draw_square_notes(axes: Any, report: Report) -> None:
     lines = [line for line in square_lines(report) if "closed" in line]
     lines += [line for note in report.notes for line in wrap(note, 78)]
     if lines:
-        axes.text(0.01, 0.985, "\n".join(lines), transform=axes.transAxes, va="top", fontsize=7.5, color=INK, zorder=7)
+        axes.text(
+            0.01,
+            0.985,
+            "\n".join(lines),
+            transform=axes.transAxes,
+            va="top",
+            fontsize=7.5,
+            color=INK,
+            zorder=7,
+            bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 2},
+        )
         # A point that is not drawn makes room; limits set by hand would cut the paths, the scales being equal.
         reach = axes.dataLim
         axes.plot([reach.x0], [reach.y1 + reach.height * (0.05 + 0.03 * len(lines))], ls="")

@@ -7,6 +7,9 @@ from typing import Literal
 from messages.base import Metres
 from services.runtime import Parameters, Service, param
 
+DEFAULT_EXTENT = (-0.5, -4.5, 5.5, 4.5)
+"""m; the ground of the initial view in a world without bodies."""
+
 
 class LoggerParameters(Parameters):
     """Parameters of the logger: content, file and live view. Only ``window`` is live."""
@@ -39,8 +42,9 @@ class LoggerParameters(Parameters):
     )
     window: float = param(0.25, 0.02, 10, "s", "Wall time between two batches.")
     extent: tuple[Metres, Metres, Metres, Metres] = param(
-        (-0.5, -4.5, 5.5, 4.5),
-        text="Ground area of the initial view: x and y of one corner, then of the opposite one.",
+        DEFAULT_EXTENT,
+        text="Ground area of the initial view: x and y of one corner, then of the opposite one. The default is widened "
+        "to the bodies of the world.",
         live=False,
     )
 

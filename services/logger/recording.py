@@ -16,7 +16,7 @@ from messages.gazebo import WorldStates
 from messages.rosgraph import DEBUG, ERROR, FATAL, INFO, WARN, Log
 from messages.visualization import MarkerArray
 from models.palette import colours
-from services.logger import entity_paths
+from services.logger import DEFAULT_EXTENT, entity_paths
 from services.logger.blueprint import Extent, blueprint
 from services.logger.columns import Batch
 from services.logger.scene import RobotScene, darkened
@@ -201,6 +201,9 @@ class Recording:
         self._world = WorldScene(array, self._warn)
         self._world.log_to(self._stream)
         self._world.begin()
+        if self._extent == DEFAULT_EXTENT and (extent := self._world.extent) is not None:
+            self._extent = extent
+            self._stream.send_blueprint(self._layout())
 
     def write_world(self, states: Sequence[WorldStates]) -> None:
         """Append the states of the world's bodies that move."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
 import numpy as np
 import rerun as rr
@@ -32,6 +33,19 @@ class WorldScene:
         self._bodies, self._warn = world_bodies(array), warn
         self._moving = {body.name for body in self._bodies if body.kind not in (FIXED, GROUND)}
         self._rows: list[tuple[int, str, Pose]] = []
+
+    @property
+    def extent(self) -> tuple[float, float, float, float] | None:
+        """The ground that the bodies cover at the start, as the blueprint has it; None without bodies."""
+        parts = []
+        for body in self._bodies:
+            with suppress(BadInput):
+                parts += body.footprints()
+        if not parts:
+            return None
+        outlines = np.concatenate([part.polygon() for part in parts])
+        (left, bottom), (right, top) = outlines.min(axis=0).tolist(), outlines.max(axis=0).tolist()
+        return left, bottom, right, top
 
     def log_to(self, stream: rr.RecordingStream) -> None:
         """Log the shapes of all bodies."""

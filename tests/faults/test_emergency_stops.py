@@ -45,7 +45,7 @@ class EmergencyStopHarness:
         """Press STOP, or reset, of a robot on a page; what it answers."""
         address = wait_until(lambda: read_address(self.fleet.folder / "run" / ADDRESS_FILE), what="the panel's address")
         with page_client(address) as at:
-            send(at, k="want", channels=["robots"])
+            send(at, k="subscribe", channels=["robots"])
             wait_until(
                 lambda: any(each["ns"] == name for each in wait_message(at, "robots")["robots"]),
                 what=f"{name} on the page",
@@ -57,7 +57,7 @@ class EmergencyStopHarness:
         """Whether a new page shows the robot as stopped by this panel, and as stopped at all."""
         address = wait_until(lambda: read_address(self.fleet.folder / "run" / ADDRESS_FILE), what="the panel's address")
         with page_client(address) as at:
-            send(at, k="want", channels=["robots"])
+            send(at, k="subscribe", channels=["robots"])
 
             def told() -> dict[str, bool] | None:
                 robots = wait_message(at, "robots")["robots"]

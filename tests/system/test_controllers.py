@@ -1,4 +1,4 @@
-"""A controller of ros_control on the arm, in a real fleet in lockstep: twice the same, bit for bit."""
+"""A controller of ros_control on an arm of the user's own, in a real fleet in lockstep: twice the same, bit for bit."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 from messages.actionlib import Status
 from tests.harness.command_line import CommandLine
+from tests.harness.joint_rig import URDF
 from tests.system import trajectory_client
 
 FLEET = """
@@ -21,7 +22,7 @@ duration = 5.5
 
 [[robot]]
 name = "arm"
-model = "arm"
+model = "./arm.urdf"
 services = [
     { kind = "controller_manager", parameters = { config = "controllers.yaml" } },
     { kind = "./client.py" },
@@ -29,8 +30,8 @@ services = [
 
 [[change]]
 at = 3
-set = "/arm/arm_controller/gains/bear_link"
-values = { p = 3000.0 }
+set = "/arm/arm_controller/gains/elbow"
+values = { p = 80.0 }
 """
 CONTROLLERS = """
 controller_manager:
@@ -39,11 +40,13 @@ controller_manager:
     arm_controller: {type: joint_trajectory_controller/JointTrajectoryController}
 arm_controller:
   ros__parameters:
-    joints: [bear_link]
+    joints: [shoulder, elbow]
     command_interfaces: [effort]
     state_interfaces: [position, velocity]
-    gains: {bear_link: {p: 2200, i: 4000, d: 160, i_clamp: 60}}
-    constraints: {stopped_velocity_tolerance: 0.05, bear_link: {goal: 0.005}}
+    gains:
+      shoulder: {p: 600, i: 900, d: 25, i_clamp: 20}
+      elbow: {p: 60, i: 120, d: 1.5, i_clamp: 10}
+    constraints: {stopped_velocity_tolerance: 0.05, shoulder: {goal: 0.01}, elbow: {goal: 0.01}}
 """
 
 
@@ -54,8 +57,8 @@ def run(terminal: CommandLine, name: str) -> dict[str, float]:
     assert ended.status == 0, ended.err + ended.out
     report: dict[str, Any] = json.loads(ended.out)
     assert report["changes"][0]["made_at_s"] == 3.0
-    gains = report["parameters"]["/arm/arm_controller/gains/bear_link"]
-    assert (gains["p"], gains["d"]) == ({"value": 3000.0, "origin": "run"}, {"value": 160.0, "origin": "fleet"})
+    gains = report["parameters"]["/arm/arm_controller/gains/elbow"]
+    assert (gains["p"], gains["d"]) == ({"value": 80.0, "origin": "run"}, {"value": 1.5, "origin": "fleet"})
     prefix = "/arm/client."
     return {each["name"].removeprefix(prefix): each["value"] for each in report["checks"] if prefix in each["name"]}
 
@@ -64,6 +67,7 @@ def test_goals_by_topics_move_an_arm_twice_the_same(tmp_path: Path) -> None:
     terminal = CommandLine(tmp_path)
     (tmp_path / "fleet.toml").write_text(FLEET)
     (tmp_path / "controllers.yaml").write_text(CONTROLLERS)
+    shutil.copy(URDF, tmp_path / "arm.urdf")
     shutil.copy(trajectory_client.__file__, tmp_path / "client.py")
     first, second = run(terminal, "first"), run(terminal, "second")
     assert first == second

@@ -22,8 +22,9 @@ ACTION = "arm_controller/follow_joint_trajectory"
 GOAL = Topic(f"{ACTION}/goal", FollowJointTrajectoryActionGoal, 0, Quality.EVENT, "")
 RESULT = Topic(f"{ACTION}/result", FollowJointTrajectoryActionResult, 0, Quality.EVENT, "")
 
-WAYS = {"early": 0.5, "first": 1.2, "second": -0.5, "third": 0.3}
-"""Angles of the arm, rad; each goal takes 1 s."""
+JOINTS = "shoulder", "elbow"
+WAYS = {"early": (0.5, 0.5), "first": (-0.8, 1.0), "second": (-0.5, 0.5), "third": (0.3, -1.0)}
+"""Positions of the joints, rad; each goal takes 1 s."""
 STARTS = {5: "early", 20: "first", 85: "second", 160: "third"}
 """Ticks of 20 ms at which they are sent."""
 LAST = 230
@@ -48,16 +49,21 @@ def run(ctx: Context) -> None:
         if number == LAST:
             for name in WAYS:
                 ctx.check(f"{name}_state", ended.get(name), min=0)
-            ctx.check("angle", last.position[0], min=WAYS["third"] - 0.005, max=WAYS["third"] + 0.005)
+            where = dict(zip(last.name, last.position, strict=True))
+            for joint, wanted in zip(JOINTS, WAYS["third"], strict=True):
+                ctx.check(joint, where.get(joint), min=wanted - 0.01, max=wanted + 0.01)
             ctx.check("digest", int(seen.hexdigest()[:8], 16), min=0)
 
 
 def goal(name: str) -> FollowJointTrajectoryActionGoal:
     """The goal of a name."""
     end = JointTrajectoryPoint(
-        positions=(WAYS[name],), velocities=(0.0,), accelerations=(0.0,), time_from_start=Duration.of(1_000_000_000)
+        positions=WAYS[name],
+        velocities=(0.0, 0.0),
+        accelerations=(0.0, 0.0),
+        time_from_start=Duration.of(1_000_000_000),
     )
-    way = JointTrajectory(joint_names=("bear_link",), points=(end,))
+    way = JointTrajectory(joint_names=JOINTS, points=(end,))
     return FollowJointTrajectoryActionGoal(goal_id=GoalID(id=name), goal=FollowJointTrajectoryGoal(trajectory=way))
 
 

@@ -16,6 +16,7 @@ from messages.visualization import Marker, MarkerArray
 from models.mesh import Mesh, write_stl
 from models.world import read_world
 from services.logger.rebuild import RecordingBuilder
+from services.logger.world_scene import WorldScene
 from services.sim.world_markers import world_markers
 from tests.services.logger.conftest import EXTENT
 from tests.services.logger.recording_reader import columns, entities
@@ -69,6 +70,12 @@ def test_bodies_of_all_shapes_stand_in_a_recording_and_those_that_move_do(tmp_pa
     assert [each[0] for each in columns(file, "/world/tf", "Transform3D:child_frame")[1]] == ["world/a/ball"] * 4
     again, _ = columns(file, "/world/tf", "Transform3D:translation", "sim_time_2")
     assert again.tolist() == [0], "after a reset it is where it began"
+
+
+def test_the_first_view_is_of_the_world_unless_an_extent_is_given() -> None:
+    arena = WorldScene(world_markers(read_world("arena")), pytest.fail)
+    assert arena.extent == pytest.approx((-4.1, -4.1, 4.1, 4.1))
+    assert WorldScene(world_markers(read_world("empty")), pytest.fail).extent is None
 
 
 def _wedge() -> Mesh:

@@ -57,7 +57,11 @@ def test_bodies_are_drawn_in_their_colours_and_what_moves_moves(fleet: PanelFlee
     assert pixel(page, -2.37, 1.37) == blue
     page.click("#theme")
     assert pixel(page, 2.37, 0.63) != red, "the theme shines through"
-    assert page.evaluate("window.elea.map.world.cornersNear([[0, 0]], 2.5).length") == 4
+    near = "window.elea.map.world.cornersNear([[0, 0]], 2.5).length"
+    assert page.evaluate(near) == 8, "a small world is shown whole"
+    tower = {"name": "tower", "kind": "fixed", "colour": "#ff0000ff", "outlines": [[90, 0, 91, 0, 91, 1]]}
+    emit(page, "world", {"bodies": [*BODIES, tower]})
+    assert page.evaluate(near) == 4, "of a large one what is near"
 
 
 def test_the_laser_of_the_chosen_robot_is_shown_while_it_is_wanted(fleet: PanelFleet, pages: PageOpener) -> None:

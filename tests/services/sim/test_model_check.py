@@ -59,6 +59,19 @@ def test_a_holonomic_robot_goes_sideways(check: Checker) -> None:
     assert max(map(abs, errors(found))) < 1e-3
 
 
+@pytest.mark.process
+def test_a_xacro_with_laser_and_camera(check: Checker) -> None:
+    found = check_model("scout.urdf.xacro", FOLDER, xacro_args={"camera": True})
+    assert [(each.kind, each.link, each.frame) for each in found.sensors] == [
+        ("laser", "lidar", "lidar"),
+        ("camera", "camera", "camera_optical"),
+    ]
+    assert found.topics == {"camera/image": "camera/image_raw"}
+    assert found.ok, found
+    assert max(map(abs, errors(found))) < 2e-3
+    assert len(check_model("scout.urdf.xacro", FOLDER, False, xacro_args={"camera": False}).sensors) == 1
+
+
 def test_an_arm_moves_each_joint(check: Checker) -> None:
     found = check("picker")
     assert found.base is None

@@ -23,8 +23,13 @@ export class Camera {
   // Show all these points, with room around them.
   fit(points, least = 4) {
     if (!points.length) return;
-    const xs = points.map((each) => each[0]), ys = points.map((each) => each[1]);
-    const low = [Math.min(...xs), Math.min(...ys)], high = [Math.max(...xs), Math.max(...ys)];
+    const low = [Infinity, Infinity], high = [-Infinity, -Infinity];
+    for (const point of points) {
+      for (const axis of [0, 1]) {
+        low[axis] = Math.min(low[axis], point[axis]);
+        high[axis] = Math.max(high[axis], point[axis]);
+      }
+    }
     this.x = (low[0] + high[0]) / 2;
     this.y = (low[1] + high[1]) / 2;
     const wide = Math.max(least, high[0] - low[0] + 1), tall = Math.max(least, high[1] - low[1] + 1);

@@ -2,6 +2,7 @@
 
 const FILL = 0.5, GROUND_FILL = 0.18; // opacity of a body, and of what robots drive on
 const ECHO = 2.5; // pixels
+const ALL = 30; // m; a world of this size is shown whole at first
 
 export class WorldLayer {
   constructor() {
@@ -26,21 +27,17 @@ export class WorldLayer {
     }
   }
 
-  // The corners of all bodies that come within `margin` metres of some points: what is worth a look beside them.
+  // The corners of all bodies, in a world larger than ALL those within `margin` metres of some points alone.
   cornersNear(points, margin) {
     if (!points.length) return [];
-    const xs = points.map((each) => each[0]), ys = points.map((each) => each[1]);
-    const [left, right, bottom, top] = [Math.min(...xs) - margin, Math.max(...xs) + margin, Math.min(...ys) - margin, Math.max(...ys) + margin];
-    const near = [];
+    const corners = [];
     for (const { outlines } of [...this.fixed, ...this.moving.values()]) {
-      for (const outline of outlines) {
-        for (let i = 0; i < outline.length; i += 2) {
-          const [x, y] = [outline[i], outline[i + 1]];
-          if (x > left && x < right && y > bottom && y < top) near.push([x, y]);
-        }
-      }
+      for (const outline of outlines) for (let i = 0; i < outline.length; i += 2) corners.push([outline[i], outline[i + 1]]);
     }
-    return near;
+    const [left, right, bottom, top] = boundsOf([...points, ...corners]);
+    if (right - left <= ALL && top - bottom <= ALL) return corners;
+    const near = boundsOf(points);
+    return corners.filter(([x, y]) => x > near[0] - margin && x < near[1] + margin && y > near[2] - margin && y < near[3] + margin);
   }
 
   draw(context, camera, colours) {
@@ -68,6 +65,15 @@ export class WorldLayer {
       context.fillRect(px - ECHO / 2, py - ECHO / 2, ECHO, ECHO);
     }
   }
+}
+
+function boundsOf(points) {
+  let [left, right, bottom, top] = [Infinity, -Infinity, Infinity, -Infinity];
+  for (const [x, y] of points) {
+    left = Math.min(left, x); right = Math.max(right, x);
+    bottom = Math.min(bottom, y); top = Math.max(top, y);
+  }
+  return [left, right, bottom, top];
 }
 
 // A body with its outlines as one path in metres; a mesh has many outlines, whose inner edges are not drawn.
