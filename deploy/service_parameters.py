@@ -15,7 +15,6 @@ from deploy.run_folder import BAG_FOLDER, RECORDING_FILE, SCHEDULE_FILE, STOPS_F
 from messages.names import join
 from messages.topics import CONTROL_STATE
 from models.dynamics import read_pendulum
-from models.extent import vertical_extent
 from models.model import read_model
 from models.urdf import read_joint_limits
 from services.arm import ArmParameters
@@ -278,6 +277,8 @@ def robot_parameters_type(model: str) -> type[Parameters]:
 
 def _size_spec(robot: RobotConfig) -> dict[str, Any]:
     """The space that a robot occupies; without a top if its URDF does not give its height."""
+    from models.extent import vertical_extent  # numpy and decoders of meshes, which a command line alone never needs
+
     bottom, top = vertical_extent(robot.model)
     size = {"name": robot.name, "radius": read_model(robot.model).radius, "bottom": bottom}
     return size if math.isinf(top) else {**size, "top": top}

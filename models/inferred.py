@@ -89,7 +89,7 @@ def read_wheel(robot: RobotDescription, shapes: Mapping[str, LinkShapes], joint:
         place=(pose @ Pose3(centre)).position,
         axle=joint.axis,
         direction=rotate(pose.orientation, joint.axis),
-        radius=max(reach, default=0.0) if solid else 0.0,
+        radius=round(max(reach), 6) if solid else 0.0,  # angles in URDFs have few digits
         width=0.0 if len(spheres) == len(solid) else out - back,
     )
 

@@ -13,6 +13,7 @@ from models.world import WorldBody, WorldDescription
 from services.runtime.errors import BadInput
 from services.sim.physics.bullet import BulletWorld
 from services.sim.physics.world import Body, BodyState, CameraModel, Contact, Motor
+from services.sim.physics.world_bodies import MOST_TRIANGLES
 from tests.services.sim.physics.driven_robot import STEP_NS
 
 SECOND = 1_000_000_000 // STEP_NS
@@ -222,13 +223,13 @@ def test_below_a_height_map_nothing_is_spawned() -> None:
 
 
 def test_a_mesh_of_many_triangles_is_loaded_in_pieces() -> None:
-    rows = 230
+    rows = 205
     grid = np.stack(np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, rows)), axis=-1).reshape(-1, 2)
     index = np.arange(rows * rows).reshape(rows, rows)
     a, b, c, d = (each.ravel() for each in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]))
     triangles = np.concatenate([np.column_stack((a, b, c)), np.column_stack((a, c, d))]).astype(np.int32)
     mesh = Mesh(np.column_stack((grid, np.full(len(grid), 0.5))), triangles)
-    assert len(triangles) > 100_000
+    assert len(triangles) > MOST_TRIANGLES
     with BulletWorld(WorldDescription(bodies=(body("table", MeshShape(mesh), 0, 0, 0),)), STEP_NS) as on:
         places = np.array([(x, x / 2, 2.0) for x in np.linspace(-0.95, 0.95, 40)])
         assert on.cast_rays(places, places - (0, 0, 2)) == pytest.approx(0.75, abs=1e-3)
