@@ -128,7 +128,7 @@ WORLD_STATES = Topic(
     "poses and twists of the world's movable and moving bodies, if it has any",
     1 << 21,
 )
-ROBOT_DESCRIPTION = Topic("robot_description", String, 0, Quality.LATCHED, "URDF of a robot", 1 << 20)
+ROBOT_DESCRIPTION = Topic("robot_description", String, 0, Quality.LATCHED, "URDF of a robot", 5 << 18)
 JOINT_EFFORT = Topic("joint_effort", JointEffort, 100, Quality.COMMAND, "effort to apply to a joint for some time")
 JOINT_COMMAND = Topic(
     "joint_command", JointCommand, 100, Quality.COMMAND, "targets of joints, from a controller manager"

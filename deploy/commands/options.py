@@ -27,10 +27,12 @@ def own_robot_options(verb: Callable[..., Any]) -> Callable[..., Any]:
         type=click.Path(path_type=Path),
         help="Folder of a ROS package, or of several, for package://; may be repeated.",
     )
-    @click.option("--arg", "pairs", multiple=True, metavar="NAME:=VALUE", help="Argument of a xacro; may be repeated.")
+    @click.option(
+        "--arg", "xacro_args", multiple=True, metavar="NAME:=VALUE", help="Argument of a xacro; may be repeated."
+    )
     @functools.wraps(verb)
-    def with_arguments(pairs: tuple[str, ...], **values: Any) -> Any:
-        return verb(xacro_args=dict(map(_xacro_argument, pairs)), **values)
+    def with_arguments(xacro_args: tuple[str, ...], **values: Any) -> Any:
+        return verb(xacro_args=dict(map(_xacro_argument, xacro_args)), **values)
 
     return with_arguments
 
