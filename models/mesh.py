@@ -248,6 +248,42 @@ def _load_dae(content: bytes) -> tuple[Any, Any]:
     return np.concatenate(vertices) * (document.assetInfo.unitmeter or 1.0), np.concatenate(faces)
 
 
+def read_colours(path: Path, mesh: Mesh) -> NDArray[np.uint8] | None:
+    """The colour of each triangle of ``mesh``, which is that of a DAE, shape (m, 4); None where its materials cannot
+    be read, or are pictures alone."""
+    import collada
+
+    try:
+        content = io.BytesIO(read_limited(path, MAX_BYTES, "a mesh"))
+        document = collada.Collada(content, ignore=[collada.common.DaeError])
+        found = []
+        for geometry in document.scene.objects("geometry"):
+            for part in geometry.primitives():
+                part = part.triangleset() if hasattr(part, "triangleset") else part
+                diffuse = getattr(getattr(getattr(part, "material", None), "effect", None), "diffuse", None)
+                rgb = diffuse[:3] if isinstance(diffuse, tuple) else (0.7, 0.7, 0.7)
+                if len(np.shape(part.vertex_index)) == 2 and len(part.vertex_index[0]) == 3:
+                    found.append(np.tile((*rgb, 1.0), (len(part.vertex_index), 1)))
+        colours = np.concatenate(found)
+    except Exception:  # noqa: BLE001  (colours are for show: a robot without them is grey)
+        return None
+    return (255 * np.clip(colours, 0, 1)).astype(np.uint8) if len(colours) == len(mesh.triangles) else None
+
+
+def write_glb(path: Path, mesh: Mesh, colours: NDArray[np.uint8]) -> None:
+    """Write a binary glTF whose triangles have ``colours``, shape (m, 4)."""
+    import trimesh
+
+    corners = mesh.vertices[mesh.triangles].reshape(-1, 3)
+    shown = trimesh.Trimesh(
+        corners,
+        np.arange(len(corners)).reshape(-1, 3),
+        vertex_colors=np.repeat(colours, 3, axis=0),
+        process=False,
+    )
+    shown.export(path, file_type="glb")
+
+
 def _shapes_of_dae(content: bytes) -> bytes:
     """The DAE without what it looks like, which exporters often get wrong: geometry that names a broken material would
     be missing."""

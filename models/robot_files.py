@@ -27,7 +27,7 @@ from models.shapes import read_shapes
 from models.urdf import located, parse_urdf, parse_xml
 from models.urdf_writer import EngineFiles, extents, physics_urdf, viewer_urdf
 
-FORMAT = "9"
+FORMAT = "10"
 """Changes when other files are made of the same robot."""
 MAX_MODEL_TOML = 1 << 20
 """Bytes of a ``model.toml``."""
@@ -122,7 +122,8 @@ def make_robot(
 
     def write(into: Path) -> None:
         contacts = {each.get("name", ""): contact for each in robot if (contact := each.find("contact")) is not None}
-        physics, assumed = physics_urdf(description, shapes, mended.inertias, contacts, EngineFiles(into, folder))
+        written = EngineFiles(into, folder)
+        physics, assumed = physics_urdf(description, shapes, mended.inertias, contacts, written)
         shown = path.name if path is not None else told
         tags = parse_gazebo_tags(resolved, shown)
         chosen: tuple[str, ...] = ()
@@ -133,7 +134,8 @@ def make_robot(
             driven = DrivenWheels.of(model)
             (into / INFERRED_FILE).write_bytes(msgspec.json.encode(model))
         fit = fit_urdf(physics, description, shapes, tags.friction, driven)
-        viewer = _with_paths(viewer_urdf(description, shapes), {said: str(file) for said, file in files.found.items()})
+        viewer = viewer_urdf(description, shapes, files.found, written)
+        viewer = _with_paths(viewer, {said: str(file) for said, file in files.found.items()})
         for file, text in (("robot.urdf", resolved), ("physics.urdf", fit.text), ("viewer.urdf", viewer)):
             (into / file).write_text(text, encoding="utf-8")
         if config is not None:

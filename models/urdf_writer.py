@@ -7,15 +7,17 @@ an inertia for each link, limits of each joint, colours beside the shapes that h
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import NDArray
 
 from messages.se3 import IDENTITY, Pose3, rotate_inverse, rpy_from_quaternion
 from models.inertials import listed
-from models.mesh import Mesh, hull_points, write_stl
+from models.mesh import Mesh, hull_points, read_colours, write_glb, write_stl
 from models.shapes import GEOMETRIES, LinkShapes, Shape, placed
 from models.urdf import Inertia, Joint, RobotDescription
 
@@ -38,6 +40,13 @@ class EngineFiles:
         self._written += 1
         name = f"mesh_{self._written}.stl"
         write_stl(self._folder / name, mesh)
+        return str(self._final / name)
+
+    def write_coloured(self, mesh: Mesh, colours: NDArray[np.uint8]) -> str:
+        """Write a mesh with the colours of its triangles; return its path."""
+        self._written += 1
+        name = f"mesh_{self._written}.glb"
+        write_glb(self._folder / name, mesh, colours)
         return str(self._final / name)
 
 
@@ -95,14 +104,25 @@ def physics_urdf(
     return _text(root), tuple(notes)
 
 
-def viewer_urdf(robot: RobotDescription, shapes: Mapping[str, LinkShapes]) -> str:
-    """The URDF for the viewer, with the meshes as they are; shapes that collide where nothing is to be seen."""
-    root = ElementTree.Element("robot", name=robot.name or "robot")
+def viewer_urdf(
+    robot: RobotDescription, shapes: Mapping[str, LinkShapes], named: Mapping[str, Path], files: EngineFiles
+) -> str:
+    """The URDF for the viewer; shapes that collide where nothing is to be seen.
+
+    Meshes are the user's files but for DAE, of which the viewer reads some and not their units: these are written anew,
+    with the colours of their materials. ``named`` has the files by the names that the URDF gives them.
+    """
+    root = ElementTree.Element("robot", name=re.sub(r"\W+", "_", robot.name) or "robot")
     seen = any(each.visuals for each in shapes.values())
     for link in robot.links:
         element = ElementTree.SubElement(root, "link", name=link.name)
         for shape in shapes[link.name].visuals if seen else shapes[link.name].collisions:
-            _add_shape(element, "visual", shape, shape.file)
+            if shape.mesh is None or named[shape.file].suffix.lower() != ".dae":
+                _add_shape(element, "visual", shape, shape.file)
+                continue
+            colours = read_colours(named[shape.file], shape.mesh) if shape.colour is None else None
+            file = files.write(shape.mesh) if colours is None else files.write_coloured(shape.mesh, colours)
+            _add_shape(element, "visual", shape, file, coloured=colours is not None)
     for joint in robot.joints:
         root.append(_joint(joint, joint.kind))
     return _text(root)
@@ -207,7 +227,7 @@ def _add_inertial(link: ElementTree.Element, inertia: Inertia) -> None:
     ElementTree.SubElement(element, "inertia", dict(zip(names, map(repr, inertia.tensor), strict=True)))
 
 
-def _add_shape(link: ElementTree.Element, tag: str, shape: Shape, file: str) -> None:
+def _add_shape(link: ElementTree.Element, tag: str, shape: Shape, file: str, coloured: bool = False) -> None:
     element = ElementTree.SubElement(link, tag)
     _add_origin(element, shape.pose.position, shape.rpy)
     geometry = ElementTree.SubElement(element, "geometry")
@@ -220,7 +240,7 @@ def _add_shape(link: ElementTree.Element, tag: str, shape: Shape, file: str) -> 
     else:
         names = GEOMETRIES[shape.kind]
         ElementTree.SubElement(geometry, shape.kind, dict(zip(names, map(repr, shape.size), strict=True)))
-    if tag == "visual":
+    if tag == "visual" and not coloured:
         rgba = shape.colour or GREY
         material = ElementTree.SubElement(element, "material", name=f"rgba_{'_'.join(f'{each:g}' for each in rgba)}")
         ElementTree.SubElement(material, "color", rgba=_numbers(rgba))

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from rerun.urdf import UrdfTree
 
 import models
-from messages.se3 import Rotation, Vector, quaternion_multiply
+from messages.se3 import Rotation, Vector, quaternion_multiply, rotate
 from models.model import read_model
 from models.palette import Colour
-from models.urdf import read_joints
+from models.urdf import Joint, read_joints
 from services.logger import entity_paths
 from services.logger.columns import Batch
 from services.runtime.errors import BadInput
@@ -72,7 +72,7 @@ class RobotScene:
         figures = read_model(model)
         self.is_arm = not figures.has_base
         self._radius = figures.radius + DISC_MARGIN
-        self._joints = {joint.name: joint for joint in read_joints(model) if joint.kind != "fixed"}
+        self._joints = {joint.name: joint for joint in read_joints(model) if joint.single_dof}
         self.tree_name = self._tree.name
         self._frame = f"{prefix}{self._tree.root_link().name}"
 
@@ -135,8 +135,9 @@ class RobotScene:
         for name, angles in zip(batch.joints, batch.angles.T, strict=True):
             if (joint := self._joints.get(name)) is not None and len(angles):
                 times.append(batch.joint_times)
-                positions.append(np.tile(joint.xyz, (len(angles), 1)))
-                quaternions.append(joint_rotations(joint.rotation(), joint.axis, angles))
+                at, turn = joint_transforms(joint, angles)
+                positions.append(at)
+                quaternions.append(turn)
                 parents += [f"{self._prefix}{joint.parent}"] * len(angles)
                 children += [f"{self._prefix}{joint.child}"] * len(angles)
         all_times = np.concatenate(times)
@@ -148,6 +149,16 @@ class RobotScene:
             child_frame=[children[i] for i in order],
         )
         return all_times[order], columns
+
+
+def joint_transforms(joint: Joint, positions: Floats) -> tuple[Floats, Floats]:
+    """The child in the parent of a joint at ``positions`` (n,) [rad; m if it slides]: places (n, 3) and quaternions
+    (n, 4)."""
+    places = np.tile(joint.xyz, (len(positions), 1))
+    if joint.kind != "prismatic":
+        return places, joint_rotations(joint.rotation(), joint.axis, positions)
+    along = np.array(rotate(joint.rotation(), joint.axis))
+    return places + positions[:, None] * along, np.tile(joint.rotation(), (len(positions), 1))
 
 
 def joint_rotations(mount: Rotation, axis: Vector, angles: Floats) -> Floats:

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
-from models.mesh import MAX_BYTES, BadMesh, hull_points, read_mesh
+from models.mesh import MAX_BYTES, BadMesh, hull_points, read_colours, read_mesh, write_glb
 from tests.models.sample_robots import dae_cube, write_meshes
 
 
@@ -79,3 +80,28 @@ def test_what_is_no_mesh_is_refused(tmp_path: Path) -> None:
             read_mesh(path)
         assert told in str(error.value), path.name
         assert str(path) in str(error.value)
+
+
+def test_a_dae_is_shown_with_the_colours_of_its_materials(tmp_path: Path) -> None:
+    looks = (
+        '<library_effects><effect id="e"><profile_COMMON><technique sid="c"><lambert><diffuse><color>1 0 0.5 1</color>'
+        "</diffuse></lambert></technique></profile_COMMON></effect></library_effects><library_materials>"
+        '<material id="m"><instance_effect url="#e"/></material></library_materials><library_geometries>'
+    )
+    bound = (
+        '<instance_geometry url="#g"><bind_material><technique_common><instance_material symbol="s" target="#m"/>'
+        "</technique_common></bind_material></instance_geometry>"
+    )
+    text = dae_cube().replace("<library_geometries>", looks).replace('<instance_geometry url="#g"/>', bound)
+    path = tmp_path / "red.dae"
+    path.write_text(text.replace('<polylist count="6">', '<polylist count="6" material="s">'))
+    mesh = read_mesh(path)
+    colours = read_colours(path, mesh)
+    assert colours is not None
+    assert colours.tolist() == [[255, 0, 127, 255]] * 12
+    write_glb(tmp_path / "red.glb", mesh, colours)
+    shown = trimesh.load_mesh(tmp_path / "red.glb", process=False)
+    assert shown.bounds.tolist() == mesh.bounds.tolist()
+    assert np.unique(shown.visual.vertex_colors, axis=0).tolist() == [[255, 0, 127, 255]]
+    path.write_text(text.replace("<color>1 0 0.5 1</color>", "<color>red</color>"))
+    assert read_mesh(path).bounds.tolist() == mesh.bounds.tolist(), "a broken material costs no shape"

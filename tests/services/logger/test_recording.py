@@ -12,10 +12,13 @@ from messages.geometry import Pose, PoseWithCovariance
 from messages.nav import Odometry
 from messages.std import Header, Time
 from models import MODELS, urdf_path
+from models.urdf import parse_urdf
 from services.logger.columns import RobotColumns
 from services.logger.recording import Recording
 from services.logger.reference_path import distance_to_segments
+from services.logger.scene import joint_transforms
 from services.runtime.errors import BadInput
+from tests.models import sample_robots
 from tests.services.logger.conftest import EXTENT, LENGTH_S, RecordedDrive
 from tests.services.logger.recording_reader import columns, entities, poses, table
 from tests.services.logger.synthetic_drive import X, Y
@@ -154,3 +157,23 @@ def pose(seconds: float, x: float) -> Odometry:
         header=Header(stamp=Time.of(round(seconds * 1e9))),
         pose=PoseWithCovariance(pose=Pose.planar(x, 0.0, math.pi / 2)),
     )
+
+
+def test_joints_slide_and_turn_as_the_urdf_says() -> None:
+    limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+    urdf = sample_robots.robot(
+        sample_robots.link("a"),
+        sample_robots.link("b"),
+        sample_robots.link("c"),
+        sample_robots.joint(
+            "slide", "prismatic", "a", "b", '<origin xyz="1 2 3" rpy="0 0 0.5"/><axis xyz="0 0.6 0.8"/>', limit
+        ),
+        sample_robots.joint(
+            "turn", "revolute", "b", "c", '<origin xyz="1 2 3" rpy="0.1 0.2 0.5"/><axis xyz="0 0.6 0.8"/>', limit
+        ),
+    )
+    for each in parse_urdf(urdf).joints:
+        places, turns = joint_transforms(each, np.array([0.0, 0.3, -0.2]))
+        for number, position in enumerate((0.0, 0.3, -0.2)):
+            assert tuple(places[number]) == pytest.approx(each.transform(position).position)
+            assert tuple(turns[number]) == pytest.approx(each.transform(position).orientation)
