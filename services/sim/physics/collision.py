@@ -88,6 +88,17 @@ class CollisionChecker:
             self._set_configuration(self._copies[other], placed)
             self._check_pair(name, pose, self._copies[other].body_id, handle.number, repr(other))
 
+    def overlaps_at_start(self) -> tuple[str, ...]:
+        """The movable bodies of the world that its file puts into something else, each with what and by how much."""
+        found = []
+        for name, handle in self._world.handles.items():
+            if handle.body.kind == "movable":
+                try:
+                    self.check_world_body(name, handle.body.pose, {}, {})
+                except BadInput as error:
+                    found.append(str(error))
+        return tuple(found)
+
     def remove(self, name: str) -> None:
         """Drop the copy of a body that left."""
         pybullet.removeBody(self._copies.pop(name).body_id, physicsClientId=self._client)

@@ -116,6 +116,23 @@ def test_a_movable_body_is_pushed_and_comes_back_with_a_reset() -> None:
             on.world_body_state("crat")
 
 
+def test_what_starts_inside_something_is_told() -> None:
+    crate = BoxShape((0.2, 0.2, 0.2))
+    world = WorldDescription(
+        bodies=(
+            body("wall", BoxShape((0.1, 2.0, 1.0)), 0, 0, 0.5),
+            body("beside", crate, 0.5, 0, 0.1, mass=1.0),
+            body("sunk", crate, 2, 0, 0.0, mass=1.0),
+            body("in_wall", crate, 0.1, 0, 0.1, mass=1.0),
+        )
+    )
+    with BulletWorld(world, STEP_NS) as on:
+        told = on.overlaps_at_start()
+    assert [each.split(" ")[0] for each in told] == ["'sunk'", "'in_wall'"]
+    assert "would overlap with the ground by 0.100 m" in told[0]
+    assert "would overlap with wall by 0.050 m" in told[1]
+
+
 def test_a_thrown_body_of_several_parts_spins_about_its_centre_of_mass() -> None:
     """A hammer: its heavy head lies 0.9 m from its origin; thrown without a spin of its own, its centre flies on."""
     parts = BodyPart(BoxShape((1.0, 0.1, 0.1))), BodyPart(BoxShape((0.2, 0.5, 0.5)), Pose3((0.9, 0.0, 0.0)))
