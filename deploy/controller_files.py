@@ -30,7 +30,7 @@ def with_controllers_found(member: ServiceConfig, folder: Path) -> ServiceConfig
 
 
 def manager_parameters(kind: str, robot: RobotConfig | None) -> dict[str, Any]:
-    """What a controller manager gets from its robot."""
+    """The parameters that a controller manager gets from its robot."""
     return {"robot": robot.name} if kind == KIND and robot is not None else {}
 
 

@@ -15,7 +15,6 @@ from deploy.run_folder import BAG_FOLDER, RECORDING_FILE, SCHEDULE_FILE, STOPS_F
 from messages.names import join
 from messages.topics import CONTROL_STATE
 from models.dynamics import read_pendulum
-from models.extent import vertical_extent
 from models.model import read_model
 from models.urdf import read_joint_limits
 from services.arm import ArmParameters
@@ -128,11 +127,10 @@ OBSERVER_SERVICES = ("panel",)
 
 
 class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """What the command line adds to a fleet file: where results go, the network, whether to open a viewer and to draw
-    the report's picture.
+    """Options of the command line beside the fleet file: result folder, network, viewer, and the report's picture.
 
-    ``saved`` is the file of what parameters were set to; without one that is known for the run alone. The router
-    joins those at ``links``, and listens at ``listen`` as well; ``insecure`` allows addresses beyond this machine.
+    ``saved`` is the file of saved parameters; without one, changes last for the run only. The router joins those at
+    ``links``, and also listens at ``listen``; ``insecure`` allows addresses that other machines can reach.
     ``overrides`` are the keys of the fleet file that were changed, for the report. ``tcp_port`` replaces the fleet's
     port for a fleet that uses TCP.
     """
@@ -278,7 +276,9 @@ def robot_parameters_type(model: str) -> type[Parameters]:
 
 
 def _size_spec(robot: RobotConfig) -> dict[str, Any]:
-    """The room that a robot takes; without a top where its URDF does not tell how high it is."""
+    """The space that a robot occupies; without a top if its URDF does not give its height."""
+    from models.extent import vertical_extent  # numpy and decoders of meshes, which a command line alone never needs
+
     bottom, top = vertical_extent(robot.model)
     size = {"name": robot.name, "radius": read_model(robot.model).radius, "bottom": bottom}
     return size if math.isinf(top) else {**size, "top": top}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from deploy.commands.lazy_group import LazyCommand, LazyGroup
-from deploy.commands.options import json_option
+from deploy.commands.options import json_option, own_robot_options
 
 if TYPE_CHECKING:
     from services.sim.model_check import ModelCheck
@@ -44,16 +44,9 @@ def list_(as_json: bool) -> None:
 @click.command("check")
 @click.argument("model")
 @click.option("--no-drive", is_flag=True, help="Do not drive it.")
-@click.option(
-    "--package",
-    "packages",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    help="Folder of a ROS package, or of several, for package://; may be repeated.",
-)
-@click.option("--arg", "pairs", multiple=True, metavar="NAME:=VALUE", help="Argument of a xacro; may be repeated.")
+@own_robot_options
 @json_option
-def check(model: str, no_drive: bool, packages: tuple[Path, ...], pairs: tuple[str, ...], as_json: bool) -> None:
+def check(model: str, no_drive: bool, packages: tuple[Path, ...], xacro_args: dict[str, str], as_json: bool) -> None:
     """Check MODEL: a URDF, a xacro or a folder with one, or the name of a model that comes with Elea.
 
     Tells what is understood of drive, sensors, joints, masses and friction, what looks wrong, and what is ignored. Then
@@ -63,7 +56,7 @@ def check(model: str, no_drive: bool, packages: tuple[Path, ...], pairs: tuple[s
     from deploy.live.output import write_json, write_text
     from services.sim.model_check import check_model
 
-    found = check_model(model, Path.cwd(), not no_drive, packages, dict(map(_xacro_argument, pairs)))
+    found = check_model(model, Path.cwd(), not no_drive, packages, xacro_args)
     if as_json:
         import msgspec
 
@@ -72,13 +65,6 @@ def check(model: str, no_drive: bool, packages: tuple[Path, ...], pairs: tuple[s
         write_text(format_check(found))
     if not found.ok:
         raise SystemExit(1)
-
-
-def _xacro_argument(pair: str) -> tuple[str, str]:
-    name, found, value = pair.partition(":=")
-    if not (name and found):
-        raise click.BadParameter(f"{pair!r} is not NAME:=VALUE", param_hint="--arg")
-    return name, value
 
 
 def format_check(found: ModelCheck) -> str:

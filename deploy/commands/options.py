@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import click
@@ -14,6 +15,31 @@ from services.runtime.network_address import port_of_fleet, resolve_address
 F = TypeVar("F", bound=Callable[..., Any])
 
 json_option: Callable[[F], F] = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+
+
+def own_robot_options(verb: Callable[..., Any]) -> Callable[..., Any]:
+    """Add what the file of a robot of the user's may need; the verb gets ``packages`` and ``xacro_args``."""
+
+    @click.option(
+        "--package",
+        "packages",
+        multiple=True,
+        type=click.Path(path_type=Path),
+        help="Folder of a ROS package, or of several, for package://; may be repeated.",
+    )
+    @click.option("--arg", "pairs", multiple=True, metavar="NAME:=VALUE", help="Argument of a xacro; may be repeated.")
+    @functools.wraps(verb)
+    def with_arguments(pairs: tuple[str, ...], **values: Any) -> Any:
+        return verb(xacro_args=dict(map(_xacro_argument, pairs)), **values)
+
+    return with_arguments
+
+
+def _xacro_argument(pair: str) -> tuple[str, str]:
+    name, found, value = pair.partition(":=")
+    if not (name and found):
+        raise click.BadParameter(f"{pair!r} is not NAME:=VALUE", param_hint="--arg")
+    return name, value
 
 
 def fleet_option(verb: Callable[..., Any]) -> Callable[..., Any]:

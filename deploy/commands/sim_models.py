@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from deploy.commands.options import own_robot_options
 from deploy.commands.sim import SimulationClient, format_table, parse_joint_positions, simulation_command
 
 if TYPE_CHECKING:
@@ -60,14 +61,7 @@ def list_(asker: SimulationClient) -> None:
     "-J", "--joint", "joints", multiple=True, metavar="JOINT=POSITION", help="Initial position of a joint, in rad or m."
 )
 @click.option("--param", "pairs", multiple=True, metavar="NAME=VALUE", help="Parameter of its base or joints.")
-@click.option("--xacro-arg", "xacro_args", multiple=True, metavar="NAME=VALUE", help="Argument of a xacro.")
-@click.option(
-    "--package",
-    "packages",
-    multiple=True,
-    type=click.Path(exists=True, file_okay=False, path_type=Path),
-    help="Folder in which package:// is looked for, too.",
-)
+@own_robot_options
 @simulation_command
 def spawn(
     asker: SimulationClient,
@@ -78,7 +72,7 @@ def spawn(
     frame_prefix: str | None,
     joints: tuple[str, ...],
     pairs: tuple[str, ...],
-    xacro_args: tuple[str, ...],
+    xacro_args: dict[str, str],
     packages: tuple[Path, ...],
     **place: float | None,
 ) -> None:
@@ -93,7 +87,7 @@ def spawn(
     from services.runtime.parameters.validation import read_assignments
 
     at = parse_joint_positions(joints)
-    named, urdf = _own_robot(model, packages, dict(read_assignments(xacro_args)))
+    named, urdf = _own_robot(model, packages, xacro_args)
     reply = asker.call(
         SPAWN,
         SpawnModel(
@@ -198,7 +192,7 @@ def properties(asker: SimulationClient, name: str) -> None:
     )
 
 
-def _own_robot(model: str, packages: tuple[Path, ...], xacro_args: dict[str, Any]) -> tuple[str, str]:
+def _own_robot(model: str, packages: tuple[Path, ...], xacro_args: dict[str, str]) -> tuple[str, str]:
     """What a request calls the robot, and its URDF where that is all of it; a robot from outside is made here.
 
     The simulation of the same user finds what was made by its name; others can take a URDF without meshes.
@@ -213,7 +207,7 @@ def _own_robot(model: str, packages: tuple[Path, ...], xacro_args: dict[str, Any
         found = resolve_urdf_text(text, packages, base=Path.cwd())
     elif names_file(model) or xacro_args or packages:
         if model in MODELS:
-            raise BadInput(f"--xacro-arg and --package are for a robot of your own, and {model} comes with Elea")
+            raise BadInput(f"--arg and --package are for a robot of your own, and {model} comes with Elea")
         found = resolve_robot(model, Path.cwd(), packages, xacro_args)
     else:
         return model, ""

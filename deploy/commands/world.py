@@ -1,4 +1,4 @@
-"""``elea world``: the worlds that there are, what is understood of a world's file, and a world as a map."""
+"""``elea world``: list the worlds, check a world's file, and write a world as a map."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from deploy.live.output import write_json, write_text
 
 COMMANDS = {
     "list": LazyCommand("world:list_command", "List the worlds that come with Elea."),
-    "check": LazyCommand("world:check_command", "Tell what is understood of a world's file."),
+    "check": LazyCommand("world:check_command", "Check a world's file and show what it contains."),
     "map": LazyCommand("world:map_command", "Write a world as map.yaml and PGM."),
 }
 
@@ -46,7 +46,7 @@ def list_command(as_json: bool) -> None:
 @click.option("--packages", multiple=True, type=click.Path(path_type=Path), help="Folder to look for model:// in.")
 @json_option
 def check_command(world: str, packages: tuple[Path, ...], as_json: bool) -> None:
-    """Read WORLD, a name or the path of a file, and tell what it holds and what is not understood.
+    """Read WORLD, a name or the path of a file, and show what it contains and which parts are not supported.
 
     Exit status 2 if it cannot be read.
     """

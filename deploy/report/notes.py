@@ -32,7 +32,7 @@ def fleet_notes(fleet: Fleet) -> tuple[str, ...]:
 
 
 def _odometry_notes(fleet: Fleet) -> list[str]:
-    """How far each robot's odometry is from its wheels; empty where it is from none."""
+    """The odometry error of each robot; empty for exact odometry."""
     parts = []
     for robot in fleet.robot:
         model = read_model(robot.model)
@@ -53,7 +53,7 @@ def _odometry_notes(fleet: Fleet) -> list[str]:
 
 
 def start_lines(fleet: Fleet, overrides: Sequence[str]) -> tuple[str, ...]:
-    """What a run shows at its start: what was changed in the fleet file, and the robots that no silence stops."""
+    """Notes at the start of a run: changed keys of the fleet file, and robots without a command timeout."""
     lines = [f"changed on the command line: {', '.join(overrides)}"] if overrides else []
     for robot in fleet.robot:
         lines += [each for each in _base_warnings(robot) if each.endswith(NO_TIMEOUT)]

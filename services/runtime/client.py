@@ -39,7 +39,7 @@ Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)
 
 TIMEOUT_S = 5.0
-"""Wall time that a message, an answer or the next step of time is waited for, unless told otherwise."""
+"""Default wall time [s] to wait for a message, an answer, or the next step of simulation time."""
 PUBLISH_PERIOD_NS = 50_000_000
 """Simulation time between two samples of a message that is repeated; a base stops after 0.5 s without one."""
 _SETTLE_S = 0.3
@@ -50,10 +50,10 @@ def connect(fleet: str = "", port: int | None = None, router: str = "", domain: 
     """Join a running fleet.
 
     Args:
-        fleet: Its name; may be left out when one fleet alone runs.
-        port: Its port, which tells fleets of one name apart.
-        router: The endpoint of a router on another machine, as ``tcp/host:7447``; then the others do not matter.
-        domain: The fleet's domain; that of a fleet of this user is known.
+        fleet: Its name; not needed if only one fleet is running.
+        port: Its port, if several fleets have this name.
+        router: The endpoint of a router on another machine, as ``tcp/host:7447``; then fleet and port are ignored.
+        domain: The fleet's domain; not needed for a fleet of this user.
 
     Returns:
         The connection; ``close`` it, or use it in a ``with``.
@@ -72,7 +72,7 @@ def connect(fleet: str = "", port: int | None = None, router: str = "", domain: 
 class Client:
     """A connection to a running fleet. Its methods are called from one thread.
 
-    ``folder`` is that of the run, whose report comes when the fleet ends; None for a fleet of another machine.
+    ``folder`` is that of the run, which has the report after the end of the fleet; None for a fleet of another machine.
     """
 
     def __init__(self, node: LightNode, resources: ExitStack, folder: Path | None = None) -> None:
@@ -96,7 +96,7 @@ class Client:
         self._resources.close()
 
     def topics(self) -> dict[str, str]:
-        """The types of all topics that somebody publishes or subscribes to now, by name."""
+        """The types of all topics in use, by name."""
         found = snapshot(self._transport)
         hidden = {each.node for each in found if each.node.rpartition("/")[2].startswith("_")}
         ends = [each for each in found if each.kind in ("pub", "sub") and each.node not in hidden]
@@ -110,7 +110,7 @@ class Client:
             timeout: Wall time to wait for a first message [s].
 
         Raises:
-            NoAnswer: None came; the text says whether somebody publishes it.
+            NoAnswer: None arrived; the text says whether the topic has a publisher.
         """
         self.messages(topic)
         deadline = time.monotonic() + timeout
@@ -146,7 +146,7 @@ class Client:
         A base stops when its last command is older than its timeout, so a drive takes ``seconds``.
 
         Raises:
-            NoAnswer: Simulation time stands still meanwhile.
+            NoAnswer: Simulation time does not advance.
         """
         publisher = self._publisher(topic)
         publisher.publish(message)
@@ -164,11 +164,11 @@ class Client:
 
         Args:
             request: As ``messages.requests.GET_STATE``.
-            message: What is asked; an empty one by default.
-            timeout: Wall time that the answer has [s].
+            message: The request record; an empty one by default.
+            timeout: Wall time to wait for the answer [s].
 
         Raises:
-            NoAnswer: Nobody serves it, or not in time.
+            NoAnswer: It has no server, or was not answered in time.
             CallFailed: It is refused; the text has the reason.
         """
         asked: Any = request.request_type() if message is None else message
@@ -179,7 +179,7 @@ class Client:
         return self._now() / 1e9
 
     def wait(self, seconds: float) -> None:
-        """Wait for ``seconds`` of simulation time; raises NoAnswer when it stands still."""
+        """Wait for ``seconds`` of simulation time; raises NoAnswer if it does not advance."""
         end = self._now() + round(seconds * 1e9)
         while self._tick() < end:
             pass
@@ -230,12 +230,12 @@ class Client:
         return clock.clock.ns
 
     def _tick(self) -> int:
-        """The next simulation time [ns]; raises NoAnswer when it stands still or begins again."""
+        """The next simulation time [ns]; raises NoAnswer if it does not advance, or is reset."""
         epoch = self._epoch
         try:
             clock = self.next(CLOCK)
         except NoAnswer:
-            raise NoAnswer(f"simulation time stands still for {TIMEOUT_S:g} s: is it paused?") from None
+            raise NoAnswer(f"simulation time did not advance for {TIMEOUT_S:g} s: is it paused?") from None
         if clock.paused:
             raise NoAnswer("simulation time is paused: resume it, or step it")
         if clock.epoch != epoch:
@@ -264,7 +264,7 @@ class Client:
         name = _absolute(topic)
         known = self.topics()
         if name not in known:
-            return f"nobody publishes {name}: topics() lists those that are there"
+            return f"{name} has no publisher: topics() lists the topics in use"
         if known[name] != topic.record.ROS_TYPE:
             return f"{name} carries {known[name]}, not {topic.record.ROS_TYPE}"
         return f"nothing on {name} for {timeout:g} s: is the simulation paused?"

@@ -12,7 +12,7 @@ from services.runtime.transport.api import Token, Transport
 
 @contextmanager
 def open_transport(router: str, domain: str = "", patience: float = 2.0) -> Iterator[Transport]:
-    """A transport through the router at an endpoint; raises BadInput when nobody listens there for ``patience`` [s]."""
+    """A transport through the router at an endpoint; raises BadInput if none listens there within ``patience`` [s]."""
     from services.runtime.transport.unix_sockets import is_listening
     from services.runtime.transport.zenoh import ZenohTransport
     from services.runtime.transport.zenoh_config import configuration, endpoint
@@ -28,7 +28,7 @@ def open_transport(router: str, domain: str = "", patience: float = 2.0) -> Iter
 
 
 class LightNode:
-    """A light node: a name of its own that nobody else can have, tokens for what it reads and writes, no heartbeat.
+    """A light node: a unique name, tokens for its topics, no heartbeat.
 
     Its name begins with an underscore, which hides it in lists, as in ROS 2. With ``owner`` it is the same in every
     session, and in several at once: what one of them publishes, another can revoke.

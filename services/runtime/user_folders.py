@@ -1,6 +1,6 @@
-"""Where Elea keeps a user's files: results, saved parameters, which fleets run, and the name of his folder of sockets.
+"""The folders of a user's files: results, saved parameters, the list of running fleets, and the folder of sockets.
 
-Everything is in ELEA_HOME where that is set. Otherwise results go into the checkout and saved parameters into the
+Everything is in ELEA_HOME if that is set. Otherwise results go into the checkout and saved parameters into the
 working directory, as long as the user may write to the checkout. If not, as with one installation for a whole class,
 both go to ``elea`` in the user's data folder. The list of running fleets is in the state folder in either case (XDG
 base directory specification).
@@ -48,7 +48,7 @@ def elea_home(environment: Mapping[str, str] = os.environ) -> Path | None:
 
 
 def socket_suffix(environment: Mapping[str, str] = os.environ) -> str:
-    """What tells this home's folder of sockets from others of the same user; empty for the home of the account.
+    """The suffix of this home's folder of sockets; empty for the home of the account.
 
     One account may have several homes: in containers, under ``sudo``, by ELEA_HOME. Each has its own fleets.
     """

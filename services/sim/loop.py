@@ -45,6 +45,8 @@ def run(ctx: Context[SimParameters]) -> None:
         for note in world_description.notes:
             ctx.log.warn(note)
         with BulletWorld(world_description, STEP_NS) as world:
+            for overlap in world.overlaps_at_start():
+                ctx.log.warn(f"{overlap}: the first step throws it out")
             stops_file = Path(params.stops_file) if params.stops_file else None
             simulation = Simulation(node, world, params.seed, params.mode == "real", stops_file)
             node.log.now = lambda: simulation.now

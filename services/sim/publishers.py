@@ -267,7 +267,10 @@ class WorldStatesPublisher:
 
 
 class GazeboStatesPublisher:
-    """Models in the order of their spawning, each with its links from the root on; all in the world's axes."""
+    """Models in the order of their spawning, each with its links from the root on; all in the world's axes.
+
+    The world's movable and moving bodies follow as models, as in Gazebo.
+    """
 
     def __init__(self, node: Node, world: World) -> None:
         self._world = world
@@ -279,8 +282,9 @@ class GazeboStatesPublisher:
         world = self._world
         if self._models.has_subscribers:
             states = [pose_and_twist(world.body(name).state()) for name in world.names]
+            states += [pose_and_twist(world.world_body_state(name)) for name in world.world_bodies]
             poses, twists = tuple(pose for pose, _ in states), tuple(twist for _, twist in states)
-            self._models.publish(ModelStates(name=world.names, pose=poses, twist=twists))
+            self._models.publish(ModelStates(name=(*world.names, *world.world_bodies), pose=poses, twist=twists))
         if self._links.has_subscribers:
             links = [(name, link) for name in world.names for link in world.body(name).links]
             states = [pose_and_twist(world.body(name).link_state(link)) for name, link in links]

@@ -44,7 +44,7 @@ class Simulation:
     """Everything that moves, and simulation time: ``tick`` counts physics steps since the last reset.
 
     ``input_steps`` is CONTROL_STEPS, or less where time follows the wall clock and a robot's joints are published
-    faster. Emergency stops outlive the process in ``stops_file``, where one is given.
+    faster, and 1 where they are commanded. Emergency stops outlive the process in ``stops_file``, where one is given.
     """
 
     def __init__(

@@ -106,7 +106,7 @@ def test_missed_bound_is_exit_status_one(terminal: FleetCommandLine) -> None:
     assert not (terminal.results / "report.png").exists()
 
 
-def test_interrupt_ends_it_with_a_report_of_what_was_driven(desk: FleetCommandLine) -> None:
+def test_interrupt_ends_it_with_a_report_of_what_was_driven(terminal: FleetCommandLine) -> None:
     fleet = terminal.fleet("real", "goals", "[50, 0]")
     up = terminal.start("up", fleet, "--report", str(terminal.results), "--no-view", "--no-picture")
     assert up.stderr
@@ -121,7 +121,7 @@ def test_interrupt_ends_it_with_a_report_of_what_was_driven(desk: FleetCommandLi
 
 
 @pytest.mark.parametrize("topology", ["direct", "star"])
-def test_life_in_the_background(desk: FleetCommandLine, topology: str) -> None:
+def test_life_in_the_background(terminal: FleetCommandLine, topology: str) -> None:
     fleet = terminal.fleet("real", "never", "", topology)
     started = json.loads(
         terminal.run("up", fleet, "--detach", "--no-picture", "--json", "--report", str(terminal.results))

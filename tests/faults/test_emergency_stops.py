@@ -51,7 +51,7 @@ class EmergencyStopHarness:
                 what=f"{name} on the page",
             )
             send(at, k="estop", id=1, robot=name, on=on)
-            return str(wait_message(at, "reply")["is"])
+            return str(wait_message(at, "reply")["result"])
 
     def shown(self) -> tuple[bool, bool]:
         """Whether a new page shows the robot as stopped by this panel, and as stopped at all."""

@@ -1,4 +1,4 @@
-"""Runs verbs as processes that need not load the project first: they are forked from one that has.
+"""Runs verbs and services as processes that need not load the project first: they are forked from one that has.
 
 A verb takes a fifth of a second to start Python and to import, and most of them do little else. All but that is as with
 ``python -m deploy``: a process of its own, with its environment, folder, streams, signals and exit status. How long the
@@ -18,31 +18,60 @@ import socket
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
-from services.runtime.process import ROOT
+from services.runtime.process import PARENT, ROOT
 
 STREAMS = (0, 1, 2)
+_LOOPS = ("arm", "grader", "params", "player", "recorder", "reference", "router", "sim", "square", "state", "waypoint")
+_LOADED = (
+    *("deploy.run_fleet", "deploy.detach", "deploy.doctor.checks", "services.runtime.main", "services.runtime.start"),
+    *(f"services.{each}.loop" for each in _LOOPS),
+)
 
 
-class ForkedVerb(subprocess.Popen[str]):
-    """``python -m deploy`` with some arguments. ``stdin`` is empty, the other streams are pipes."""
+class ForkedProcess(subprocess.Popen[str]):
+    """``python -m MODULE`` with some arguments, for ``deploy`` and ``services``; its standard input is empty.
 
-    def __init__(self, arguments: tuple[str, ...], cwd: Path, env: Mapping[str, str]) -> None:
-        streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-        super().__init__(["deploy", *arguments], cwd=cwd, env=env, text=True, **streams)  # type: ignore[call-overload]
+    Its parent is the server, which dies with this process. Without ``log``, its output and errors are pipes.
+    """
+
+    def __init__(
+        self,
+        module: str,
+        arguments: Sequence[str],
+        cwd: Path,
+        env: Mapping[str, str],
+        log: IO[Any] | int = subprocess.PIPE,
+        start_new_session: bool = False,
+    ) -> None:
+        _server()
+        errors = subprocess.STDOUT if log != subprocess.PIPE else subprocess.PIPE
+        super().__init__(
+            [module, *arguments],
+            cwd=cwd,
+            env=env,
+            text=True,
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=errors,
+            start_new_session=start_new_session,
+        )
 
     def _execute_child(self, args: list[str], executable: Any, preexec: Any, close: Any, *rest: Any) -> None:
-        _, cwd, env, _, _, _, in_read, _, _, out_write, _, err_write, *_ = rest  # as in CPython 3.11
+        # As in CPython 3.11.
+        _, cwd, env, _, _, _, in_read, _, out_read, out_write, _, err_write, _, _, _, _, _, new_session, _ = rest
         self._link = socket.socket(socket.AF_UNIX)
-        self._link.connect(_server())
-        asked = {"arguments": args, "cwd": str(cwd), "env": dict(env)}
+        self._link.connect(_server()[0])
+        _, server = _server()
+        own = {**env, PARENT: str(server)} if PARENT in env else dict(env)
+        asked = {"arguments": args, "cwd": str(cwd), "env": own, "new_session": new_session}
         socket.send_fds(self._link, [json.dumps(asked).encode() + b"\n"], [in_read, out_write, err_write])
-        for each in (in_read, out_write, err_write):
+        for each in (in_read, *((out_write, err_write) if out_read != -1 else ())):
             os.close(each)
         self._closed_child_pipe_fds = True
         self._answers = self._link.makefile()
@@ -68,6 +97,13 @@ class ForkedVerb(subprocess.Popen[str]):
         return self.returncode
 
 
+class ForkedVerb(ForkedProcess):
+    """``python -m deploy`` with some arguments; its output and errors are pipes."""
+
+    def __init__(self, arguments: Sequence[str], cwd: Path, env: Mapping[str, str]) -> None:
+        super().__init__("deploy", arguments, cwd, env)
+
+
 def run_verb(
     *arguments: str, cwd: Path = ROOT, env: Mapping[str, str] = os.environ, within: float = 60.0
 ) -> subprocess.CompletedProcess[str]:
@@ -82,17 +118,17 @@ def run_verb(
 
 
 @cache
-def _server() -> str:
-    """Where the server listens; it ends with this process, by the end of its standard input."""
+def _server() -> tuple[str, int]:
+    """Where the server listens, and its process id; it ends with this process, by the end of its standard input."""
     path = str(Path(tempfile.mkdtemp(prefix="elea-fork-")) / "socket")
     command = [sys.executable, "-P", "-m", "tests.harness.fork_server", path]
     server = subprocess.Popen(
         command, env={**os.environ, "PYTHONPATH": str(ROOT)}, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )
     assert server.stdout is not None
-    assert server.stdout.readline() == "ready\n"
+    assert "ready\n" in server.stdout, "the server of forks did not start"  # behind what libraries say
     _server.process = server  # type: ignore[attr-defined]
-    return path
+    return path, server.pid
 
 
 def _serve(path: str) -> None:
@@ -103,7 +139,7 @@ def _serve(path: str) -> None:
     for package in (deploy.commands, deploy.live):
         for each in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
             importlib.import_module(each.name)
-    for name in ("deploy.run_fleet", "deploy.detach", "services.runtime.transport.zenoh", "deploy.doctor.checks"):
+    for name in _LOADED:
         importlib.import_module(name)
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
@@ -149,13 +185,16 @@ def _become(asked: dict[str, Any]) -> None:
     signal.set_wakeup_fd(-1)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    if asked["new_session"]:
+        os.setsid()
     os.chdir(asked["cwd"])
     os.environ.clear()
     os.environ.update(asked["env"])
-    sys.argv = [str(ROOT / "deploy" / "__main__.py"), *asked["arguments"][1:]]
+    module, *arguments = asked["arguments"]
+    sys.argv = [str(ROOT / module / "__main__.py"), *arguments]
     status = 1
     try:
-        runpy.run_module("deploy", run_name="__main__", alter_sys=True)
+        runpy.run_module(module, run_name="__main__", alter_sys=True)
         status = 0
     except SystemExit as ended:
         status = ended.code if isinstance(ended.code, int) else 0 if ended.code is None else 1

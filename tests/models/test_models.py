@@ -15,10 +15,12 @@ import models
 from models import MODELS, WHEELED, WORLDS, UnknownModel, model_config_path, urdf_path, world_path
 from models.extent import vertical_extent
 from models.model import LaserConfig, read_model
+from models.robot_source import resolve_robot
 from models.urdf import link_offset, read_joints
 from models.world import WorldDescription, read_world
 from services.sim.physics.bullet import BulletWorld
 from services.sim.physics.world import Body, Motor
+from tests.models import sample_robots as samples
 
 MASSES = {"burger": 1.0, "waffle": 1.55, "waffle_pi": 1.55, "p3dx": 9.0, "arm": 52.0, "arm_corrected": 52.0}
 """kg, the sums of the TurtleBots' and the arm's published URDFs, the Pioneer's published weight."""
@@ -197,9 +199,14 @@ def test_the_optical_frame_looks_ahead() -> None:
     assert (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)) == pytest.approx((1.0, 0.0, 0.0))
 
 
-def test_how_high_robots_reach_is_read_from_their_collision_shapes() -> None:
+def test_how_high_robots_reach_is_read_from_their_shapes(tmp_path: Path) -> None:
     """The burger's height is that of its maker's drawing, 192 mm; the arm's is the way to the end of its upper link."""
-    for model, top in (("burger", 0.192), ("p3dx", 0.4245), ("waffle", 0.141), ("arm", 1.38)):
+    mast = samples.shape("collision", '<box size="0.02 0.02 0.5"/>', xyz="0 0 0.25")
+    pole = samples.robot(samples.link("base_link", samples.inertial(), mast))
+    samples.write(tmp_path / "rover.urdf", pole)
+    rover = resolve_robot("rover.urdf", tmp_path).model
+    tops = {"burger": 0.192, "p3dx": 0.4245, "waffle": 0.142, "arm": 1.38, rover: 0.5}
+    for model, top in tops.items():
         low, high = vertical_extent(model)
         assert abs(low) < 1e-6
-        assert abs(high - top) < 0.002, model
+        assert abs(high - top) < 0.001, model

@@ -57,7 +57,11 @@ def _change(change: dict[str, Any]) -> str:
 
 
 def _robot(robot: dict[str, object]) -> str:
-    pose = ", ".join(f"{key} = {value}" for key, value in dict(robot["pose"]).items())  # type: ignore[call-overload]
-    head = f'\n[[robot]]\nname = "{robot["name"]}"\nmodel = "{robot["model"]}"\npose = {{ {pose} }}\n'
+    tables = "".join(
+        f"{name} = {{ {', '.join(f'{key} = {json.dumps(value)}' for key, value in table.items())} }}\n"
+        for name, table in robot.items()
+        if isinstance(table, dict)
+    )
+    head = f'\n[[robot]]\nname = "{robot["name"]}"\nmodel = "{robot["model"]}"\n{tables}'
     own = {"p3dx": f"{SQUARE}\n", "arm": f"{ARM}\n"}
     return head + own.get(str(robot["model"]), _DRIVERS.format(goals=GOALS))

@@ -44,7 +44,7 @@ def test_a_robot_of_the_user_lives_beside_those_that_come_with_elea(tmp_path: Pa
         os.chmod(each, 0o500)
     before = {each: each.stat().st_mtime_ns for each in (ROOT / "models").iterdir()}
     with background_fleet(tmp_path, FLEET) as fleet:
-        told = fleet.run("sim", "spawn", str(xacro), "guest", "-x", "2", "--xacro-arg", "upper=0.5")
+        told = fleet.run("sim", "spawn", str(xacro), "guest", "-x", "2", "--arg", "upper:=0.5")
         assert "guest exists" in told.out
         (joint,) = fleet.run_json("sim", "joints", "guest")
         assert joint["upper"] == 0.5

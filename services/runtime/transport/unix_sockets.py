@@ -32,8 +32,8 @@ _YOUNG_S = 2.0
 def socket_folder(environment: Mapping[str, str] = os.environ) -> Path:
     """The folder of the sockets of all fleets of this user.
 
-    It is ``elea`` in XDG_RUNTIME_DIR (XDG base directory specification), where that is a folder of this user's; under
-    ``sudo`` it may be somebody else's. Otherwise it is ``elea-UID`` in the temporary folder. A home that is not the
+    It is ``elea`` in XDG_RUNTIME_DIR (XDG base directory specification), if that belongs to this user, which under
+    ``sudo`` it may not. Otherwise it is ``elea-UID`` in the temporary folder. A home that is not the
     account's adds a suffix of its own.
     """
     suffix = socket_suffix(environment)

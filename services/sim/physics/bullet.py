@@ -84,6 +84,10 @@ class BulletWorld:
             raise unknown_name("movable body", name, self._world.handles)
         return handle.state()
 
+    def overlaps_at_start(self) -> tuple[str, ...]:
+        """Movable bodies that the world's file puts into something else: the first step throws them out."""
+        return self._collision_checker.overlaps_at_start()
+
     def ground_height(self, x: float, y: float, radius: float) -> float:
         """The highest ground within ``radius`` of a place, m: that of ramps, height maps and floors, or 0."""
         grounds, highest = self._world.grounds, 0.0

@@ -78,7 +78,7 @@ def test_set_in_every_way_of_writing(
         ([SET, "--clmap", "ref_angle=1"], "unknown option '--clmap'; did you mean '--clamp'?"),
         ([SET], "nothing to set"),
         (["/robot_contro", "ref_angle", "1"], "did you mean '/robot_control'?"),
-        (["waypoint", "ref_angle", "1"], "one of several sets: say which, /tb3_0/waypoint, /tb3_1/waypoint"),
+        (["waypoint", "ref_angle", "1"], "one of several sets: choose one of /tb3_0/waypoint, /tb3_1/waypoint"),
     ],
 )
 def test_bad_input_ends_with_status_2(

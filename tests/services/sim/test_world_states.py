@@ -8,7 +8,7 @@ from messages.requests import GET_STATE, RESET, SET_STATE, WORLD_PROPERTIES
 from messages.se3 import Pose3
 from messages.simulation import GetModelState, SetModelState
 from messages.std import Empty
-from messages.topics import WORLD_STATES
+from messages.topics import MODEL_STATES, WORLD_STATES
 from models.bodies import BodyPart, BodyPath, BoxShape, SphereShape, WorldBody, WorldDescription
 from services.runtime.errors import CallFailed
 from tests.services.sim.joints.joint_simulation import robot_entry, run_joint_simulation
@@ -26,12 +26,15 @@ SCENE = WorldDescription(
 def test_states_of_what_moves_are_published_ten_times_a_second() -> None:
     with run_joint_simulation(robot_entry("tb3", "burger", y=3.0), scene=SCENE) as on:
         states = on.subscribe(WORLD_STATES, "/world/states")
+        models = on.subscribe(MODEL_STATES, "/gazebo/model_states")
         on.run(1.0)
         states.update()
         told = [message for message, _ in states.messages]
         assert len(told) == 10
         assert {each.name for each in told} == {("ball", "cart")}
         assert [each.header.stamp.ns for each in told] == [step * 100_000_000 for step in range(10)]
+        models.update()
+        assert models.messages[0][0].name == ("tb3", "ball", "cart"), "models for Gazebo's programs"
         assert told[5].pose[1].position.x == pytest.approx(-1.75)
         assert told[5].twist[1].linear.x == pytest.approx(0.5)
         on.call(RESET, Empty())

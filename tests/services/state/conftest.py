@@ -48,7 +48,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TfHarness]:
     logs: Path = tmp_path_factory.mktemp("state")
     urdf = logs / "gripper.urdf"
     urdf.write_text(GRIPPER)
-    parameters = {"a": {"enable_link_tf": False}, "b": {}}
+    parameters = {"a": {"enable_link_tf": False, "odometry": "world"}, "b": {"odometry": "world"}}
     robots = [{"name": name, "model": "burger", "y": y, "parameters": parameters[name]} for name, y in PLACES.items()]
     with Network(logs) as network, network.node() as node:
         sim = network.start("sim", "--param", f"robots={json.dumps(robots)}", "--param", "mode=real")

@@ -56,7 +56,7 @@ def test_the_only_base_needs_no_name() -> None:
     ("asked", "found", "message"),
     [
         ("/p3dy", FOUND, r"no robot takes commands on /p3dy/cmd_vel; did you mean '/p3dx'\? \(known: /p3dx, /tb3_0\)"),
-        ("", FOUND, "several robots, say which one: /p3dx, /tb3_0"),
+        ("", FOUND, "there are several robots: choose one of /p3dx, /tb3_0"),
         ("", {}, "no robot takes commands at tcp/x:1: is a fleet up"),
         ("/p3dx", {}, "no robot takes commands at tcp/x:1: is a fleet up"),
         ("p3 dx", FOUND, "'p3 dx' is not a name"),

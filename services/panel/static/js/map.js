@@ -117,7 +117,7 @@ export class GroundMap {
     context.fillStyle = this.colours.ground;
     context.fillRect(0, 0, this.camera.width, this.camera.height);
     drawGrid(context, this.camera, this.colours);
-    this.world.draw(context, this.camera, this.colours);
+    this.dirty = this.world.draw(context, this.camera, this.colours);
     for (const [ns, trail] of this.trails) this.drawTrail(context, trail, this.colourOf(ns));
     for (const robot of this.robots) if (robot.plan.length) this.drawPlan(context, robot);
     this.world.drawScan(context, this.camera, this.selected, this.colourOf(this.selected));

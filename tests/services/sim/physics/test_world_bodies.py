@@ -13,6 +13,7 @@ from models.world import WorldBody, WorldDescription
 from services.runtime.errors import BadInput
 from services.sim.physics.bullet import BulletWorld
 from services.sim.physics.world import Body, BodyState, CameraModel, Contact, Motor
+from services.sim.physics.world_bodies import MOST_TRIANGLES
 from tests.services.sim.physics.driven_robot import STEP_NS
 
 SECOND = 1_000_000_000 // STEP_NS
@@ -113,6 +114,23 @@ def test_a_movable_body_is_pushed_and_comes_back_with_a_reset() -> None:
         on.spawn(burger("other", 0.5, 3.0, 0.0))
         with pytest.raises(BadInput, match="unknown movable body 'crat'; did you mean 'crate'"):
             on.world_body_state("crat")
+
+
+def test_what_starts_inside_something_is_told() -> None:
+    crate = BoxShape((0.2, 0.2, 0.2))
+    world = WorldDescription(
+        bodies=(
+            body("wall", BoxShape((0.1, 2.0, 1.0)), 0, 0, 0.5),
+            body("beside", crate, 0.5, 0, 0.1, mass=1.0),
+            body("sunk", crate, 2, 0, 0.0, mass=1.0),
+            body("in_wall", crate, 0.1, 0, 0.1, mass=1.0),
+        )
+    )
+    with BulletWorld(world, STEP_NS) as on:
+        told = on.overlaps_at_start()
+    assert [each.split(" ")[0] for each in told] == ["'sunk'", "'in_wall'"]
+    assert "would overlap with the ground by 0.100 m" in told[0]
+    assert "would overlap with wall by 0.050 m" in told[1]
 
 
 def test_a_thrown_body_of_several_parts_spins_about_its_centre_of_mass() -> None:
@@ -222,13 +240,13 @@ def test_below_a_height_map_nothing_is_spawned() -> None:
 
 
 def test_a_mesh_of_many_triangles_is_loaded_in_pieces() -> None:
-    rows = 230
+    rows = 205
     grid = np.stack(np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, rows)), axis=-1).reshape(-1, 2)
     index = np.arange(rows * rows).reshape(rows, rows)
     a, b, c, d = (each.ravel() for each in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]))
     triangles = np.concatenate([np.column_stack((a, b, c)), np.column_stack((a, c, d))]).astype(np.int32)
     mesh = Mesh(np.column_stack((grid, np.full(len(grid), 0.5))), triangles)
-    assert len(triangles) > 100_000
+    assert len(triangles) > MOST_TRIANGLES
     with BulletWorld(WorldDescription(bodies=(body("table", MeshShape(mesh), 0, 0, 0),)), STEP_NS) as on:
         places = np.array([(x, x / 2, 2.0) for x in np.linspace(-0.95, 0.95, 40)])
         assert on.cast_rays(places, places - (0, 0, 2)) == pytest.approx(0.75, abs=1e-3)
