@@ -277,7 +277,7 @@ def robot_parameters_type(model: str) -> type[Parameters]:
 
 def _size_spec(robot: RobotConfig) -> dict[str, Any]:
     """The space that a robot occupies; without a top if its URDF does not give its height."""
-    from models.extent import vertical_extent  # numpy and decoders of meshes, which a command line alone never needs
+    from models.extents import vertical_extent  # numpy and decoders of meshes, which a command line alone never needs
 
     bottom, top = vertical_extent(robot.model)
     size = {"name": robot.name, "radius": read_model(robot.model).radius, "bottom": bottom}

@@ -23,7 +23,11 @@ if TYPE_CHECKING:
     from models.mesh import Mesh
 
 Coordinate = Annotated[float, Meta(ge=-1e4, le=1e4, extra={"unit": "m"})]
-Extent = Annotated[float, Meta(gt=0, le=1e4, extra={"unit": "m"})]
+LEAST_EXTENT = 1e-4
+"""m; thinner shapes leave the numbers that the engine computes with."""
+LEAST_MASS = 1e-6
+"""kg."""
+Extent = Annotated[float, Meta(ge=LEAST_EXTENT, le=1e4, extra={"unit": "m"})]
 Shade = Annotated[float, Meta(ge=0, le=1)]
 Colour = tuple[float, float, float, float]
 """Red, green, blue and opacity, each from 0 to 1."""

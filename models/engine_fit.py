@@ -9,13 +9,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
-from messages.se3 import Pose3
-from models.extents import PlacedShape, lowest_point, placed_shapes, solid_shapes
+from messages.se3 import Pose3, rotate, rotate_inverse
+from models.extents import bottom, lowest_point, placed_shapes, solid_shapes
 from models.gazebo_tags import Friction
 from models.inferred import TOUCHES, Wheel, read_wheel, rolling_joints
 from models.model import RobotModel
 from models.robot_facts import BuiltWheels, Skid
-from models.shapes import LinkShapes
+from models.shapes import LinkShapes, Shape
 from models.urdf import RobotDescription, parse_xml
 from models.urdf_writer import link_poses
 
@@ -27,6 +27,11 @@ SLIDER_FRICTION = 0.05
 """Of what touches the ground and does not roll, as a ball or a skid, without a tag."""
 BODY_FRICTION = 0.5
 """Of all else without a tag."""
+LIFTED = 0.005
+"""m; what stands on the ground beside the driven wheels and reaches lower than they by up to this is lifted to them:
+contacts are rigid here, and the wheels would hang in the air, where those of Gazebo give way."""
+HULL_MARGIN = 0.001
+"""m, that the engine's convex hulls of cylinders and meshes reach beyond their shapes."""
 MAX_FRICTION = 1.5
 """Rubber on concrete has less; tags say 100 and 1e5 for "does not slip", with which a robot that skids would hop."""
 
@@ -99,7 +104,9 @@ class _Fit:
 
     def result(self) -> EngineFit:
         rolling = self._roll_on_spheres()
-        floor = min([lowest_point(self._rigid()), *self._bottoms.values()]) if self._bottoms else self._floor
+        lifted = self._lift_supports(rolling)
+        rigid = [bottom(shape, pose) + lifted.get(link, 0.0) for link, shape, pose in self._rigid()]
+        floor = min([*rigid, *self._bottoms.values()]) if self._bottoms else self._floor
         self._set_friction(rolling, floor)
         starts = {each.name: each.limits.clamp(0.0) for each in self._robot.joints if each.single_dof}
         ElementTree.indent(self._xml)
@@ -170,10 +177,46 @@ class _Fit:
         size = f"{1.8 * radius!r} {wheel.width!r} {1.2 * radius!r}"
         _collision(self._links[parent], pose, "box", size=size)
 
-    def _rigid(self) -> list[PlacedShape]:
-        """What collides as its own shape."""
+    def _lift_supports(self, rolling: Mapping[str, bool]) -> dict[str, float]:
+        """Lift what reaches a little lower than the driven wheels; by how much, m, of links with their own shapes."""
+        driven = [self._bottoms[link] for link, has_motor in rolling.items() if has_motor]
+        if not driven:
+            return {}
+        level, lifted = max(driven), {}
+        for link, has_motor in rolling.items():
+            if not has_motor and 0 < level - self._bottoms[link] <= LIFTED:
+                sphere = self._links[link].find("collision/geometry/sphere")
+                assert sphere is not None
+                sphere.set("radius", repr(float(sphere.get("radius", "0")) - (level - self._bottoms[link])))
+                self._bottoms[link] = level
+        for link in dict.fromkeys(link for link, _, _ in self._rigid()):
+            own = [(shape, pose) for name, shape, pose in self._rigid() if name == link]
+            low = lowest_point(own)
+            if low > level + TOUCHES or low < level - LIFTED:
+                continue
+            if len(own) == 1 and _lies(*own[0]):
+                # A caster without a joint: as a cylinder it would be a hull on two edges.
+                self._replace_by_sphere(link, own[0][0], own[0][0].size[0] - max(0.0, level - low))
+                self._bottoms[link] = max(low, level)
+                continue
+            margin = HULL_MARGIN if any(shape.kind in ("cylinder", "mesh") for shape, _ in own) else 0.0
+            if level - low + margin > 0:
+                lifted[link] = level - low + margin
+                up = rotate_inverse(self._poses[link].orientation, (0.0, 0.0, lifted[link]))
+                for origin in self._links[link].findall("collision/origin"):
+                    at = [float(each) for each in origin.get("xyz", "0 0 0").split()]
+                    origin.set("xyz", " ".join(repr(a + b) for a, b in zip(at, up, strict=True)))
+        return lifted
+
+    def _replace_by_sphere(self, link: str, shape: Shape, radius: float) -> None:
+        for each in self._links[link].findall("collision"):
+            self._links[link].remove(each)
+        _collision(self._links[link], Pose3(shape.pose.position), "sphere", radius=repr(radius))
+
+    def _rigid(self) -> list[tuple[str, Shape, Pose3]]:
+        """What collides as its own shape, with its link."""
         return [
-            (shape, self._poses[link])
+            (link, shape, self._poses[link])
             for link, own in self._shapes.items()
             if link not in self._bottoms
             for shape in own.collisions
@@ -200,6 +243,11 @@ class _Fit:
             if not stands and own and all(each.kind == "sphere" for each in own):
                 # What is nothing but spheres rolls, and touches the ground alone; this one is to meet everything.
                 _collision(link, own[0].pose, "box", size=" ".join([repr(own[0].size[0] / 10)] * 3))
+
+
+def _lies(shape: Shape, frame: Pose3) -> bool:
+    """Whether a shape is a cylinder whose axis is level."""
+    return shape.kind == "cylinder" and abs(rotate((frame @ shape.pose).orientation, (0.0, 0.0, 1.0))[2]) < 0.1
 
 
 def _collision(link: ElementTree.Element, pose: Pose3, shape: str, **figures: str) -> None:

@@ -9,9 +9,11 @@ from dataclasses import replace
 import numpy as np
 
 from messages.se3 import Pose3, Vector, rotate_inverse
-from models.shapes import LinkShapes, Shape
-from models.urdf import RobotDescription
-from models.urdf_writer import link_poses
+from models import physics_urdf_path
+from models.mesh import read_mesh
+from models.shapes import LinkShapes, Shape, read_shapes
+from models.urdf import RobotDescription, parse_urdf, parse_xml
+from models.urdf_writer import extents, link_poses
 
 DIRECTIONS = 72
 """In which a robot is measured for the circle around it."""
@@ -56,6 +58,21 @@ def lowest_point(placed: Iterable[PlacedShape]) -> float:
 def bottom(shape: Shape, pose: Pose3) -> float:
     """The height of the lowest point of a shape, m."""
     return -support(shape, pose, (0.0, 0.0, -1.0))
+
+
+def vertical_extent(model: str) -> tuple[float, float]:
+    """The lowest and the highest point [m] of the robot ``model`` in its root's frame, all joints at zero.
+
+    The second is infinite for a robot without shapes, and where a mesh cannot be read. Raises ``models.UnknownModel``.
+    """
+    path = physics_urdf_path(model)
+    text = path.read_text(encoding="utf-8")
+    faults: list[str] = []
+    shapes = read_shapes(parse_xml(text), lambda name: read_mesh(path.parent / name.removeprefix("file://")), faults)
+    if faults or not any(each.any for each in shapes.values()):
+        return 0.0, math.inf
+    _, low, high = extents(parse_urdf(text), shapes)
+    return low, high
 
 
 def box_inertia(mass: float, size: Vector) -> tuple[float, float, float]:

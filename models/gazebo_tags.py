@@ -479,6 +479,10 @@ class _Reader:
             read(sensor, plugin if isinstance(plugin, UrdfElement) else None, link, mount)
 
     def _laser(self, sensor: UrdfElement, plugin: UrdfElement | None, link: str, mount: Mount) -> None:
+        publisher = "" if plugin is None else plugin_kind(plugin)
+        if re.search("range|sonar|bumper", publisher) or not (publisher or self._text(sensor, "topic")):
+            self._ignore(sensor, "rays that no laser's plugin publishes", key="rays")
+            return
         ray = next((each for name in ("ray", "lidar") if (each := sensor.find(name)) is not None), None)
         flat = ray.find("scan/horizontal") if ray is not None else None
         if not isinstance(ray, UrdfElement) or not isinstance(flat, UrdfElement):

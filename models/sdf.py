@@ -19,6 +19,8 @@ from messages.se3 import IDENTITY, Pose3, Vector, quaternion_from_rpy
 from models.bodies import (
     GREY,
     GROUND_NAME,
+    LEAST_EXTENT,
+    LEAST_MASS,
     MAX_PARTS,
     BadWorld,
     BodyPart,
@@ -217,13 +219,13 @@ class _Reader:
         inertial = element.find("inertial")
         mass, centre, moments = 1.0, None, None
         if inertial is not None:
-            mass = self._number(inertial, "mass", 1.0, positive=True, most=1e9)
+            mass = max(LEAST_MASS, self._number(inertial, "mass", 1.0, positive=True, most=1e9))
             if inertial.find("pose") is not None:
                 centre = self._pose(inertial.find("pose")).position
             tensor = inertial.find("inertia")
             if tensor is not None and all(tensor.find(each) is not None for each in ("ixx", "iyy", "izz")):
                 x, y, z = (self._number(tensor, each, 0.0, most=1e12) for each in ("ixx", "iyy", "izz"))
-                moments = (x, y, z) if min(x, y, z) > 0 else None
+                moments = (x, y, z) if min(x, y, z) > 1e-12 else None
         return _Link(element.attributes.get("name", "link"), pose, parts, mass, centre, moments, friction)
 
     def _parts_of(self, element: SdfElement, pose: Pose3, stands: bool) -> list[BodyPart]:
@@ -453,10 +455,11 @@ class _Reader:
         size = self._vector(element, tag, (1.0, 1.0, 1.0))
         if min(size) <= 0:
             self._fail(element, f"<{tag}> {size[0]:g} {size[1]:g} {size[2]:g} of a {element.tag} is not positive")
-        return size
+        x, y, z = (max(each, LEAST_EXTENT) for each in size)
+        return x, y, z
 
     def _length(self, element: SdfElement, tag: str) -> float:
-        return self._number(element, tag, 1.0, positive=True)
+        return max(LEAST_EXTENT, self._number(element, tag, 1.0, positive=True, most=MAX_VALUE))
 
     def _number(
         self, element: SdfElement, tag: str, default: float, positive: bool = False, most: float = 1e6

@@ -17,6 +17,7 @@ from messages.se3 import IDENTITY, Pose3, quaternion_from_rpy
 from models.bodies import (
     GREY,
     GROUND_NAME,
+    LEAST_MASS,
     MAX_MOVABLE,
     MAX_PARTS,
     BadWorld,
@@ -77,7 +78,7 @@ class PathKeys(WorldTable, frozen=True, kw_only=True):
     """How something moves by itself."""
 
     path: tuple[Annotated[tuple[Coordinate, ...], Meta(min_length=2, max_length=3)], ...] = ()
-    speed: Annotated[float, Meta(gt=0, le=100, extra={"unit": "m/s"})] = 0.5
+    speed: Annotated[float, Meta(ge=1e-4, le=100, extra={"unit": "m/s"})] = 0.5
     repeat: Repeat = "there_and_back"
     pause: Annotated[float, Meta(ge=0, le=1e6, extra={"unit": "s"})] = 0.0
     start: Annotated[float, Meta(ge=0, le=1e6, extra={"unit": "s"})] = 0.0
@@ -92,7 +93,7 @@ class BodyKeys(PathKeys, frozen=True, kw_only=True, tag_field="shape"):
     rpy: tuple[Angle, Angle, Angle] | None = None
     colour: ColourValue = GREY
     fixed: bool | None = None
-    mass: Annotated[float, Meta(gt=0, le=1e6, extra={"unit": "kg"})] | None = None
+    mass: Annotated[float, Meta(ge=LEAST_MASS, le=1e6, extra={"unit": "kg"})] | None = None
     friction: Friction = 0.5
     ground: bool | None = None
 

@@ -28,11 +28,11 @@ def own_robot_options(verb: Callable[..., Any]) -> Callable[..., Any]:
         help="Folder of a ROS package, or of several, for package://; may be repeated.",
     )
     @click.option(
-        "--arg", "xacro_args", multiple=True, metavar="NAME:=VALUE", help="Argument of a xacro; may be repeated."
+        "--arg", "arguments", multiple=True, metavar="NAME:=VALUE", help="Argument of a xacro; may be repeated."
     )
     @functools.wraps(verb)
-    def with_arguments(xacro_args: tuple[str, ...], **values: Any) -> Any:
-        return verb(xacro_args=dict(map(_xacro_argument, xacro_args)), **values)
+    def with_arguments(arguments: tuple[str, ...], **values: Any) -> Any:
+        return verb(xacro_args=dict(map(_xacro_argument, arguments)), **values)
 
     return with_arguments
 

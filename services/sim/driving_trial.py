@@ -244,9 +244,11 @@ class JointTrial:
 
 
 def shake_joints(
-    world: World, name: str, motors: Sequence[str], moves: Mapping[str, float], seconds: float = 0.5
+    world: World, name: str, motors: Sequence[str], moves: Mapping[str, float], seconds: float = 1.0
 ) -> list[JointTrial]:
-    """Move each joint of ``moves`` by so much [rad or m] and back, each way within ``seconds``, one after the other.
+    """Move each joint of ``moves`` by so much [rad or m] and back, each way in ``seconds``, one after the other.
+
+    The speed is half a sine, whose highest is pi/2 times the mean.
 
     All joints of ``motors``, in the order of the body's motors, are held by these meanwhile.
     """
@@ -256,10 +258,11 @@ def shake_joints(
         index = body.joints.index(joint)
         positions = [body.joint_readings().position[index]]
         for sign in (1.0, -1.0):
-            speeds = list(rest)
-            speeds[motors.index(joint)] = sign * move / seconds
-            body.set_speeds(speeds)
-            for _ in range(round(seconds / DT)):
+            speeds, steps = list(rest), round(seconds / DT)
+            for step in range(steps):
+                share = math.pi / 2 * math.sin(math.pi * (step + 0.5) / steps)
+                speeds[motors.index(joint)] = sign * move / seconds * share
+                body.set_speeds(speeds)
                 world.step()
             body.set_speeds(rest)
             world.step()

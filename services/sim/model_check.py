@@ -53,7 +53,7 @@ JOINT = 0.1
 """Share by which a joint may miss where it is told to move."""
 HANGS = 0.003
 """m; a wheel that is higher above the ground does not touch it."""
-SHAKE = 0.5
+SHAKE = 0.3
 """rad or m; the most that a joint is moved."""
 SHAKE_SPEED = 1.0
 """rad/s or m/s; the fastest that it is moved."""
@@ -468,8 +468,8 @@ def _move(joint: Joint) -> float:
     low = -2 * SHAKE if limits.lower is None else limits.lower - start
     high = 2 * SHAKE if limits.upper is None else limits.upper - start
     move = min(SHAKE, high / 2) if high >= -low else max(-SHAKE, low / 2)
-    fastest = min(SHAKE_SPEED, limits.velocity or SHAKE_SPEED)
-    return max(-fastest / 2, min(fastest / 2, move))
+    most = min(SHAKE_SPEED, limits.velocity or SHAKE_SPEED) * 2 / math.pi
+    return max(-most, min(most, move))
 
 
 def _joint_trial(trial: JointTrial, unit: str) -> TrialFacts:

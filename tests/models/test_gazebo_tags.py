@@ -124,6 +124,14 @@ def test_a_laser_all_around_and_one_of_gz() -> None:
         assert tags.topics == {}
 
 
+def test_rays_that_are_no_laser_are_none() -> None:
+    inner = "<ray><scan><horizontal><samples>5</samples></horizontal></scan></ray>"
+    for plugin in ('<plugin name="p" filename="libgazebo_ros_range.so"/>', ""):
+        tags = tags_of(f'<gazebo reference="a"><sensor type="ray" name="s">{inner}{plugin}</sensor></gazebo>')
+        assert tags.laser is None
+        assert tags.ignored == ("r.urdf:2: <sensor>: rays that no laser's plugin publishes",)
+
+
 def test_a_camera_is_as_large_as_the_renderer_can() -> None:
     for kind, library in (("camera", "camera"), ("depth", "openni_kinect")):
         tags = tags_of(

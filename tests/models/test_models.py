@@ -13,7 +13,7 @@ from rerun.urdf import UrdfTree
 
 import models
 from models import MODELS, WHEELED, WORLDS, UnknownModel, model_config_path, urdf_path, world_path
-from models.extent import vertical_extent
+from models.extents import vertical_extent
 from models.model import LaserConfig, read_model
 from models.robot_source import resolve_robot
 from models.urdf import link_offset, read_joints

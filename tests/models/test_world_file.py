@@ -101,8 +101,8 @@ def test_what_is_wrong_is_told_with_file_line_and_the_right_name(tmp_path: Path)
     for wrong, right, line, told in [
         ('"cylinder"', '"cilinder"', 4, "unknown shape 'cilinder'; did you mean 'cylinder'?"),
         ("radius", "radios", 5, "unknown key 'radios'; did you mean 'radius'?"),
-        ("0.15", "nan", 5, "radius: Expected `float` > 0"),
-        ("0.15", "-0.15", 5, "radius: Expected `float` > 0"),
+        ("0.15", "nan", 5, "radius: Expected `float` >= 0.0001"),
+        ("0.15", "-0.15", 5, "radius: Expected `float` >= 0.0001"),
         ("2.0", "inf", 7, "position[1]: Expected `float` <= 10000"),
         ('"red"', '"rde"', 8, "unknown colour 'rde'; did you mean 'red'?"),
         ('"cart"', '"pillar"', 11, "there is a body 'pillar' already"),

@@ -12,7 +12,7 @@ from messages.se3 import Pose3, quaternion_from_rpy
 from messages.std import ColorRGBA, Header
 from messages.visualization import Marker, MarkerArray
 from models import urdf_path
-from models.extent import vertical_extent
+from models.extents import vertical_extent
 from models.model import read_model
 from models.world import read_world
 from services.driving.world_bodies import World, world_bodies

@@ -36,6 +36,22 @@ def emit(page: Page, kind: str, message: object) -> None:
     page.evaluate("([kind, text]) => window.elea.link.emit(kind, JSON.parse(text))", [kind, json.dumps(message)])
 
 
+def test_the_world_of_the_fleet_is_on_the_map_and_its_cart_moves(fleet: PanelFleet, pages: PageOpener) -> None:
+    page = pages.open("robots")
+    bodies = "window.elea.map.world.bodies?.map(({ name, kind, colour }) => [name, kind, colour])"
+    wait_until(
+        lambda: page.evaluate(bodies) == [["crate", "fixed", "#cc331aff"], ["cart", "moving", "#999999ff"]],
+        WITHIN_S,
+        "the bodies of the world",
+    )
+    cart = "window.elea.map.world.moving.get('cart').outlines[0][0]"
+    before = page.evaluate(cart)
+    wait_until(lambda: abs(page.evaluate(cart) - before) > 0.3, WITHIN_S, "the cart has moved")
+    page.click("button:has-text('Fit')")
+    crate = pixel(page, 0.2, 5.3)
+    assert crate[0] > crate[2] + 50
+
+
 def test_bodies_are_drawn_in_their_colours_and_what_moves_moves(fleet: PanelFleet, pages: PageOpener) -> None:
     page = pages.open("robots")
     wait_until(

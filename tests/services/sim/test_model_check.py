@@ -130,6 +130,21 @@ def test_wheels_without_a_tag_are_found_by_their_shapes(tmp_path: Path, check: C
     assert found.ok, found
 
 
+def test_supports_a_little_lower_than_the_wheels_let_them_stand(tmp_path: Path, check: Checker) -> None:
+    text = (FOLDER / "courier.urdf").read_text()
+    pair = (
+        '<link name="{0}"><inertial><mass value="0.02"/><inertia ixx="1e-6" iyy="2e-6" izz="1e-6" ixy="0" ixz="0" '
+        'iyz="0"/></inertial><collision><origin rpy="1.5707963 0 0"/><geometry><cylinder radius="0.02" '
+        'length="0.02"/></geometry></collision></link><joint name="{0}_joint" type="fixed"><parent link="base_link"/>'
+        '<child link="{0}"/><origin xyz="{1} 0 -0.042"/></joint>'
+    )
+    own = tmp_path / "rocking.urdf"
+    own.write_text(text.replace("</robot>", pair.format("fore", 0.15) + pair.format("aft", -0.12) + "</robot>"))
+    found = check_model(str(own), tmp_path)
+    assert found.ok, found
+    assert found.height == pytest.approx(0.06), "it stands on its wheels, not on what reaches 2 mm lower"
+
+
 def test_a_model_of_ours_is_checked_by_its_name(check: Checker) -> None:
     found = check_model("burger", FOLDER)
     assert found.ok, found
