@@ -27,7 +27,9 @@ def own_robot_options(verb: Callable[..., Any]) -> Callable[..., Any]:
         type=click.Path(path_type=Path),
         help="Folder of a ROS package, or of several, for package://; may be repeated.",
     )
-    @click.option("--arg", "arguments", multiple=True, metavar="NAME:=VALUE", help="Argument of a xacro; may be repeated.")
+    @click.option(
+        "--arg", "arguments", multiple=True, metavar="NAME:=VALUE", help="Argument of a xacro; may be repeated."
+    )
     @functools.wraps(verb)
     def with_arguments(arguments: tuple[str, ...], **values: Any) -> Any:
         return verb(xacro_args=dict(map(_xacro_argument, arguments)), **values)
