@@ -24,7 +24,7 @@ from models.robot_source import resolve_robot
 from models.toml_source import TomlSource, key_path
 from models.world import find_world, read_world
 from services.catalog import is_user_file
-from services.runtime.errors import BadInput, unknown_name
+from services.runtime.errors import BadInput, did_you_mean, unknown_name
 from services.runtime.user_folders import parameters_folder
 from services.sim import SimParameters
 
@@ -64,10 +64,12 @@ def find_fleet(name: str) -> Path:
     if path.is_file():
         return path
     if path.suffix == ".toml" or "/" in name:
-        raise BadInput(f"there is no fleet file {name}")
+        near = did_you_mean(path.name, (each.name for each in path.parent.glob("*.toml")))
+        raise BadInput(f"there is no fleet file {name}{near}")
     if name in RENAMED_FLEETS:
         raise BadInput(f"the fleet {name} is called {RENAMED_FLEETS[name]} now")
-    raise unknown_name("fleet", name, fleet_names())
+    error = unknown_name("fleet", name, fleet_names())
+    raise BadInput(f"{error}; a fleet of your own is named by its path, as ./{name[:80]}.toml")
 
 
 def saved_parameters_file(fleet: str) -> Path:

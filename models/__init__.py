@@ -59,7 +59,10 @@ def is_world_file(name: str) -> bool:
 
 def world_path(name: str) -> Path:
     """The file of a world of this folder, see ``models.world``; raises UnknownModel."""
-    return _HERE / "worlds" / f"{_checked_name('world', name, WORLDS)}.toml"
+    try:
+        return _HERE / "worlds" / f"{_checked_name('world', name, WORLDS)}.toml"
+    except UnknownModel as error:
+        raise UnknownModel(f"{error}; a world of your own is named by its path, as ./{name[:80]}.toml") from None
 
 
 def _model_folder(model: str) -> Path:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from messages.errors import did_you_mean
 from models import is_world_file, world_path
 from models.bodies import BadWorld as BadWorld
 from models.bodies import Box as Box
@@ -37,5 +38,6 @@ def find_world(name: str, base: Path | None = None) -> Path:
         return world_path(name)
     path = (base or Path()) / Path(name).expanduser()
     if not path.is_file():
-        raise BadWorld(f"there is no world file {path}")
+        files = [each.name for each in path.parent.glob("*") if is_world_file(each.name)]
+        raise BadWorld(f"there is no world file {path}{did_you_mean(path.name, files)}")
     return path.resolve()

@@ -19,9 +19,7 @@ def command() -> None:
 
 @click.command("exercise")
 @click.argument("name")
-@click.option(
-    "--kind", default="obstacle_avoidance", show_default=True, help="The exercise; a wrong one lists those there are."
-)
+@click.option("--kind", default="obstacle_avoidance", show_default=True, help="Which exercise.")
 @click.option(
     "--in", "parent", metavar="DIR", default=".", help="Folder to make it in; the working directory by default."
 )

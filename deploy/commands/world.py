@@ -59,7 +59,8 @@ def check_command(world: str, packages: tuple[Path, ...], as_json: bool) -> None
     if as_json:
         write_json({"about": found.about, "bodies": kinds, "shapes": shapes, "notes": found.notes})
         return
-    told = [f"{found.about or world}: {sum(kinds.values())} bodies ({_counts(kinds)})"]
+    total = sum(kinds.values())
+    told = [f"{found.about or world}: {total} {'body' if total == 1 else 'bodies'} ({_counts(kinds)})"]
     told += [f"shapes: {_counts(shapes)}"] if shapes else []
     told += [f"not understood: {len(found.notes)}", *(f"  {note}" for note in found.notes)] if found.notes else []
     write_text("\n".join(told) + "\n")

@@ -43,7 +43,7 @@ RUN_KEYS = (
     *("sim_seconds", "wall_seconds", "real_time_factor", "messages_lost", "restarts"),
     *("members_lost", "members_left", "changes_missed", "nodes_absent", "lag_s"),
 )
-KEYS = (*ROBOT_KEYS, "points_reached", *RUN_KEYS)
+KEYS = tuple(dict.fromkeys((*ROBOT_KEYS, "points_reached", *RUN_KEYS)))
 
 
 def check_bounds(bounds: Bounds, where: str) -> None:

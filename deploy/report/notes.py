@@ -47,8 +47,8 @@ def _odometry_notes(fleet: Fleet) -> list[str]:
     rest = len(parts) - MAX_NAMED_ROBOTS
     named = "; ".join(parts[:MAX_NAMED_ROBOTS]) + (f"; and {rest} more" if rest > 0 else "")
     return [
-        "Odometry takes wheels for other ones than they are, as on a real robot, "
-        f"by the seed {fleet.run.seed}: {named}. odometry_error = 0 leaves this out."
+        "Odometry drifts as on a real robot, because the wheels differ from what it assumes "
+        f"(seed {fleet.run.seed}): {named}. odometry_error = 0 turns this off."
     ]
 
 

@@ -74,7 +74,8 @@ def compare_bags(left: Bag, right: Bag, end: int | None = None) -> BagComparison
     """Compare two bags topic by topic, in the order of recording.
 
     Everything that depends on the wall clock or the folder is left out: WALL_CLOCK_TOPICS, WALL_CLOCK_FIELDS,
-    PLACE_PARAMETERS, receive times and sequence numbers.
+    PLACE_PARAMETERS, receive times and sequence numbers. So are the revisions of parameters, which a fleet
+    goes on counting from run to run.
 
     Args:
         left: One bag.
@@ -188,6 +189,7 @@ def _values(entry: Entry) -> Any:
     except WrongPayload:
         return {"data": entry.data.hex()}
     if entry.channel.type == ParameterValues.ROS_TYPE:
+        del found["revision"]
         found["values"] = {each["name"]: each for each in found["values"] if each["name"] not in PLACE_PARAMETERS}
     return found
 

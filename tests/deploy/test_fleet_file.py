@@ -195,9 +195,12 @@ def test_a_change_that_no_set_can_take(old: str, new: str, place: int, what: str
     assert what in str(caught.value)
 
 
-def test_unknown_fleet_names_the_nearest() -> None:
-    with pytest.raises(BadInput, match=r"unknown fleet 'lap'; did you mean 'lab'"):
+def test_unknown_fleet_names_the_nearest(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match=r"unknown fleet 'lap'; did you mean 'lab'.*your own is named by.*\./lap\.toml"):
         find_fleet("lap")
+    (tmp_path / "pair.toml").touch()
+    with pytest.raises(BadInput, match=r"no fleet file .*piar\.toml; did you mean 'pair\.toml'"):
+        find_fleet(str(tmp_path / "piar.toml"))
     with pytest.raises(BadInput, match=r"no fleet file ./mine\.toml"):
         find_fleet("./mine.toml")
 

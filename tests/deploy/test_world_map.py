@@ -54,7 +54,7 @@ def test_the_command_writes_a_map_that_is_the_same_world(tmp_path: Path) -> None
     first, second = (world_map(world, 0.05, 0.5) for world in (read_world("arena"), again))
     assert abs(int(first.occupied.sum()) - int(second.occupied.sum())) < 0.05 * first.occupied.sum()
     done = runner.invoke(command, ["check", str(file)])
-    assert "1 bodies (1 fixed)" in done.output
+    assert "1 body (1 fixed)" in done.output
     done = runner.invoke(command, ["list"])
     assert [line.split()[0] for line in done.output.splitlines()] == ["arena", "empty", "house"]
     with pytest.raises(BadInput, match="a map's name ends with"):

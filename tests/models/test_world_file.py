@@ -127,8 +127,8 @@ def test_what_is_wrong_is_told_with_file_line_and_the_right_name(tmp_path: Path)
     file.write_text('[[bodies]]\nname = "statue"\nshape = "mesh"\nfile = "large.stl"\n')
     with pytest.raises(BadWorld, match=rf"^{file}:4: 'statue': .*large\.stl has 100000084 bytes, the limit of a mesh"):
         read_world(str(file))
-    with pytest.raises(BadWorld, match="there is no world file"):
-        read_world("nowhere.toml", tmp_path)
+    with pytest.raises(BadWorld, match=f"there is no world file .*; did you mean '{file.name}'"):
+        read_world(f"{file.stem}s.toml", tmp_path)
 
 
 def test_a_huge_picture_is_refused_by_its_header(tmp_path: Path) -> None:

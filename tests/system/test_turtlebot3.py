@@ -33,4 +33,4 @@ def test_a_waffle_in_the_house_is_driven_by_its_plain_names(tmp_path: Path) -> N
     notes = "\n".join(report["notes"])
     assert "Changed on the command line: model=waffle, world=house." in notes
     assert "a sender that hangs does not stop the robot" in notes
-    assert "Odometry takes wheels for other ones" in notes
+    assert "Odometry drifts as on a real robot" in notes

@@ -121,7 +121,7 @@ def test_what_the_wall_clock_or_the_place_decides_is_left_out(tmp_path: Path) ->
                     ("/health", Health(node="/sim", pid=wall), 0),
                     ("/sim/stops", EmergencyStops(stops=(stop,)), 0),
                     ("/r/nan", Float32(data=math.nan), 0),
-                    ("/grader/parameter_updates", ParameterValues(set="/grader", values=values), 0),
+                    ("/grader/parameter_updates", ParameterValues(set="/grader", revision=wall, values=values), 0),
                     ("/clock", Clock(clock=Time.of(STEP)), STEP),
                 ],
             )
