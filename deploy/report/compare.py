@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from pathlib import Path
 
 import msgspec
@@ -10,6 +11,7 @@ import numpy as np
 from deploy.report.load import read_report, read_trails
 from deploy.report.write import read_measurements
 from services.bag.compare import PLACE_PARAMETERS, BagComparison, compare_bags
+from services.bag.info import lost_messages
 from services.bag.reader import Bag, open_bag
 from services.grader.records import (
     ARM_TRAIL_COLUMNS,
@@ -80,7 +82,8 @@ def compare_runs(left: Path, right: Path, bag_folder: str = "bag") -> RunCompari
     if not any(graded):
         bags = [open_bag(each / bag_folder if (each / bag_folder).is_dir() else each) for each in sides]
         found = _compare_messages(bags)
-        same, notes = found.difference is None, _bag_notes(bags)
+        same = found.difference is None
+        notes = _bag_notes(bags, not same)
         return RunComparison(same=same, left=str(left), right=str(right), messages=found, notes=tuple(notes))
     if not all(graded):
         odd = sides[graded.index(False)]
@@ -94,7 +97,7 @@ def compare_runs(left: Path, right: Path, bag_folder: str = "bag") -> RunCompari
     if all(recorded):
         bags = [open_bag(each / bag_folder) for each in sides]
         messages = _compare_messages(bags, round(min(one.sim_seconds, other.sim_seconds) * 1e9))
-        notes += _bag_notes(bags)
+        notes += _bag_notes(bags, messages.difference is not None)
     elif any(recorded):
         notes.append("only one of the runs has a bag: record both with --record to compare their messages")
     hashes = (one.trajectory_hash, other.trajectory_hash)
@@ -123,9 +126,19 @@ def _compare_messages(bags: list[Bag], end: int | None = None) -> BagComparison:
     return found
 
 
-def _bag_notes(bags: list[Bag]) -> list[str]:
-    """The parts of the bags that could not be read."""
-    return [problem for bag in bags for problem in bag.problems]
+def _bag_notes(bags: list[Bag], differ: bool) -> list[str]:
+    """The parts of the bags that could not be read, and for bags that differ what their recorders did not get."""
+    if differ:
+        for bag in bags:
+            deque(bag.entries(), maxlen=0)  # losses are noted at a file's end, and comparing ended earlier
+    notes = [problem for bag in bags for problem in bag.problems]
+    for bag in bags if differ else ():
+        if lost := lost_messages(bag):
+            notes.append(
+                f"{bag.path} lacks {sum(lost.values())} messages that were lost on their way to the recorder, "
+                f"of {', '.join(list(lost)[:5])}{', …' if len(lost) > 5 else ''}: record the run again"
+            )
+    return notes
 
 
 def _first_trajectory_difference(

@@ -96,7 +96,7 @@ def bag_info(bag: Bag) -> BagInfo:
         topics=tuple(_topic(channel, spans[channel]) for channel in topics),
         files=tuple(FileInfo(name=each.name, bytes=each.stat().st_size) for each in bag.files),
         troubles=tuple(bag.problems),
-        lost=_metadata_counts(bag.metadata, "lost"),
+        lost=lost_messages(bag),
         unwritten=_metadata_int(bag.metadata, "unwritten"),
     )
 
@@ -118,6 +118,11 @@ def _topic(channel: Channel, span: _TimeSpan) -> TopicInfo:
 def _metadata_int(notes: Mapping[str, str], name: str) -> int:
     text = notes.get(name, "")
     return int(text) if text.isascii() and text.isdigit() and len(text) < 20 else 0
+
+
+def lost_messages(bag: Bag) -> dict[str, int]:
+    """The messages that did not reach the recorder, by topic."""
+    return _metadata_counts(bag.metadata, "lost")
 
 
 def _metadata_counts(notes: Mapping[str, str], name: str) -> dict[str, int]:

@@ -113,6 +113,9 @@ def read_config(path: Path, namespace: str, chosen: Collection[str] = ()) -> Man
         if len(data) > MAX_BYTES:
             raise BadInput(f"{path}: more than {MAX_BYTES} bytes: is it a file of controllers?")
         text = data.decode("utf-8")
+    except FileNotFoundError:
+        near = did_you_mean(path.name, (each.name for each in path.parent.glob("*.y*ml")))
+        raise BadInput(f"there is no controllers' file {path}{near}") from None
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"the controllers' file {path} cannot be read: {error}") from None
     return parse_config(path, text, namespace, chosen)

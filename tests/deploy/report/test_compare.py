@@ -19,6 +19,7 @@ from services.bag.writer import BagWriter
 from services.grader.records import MEASUREMENTS_FILE, ROBOT_TRAIL_COLUMNS, TRAJECTORIES_FILE
 from tests.deploy.report.test_report import put_run
 from tests.harness.command_line import CommandLine
+from tests.services.bag.sample_bags import write_messages
 
 FLEET = """
 name = "one"
@@ -141,6 +142,15 @@ def test_a_run_that_ended_earlier_is_the_same_up_to_there(tmp_path: Path) -> Non
     assert found.trajectory is not None
     assert (found.trajectory.column, found.trajectory.right) == ("", None)
     assert 9.9 < found.trajectory.time_s < 10.1
+
+
+def test_a_bag_that_lacks_messages_is_named(tmp_path: Path) -> None:
+    for name, lost in (("whole", "{}"), ("gaps", '{"/odom": 2, "/plan": 1}')):
+        with BagWriter(tmp_path / name) as bag:
+            write_messages(bag, [("/twist", Twist.planar(float(name == "gaps"), 0.0), 0)])
+            bag.metadata["lost"] = lost
+    (note,) = compare_runs(tmp_path / "whole", tmp_path / "gaps").notes
+    assert f"{tmp_path / 'gaps'} lacks 3 messages that were lost on their way to the recorder, of /odom, /plan" in note
 
 
 def test_bad_input_is_refused_with_its_reason(runs: Runs, tmp_path: Path) -> None:

@@ -190,7 +190,7 @@ def test_joints_are_those_of_the_robot() -> None:
 
 
 def test_files_that_are_none(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match=r"missing\.yaml cannot be read"):
+    with pytest.raises(BadInput, match=r"no controllers' file .*missing\.yaml"):
         read_config(tmp_path / "missing.yaml", "arm")
     (tmp_path / "large.yaml").write_bytes(b"#" * (MAX_BYTES + 1))
     with pytest.raises(BadInput, match=r"large\.yaml: more than \d+ bytes"):
