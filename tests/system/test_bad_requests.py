@@ -89,8 +89,11 @@ def test_a_request_to_a_wildcard_is_meant_for_nobody(session: zenoh.Session, key
         ({"name": "x", "model": "waffle", "pose": Pose.planar(0.1, 0.7)}, "would overlap with 'tb3_1'"),
         ({"name": "x", "model": "burger", "pose": Pose(position=Point(x=3.0, z=-0.05))}, "overlap with the ground"),
         ({"name": "tb3_0", "model": "burger", "pose": Pose.planar(5, 5)}, "already a robot 'tb3_0'"),
-        ({"name": "x", "model": "burgr"}, r"unknown model 'burgr'; did you mean 'burger'\? \(known: burger, waffle"),
-        ({"name": "x", "model": "../../etc"}, "unknown model"),
+        (
+            {"name": "x", "model": "burgr"},
+            r"unknown model 'burgr'; did you mean 'burger'\? \(known: arm, arm_corrected, burger, ",
+        ),
+        ({"name": "x", "model": "../../etc"}, "outside the folders from which a request may take files"),
         ({"name": "", "model": "burger"}, "name"),
         ({"name": "a*", "model": "burger"}, "wildcards are not allowed"),
         ({"name": "3x", "model": "burger"}, "does not start with a digit"),
