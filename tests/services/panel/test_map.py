@@ -14,7 +14,7 @@ pytestmark = pytest.mark.usefixtures("anew")
 
 BODIES = [
     {"name": "wall", "kind": "fixed", "colour": "#ff0000ff", "outlines": [[2, -1, 3, -1, 3, 1, 2, 1]]},
-    {"name": "cart", "kind": "moving", "colour": "#0000ffff", "outlines": [[-3, -1, -2, -1, -2, 1, -3, 1]]},
+    {"name": "trolley", "kind": "moving", "colour": "#0000ffff", "outlines": [[-3, -1, -2, -1, -2, 1, -3, 1]]},
 ]
 
 
@@ -73,7 +73,7 @@ def test_bodies_are_drawn_in_their_colours_and_what_moves_moves(fleet: PanelFlee
     )
     assert pixel(page, 2.37, 0.63) == red, "at once: the drawing that is there shrinks"
     page.click("button:has-text('Fit')")
-    emit(page, "bodies", {"outlines": {"cart": [[-3, 1.1, -2, 1.1, -2, 1.6, -3, 1.6]]}})
+    emit(page, "bodies", {"outlines": {"trolley": [[-3, 1.1, -2, 1.1, -2, 1.6, -3, 1.6]]}})
     assert pixel(page, -2.37, 0.63) == ground
     assert pixel(page, -2.37, 1.37) == blue
     page.click("#theme")
