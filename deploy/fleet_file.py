@@ -230,6 +230,8 @@ def _locate_error(source: TomlSource, error: str) -> BadInput:
         names = [step for step in path if isinstance(step, str)]
         record = _TABLE_TYPES[names[-1] if names else ""]
         known = [each.name for each in msgspec.structs.fields(record)]
-        return unknown_name("key", found[1], known, source.location(*path, found[1]))
+        unknown = unknown_name("key", found[1], known, source.location(*path, found[1]))
+        at_top = path and found[1] in {each.name for each in msgspec.structs.fields(Fleet)}
+        return BadInput(f"{unknown}; as a key of the fleet it goes above the first [table]") if at_top else unknown
     shown = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).lstrip(".")
     return BadInput(f"{source.location(*path)}: {f'{shown}: ' if shown else ''}{text}")

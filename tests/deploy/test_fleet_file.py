@@ -67,6 +67,7 @@ def test_values_arrive() -> None:
         ("factor = 2", "facter = 2", 4, "did you mean 'factor'"),
         ('model = "waffle"', 'model = "wafle"', 11, "did you mean 'waffle'"),
         ('model = "burger"', "modell = 1", 7, "did you mean 'model'"),
+        ('model = "burger"', 'world = "empty"', 7, "as a key of the fleet it goes above the first [table]"),
         ("yaw = 1.57", "jaw = 1.57", 8, "did you mean 'yaw'"),
         ("[[service]]", "[[servise]]", 25, "did you mean 'service'"),
         ('kind = "logger"', 'kind = "loger"', 26, "did you mean 'logger'"),
