@@ -156,7 +156,7 @@ def test_the_doors_of_the_house_are_wide_enough() -> None:
 
 def test_the_report_tells_how_far_odometry_is_from_the_wheels() -> None:
     [note] = [each for each in fleet_notes(parsed("run.seed=3")) if each.startswith("Odometry")]
-    assert re.search(r"by the seed 3: a: left radius [+-]\d\.\d\d %, .*; b: left radius", note)
+    assert re.search(r"\(seed 3\): a: left radius [+-]\d\.\d\d %, .*; b: left radius", note)
     assert [note] != [each for each in fleet_notes(parsed("run.seed=4")) if each.startswith("Odometry")]
     exact = fleet_notes(parsed("a.parameters.odometry=world", "b.parameters.odometry_error=0"))
     assert not [each for each in exact if each.startswith("Odometry")]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 
 from messages.se3 import Pose3, quaternion_from_rpy, rotated_axes
 from services.driving.footprint import (
@@ -17,6 +18,8 @@ from services.driving.footprint import (
     sphere_footprint,
     triangle_footprints,
 )
+
+pytestmark = pytest.mark.slow
 
 TILTED = quaternion_from_rpy(0.3, -0.7, 1.1)
 

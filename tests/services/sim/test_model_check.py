@@ -14,6 +14,8 @@ from deploy.commands.model import command
 from services.sim.model_check import ModelCheck, check_model
 from tests.models import robots
 
+pytestmark = pytest.mark.slow
+
 FOLDER = Path(robots.__file__).parent
 
 Checker = Callable[[str], ModelCheck]

@@ -27,6 +27,8 @@ from services.sim.robot_loader import on_the_ground
 from tests.models.sample_robots import inertial, joint, link, robot, shape, write, write_meshes
 from tests.services.sim.joints.joint_simulation import JointSimulation, run_joint_simulation
 
+pytestmark = pytest.mark.slow
+
 BOX = shape("collision", '<box size="0.3 0.2 0.1"/>')
 LIMIT = '<limit lower="-1" upper="1" effort="5" velocity="1"/>'
 ARMED = robot(

@@ -11,6 +11,8 @@ from services.sim.physics.bullet import BulletWorld
 from services.sim.physics.world import Body, BodyState
 from tests.services.sim.physics.driven_robot import STEP_NS, placement_at, robot_body
 
+pytestmark = pytest.mark.slow
+
 Trajectory = list[tuple[BodyState, ...]]
 
 

@@ -30,6 +30,8 @@ from services.sim.simulation import Simulation
 from tests.harness.memory_node import memory_node
 from tests.services.sim.physics.driven_robot import STEP_NS, placement_at, robot_body
 
+pytestmark = pytest.mark.slow
+
 FIGURES = read_model("p3dx").sonar
 assert FIGURES is not None
 RING: SonarRing = sonar_ring("p3dx", FIGURES)

@@ -16,6 +16,8 @@ from services.sim.physics.world import Body, BodyState, CameraModel, Contact, Mo
 from services.sim.physics.world_bodies import MOST_TRIANGLES
 from tests.services.sim.physics.driven_robot import STEP_NS
 
+pytestmark = pytest.mark.slow
+
 SECOND = 1_000_000_000 // STEP_NS
 CORNER = Mesh(
     np.array([(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 0, 1), (2, 0, 1), (2, 2, 1)], np.float64),
