@@ -40,6 +40,7 @@ COUNT = 60
 def rates(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
     """The last report on each topic, all measured at once."""
     with background_fleet(tmp_path_factory.mktemp("rates"), LOCKSTEP) as running:
+        running.run("topic", "hz", "-n", "20", "/clock")  # a stamp of 0 is none: time has to be under way
         lines = measured(running)
         yield {each["topic"]: each for each in lines}
 
