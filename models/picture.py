@@ -48,8 +48,9 @@ def read_picture(path: Path, most_pixels: int, what: str) -> Picture:
         return _decode(image)
     except BadInput:
         raise
-    except Image.DecompressionBombError as error:
-        raise BadInput(f"{path}: {error}; {what} has at most {most_pixels:,} pixels") from None
+    except Image.DecompressionBombError:
+        limit = f"{most_pixels:,} pixels that {what} has at most"
+        raise BadInput(f"{path}: the picture is far larger than the {limit}: scale it down") from None
     except (OSError, SyntaxError, ValueError, MemoryError, EOFError) as error:
         raise BadInput(f"{path}: this is no picture that can be read (PNG, PGM, BMP, JPEG or TIFF): {error}") from None
 
