@@ -144,7 +144,6 @@ def test_a_huge_picture_is_refused_by_its_header(tmp_path: Path) -> None:
     with pytest.raises(BadWorld) as error:
         read_world(str(file))
     assert str(error.value).startswith(f"{file}:2: {tmp_path}/rooms.png: ")
-    assert "400000000 pixels" in str(error.value)
     assert "the 16,777,216 pixels that a floor plan has at most" in str(error.value)
 
 
