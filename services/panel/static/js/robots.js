@@ -47,6 +47,7 @@ export function startRobots(link) {
     const robot = robots.find((each) => each.ns === selected);
     if (on && !robot?.goals) { notify(robot ? `${selected} takes no goals: no waypoint service runs for it` : "choose a robot first", "bad"); on = false; }
     aiming = on;
+    if (on) ground.touched = true; // the view stays: a click means what is seen
     goalButton.setAttribute("aria-pressed", String(aiming));
     ground.canvas.classList.toggle("aiming", aiming);
     refresh();
