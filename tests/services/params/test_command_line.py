@@ -128,7 +128,9 @@ def test_reset_undo_and_history(param: RunCommand, service: ParameterServiceProc
     shown = param("history").out.splitlines()
     assert "undo" in shown[0]
     assert "ref_angle 11.0 -> 10.0" in shown[0]
-    assert param("undo", "/tb3_0/waypoint").status in (0, 1)
+    assert param("set", "/tb3_0/waypoint", "ss_Kp=7").status == 0
+    undone = param("undo", "/tb3_0/waypoint")
+    assert (undone.status, "ss_Kp: 7.0 -> " in undone.out) == (0, True)
 
 
 def test_completion_knows_sets_and_parameters_and_gives_up_in_time(service: ParameterServiceProcess) -> None:
