@@ -21,9 +21,9 @@ from services.sim.adaptation import adapt_body
 from services.sim.command_sources import CommandSources
 from services.sim.drive.config import effective_parameters, odometry_config
 from services.sim.drive.controller import DiffDriveController
-from services.sim.drive.glide import glide
 from services.sim.drive.odometry import Odometer
 from services.sim.drive.odometry_error import NO_ERROR
+from services.sim.drive.planar_velocity import set_planar_velocity
 from services.sim.drive.side_grip import SideGrip
 from services.sim.joints.config import check_positions
 from services.sim.joints.effort_controller import JointEffortController
@@ -258,7 +258,7 @@ class BaseActuation:
     def step(self, now: int) -> None:
         speeds = self.controller.step(now)
         if self._model.wheels is None:
-            glide(self._body, *self.controller.planar_velocity)
+            set_planar_velocity(self._body, *self.controller.planar_velocity)
         elif self.controller.config.gains is not None:
             self._body.set_torques(self._of_wheels(self.controller.torques(self._wheel_speeds())))
         elif speeds is not None:

@@ -15,8 +15,8 @@ from messages.se2 import Pose2
 from messages.se3 import rotate_inverse
 from services.runtime.step import STEP_NS
 from services.sim.drive.driver import AT_REST, Drive, DriveState, commanded_velocity, step_drive, wheel_speeds
-from services.sim.drive.glide import glide
 from services.sim.drive.odometry import OdometryState, initial_odometry, integrate_encoders
+from services.sim.drive.planar_velocity import set_planar_velocity
 from services.sim.drive.side_grip import SideGrip
 from services.sim.physics.world import BodyState, World
 
@@ -62,7 +62,7 @@ class DrivenRobot:
         after = step_drive(self.drive, self.state, v, w, braking, DT, vy)
         if self.drive.holonomic:
             self.state = after
-            glide(self.world.body(self.name), after.v, after.vy, after.w)
+            set_planar_velocity(self.world.body(self.name), after.v, after.vy, after.w)
         elif after is not self.state:
             self.state = after
             left, right = wheel_speeds(self.drive, after)

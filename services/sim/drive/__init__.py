@@ -4,7 +4,7 @@
 ``arbiter``     which command is obeyed: priorities, time-outs, emergency stop
 ``controller``  the controller of one robot: arbiter, driver and PID at each physics step
 ``driver``      from a velocity command to wheel speeds, a pure function
-``glide``       the motion of a holonomic base
+``planar_velocity``  the velocity of a holonomic base, set as it is commanded
 ``limiter``     jerk, acceleration and velocity limits of one axis, and the ramp of the wheels
 ``kinematics``  wheel separation and radii, wheel speeds and base speeds
 ``odometry``    from wheel angles or commands back to a pose

@@ -6,7 +6,7 @@ from messages.se3 import rotate
 from services.sim.physics.world import BodyHandle
 
 
-def glide(body: BodyHandle, ahead: float, sideways: float, turn: float) -> None:
+def set_planar_velocity(body: BodyHandle, ahead: float, sideways: float, turn: float) -> None:
     """Set the velocity of a body in its own axes, m/s and rad/s; how it falls and tilts is left to physics."""
     state = body.state()
     x, y, _ = rotate(state.orientation, (ahead, sideways, 0.0))
