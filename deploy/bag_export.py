@@ -10,6 +10,7 @@ from messages.base import WrongPayload
 from messages.nav import Odometry
 from messages.std import String
 from messages.topics import GROUND_TRUTH, ROBOT_DESCRIPTION
+from messages.turtlesim import Pose as TurtlePose
 from models import MODELS, display_name, urdf_path
 from models.model import read_model
 from models.packages import FileAccess
@@ -78,6 +79,10 @@ def _rank(robot: tuple[str, str]) -> tuple[bool, str]:
     return not read_model(model).has_base, namespace
 
 
+TURTLES_EXTENT = (0.0, 0.0, 11.1, 11.1)
+"""m; the plane of turtlesim."""
+
+
 class ExportResult(NamedTuple):
     """The result of an export, and what is missing from it."""
 
@@ -106,7 +111,7 @@ def export_rrd(bag: Bag, output: Path, names: frozenset[str]) -> ExportResult:
     from services.logger.viewer import convert_bag
 
     found = find_robots(bag)
-    if not found.robots:
+    if not found.robots and not any(each.type == TurtlePose.ROS_TYPE for each in bag.channels()):
         if bag.problems:
             raise BadInput(f"{bag.problems[0]}: repair it first, with --to rosbag2")
         convert_bag(bag.files, output)
@@ -114,7 +119,8 @@ def export_rrd(bag: Bag, output: Path, names: frozenset[str]) -> ExportResult:
     troubles: list[str] = []
     typed, unread = MessageDecoder(), 0
     readable: dict[object, bool] = {}
-    with RecordingBuilder(output, found.robots, found.extent, troubles.append) as rebuild:
+    extent = found.extent if found.robots else TURTLES_EXTENT
+    with RecordingBuilder(output, found.robots, extent, troubles.append) as rebuild:
         for entry in bag.entries():
             channel = entry.channel
             if channel not in readable:
@@ -130,7 +136,7 @@ def export_rrd(bag: Bag, output: Path, names: frozenset[str]) -> ExportResult:
                 rebuild.add(channel.name, message, entry.publish_time)
     troubles += bag.problems + ([f"{unread} messages were not of their type"] if unread else [])
     robots = ", ".join(f"{namespace or '/'} ({display_name(model)})" for namespace, model in found.robots)
-    return ExportResult(output, f"{output}: {robots}", troubles)
+    return ExportResult(output, f"{output}: {robots or 'turtles'}", troubles)
 
 
 def _export_csv(bag: Bag, output: Path, names: frozenset[str]) -> ExportResult:

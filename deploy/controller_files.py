@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from models.model import read_model
 from models.toml_source import TomlKey, TomlSource
 from models.urdf import read_joint_limits
 from services.controller_manager.config import ManagerConfig
-from services.controller_manager.config_file import read_config
+from services.controller_manager.config_file import is_text, read_stated
 from services.controller_manager.joint_pid import PidParameters
 from services.runtime.errors import BadInput, unknown_name
 from services.sim.robot_names import robot_namespace
@@ -21,12 +22,17 @@ from services.sim.robot_names import robot_namespace
 KIND = "controller_manager"
 
 
-def with_controllers_found(member: ServiceConfig, folder: Path) -> ServiceConfig:
-    """A controller manager with its file counted from the ``folder`` of the fleet file; any other service as it is."""
-    config = member.parameters.get("config")
-    if member.kind != KIND or not isinstance(config, str) or not config:
+FILE_PARAMETERS = {KIND: "config", "map_server": "map"}
+"""By kind of service, the parameter that is the path of a file."""
+
+
+def with_file_found(member: ServiceConfig, folder: Path) -> ServiceConfig:
+    """A service with its file, if its kind has one, counted from the ``folder`` of the fleet file."""
+    name = FILE_PARAMETERS.get(member.kind, "")
+    path = member.parameters.get(name)
+    if not isinstance(path, str) or not path or (member.kind == KIND and is_text(path)):
         return member
-    return replace(member, parameters={**member.parameters, "config": str((folder / config).resolve())})
+    return replace(member, parameters={**member.parameters, name: str((folder / os.path.expanduser(path)).resolve())})
 
 
 def manager_parameters(kind: str, robot: RobotConfig | None) -> dict[str, Any]:
@@ -37,6 +43,11 @@ def manager_parameters(kind: str, robot: RobotConfig | None) -> dict[str, Any]:
 def joint_state_rate(members: Iterable[ServiceConfig], robot: RobotConfig) -> float:
     """The rate [Hz] of joint states that a controller manager among the services of a robot asks for; 0 for none."""
     return max((_read(each, robot).joint_state_rate for each in members if each.kind == KIND), default=0.0)
+
+
+def manager_rate(member: ServiceConfig, robot: RobotConfig | None) -> float:
+    """The control rate [Hz] of a controller manager, before lockstep makes its period a number of physics steps."""
+    return float(member.parameters.get("update_rate", 0) or _read(member, robot).update_rate)
 
 
 def gain_values(member: ServiceConfig, owner: RobotConfig | None) -> dict[str, PidParameters]:
@@ -55,8 +66,8 @@ def _namespace(member: ServiceConfig, owner: RobotConfig | None) -> str:
 
 
 def _read(member: ServiceConfig, owner: RobotConfig | None) -> ManagerConfig:
-    path, chosen = Path(member.parameters["config"]), member.parameters.get("controllers", ())
-    return read_config(path, _namespace(member, owner), chosen)
+    chosen = member.parameters.get("controllers", ())
+    return read_stated(member.parameters["config"], _namespace(member, owner), chosen)
 
 
 def check_controllers(

@@ -18,8 +18,8 @@ from deploy.run_folder import SUPERVISOR_LOG, check_free_space, make_run_folder,
 from services.runtime.errors import EleaError
 from services.runtime.process import ROOT
 
-_POLL_PERIOD_S = 0.1
-_FREE_SPACE_POLLS = 20
+_POLL_PERIOD_S = 0.02
+_FREE_SPACE_POLLS = 100
 """Turns between two checks that the fleet's state can be written."""
 _STOP_TIMEOUT_S = 60.0
 

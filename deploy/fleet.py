@@ -11,6 +11,7 @@ from deploy.report.checks import Bound, Bounds
 from deploy.restart_policy import RestartMode, RestartPolicy
 from models import display_name
 from services.runtime.transport.zenoh_config import PORT
+from services.sim.engines import Engine
 
 Mode = Literal["lockstep", "real"]
 MODES: tuple[Mode, ...] = get_args(Mode)
@@ -27,6 +28,10 @@ FleetName = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*\Z", max_l
 """Names folders and files: of the results, of the saved parameters."""
 
 
+GroupName = Annotated[str, Meta(pattern=r"^[A-Za-z_][A-Za-z0-9_]*\Z", max_length=64)]
+"""Names a process that several services share."""
+
+
 class FleetTable(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A table of a fleet file; an unknown key is an error."""
 
@@ -41,10 +46,12 @@ class StartPose(FleetTable, frozen=True, kw_only=True):
 
 
 class RunConfig(FleetTable, frozen=True, kw_only=True):
-    """The run: time mode, duration and network.
+    """The run: time mode, physics engine, duration and network.
 
+    ``engine`` is PyBullet where it is installed, if None.
     ``port`` distinguishes the fleets of a user. With ``tcp`` the router also listens on 127.0.0.1 at this port, for
-    every user of the machine. ``packages`` are folders in which the ``package://`` of robots and the
+    every user of the machine. With ``share``, services that can share a process do, as many as that in each.
+    ``packages`` are folders in which the ``package://`` of robots and the
     ``model://`` of worlds are searched.
     """
 
@@ -54,17 +61,25 @@ class RunConfig(FleetTable, frozen=True, kw_only=True):
     duration: Annotated[float, Meta(ge=0, le=1e7, extra={"unit": "s"})] = 0.0
     ends: EndCondition = "goals"
     latency: Annotated[int, Meta(ge=0, le=1)] = 0
-    topology: Literal["direct", "star"] = "direct"
+    engine: Engine | None = None
+    topology: Literal["auto", "direct", "star"] = "auto"
     port: Annotated[int, Meta(ge=1, le=65535)] = PORT
     tcp: bool = False
+    share: Annotated[int, Meta(ge=2, le=1000)] | None = None
     packages: tuple[str, ...] = ()
 
 
 class ServiceConfig(FleetTable, frozen=True, kw_only=True):
     """One service; its name is its kind and its namespace that of its robot unless stated.
 
-    ``from_start`` names parameters that hold points [x, y] counted from the robot's start: they are shifted to it.
+    ``from_start`` names parameters that hold points [x, y] counted from the robot's start: they are shifted to it;
+    ``from_robot`` those that get the ``goals`` of the robot.
     ``models`` limits one of every robot to robots of these models, by ``models.display_name``.
+    ``args``, ``environment``, ``cwd`` and ``frame_prefix`` are those of a ROS script: what stands behind its file's
+    name, variables of its process, its working directory, by default the run's folder, and what the frames of its robot
+    begin with, as ``tb3_0/``. With the ``output`` screen, what a service
+    prints is shown as well as logged. With ``share``, services share processes: those of their kind, as many as the
+    number says in each, or all of that name.
     """
 
     kind: str
@@ -73,9 +88,27 @@ class ServiceConfig(FleetTable, frozen=True, kw_only=True):
     parameters: dict[str, Any] = {}
     remap: dict[str, str] = {}
     from_start: tuple[str, ...] = ()
+    from_robot: tuple[str, ...] = ()
     models: tuple[str, ...] = ()
     required: bool | None = None
     restart: RestartMode | RestartPolicy | None = None
+    args: tuple[str, ...] = ()
+    environment: dict[str, str] = {}
+    cwd: str = ""
+    frame_prefix: str = ""
+    output: Literal["log", "screen"] = "log"
+    share: Annotated[int, Meta(ge=1, le=1000)] | GroupName | None = None
+
+
+class ReferenceConfig(FleetTable, frozen=True, kw_only=True):
+    """The set-point that a program gives an arm: its ``topic``, from the robot's namespace, the topic's type, its unit,
+    and the joint that it is for, by default the arm's first with a range.
+    """
+
+    topic: str
+    type: Literal["std_msgs/Float32", "std_msgs/Float64"] = "std_msgs/Float64"
+    unit: Literal["rad", "deg"] = "rad"
+    joint: str = ""
 
 
 class RobotConfig(FleetTable, frozen=True, kw_only=True):
@@ -84,6 +117,9 @@ class RobotConfig(FleetTable, frozen=True, kw_only=True):
     ``model`` is a name of ``models/`` or, in the file, a path; once the file is read, that is the robot's
     ``models.robot_source.RobotSource.model``. ``xacro_args`` are the arguments of a xacro.
     ``namespace`` is its name when empty, the root when ``/``; ``frame_prefix`` its name and a slash when None.
+    ``joints`` are positions [rad or m] to start from, 0 where none is stated.
+    ``goals`` are points [m] in the world, for those of its services that ask for them.
+    ``reference`` is by what an arm is measured that no controller of ours moves.
     """
 
     name: str
@@ -92,6 +128,33 @@ class RobotConfig(FleetTable, frozen=True, kw_only=True):
     namespace: str = ""
     frame_prefix: str | None = None
     pose: StartPose = StartPose()
+    joints: dict[str, float] = {}
+    goals: tuple[tuple[Coordinate, Coordinate], ...] = ()
+    reference: ReferenceConfig | None = None
+    parameters: dict[str, Any] = {}
+    services: tuple[ServiceConfig, ...] = ()
+
+
+GoalRule = Literal["none", "shuffle", "mirror", "rotate"]
+
+
+class GridConfig(FleetTable, frozen=True, kw_only=True):
+    """Equal robots ``name_0``, ``name_1``, … in a grid around ``pose``, each with that heading.
+
+    Without ``columns`` the grid is the smallest square. ``goals`` is the rule by which each gets a place to drive to:
+    that of another one, drawn by ``seed`` (shuffle), or its own one on the other side of the grid's middle across x
+    (mirror) or of its centre (rotate).
+    """
+
+    robots: Annotated[int, Meta(ge=1, le=1000)]
+    model: str
+    name: str = "robot"
+    spacing: Annotated[float, Meta(ge=0.01, le=100, extra={"unit": "m"})] = 1.0
+    columns: Annotated[int, Meta(ge=0, le=1000)] = 0
+    pose: StartPose = StartPose()
+    goals: GoalRule = "none"
+    seed: Annotated[int, Meta(ge=0, le=2**63 - 1)] = 0
+    xacro_args: dict[str, str | float | int | bool] = {}
     parameters: dict[str, Any] = {}
     services: tuple[ServiceConfig, ...] = ()
 
@@ -107,7 +170,10 @@ class ChangeConfig(FleetTable, frozen=True, kw_only=True):
 class Fleet(FleetTable, frozen=True, kw_only=True):
     """A fleet. ``world`` is a name of models/worlds, or the path of a file; by default it is empty.
 
-    ``every_robot`` are services that each robot gets beside its own.
+    ``every_robot`` are services that each robot gets beside its own. ``grid`` is empty once the file is read: its
+    robots are behind those of ``robot``.
+
+    ``rosparam`` is the tree of ROS 1's parameters at the start, as ``rosparam load`` reads one.
 
     ``mode_bounds`` are the tables ``[bounds.real]`` and ``[bounds.lockstep]`` of the file. ``folder`` is that of the
     file, from which its paths count.
@@ -118,9 +184,11 @@ class Fleet(FleetTable, frozen=True, kw_only=True):
     world: Annotated[str, Meta(max_length=4096)] = ""
     run: RunConfig = RunConfig()
     robot: tuple[RobotConfig, ...] = ()
+    grid: tuple[GridConfig, ...] = ()
     every_robot: tuple[ServiceConfig, ...] = ()
     service: tuple[ServiceConfig, ...] = ()
     change: tuple[ChangeConfig, ...] = ()
+    rosparam: dict[str, Any] = {}
     bounds: dict[str, float | int | Bound] = {}
     mode_bounds: dict[Mode, dict[str, float | int | Bound]] = {}
     folder: str = ""

@@ -10,18 +10,31 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+from msgspec import inspect
 from msgspec.structs import replace
 
-from deploy.controller_files import with_controllers_found
-from deploy.fleet import MODES, REMOVED_MODES, ChangeConfig, Fleet, RobotConfig, RunConfig, ServiceConfig, StartPose
+from deploy.composition import check_sharing
+from deploy.controller_files import with_file_found
+from deploy.fleet import (
+    MODES,
+    REMOVED_MODES,
+    ChangeConfig,
+    Fleet,
+    GridConfig,
+    RobotConfig,
+    RunConfig,
+    ServiceConfig,
+    StartPose,
+)
 from deploy.fleet_overrides import apply_overrides
 from deploy.fleet_validation import validate_fleet
+from deploy.grid import expand_grids, grid_key
 from deploy.parameter_sets import check_changes
 from deploy.report.checks import KEYS, Bound
 from deploy.restart_policy import RestartPolicy
 from models import is_world_file
 from models.robot_source import resolve_robot
-from models.toml_source import TomlSource, key_path
+from models.toml_source import TomlKey, TomlSource, key_path
 from models.world import find_world, read_world
 from services.catalog import is_user_file
 from services.runtime.errors import BadInput, did_you_mean, unknown_name
@@ -42,6 +55,7 @@ _TABLE_TYPES: dict[str, type[msgspec.Struct]] = {
     "robot": RobotConfig,
     "pose": StartPose,
     "services": ServiceConfig,
+    "grid": GridConfig,
     "every_robot": ServiceConfig,
     "service": ServiceConfig,
     "restart": RestartPolicy,
@@ -82,19 +96,20 @@ def saved_parameters_file(fleet: str) -> Path:
     return file
 
 
-def read_fleet(path: Path, overrides: Sequence[str] = ()) -> Fleet:
+def read_fleet(path: Path, overrides: Sequence[str] = (), robots: int | None = None) -> Fleet:
     """The fleet in a file, checked as far as it can be without starting anything; raises BadInput.
 
-    ``overrides`` are assignments that change keys of the file, as ``model=waffle``.
+    ``overrides`` are assignments that change keys of the file, as ``model=waffle``; ``robots`` changes the number of
+    robots of its grid.
     """
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise BadInput(f"the fleet file {path} cannot be read: {error}") from None
-    return parse_fleet(path, text, overrides)
+    return parse_fleet(path, text, overrides, robots)
 
 
-def parse_fleet(path: Path, text: str, overrides: Sequence[str] = ()) -> Fleet:
+def parse_fleet(path: Path, text: str, overrides: Sequence[str] = (), robots: int | None = None) -> Fleet:
     """The fleet in ``text``; ``path`` is named in errors. Raises BadInput."""
     try:
         tree = tomllib.loads(text)
@@ -102,8 +117,8 @@ def parse_fleet(path: Path, text: str, overrides: Sequence[str] = ()) -> Fleet:
         found = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         place = f"{path}:{found[1]}" if found else f"{path}:{text.count(chr(10)) + 1}"
         raise BadInput(f"{place}: this is not TOML: {error}") from None
-    tree, changed = apply_overrides(tree, overrides)
-    source = TomlSource(path, text, [(each.path, f"--set {each.text}") for each in changed])
+    tree, changed = apply_overrides(tree, overrides, robots)
+    source = TomlSource(path, text, [(each.path, each.option) for each in changed])
     _check_mode(tree, source)
     for name in _NO_KEYS:
         if name in tree:
@@ -113,9 +128,11 @@ def parse_fleet(path: Path, text: str, overrides: Sequence[str] = ()) -> Fleet:
         fleet = msgspec.convert(_place_in_world(_split_bounds(tree, source), source, path.parent), Fleet)
     except msgspec.ValidationError as error:
         raise _locate_error(source, str(error)) from None
-    fleet = _resolve_user_files(fleet, path.parent)
+    source = source.with_written(grid_key(fleet))
+    fleet = _resolve_user_files(expand_grids(fleet), path.parent)
     fleet = _resolve_robots(replace(fleet, folder=str(path.parent.absolute())), source)
     validate_fleet(fleet, source)
+    check_sharing(fleet, source)
     check_changes(fleet, source)
     return fleet
 
@@ -193,9 +210,13 @@ def _resolve_user_files(fleet: Fleet, folder: Path) -> Fleet:
 
     def found(members: tuple[ServiceConfig, ...]) -> tuple[ServiceConfig, ...]:
         return tuple(
-            replace(each, kind=str((folder / each.kind).resolve()))
+            replace(
+                each,
+                kind=str((folder / os.path.expanduser(each.kind)).resolve()),
+                cwd=os.path.abspath(folder / os.path.expanduser(each.cwd)) if each.cwd else "",
+            )
             if is_user_file(each.kind)
-            else with_controllers_found(each, folder)
+            else with_file_found(each, folder)
             for each in members
         )
 
@@ -234,4 +255,27 @@ def _locate_error(source: TomlSource, error: str) -> BadInput:
         at_top = path and found[1] in {each.name for each in msgspec.structs.fields(Fleet)}
         return BadInput(f"{unknown}; as a key of the fleet it goes above the first [table]") if at_top else unknown
     shown = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path).lstrip(".")
+    if found := re.search(r"Invalid enum value '(.*)'", text):
+        choices = _choices(inspect.type_info(Fleet), path)
+        near = did_you_mean(found[1], choices)
+        text = f"{found[1][:80]!r} is none of {', '.join(choices)}{near}" if choices else text
     return BadInput(f"{source.location(*path)}: {f'{shown}: ' if shown else ''}{text}")
+
+
+def _choices(kind: inspect.Type, path: Sequence[TomlKey]) -> tuple[str, ...]:
+    """The texts that a key of a fixed choice takes; ``kind`` is the type of the table in which ``path`` begins."""
+    match kind:
+        case inspect.Metadata():
+            return _choices(kind.type, path)
+        case inspect.UnionType():
+            return tuple(choice for each in kind.types for choice in _choices(each, path))
+        case inspect.LiteralType() if not path:
+            return tuple(map(str, kind.values))
+        case inspect.StructType() if path:
+            fields = {each.encode_name: each.type for each in kind.fields}
+            return _choices(fields[str(path[0])], path[1:]) if str(path[0]) in fields else ()
+        case inspect.DictType() if path:
+            return _choices(kind.value_type, path[1:])
+        case inspect.ListType() | inspect.VarTupleType() if path:
+            return _choices(kind.item_type, path[1:])
+    return ()

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from deploy.fleet import RobotConfig, RunConfig
+from deploy.fleet import GridConfig, RobotConfig, RunConfig
 from deploy.service_parameters import BUILTIN_SERVICES
 from models import is_world_file
 from models.toml_source import TomlKey
@@ -18,49 +18,85 @@ from services.runtime.errors import BadInput, unknown_name
 
 HELP = (
     "Change a key of the fleet file: model=waffle (of its only robot), world=house, ROBOT.model=waffle, "
-    "ROBOT.pose.x=1, ROBOT.parameters.odometry=world, SERVICE.PARAMETER=VALUE, run.KEY=VALUE. May be repeated."
+    "ROBOT.pose.x=1, ROBOT.parameters.odometry=world, SERVICE.PARAMETER=VALUE, run.KEY=VALUE, grid.KEY=VALUE; "
+    "or 'SET NAME=VALUE' for a live parameter of one set, as '/tb3_0/waypoint max_linear=0.1'. May be repeated."
 )
 
 
+_NO_GRID = "this fleet has no [[grid]] of robots; the fleet swarm has one"
+_SEVERAL_GRIDS = "this fleet has several [[grid]]: change them in its file"
+
+
 class Override(NamedTuple):
-    """A changed key: its path in the file, and the assignment as it was written."""
+    """A changed key: its path in the file, and the option as it was written."""
 
     path: tuple[TomlKey, ...]
-    text: str
+    option: str
 
 
-def apply_overrides(tree: dict[str, Any], assignments: Sequence[str]) -> tuple[dict[str, Any], tuple[Override, ...]]:
+def apply_overrides(
+    tree: dict[str, Any], assignments: Sequence[str], robots: int | None = None
+) -> tuple[dict[str, Any], tuple[Override, ...]]:
     """The content of a fleet file with these assignments, and where each of them went.
 
     Args:
         tree: The content of the file; it stays as it is.
         assignments: As written behind ``--set``, in order; the last of several for one key counts.
+        robots: As written behind ``--robots``: the number of robots of the fleet's grid.
 
     Raises:
         BadInput: An assignment is none, or means nothing in this file.
     """
     changed = copy.deepcopy(tree)
-    return changed, tuple(each for text in assignments for each in _apply(changed, text))
+    options = [(text, f"--set {text}") for text in assignments]
+    if robots is not None:
+        options.append((f"grid.robots={robots}", f"--robots {robots}"))
+    return changed, tuple(each for text, option in options for each in _apply(changed, text, option))
 
 
-def _apply(tree: dict[str, Any], text: str) -> Iterator[Override]:
+def _apply(tree: dict[str, Any], text: str, option: str) -> Iterator[Override]:
     name, equals, value = text.partition("=")
+    set_name, _, parameter = name.strip().partition(" ")
+    if equals and set_name.startswith("/") and parameter.strip():
+        path = _change_at_start(tree, set_name, parameter.strip())
+        _assign(tree, path, _value(value.strip(), path), option)
+        yield Override(path, option)
+        return
     keys = name.strip().split(".")
     if not equals or not all(keys):
-        raise BadInput(f"--set {text!r} is no assignment: write KEY=VALUE, as model=waffle or run.seed=3")
-    paths = list(_paths(tree, keys, text))
+        raise BadInput(
+            f"--set {text!r} is no assignment: write KEY=VALUE, as model=waffle or run.seed=3, or 'SET NAME=VALUE', as "
+            "'/tb3_0/waypoint max_linear=0.1'"
+        )
+    paths = list(_paths(tree, keys, option))
     for path in paths:
-        _assign(tree, path, _value(value.strip(), path), text)
-        yield Override(path, text)
+        _assign(tree, path, _value(value.strip(), path), option)
+        yield Override(path, option)
 
 
-def _paths(tree: dict[str, Any], keys: list[str], text: str) -> Iterator[tuple[TomlKey, ...]]:
+def _change_at_start(tree: dict[str, Any], set_name: str, parameter: str) -> tuple[TomlKey, ...]:
+    """Where a parameter of a set lies: in a ``[[change]]`` at 0 s, which is added where there is none of this set."""
+    changes = _tables(tree, "change")
+    found = next(
+        (index for index, each in enumerate(changes) if (each.get("set"), each.get("at")) == (set_name, 0)), None
+    )
+    if found is None:
+        found = len(changes)
+        tree["change"] = [*changes, {"at": 0, "set": set_name, "values": {}}]
+    return ("change", found, "values", parameter)
+
+
+def _paths(tree: dict[str, Any], keys: list[str], option: str) -> Iterator[tuple[TomlKey, ...]]:
     """Where a key lies in the file; a service of every robot is one, one that each robot states is several."""
     first, *rest = keys
     robots = [each.get("name") for each in _tables(tree, "robot")]
     services = dict(_services(tree))
     if first == "run" and rest:
         yield ("run", *rest)
+    elif first == "grid" and rest:
+        if (grids := len(_tables(tree, "grid"))) != 1:
+            raise BadInput(f"{option}: {_SEVERAL_GRIDS if grids else _NO_GRID}")
+        yield ("grid", 0, *rest)
     elif first == "world" and not rest:
         sims = [each for each in _tables(tree, "service") if each.get("kind") == "sim"]
         own = [each.get("parameters") for each in sims]
@@ -69,7 +105,7 @@ def _paths(tree: dict[str, Any], keys: list[str], text: str) -> Iterator[tuple[T
     elif first == "model" and not rest:
         if len(robots) != 1:
             raise BadInput(
-                f"--set {text}: this fleet has {len(robots)} robots: say which, as ROBOT.model=… "
+                f"{option}: this fleet has {len(robots)} robots: say which, as ROBOT.model=… "
                 f"({', '.join(map(str, robots))})"
             )
         yield ("robot", 0, "model")
@@ -79,14 +115,24 @@ def _paths(tree: dict[str, Any], keys: list[str], text: str) -> Iterator[tuple[T
         yield from ((*path, "parameters", *rest) for path, name in services.items() if name == first)
     elif first in BUILTIN_SERVICES and rest:
         yield (*_builtin(tree, first), "parameters", *rest)
-    elif first in (*robots, *services.values(), *BUILTIN_SERVICES, "run"):
-        raise BadInput(f"--set {text}: {first} is a table: say which of its keys, as {_example(first, robots)}")
+    elif first in (*robots, *services.values(), *BUILTIN_SERVICES, "run", "grid"):
+        raise BadInput(f"{option}: {first} is a table: say which of its keys, as {_example(first, robots)}")
     else:
-        known = ["model", "world", "run", *map(str, robots), *services.values(), *BUILTIN_SERVICES]
-        raise unknown_name("key", first, list(dict.fromkeys(known)), f"--set {text}")
+        known = [
+            "model",
+            "world",
+            "run",
+            *(["grid"] if tree.get("grid") else []),
+            *map(str, robots),
+            *services.values(),
+            *BUILTIN_SERVICES,
+        ]
+        raise unknown_name("key", first, list(dict.fromkeys(known)), option)
 
 
 def _example(first: str, robots: Sequence[object]) -> str:
+    if first == "grid":
+        return f"{first}.{msgspec.structs.fields(GridConfig)[0].name}=…"
     if first == "run":
         return f"run.{msgspec.structs.fields(RunConfig)[0].name}=…"
     return f"{first}.{msgspec.structs.fields(RobotConfig)[1].name}=…" if first in robots else f"{first}.PARAMETER=…"
@@ -97,9 +143,10 @@ def _services(tree: dict[str, Any]) -> Iterator[tuple[tuple[TomlKey, ...], str]]
     for table in ("service", "every_robot"):
         for index, each in enumerate(_tables(tree, table)):
             yield (table, index), str(each.get("name") or each.get("kind"))
-    for number, robot in enumerate(_tables(tree, "robot")):
-        for index, each in enumerate(_tables(robot, "services")):
-            yield ("robot", number, "services", index), str(each.get("name") or each.get("kind"))
+    for table in ("robot", "grid"):
+        for number, robot in enumerate(_tables(tree, table)):
+            for index, each in enumerate(_tables(robot, "services")):
+                yield (table, number, "services", index), str(each.get("name") or each.get("kind"))
 
 
 def _builtin(tree: dict[str, Any], kind: str) -> tuple[TomlKey, ...]:
@@ -125,7 +172,7 @@ def _value(text: str, path: Sequence[TomlKey]) -> Any:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         value = text
-    if path[0] == "robot" and path[-1] == "model" and isinstance(value, str):
+    if path[0] in ("robot", "grid") and path[-1] == "model" and isinstance(value, str):
         from models.robot_source import names_file  # it loads what reads meshes, which no --help is to wait for
 
         return str(Path(value).expanduser().absolute()) if names_file(value) else value
@@ -134,7 +181,7 @@ def _value(text: str, path: Sequence[TomlKey]) -> Any:
     return value
 
 
-def _assign(tree: dict[str, Any], path: Sequence[TomlKey], value: Any, text: str) -> None:
+def _assign(tree: dict[str, Any], path: Sequence[TomlKey], value: Any, option: str) -> None:
     at: Any = tree
     for step in path[:-1]:
         if isinstance(step, int):
@@ -144,5 +191,5 @@ def _assign(tree: dict[str, Any], path: Sequence[TomlKey], value: Any, text: str
             at[step] = {}  # as pose = "world", of which one coordinate is set
         at = at[step]
     if not isinstance(at, dict):
-        raise BadInput(f"--set {text}: {path[-2]} is a list: set it as a whole")
+        raise BadInput(f"{option}: {path[-2]} is a list: set it as a whole")
     at[path[-1]] = value

@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 from deploy.controller_files import check_controllers
 from deploy.fleet import Fleet, RobotConfig, ServiceConfig
 from deploy.report.checks import check_bounds
-from deploy.service_parameters import BUILTIN_SERVICES, robot_parameter_set, robot_parameters_type
-from messages.names import BadName, Identity, parse_remap
+from deploy.rosparam_tree import parameter_tree
+from deploy.service_parameters import (
+    BUILTIN_SERVICES,
+    reference_topic,
+    referred_joint,
+    robot_parameter_set,
+    robot_parameters_type,
+)
+from messages.names import BadName, Identity, parse_remap, validate
 from models import display_name
 from models.toml_source import TomlKey, TomlSource
-from services.catalog import load_service
+from services.catalog import is_script, load_service
 from services.runtime.errors import BadInput, unknown_name
+from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.validation import build
+from services.sim.engines import check_engine
+from services.sim.joints.config import check_positions
 from services.sim.robot_names import check_robot_names, robot_namespace
 
 
@@ -31,6 +42,9 @@ def validate_fleet(fleet: Fleet, source: TomlSource) -> None:
             raise BadInput(
                 f"{source.location(*path)}: a service {node} is already stated at {nodes[node]}: give it a name"
             )
+        builtin = node.removeprefix("/")
+        if builtin in (*BUILTIN_SERVICES, "supervisor") and member.kind != builtin:
+            raise BadInput(f"{source.location(*path)}: every fleet has a node {node}: give the service another name")
         if node in sets:
             raise BadInput(
                 f"{source.location(*path)}: {node} is the parameter set of the robot {sets[node]}: give the service "
@@ -42,6 +56,10 @@ def validate_fleet(fleet: Fleet, source: TomlSource) -> None:
     for mode, bounds in fleet.mode_bounds.items():
         for name in bounds:
             check_bounds({name: bounds[name]}, source.location("bounds", mode, name))
+    for name, value in fleet.rosparam.items():
+        parameter_tree({name: value}, source.location("rosparam", name))
+    if fleet.run.engine:
+        check_engine(fleet.run.engine, source.location("run", "engine"))
     if fleet.run.ends == "duration" and not fleet.run.duration:
         raise BadInput(f'{source.location("run", "ends")}: ends = "duration" needs a duration [s] above 0')
 
@@ -68,12 +86,23 @@ def all_services(fleet: Fleet) -> Iterator[tuple[tuple[TomlKey, ...], ServiceCon
 
 def _check_robot(fleet: Fleet, index: int, source: TomlSource) -> None:
     robot, path = fleet.robot[index], ("robot", index)
+    if robot.reference is not None:
+        try:
+            validate(reference_topic(robot, robot.reference))
+            referred_joint(robot, robot.reference)
+        except (BadInput, BadName) as error:
+            raise BadInput(f"{source.location(*path, 'reference')}: {error}") from None
     where = source.location(*path, "name")
     try:
         Identity.of(robot.name)
         check_robot_names(robot, fleet.robot[:index])
     except BadInput as error:
         raise BadInput(f"{where}: {error}") from None
+    for name, position in robot.joints.items():
+        try:
+            check_positions(robot.model, {name: position})
+        except BadInput as error:
+            raise BadInput(f"{source.location(*path, 'joints', name)}: {error}") from None
     for name, value in robot.parameters.items():
         build(robot_parameters_type(robot.model), {name: value}, source.location(*path, "parameters", name))
 
@@ -94,7 +123,11 @@ def _check_member(
     member: ServiceConfig, path: tuple[TomlKey, ...], owner: RobotConfig | None, source: TomlSource
 ) -> None:
     record = load_service(member.kind, source.location(*path, "kind")).parameters
-    for name, value in member.parameters.items():
+    if is_script(member.kind):
+        _check_script(member, path, source)
+    elif name := next((each for each in ("args", "environment", "cwd", "frame_prefix") if getattr(member, each)), ""):
+        raise BadInput(f"{source.location(*path, name)}: {name} is for programs of ROS alone; a service has parameters")
+    for name, value in () if is_script(member.kind) else member.parameters.items():
         build(record, {name: value}, source.location(*path, "parameters", name))
     check_controllers(member, path, owner, source)
     for name in member.from_start:
@@ -103,6 +136,8 @@ def _check_member(
             raise BadInput(f"{place}: from_start needs a robot: state the service under a robot or as [[every_robot]]")
         if not _is_points(member.parameters.get(name)):
             raise BadInput(f"{place}: {name} is not stated as a list of points [x, y]")
+    for name in member.from_robot:
+        _check_from_robot(name, member, record, owner, source.location(*path, "from_robot"))
     for origin, target in member.remap.items():
         try:
             parse_remap(f"{origin}:={target}")
@@ -110,6 +145,33 @@ def _check_member(
             raise BadInput(f"{source.location(*path, 'remap', origin)}: {error}") from None
     if owner is None and member.kind in BUILTIN_SERVICES and (member.name or member.namespace):
         raise BadInput(f"{source.location(*path)}: the {member.kind} cannot be renamed: the fleet relies on its name")
+
+
+def _check_from_robot(
+    name: str, member: ServiceConfig, record: type[Parameters], owner: RobotConfig | None, place: str
+) -> None:
+    if owner is None:
+        raise BadInput(f"{place}: from_robot needs a robot: state the service under a robot or as [[every_robot]]")
+    if not owner.goals:
+        raise BadInput(
+            f"{place}: the robot {owner.name} has no goals: state its goals, or a rule for those of its grid"
+        )
+    if name in member.parameters:
+        raise BadInput(f"{place}: {name} is stated among the parameters, too: leave it out of one of them")
+    build(record, {name: [list(each) for each in owner.goals]}, place)
+
+
+def _check_script(member: ServiceConfig, path: tuple[TomlKey, ...], source: TomlSource) -> None:
+    for name in ("from_start", "from_robot"):
+        if getattr(member, name):
+            raise BadInput(f"{source.location(*path, name)}: {name} is for services, not for programs of ROS")
+    for name in member.environment:
+        if not name or "=" in name or "\0" in name:
+            raise BadInput(f"{source.location(*path, 'environment')}: {name!r} is no name of a variable")
+    if member.cwd and not Path(member.cwd).is_dir():
+        raise BadInput(f"{source.location(*path, 'cwd')}: there is no folder {member.cwd}")
+    for name, value in member.parameters.items():
+        parameter_tree({name: value}, source.location(*path, "parameters", name))
 
 
 def _is_points(value: object) -> bool:

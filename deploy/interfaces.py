@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 import inspect
+from functools import cache
+from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, get_origin, get_type_hints
 
 from msgspec import inspect as shapes
 
 from messages.base import LARGEST, Array, Message
-from messages.records import RECORDS, UnknownRecord, record
+from messages.interfaces import catalogue
+from messages.interfaces.records import GeneratedMessage, find_record, need_record
+from messages.records import RECORDS, UnknownRecord
 from messages.requests import REQUESTS, Request
 from messages.topics import TOPICS, Topic
 from services.runtime.errors import BadInput, nearest
+from services.script.workspace import workspace_of
+
+
+@cache
+def use_workspace() -> None:
+    """Know the message packages of the workspace around the current directory as well."""
+    catalogue().locate = workspace_of(Path.cwd()).package_path
 
 
 class FieldType(NamedTuple):
@@ -27,12 +38,15 @@ class FieldType(NamedTuple):
 
 def find_interface(name: str) -> type[Message] | Request[Any, Any]:
     """The record of a ROS type (``geometry_msgs/msg/Twist`` as well), or a request by its name; raises BadInput."""
+    use_workspace()
     wanted = name.replace("/msg/", "/", 1).replace("/srv/", "/", 1)
-    if (record := RECORDS.get(wanted)) is not None:
+    if (record := find_record(wanted)) is not None:
         return record
     own = {each.name: each for each in REQUESTS}
     if (request := own.get(f"/{name.lstrip('/')}")) is not None:
         return request
+    if (service := service_interface(wanted)) is not None:
+        return service
     short: dict[str, list[str]] = {}
     for each in RECORDS:
         short.setdefault(each.rpartition("/")[2], []).append(each)
@@ -72,6 +86,11 @@ def describe_fields(record: type[Message]) -> list[dict[str, Any]]:
 
 def constants(record: type[Message]) -> dict[str, Any]:
     """The named values that a record brings, as ULTRASOUND of sensor_msgs/Range."""
+    if issubclass(record, GeneratedMessage):
+        try:
+            return {each.name: each.value for each in catalogue().message(record.ROS_TYPE, 2).constants}
+        except BadInput:  # it was learned from another process, without its constants
+            return {}
     hints = get_type_hints(record, include_extras=True)
     names = [name for name, hint in hints.items() if get_origin(hint) is ClassVar or hint is ClassVar]
     return {name: getattr(record, name) for name in names if name.isupper() and name != "ROS_TYPE"}
@@ -91,9 +110,15 @@ def describe_type(record: type[Message]) -> dict[str, Any]:
 
 def list_types(package: str = "") -> dict[str, list[dict[str, str]]]:
     """All records and all requests, or those of a package; raises BadInput for a package that has none."""
+    use_workspace()
     records = {name: each for name, each in sorted(RECORDS.items()) if not package or name.startswith(f"{package}/")}
+    if package:
+        for own in catalogue().types(package, "msg"):
+            if (found := find_record(name := f"{package}/{own}")) is not None:
+                records.setdefault(name, found)
+        records = dict(sorted(records.items()))
     if not records:
-        packages = sorted({name.partition("/")[0] for name in RECORDS})
+        packages = sorted({*(name.partition("/")[0] for name in RECORDS), *catalogue().packages()})
         raise BadInput(f"there are no types in the package {package!r} (known: {', '.join(packages)})")
     messages = [{"type": name, "about": summary(each).partition("\n")[0]} for name, each in records.items()]
     requests = [
@@ -172,25 +197,36 @@ def known_topic(name: str) -> Topic[Any] | None:
     return max(fitting, key=lambda each: len(each.name), default=None)
 
 
-def known_request(name: str) -> Request[Any, Any] | None:
-    """The request of an absolute name; a node's own (``~name``) is below the name of any node."""
+def known_request(name: str, asks: str) -> Request[Any, Any] | None:
+    """The request of an absolute name that asks a type; one that is relative, or a node's own (``~name``), may be in
+    any namespace."""
     for each in REQUESTS:
-        if each.name == name or (each.name.startswith("~") and name.endswith(f"/{each.name[1:]}")):
+        placed = each.name.startswith("/")
+        fits = name == each.name if placed else name.endswith(f"/{each.name.removeprefix('~')}")
+        if fits and asks == each.request_type.ROS_TYPE:
             return each
     return None
 
 
 def known_record(type_name: str) -> type[Message] | None:
     """The record of a ROS type in either spelling, or None when this project has none."""
-    return RECORDS.get(canonical_type(type_name))
+    return find_record(canonical_type(type_name))
 
 
 def record_by_type(type_name: str) -> type[Message]:
     """The record of a ROS type in either spelling; raises BadInput with the nearest name."""
+    use_workspace()
     try:
-        return record(canonical_type(type_name))
+        return need_record(canonical_type(type_name))
     except UnknownRecord as error:
         raise BadInput(str(error)) from None
+
+
+def service_interface(type_name: str) -> Request[Any, Any] | None:
+    """The two records of a service type (``std_srvs/SetBool``), as a request under the type's name, or None."""
+    name = canonical_type(type_name)
+    asks, replies = find_record(f"{name}Request"), find_record(f"{name}Response")
+    return None if asks is None or replies is None else Request(name, asks, replies, "a service type")
 
 
 def canonical_type(type_name: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 from deploy.controller_files import gain_values
@@ -15,7 +16,7 @@ from messages.names import resolve
 from messages.parameters import Parameter, ParameterValues
 from models.model import read_model
 from models.toml_source import TomlSource
-from services.catalog import load_service
+from services.catalog import is_script, load_service
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.schema import fields_of, flatten
@@ -48,10 +49,10 @@ def parameter_sets(fleet: Fleet) -> dict[str, list[type[Parameters]]]:
 def fleet_values(fleet: Fleet, plan: Sequence[ProcessSpec]) -> dict[str, dict[str, Any]]:
     """The values of the live parameters of each set by fleet file and defaults alone, by dotted names."""
     values: dict[str, dict[str, Any]] = {}
-    for process in plan:
-        service = load_service(process.kind)
-        if (name := _service_set(service, process.node)) is not None:
-            options = zip(process.argv, process.argv[1:], strict=False)
+    for node in (each for process in plan for each in process.nodes):
+        service = load_service(node.kind)
+        if (name := _service_set(service, node.name)) is not None:
+            options = pairwise(node.arguments)
             stated = read_assignments(value for option, value in options if option == "--fleet-param")
             values.setdefault(name, {}).update(_live_values(build(service.parameters, stated)))
     for robot in fleet.robot:
@@ -68,19 +69,31 @@ def fleet_values(fleet: Fleet, plan: Sequence[ProcessSpec]) -> dict[str, dict[st
 
 
 def check_changes(fleet: Fleet, source: TomlSource) -> None:
-    """Raise BadInput, with file and line, for a scheduled change that no set of the fleet can accept."""
+    """Raise BadInput, with file and line, for a scheduled change that no set of the fleet can accept.
+
+    The sets of a ROS script are known when it has announced them.
+    """
     sets = parameter_sets(fleet) if fleet.change else {}
+    scripts = _script_nodes(fleet) if fleet.change else []
     for index, change in enumerate(fleet.change):
-        if change.set not in sets:
-            raise unknown_name("set of parameters", change.set, sets, source.location("change", index, "set"))
         if not change.values:
             raise BadInput(f"{source.location('change', index)}: a change without values")
+        if any(change.set == node or change.set.startswith(f"{node}/") for node in scripts):
+            continue
+        if change.set not in sets:
+            where = source.location("change", index, "set")
+            raise unknown_name("set of parameters", change.set, (*sets, *scripts), where)
         records = sets[change.set]
         for name, value in change.values.items():
             # Of several that share a set, those that know the name decide.
             knowing = [each for each in records if any(leaf.name == name for leaf in fields_of(each))]
             for record in knowing or records[:1]:
                 check_value(record, name, value, source.location("change", index, "values", name))
+
+
+def _script_nodes(fleet: Fleet) -> list[str]:
+    """The nodes of ROS scripts, each of which may serve dynamic_reconfigure."""
+    return [service_identity(member, owner).node for _, member, owner in all_services(fleet) if is_script(member.kind)]
 
 
 def _service_set(service: Service, node: str) -> str | None:

@@ -25,6 +25,13 @@ WAITING_PERIOD_S = 5.0
 _PROBLEM_STATES = ("backing off", "failed")
 
 
+FEW_PROCESSES = 16
+"""Processes of which each is told when it is ready; of more, the live line alone shows how many are."""
+
+NAMED = 5
+"""Processes named in the live line."""
+
+
 class ProgressDisplay(Protocol):
     """An output for progress."""
 
@@ -74,6 +81,15 @@ def open_display() -> Iterator[ProgressDisplay]:
         yield LiveDisplay()
 
 
+def waiting_line(names: Sequence[str], processes: int) -> str:
+    """What a fleet waits for, in one line: of many processes how many are ready, and the names of some."""
+    if processes <= FEW_PROCESSES:
+        return f"waiting for {', '.join(names)}"
+    rest = len(names) - NAMED
+    more = f" and {rest} more" if rest > 0 else ""
+    return f"{processes - len(names)} of {processes} processes ready, waiting for {', '.join(names[:NAMED])}{more}"
+
+
 class ProgressReporter:
     """Shows the state of the fleet on a screen and in the run's folder; ``news`` are lines to print."""
 
@@ -97,7 +113,7 @@ class ProgressReporter:
         if ready == len(fleet.processes) and not self._complete:
             self._complete = True
             self._screen.print_line(f"all {ready} processes ready after {time.monotonic() - self._started:.1f} s")
-        elif not self._complete and life.state == "ready":
+        elif not self._complete and life.state == "ready" and len(fleet.processes) <= FEW_PROCESSES:
             self._screen.print_line(f"{shown.name} ready ({ready} of {len(fleet.processes)})")
 
     def _report_problem(self, life: ManagedProcess, shown: ProcessState) -> None:
@@ -106,21 +122,31 @@ class ProgressReporter:
         words = last_line(self._folder / "logs" / log_name(name)) if reason.startswith("exit status") else ""
         if words and words in reason and life.spec.required:
             return  # the end of the fleet reports the same
-        self._screen.print_line(f"{name} {shown.state}: {reason}; see ./elea logs {name}")
+        of = f" (the process of {', '.join(shown.nodes)})" if shown.nodes else ""
+        self._screen.print_line(f"{name}{of} {shown.state}: {reason}; see ./elea logs {name}")
         if words and words not in reason and words not in self._quoted:
             self._quoted.add(words)
             self._screen.print_line(f"  {words}")
 
     def _report_starved(self, lives: Sequence[ManagedProcess]) -> None:
-        """Say once of each process that the machine is too busy for it."""
+        """Say once of each process that the machine is too busy for it; of many at once in one line."""
         now = time.monotonic()
-        for life in lives:
-            if (silent := life.starved_for(now)) and life.spec.name not in self._starved:
-                self._starved.add(life.spec.name)
-                self._screen.print_line(
-                    f"{life.spec.name}: no heartbeat for {silent:.1f} s, it waits for a processor: "
-                    "this machine is too busy for the fleet"
-                )
+        found = [
+            (life.spec.name, silent)
+            for life in lives
+            if (silent := life.starved_for(now)) and life.spec.name not in self._starved
+        ]
+        if not found:
+            return
+        self._starved.update(name for name, _ in found)
+        names = [name for name, _ in found]
+        rest = len(names) - NAMED
+        more = f" and {rest} more" if rest > 0 else ""
+        it = "it waits" if len(names) == 1 else "they wait"
+        self._screen.print_line(
+            f"{', '.join(names[:NAMED])}{more}: no heartbeat for {max(each for _, each in found):.1f} s, {it} for a "
+            "processor: this machine is too busy for the fleet"
+        )
 
     def on_note(self, text: str) -> None:
         """Show a problem of the whole supervision in place of problems of single processes."""
@@ -145,6 +171,6 @@ class ProgressReporter:
         if any(life.state == "stopping" for life in lives):
             self._screen.set_status("stopping")
         elif waiting:
-            self._screen.set_status(f"waiting for {', '.join(waiting)}")
+            self._screen.set_status(waiting_line(waiting, len(lives)))
         else:
             self._screen.set_status("; ".join(notes) or "running")

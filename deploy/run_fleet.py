@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
@@ -14,13 +15,15 @@ from deploy import VERSION
 from deploy.fleet import Fleet
 from deploy.instance_lock import check_parameter_file_unused, instance_lock
 from deploy.parameter_sets import SavedParameterNotes, effective_parameters, fleet_values, overridden_parameter_note
-from deploy.processes import plan_processes
+from deploy.processes import MOST_DIRECT, ProcessSpec, choose_topology, plan_processes, write_containers
 from deploy.progress import ProgressDisplay, ProgressReporter
 from deploy.report.checks import service_checks, unknown_node_notes
 from deploy.report.notes import fleet_notes, overrides_note, start_lines
 from deploy.report.record import Check, EffectiveParameter, Report, RunFacts
 from deploy.report.write import read_measurements, write_report
-from deploy.service_parameters import RunOptions, fleet_endpoint, listen_endpoints
+from deploy.rosparam import fleet_parameter_tree, write_parameter_tree
+from deploy.run_folder import ROSPARAM_FILE
+from deploy.service_parameters import RunOptions, fleet_endpoint, has_rosparam, listen_endpoints
 from deploy.supervisor.log_file import log_name
 from deploy.supervisor.node import RunMonitor, supervisor_node
 from deploy.supervisor.reaper import Reaper
@@ -30,6 +33,7 @@ from services.runtime.errors import BadInput
 from services.runtime.fleet_instances import FleetInstance
 from services.runtime.process import ROOT
 from services.runtime.transport.zenoh_config import OPEN_TO_ALL, is_local
+from services.sim.engines import default_engine
 
 INTERRUPTED = 130
 """Exit status of a run that was ended by Ctrl-C or ``down`` before its own end, as shells use it."""
@@ -70,12 +74,18 @@ def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> Run
         root=str(ROOT),
         saved=str(options.saved or ""),
     )
+    by_itself, fleet = fleet.run.topology == "auto", choose_topology(fleet)
     plan = plan_processes(fleet, options)
+    if has_rosparam(fleet):
+        write_parameter_tree(fleet_parameter_tree(fleet), options.folder / ROSPARAM_FILE)
+    write_containers(plan, options.folder)
     own = fleet_values(fleet, plan)
     with instance_lock(entry):
         if options.saved is not None:
             check_parameter_file_unused(options.saved)
-        screen.print_line(f"{fleet.name}: {len(plan)} processes, {fleet.run.mode}; results in {options.folder}")
+        screen.print_line(f"{fleet.name}: {_size(plan)}, {fleet.run.mode}; results in {options.folder}")
+        if by_itself and fleet.run.topology == "star":
+            screen.print_line(f"topology star, as for more than {MOST_DIRECT} nodes: all messages pass the router")
         for each in entry.listen:
             who = "every user of this machine can read everything and drive the robots"
             screen.print_line(f"listening on {each}: {who if is_local(each) else OPEN_TO_ALL}")
@@ -83,9 +93,9 @@ def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> Run
             screen.print_line(each)
         reaper = Reaper()
         try:
-            members = [each.node for each in plan]
+            members = [name for each in plan for name in each.names]
             with supervisor_node(fleet_endpoint(fleet), options.domain, own, members) as bus:
-                spawner = Spawner(options.folder, reaper)
+                spawner = Spawner(options.folder, reaper, show=screen.print_line)
                 saved = SavedParameterNotes(bus.parameters, own)
                 progress = ProgressReporter(
                     screen, options.folder, lambda: (*saved.new_lines(), *bus.run_monitor().new_problems(fleet.change))
@@ -105,10 +115,17 @@ def run_fleet(fleet: Fleet, options: RunOptions, screen: ProgressDisplay) -> Run
             + fleet_notes(fleet)
             + overridden_parameter_note(reported, own, fleet)
             + unknown_node_notes(bus.unknown_nodes)
+            + outcome.containers_lost
         )
         return _write_report(
             fleet, options, outcome, started, found, effective_parameters(reported, own), monitor, checks
         )
+
+
+def _size(plan: Sequence[ProcessSpec]) -> str:
+    """How many processes, and how many nodes if some share one."""
+    nodes = sum(len(each.nodes) for each in plan)
+    return f"{len(plan)} processes" + (f" with {nodes} nodes" if nodes > len(plan) else "")
 
 
 async def _supervise(supervisor: Supervisor, screen: ProgressDisplay) -> Outcome:
@@ -154,6 +171,8 @@ def _write_report(
             restarts=outcome.restarts,
             started=started,
             factor=fleet.run.factor,
+            engine=fleet.run.engine or default_engine(),
+            topology=fleet.run.topology,
             changes=monitor.change_figures(fleet.change, measured.sim_seconds),
             absent=monitor.absent_nodes,
             lag_s=monitor.lag_s,

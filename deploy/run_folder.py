@@ -29,6 +29,10 @@ STOPS_FILE = "stops.json"
 """The simulation's file of emergency stops, which outlive it. A new run begins without any."""
 SCHEDULE_FILE = "schedule.json"
 """Which scheduled parameter changes of the run were made, for a restart of its parameter service."""
+ROSPARAM_FILE = "rosparam.json"
+"""The tree of ROS 1's parameters at the start of the run."""
+CONTAINERS_FOLDER = "containers"
+"""By process that several nodes share, a file with the command line of each."""
 SUPERVISOR_LOG = "supervisor.log"
 """The log of a supervisor in the background, in the folder of the run."""
 
@@ -43,6 +47,7 @@ _FILES = (
     STATE_FILE,
     STOPS_FILE,
     SCHEDULE_FILE,
+    ROSPARAM_FILE,
     LOG_FILE,
     PANEL_FILE,
 )

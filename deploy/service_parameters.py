@@ -10,16 +10,18 @@ import msgspec
 
 from deploy.controller_files import KIND as CONTROLLER_MANAGER
 from deploy.controller_files import joint_state_rate
-from deploy.fleet import Fleet, RobotConfig, ServiceConfig
-from deploy.run_folder import BAG_FOLDER, RECORDING_FILE, SCHEDULE_FILE, STOPS_FILE
+from deploy.fleet import Fleet, ReferenceConfig, RobotConfig, ServiceConfig
+from deploy.run_folder import BAG_FOLDER, RECORDING_FILE, ROSPARAM_FILE, SCHEDULE_FILE, STOPS_FILE
 from messages.names import join
 from messages.topics import CONTROL_STATE
 from models.dynamics import read_pendulum
 from models.model import read_model
 from models.urdf import read_joint_limits
 from services.arm import ArmParameters
+from services.catalog import is_script
 from services.logger import LoggerParameters
 from services.panel.address import ADDRESS_FILE as PANEL_FILE
+from services.runtime.errors import BadInput, unknown_name
 from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.validation import build
 from services.runtime.transport.unix_sockets import router_endpoint
@@ -28,6 +30,8 @@ from services.sim.drive.config import odometry_config, robot_config
 from services.sim.parameters import BaseParameters, JointParameters
 from services.sim.robot_names import robot_frame_prefix, robot_namespace
 
+UNLIMITED_NM = 1e9
+"""N m; the effort at which the controller of an arm counts as saturated whose joint states no limit."""
 CHANGE_MARGIN_S = 1.0
 """Minimum time [s] from the last scheduled change to an end by goals, so that its effect is measured."""
 
@@ -72,10 +76,41 @@ def state_parameters(kind: str, robot: RobotConfig | None) -> dict[str, Any]:
 
 
 def grader_arms(fleet: Fleet) -> list[dict[str, Any]]:
-    """The arms of a fleet as the grader knows them: those that are not left to a controller manager."""
+    """The arms of a fleet as the grader knows them: those with a reference, or not left to a controller manager."""
     return [
-        _grader_arm(fleet, each) for each in fleet.robot if is_arm(each) and not _has_controller_manager(fleet, each)
+        _referred_arm(each, each.reference) if each.reference is not None else _grader_arm(fleet, each)
+        for each in fleet.robot
+        if is_arm(each) and (each.reference is not None or not _has_controller_manager(fleet, each))
     ]
+
+
+def referred_joint(robot: RobotConfig, reference: ReferenceConfig) -> str:
+    """The joint that a set-point is for; raises BadInput."""
+    joints = _limited_joints(robot)
+    if not is_arm(robot) or not joints:
+        raise BadInput(f"{robot.name} is no arm: a reference is the set-point of a joint that has a range")
+    if reference.joint and reference.joint not in joints:
+        raise unknown_name("joint with a range", reference.joint, joints)
+    return reference.joint or controlled_joint(robot)
+
+
+def reference_topic(robot: RobotConfig, reference: ReferenceConfig) -> str:
+    """The absolute name of a set-point's topic."""
+    absolute = reference.topic.startswith("/")
+    return reference.topic if absolute else join(robot_namespace(robot), reference.topic)
+
+
+def _referred_arm(robot: RobotConfig, reference: ReferenceConfig) -> dict[str, Any]:
+    joint = referred_joint(robot, reference)
+    return {
+        "name": robot.name,
+        "joint": joint,
+        "saturation": read_joint_limits(robot.model)[joint].effort or UNLIMITED_NM,
+        "state": "",
+        "reference": reference_topic(robot, reference),
+        "reference_type": reference.type,
+        "reference_unit": reference.unit,
+    }
 
 
 def _has_controller_manager(fleet: Fleet, robot: RobotConfig) -> bool:
@@ -147,6 +182,12 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     picture: bool = True
 
 
+def has_rosparam(fleet: Fleet) -> bool:
+    """Whether a fleet begins with parameters of ROS 1."""
+    members = (*fleet.service, *fleet.every_robot, *(each for robot in fleet.robot for each in robot.services))
+    return bool(fleet.rosparam) or any(is_script(each.kind) for each in members)
+
+
 def fleet_endpoint(fleet: Fleet) -> str:
     """The endpoint of the fleet's router for the processes of this user."""
     return router_endpoint(fleet.run.port)
@@ -162,12 +203,13 @@ class NodeGroups(msgspec.Struct, frozen=True, kw_only=True):
     """The nodes of a fleet by role.
 
     Lockstep waits for ``members`` at each tick. Time waits for ``awaits`` to begin, and does not begin without
-    ``requires``. Messages that ``readers`` lose count as losses of the run.
+    ``requires``. Turtles are those of ``turtlesims``. Messages that ``readers`` lose count as losses of the run.
     """
 
     members: tuple[str, ...] = ()
     awaits: tuple[str, ...] = ()
     requires: tuple[str, ...] = ()
+    turtlesims: tuple[str, ...] = ()
     readers: tuple[str, ...] = ()
 
 
@@ -187,6 +229,7 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
                 "file": str(options.saved) if options.saved is not None else "",
                 "schedule": [msgspec.to_builtins(each) for each in fleet.change],
                 "schedule_file": str(options.folder / SCHEDULE_FILE) if fleet.change else "",
+                **({"rosparam_file": str(options.folder / ROSPARAM_FILE)} if has_rosparam(fleet) else {}),
             }
         case "sim":
             return {
@@ -194,6 +237,7 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
                 "robots": [_sim_robot(fleet, each) for each in robots],
                 "mode": run.mode,
                 "factor": run.factor,
+                **({"engine": run.engine} if run.engine else {}),
                 "latency": run.latency,
                 "seed": run.seed,
                 "members": list(nodes.members),
@@ -212,6 +256,7 @@ def service_parameters(kind: str, fleet: Fleet, options: RunOptions, nodes: Node
                 "ends": run.ends,
                 "not_before": earliest_end(fleet),
                 "duration": run.duration,
+                "turtlesims": list(nodes.turtlesims),
                 "readers": list(nodes.readers),
                 "output": str(options.folder),
             }
@@ -253,6 +298,8 @@ def _sim_robot(fleet: Fleet, robot: RobotConfig) -> dict[str, Any]:
         names["frame_prefix"] = robot.frame_prefix
     if rate := joint_state_rate(_own_services(fleet, robot), robot):
         names["joint_state_rate"] = rate
+    if robot.joints:
+        names["joints"] = robot.joints
     return {**names, **pose, table: robot.parameters}
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, SupportsIndex, TypeVar, overload
@@ -240,9 +241,14 @@ _NO_HEAD: tuple[bytes, tuple[int, ...]] = b"", ()
 _parts = msgspec.msgpack.Decoder(tuple[str, tuple[int, ...], bytes]).decode
 
 
+def pack_array(dtype: str, shape: tuple[int, ...], raw: bytes) -> Ext:
+    """An array as it travels, of the little-endian bytes of its values."""
+    return Ext(ARRAY_CODE, msgspec.msgpack.encode((dtype, shape, raw)))
+
+
 def _to_plain(value: Any) -> object:
     if isinstance(value, Array):
-        return Ext(ARRAY_CODE, msgspec.msgpack.encode((value.DTYPE, value.shape, value.raw)))
+        return pack_array(value.DTYPE, value.shape, value.raw)
     if hasattr(value, "tolist"):  # numpy scalars and arrays, which control laws yield
         return value.tolist()
     raise NotImplementedError(f"{type(value).__name__} cannot be put in a message")
@@ -288,6 +294,11 @@ encode: Callable[[object], bytes] = msgspec.msgpack.Encoder(enc_hook=_to_plain).
 """Encode one record as MessagePack bytes."""
 
 
+_BUILDING = threading.Lock()
+"""Held while msgspec reads the fields of a record: it shows them to other threads before it knows their types, and one
+that decodes such a record meanwhile ends the process."""
+
+
 def decoder(record: type[M]) -> Callable[[bytes], M]:
     """A function from MessagePack bytes to ``record``; it raises WrongPayload with the path of the field."""
     decode = raw_decoder(record)
@@ -303,7 +314,8 @@ def decoder(record: type[M]) -> Callable[[bytes], M]:
 
 def raw_decoder(record: type[M]) -> Callable[[bytes], M]:
     """Like ``decoder`` without wrapping errors; catch DECODE_ERRORS. For hot paths."""
-    return msgspec.msgpack.Decoder(record, dec_hook=_to_array).decode
+    with _BUILDING:
+        return msgspec.msgpack.Decoder(record, dec_hook=_to_array).decode
 
 
 def covariance(*variances: float) -> Ext:

@@ -4,7 +4,7 @@ from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta
 
-from messages.base import Count, Finite, Message, Metres
+from messages.base import MOST_ITEMS, Count, Finite, Message, Metres, NameStr
 from messages.geometry import Pose, Twist
 from messages.std import Header, Time
 
@@ -167,7 +167,7 @@ class ModelState(Message, frozen=True, kw_only=True):
 
 
 class ProcessState(Message, frozen=True, kw_only=True):
-    """One supervised process."""
+    """One supervised process; ``nodes`` are the names of those that share it, if several do."""
 
     ROS_TYPE: ClassVar[str] = "elea_msgs/ProcessState"
     name: str = ""
@@ -178,6 +178,7 @@ class ProcessState(Message, frozen=True, kw_only=True):
     restarts: Count = 0
     exit_status: int | None = None
     reason: str = ""
+    nodes: tuple[str, ...] = ()
 
 
 class FleetState(Message, frozen=True, kw_only=True):
@@ -201,3 +202,18 @@ class LockstepState(Message, frozen=True, kw_only=True):
     members: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
     left: tuple[str, ...] = ()
+
+
+class InterfaceDefinition(Message, frozen=True, kw_only=True):
+    """The definition of a message type, in the language ``ros2msg``, with the types that it uses."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/InterfaceDefinition"
+    type: NameStr = ""
+    text: Annotated[str, Meta(max_length=1 << 16)] = ""
+
+
+class InterfaceDefinitions(Message, frozen=True, kw_only=True):
+    """The types that a node uses and that belong to no standard package, those of its services as two each."""
+
+    ROS_TYPE: ClassVar[str] = "elea_msgs/InterfaceDefinitions"
+    definitions: Annotated[tuple[InterfaceDefinition, ...], Meta(max_length=MOST_ITEMS)] = ()

@@ -33,8 +33,9 @@ def unknown_name(kind: str, name: str, known: Iterable[str], where: str = "") ->
 
 def did_you_mean(name: str, known: Iterable[str], count: int = 1) -> str:
     """``; did you mean '/tb3_0/odom'?``, to end a text about a name that does not exist; empty if none is near."""
-    near = nearest(name, known, count)
-    return f"; did you mean {' or '.join(map(repr, near))}?" if near else ""
+    near = [repr(each) for each in nearest(name, known, count)]
+    listed = " or ".join(filter(None, (", ".join(near[:-1]), *near[-1:])))
+    return f"; did you mean {listed}?" if near else ""
 
 
 def nearest(name: str, known: Iterable[str], count: int = 1, cutoff: float = 0.6) -> list[str]:

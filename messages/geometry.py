@@ -82,6 +82,22 @@ class PoseStamped(Message, frozen=True, kw_only=True):
     pose: Pose = Pose()
 
 
+class PoseArray(Message, frozen=True, kw_only=True):
+    """Several poses in the frame and at the time of the header."""
+
+    ROS_TYPE: ClassVar[str] = "geometry_msgs/PoseArray"
+    header: Header = Header()
+    poses: tuple[Pose, ...] = ()
+
+
+class PointStamped(Message, frozen=True, kw_only=True):
+    """A position in the frame and at the time of its header."""
+
+    ROS_TYPE: ClassVar[str] = "geometry_msgs/PointStamped"
+    header: Header = Header()
+    point: Point = Point()
+
+
 class PoseWithCovariance(Message, frozen=True, kw_only=True):
     """A pose and its 6x6 covariance; give it ``packed``, as ``messages.base.covariance`` makes it."""
 

@@ -1,10 +1,12 @@
-"""nav_msgs: odometry and paths."""
+"""nav_msgs: odometry, paths and maps."""
 
-from typing import ClassVar
+from typing import Annotated, ClassVar
+
+from msgspec import Meta
 
 from messages.base import Message
-from messages.geometry import PoseStamped, PoseWithCovariance, TwistWithCovariance
-from messages.std import Header
+from messages.geometry import Pose, PoseStamped, PoseWithCovariance, TwistWithCovariance
+from messages.std import Header, Time
 
 
 class Odometry(Message, frozen=True, kw_only=True):
@@ -23,3 +25,43 @@ class Path(Message, frozen=True, kw_only=True):
     ROS_TYPE: ClassVar[str] = "nav_msgs/Path"
     header: Header = Header()
     poses: tuple[PoseStamped, ...] = ()
+
+
+MOST_CELLS = 8_000_000
+"""Of a map."""
+
+UInt32 = Annotated[int, Meta(ge=0, lt=2**32)]
+Occupancy = Annotated[int, Meta(ge=-128, le=127)]
+
+
+class MapMetaData(Message, frozen=True, kw_only=True):
+    """Size of a map in cells of ``resolution`` [m]; ``origin`` is the pose of its lower left corner."""
+
+    ROS_TYPE: ClassVar[str] = "nav_msgs/MapMetaData"
+    map_load_time: Time = Time()
+    resolution: Annotated[float, Meta(ge=0, le=1e6, extra={"unit": "m"})] = 0.0
+    width: UInt32 = 0
+    height: UInt32 = 0
+    origin: Pose = Pose()
+
+
+class OccupancyGrid(Message, frozen=True, kw_only=True):
+    """A map: the probability [%] that each cell is occupied, -1 where that is unknown; row by row from the origin."""
+
+    ROS_TYPE: ClassVar[str] = "nav_msgs/OccupancyGrid"
+    header: Header = Header()
+    info: MapMetaData = MapMetaData()
+    data: Annotated[tuple[Occupancy, ...], Meta(max_length=MOST_CELLS)] = ()
+
+
+class GetMap(Message, frozen=True, kw_only=True):
+    """A request for the map."""
+
+    ROS_TYPE: ClassVar[str] = "nav_msgs/GetMap"
+
+
+class GetMapResponse(Message, frozen=True, kw_only=True):
+    """The map."""
+
+    ROS_TYPE: ClassVar[str] = "nav_msgs/GetMapResponse"
+    map: OccupancyGrid = OccupancyGrid()

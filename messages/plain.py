@@ -51,13 +51,27 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list):
         return [_plain(each) for each in value]
     if isinstance(value, Ext):
-        listed = _array(value) if value.code == ARRAY_CODE else None
+        listed = _array(value)
         return {"extension": value.code, "data": bytes(value.data)} if listed is None else listed
     return value if value is None or isinstance(value, str | bool | int | float | bytes) else str(value)
 
 
+def array_values(packed: Ext) -> tuple[str, int, list[Any]] | None:
+    """The dtype, the bytes and the values, flat, of a packed array; None when it is none that we can read."""
+    found = _array_parts(packed)
+    return None if found is None else (found[0], found[2], found[3])
+
+
 def _array(packed: Ext) -> Any:
     """The nested lists of an array, or None when it is none that we can read."""
+    found = _array_parts(packed)
+    return None if found is None else _folded(found[3], found[1])
+
+
+def _array_parts(packed: Ext) -> tuple[str, tuple[int, ...], int, list[Any]] | None:
+    """Dtype, shape, bytes and flat values of an array."""
+    if packed.code != ARRAY_CODE:
+        return None
     try:
         dtype, shape, raw = _parts(bytes(packed.data))
     except WrongPayload:
@@ -68,7 +82,7 @@ def _array(packed: Ext) -> Any:
     if math.prod(shape) * struct.calcsize(format_) != len(raw):
         return None
     flat = struct.unpack(f"{order}{len(raw) // struct.calcsize(format_)}{format_}", raw)
-    return _folded(list(flat), shape)
+    return dtype, shape, len(raw), list(flat)
 
 
 def _folded(values: list[Any], shape: tuple[int, ...]) -> Any:

@@ -1,7 +1,6 @@
 """Requests and replies: what a service may be asked, with typed arguments and results."""
 
-from dataclasses import dataclass
-from typing import ClassVar, Generic, TypeVar
+from typing import ClassVar
 
 from messages.base import Message, NameStr
 from messages.controllers import ListControllersResponse, SwitchController, SwitchControllerResponse
@@ -17,7 +16,9 @@ from messages.gazebo import (
     SetConfiguration,
     WorldProperties,
 )
+from messages.gazebo_services import GAZEBO_REQUESTS
 from messages.joints import JointProperties
+from messages.nav import GetMap, GetMapResponse
 from messages.parameters import (
     Announcement,
     HistoryOf,
@@ -28,6 +29,18 @@ from messages.parameters import (
     ResetParameters,
     SetParameters,
     UndoParameters,
+)
+from messages.request import MAX_REQUEST_BYTES as MAX_REQUEST_BYTES
+from messages.request import Request as Request
+from messages.rosparam import (
+    MAX_TREE_BYTES,
+    RosparamDelete,
+    RosparamGet,
+    RosparamKey,
+    RosparamNames,
+    RosparamSearch,
+    RosparamSet,
+    RosparamValue,
 )
 from messages.sensor import JointState
 from messages.simulation import (
@@ -41,28 +54,21 @@ from messages.simulation import (
     SpawnModel,
     Steps,
 )
-from messages.std import Empty
-
-Q_co = TypeVar("Q_co", bound=Message, covariant=True)
-R_co = TypeVar("R_co", bound=Message, covariant=True)
-
-
-MAX_REQUEST_BYTES = 1 << 16
-"""Bytes that a request may have, unless it says otherwise."""
-
-
-@dataclass(frozen=True)
-class Request(Generic[Q_co, R_co]):
-    """A named request: its ROS name (relative, absolute or private), the records asked and replied.
-
-    A request of more than ``largest`` bytes is refused unread.
-    """
-
-    name: str
-    request_type: type[Q_co]
-    response_type: type[R_co]
-    about: str
-    largest: int = MAX_REQUEST_BYTES
+from messages.std import Bool, Empty
+from messages.std_srvs import Empty as EmptyService
+from messages.std_srvs import EmptyResponse
+from messages.turtlesim import (
+    Kill,
+    KillResponse,
+    SetPen,
+    SetPenResponse,
+    Spawn,
+    SpawnResponse,
+    TeleportAbsolute,
+    TeleportAbsoluteResponse,
+    TeleportRelative,
+    TeleportRelativeResponse,
+)
 
 
 class Name(Message, frozen=True, kw_only=True):
@@ -135,11 +141,34 @@ PARAMS_RESET = Request("/params/reset", ResetParameters, ParameterValues, "reset
 PARAMS_UNDO = Request("/params/undo", UndoParameters, ParameterValues, "undo the last change of a set")
 PARAMS_HISTORY = Request("/params/history", HistoryOf, ParameterHistory, "get the history of changes")
 
+ROSPARAM_SET = Request(
+    "/rosparam/set", RosparamSet, Done, "set a value or branch in the tree of ROS 1's parameters", MAX_TREE_BYTES + 4096
+)
+ROSPARAM_GET = Request("/rosparam/get", RosparamGet, RosparamValue, "get a value or branch of the tree")
+ROSPARAM_DELETE = Request("/rosparam/delete", RosparamDelete, Done, "delete a value or branch of the tree")
+ROSPARAM_HAS = Request("/rosparam/has", RosparamKey, Bool, "whether the tree has a value or branch")
+ROSPARAM_SEARCH = Request("/rosparam/search", RosparamSearch, RosparamKey, "search a name from a namespace upwards")
+ROSPARAM_NAMES = Request("/rosparam/names", Empty, RosparamNames, "list the names of all values of the tree")
+
 LIST_CONTROLLERS = Request(
     "~list_controllers", Empty, ListControllersResponse, "list the controllers of a controller manager"
 )
 SWITCH_CONTROLLER = Request(
     "~switch_controller", SwitchController, SwitchControllerResponse, "start and stop controllers of a manager"
+)
+
+STATIC_MAP = Request("static_map", GetMap, GetMapResponse, "get the map of a map server")
+
+TURTLESIM_CLEAR = Request("clear", EmptyService, EmptyResponse, "wipe the turtles' trails, in the background's colour")
+TURTLESIM_RESET = Request("reset", EmptyService, EmptyResponse, "remove all turtles and trails, and begin with turtle1")
+TURTLESIM_SPAWN = Request("spawn", Spawn, SpawnResponse, "add a turtle")
+TURTLESIM_KILL = Request("kill", Kill, KillResponse, "remove a turtle")
+SET_PEN = Request("set_pen", SetPen, SetPenResponse, "set colour and width of a turtle's pen, or lift it")
+TELEPORT_ABSOLUTE = Request(
+    "teleport_absolute", TeleportAbsolute, TeleportAbsoluteResponse, "put a turtle at a place; its pen draws"
+)
+TELEPORT_RELATIVE = Request(
+    "teleport_relative", TeleportRelative, TeleportRelativeResponse, "turn a turtle, then put it ahead; its pen draws"
 )
 
 SIM_REQUESTS: tuple[Request[Message, Message], ...] = (
@@ -185,16 +214,36 @@ PARAMS_REQUESTS: tuple[Request[Message, Message], ...] = (
     PARAMS_RESET,
     PARAMS_UNDO,
     PARAMS_HISTORY,
+    ROSPARAM_SET,
+    ROSPARAM_GET,
+    ROSPARAM_DELETE,
+    ROSPARAM_HAS,
+    ROSPARAM_SEARCH,
+    ROSPARAM_NAMES,
 )
 """The requests of the parameter service."""
 
 CONTROLLER_REQUESTS: tuple[Request[Message, Message], ...] = (LIST_CONTROLLERS, SWITCH_CONTROLLER)
 """What a controller manager serves, as ``/NAMESPACE/controller_manager/list_controllers``."""
 
+TURTLESIM_REQUESTS: tuple[Request[Message, Message], ...] = (
+    TURTLESIM_CLEAR,
+    TURTLESIM_RESET,
+    TURTLESIM_SPAWN,
+    TURTLESIM_KILL,
+    SET_PEN,
+    TELEPORT_ABSOLUTE,
+    TELEPORT_RELATIVE,
+)
+"""The requests of turtlesim; the last three are of each turtle, as ``/turtle1/set_pen``."""
+
 REQUESTS: tuple[Request[Message, Message], ...] = (
     *SIM_REQUESTS,
     *SUPERVISOR_REQUESTS,
     *PARAMS_REQUESTS,
     *CONTROLLER_REQUESTS,
+    STATIC_MAP,
+    *TURTLESIM_REQUESTS,
+    *GAZEBO_REQUESTS,
 )
 """Every request of this project."""

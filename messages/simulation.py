@@ -27,9 +27,10 @@ class SimStatus(Message, frozen=True, kw_only=True):
 class SpawnModel(Message, frozen=True, kw_only=True):
     """Put a robot into the world as ``name``.
 
-    ``model`` is one of ``models/``, or the path of a URDF in the folders of the fleet; or ``urdf`` is the URDF itself,
-    and ``model``, if there is any, its name for people. Its topics are in ``namespace``: the name when empty, the root
-    for ``/``. Its frames begin with ``frame_prefix``: the name and a slash when that is None, nothing when it is empty.
+    ``model`` is one of ``models/``, or the path of a URDF in the folders of the fleet; or ``urdf`` is the URDF itself
+    (or an SDF), and ``model``, if there is any, its name for people. Its topics are in ``namespace``: the name when
+    empty, the root for ``/``. Its frames begin with ``frame_prefix``: the name and a slash when that is None, nothing
+    when it is empty.
 
     ``pose`` is in ``reference_frame``: the world when that is empty, ``world`` or ``map``, else an entity (``model`` or
     ``model::link``). ``joint_names`` start at ``joint_positions`` (rad or m), all others at 0. ``parameters`` are those

@@ -1,9 +1,11 @@
 """tf2_msgs: transforms between frames."""
 
 from collections.abc import Iterable, Iterator
-from typing import ClassVar
+from typing import ClassVar, NamedTuple, TypeVar
 
-from messages.base import Message
+from msgspec import Raw
+
+from messages.base import Message, encode
 from messages.geometry import TransformStamped
 
 
@@ -20,15 +22,39 @@ _BYTES = 192
 """A transform without its two names: field names, and nine numbers."""
 
 
+T = TypeVar("T")
+
+
+class EncodedTransform(NamedTuple):
+    """The bytes of a ``TransformStamped``, and what ``transform_size`` counts for it."""
+
+    payload: bytes
+    size: int
+
+
+def transform_size(frame: str, child: str) -> int:
+    """Bytes that are counted for a transform between two frames."""
+    return _BYTES + len(frame.encode()) + len(child.encode())
+
+
 def split(transforms: Iterable[TransformStamped]) -> Iterator[TFMessage]:
     """Any number of transforms in as many messages as it takes; none for none."""
-    part, size = list[TransformStamped](), 0
-    for each in transforms:
-        bytes_ = _BYTES + len(each.header.frame_id.encode()) + len(each.child_frame_id.encode())
-        if part and size + bytes_ > SPLIT_BYTES:
-            yield TFMessage(transforms=tuple(part))
-            part, size = [], 0
+    sized = ((each, transform_size(each.header.frame_id, each.child_frame_id)) for each in transforms)
+    return (TFMessage(transforms=tuple(part)) for part in _parts(sized))
+
+
+def split_encoded(transforms: Iterable[EncodedTransform]) -> Iterator[bytes]:
+    """The same for transforms that are encoded: the payloads of the messages of ``split``."""
+    return (encode({"transforms": list(map(Raw, part))}) for part in _parts(transforms))
+
+
+def _parts(sized: Iterable[tuple[T, int]]) -> Iterator[list[T]]:
+    part, total = list[T](), 0
+    for each, size in sized:
+        if part and total + size > SPLIT_BYTES:
+            yield part
+            part, total = [], 0
         part.append(each)
-        size += bytes_
+        total += size
     if part:
-        yield TFMessage(transforms=tuple(part))
+        yield part

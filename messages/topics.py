@@ -4,20 +4,33 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Generic, Self, TypeVar
 
+from messages import gazebo_msgs
 from messages.base import Message
 from messages.control import JointControllerState
-from messages.elea import BaseStatus, Checks, EmergencyStops, FleetState, GoalStatus, Health, LockstepState
+from messages.elea import (
+    BaseStatus,
+    Checks,
+    EmergencyStops,
+    FleetState,
+    GoalStatus,
+    Health,
+    InterfaceDefinitions,
+    LockstepState,
+)
 from messages.gazebo import LinkStates, ModelStates, WorldStates
 from messages.geometry import PoseStamped, Twist, TwistStamped
 from messages.joints import JointCommand, JointEffort
 from messages.names import BadName
-from messages.nav import Odometry, Path
+from messages.nav import MapMetaData, OccupancyGrid, Odometry, Path
 from messages.parameters import ParameterSchema, ParameterValues, ScheduledChanges
 from messages.rosgraph import Clock, Log
+from messages.rosparam import MAX_TREE_BYTES, RosparamTree
 from messages.sensor import CameraInfo, Image, Imu, JointState, LaserScan, PointCloud, Range
 from messages.simulation import SimStatus
 from messages.std import Bool, Float32, String
 from messages.tf import TFMessage
+from messages.turtlesim import Color
+from messages.turtlesim import Pose as TurtlePose
 from messages.visualization import MarkerArray
 
 M_co = TypeVar("M_co", bound=Message, covariant=True)
@@ -49,7 +62,7 @@ class Topic(Generic[M_co]):
     """Maximum bytes; a larger payload is refused unread. A subscriber's ring holds 64 MiB at most, so this shortens it.
 
     Messages about a whole fleet have room for a thousand robots, those of static frames and links for 500 models with
-    twenty links.
+    twenty links, a plan for 20,000 goals.
     """
     only: str = ""
     """The node that alone may publish it, where there is one: samples of others are refused."""
@@ -95,7 +108,7 @@ BASE_STATUS = Topic(
     1 << 13,
 )
 GOAL_POSE = Topic("goal_pose", PoseStamped, 0, Quality.EVENT, "goal to drive to", 1 << 13)
-PLAN = Topic("plan", Path, 0, Quality.LATCHED, "goals of a robot, in order")
+PLAN = Topic("plan", Path, 0, Quality.LATCHED, "goals of a robot, in order", 1 << 22)
 STATUS = Topic("status", GoalStatus, 0, Quality.LATCHED, "progress on the plan")
 TF = Topic("/tf", TFMessage, 25, Quality.SENSOR, "transforms of moving frames")
 TF_STATIC = Topic(
@@ -116,6 +129,12 @@ LINK_STATES = Topic(
     Quality.SENSOR,
     "poses and twists of all links, while there are subscribers",
     1 << 22,
+)
+SET_MODEL_STATE = Topic(
+    "/gazebo/set_model_state", gazebo_msgs.ModelState, 0, Quality.EVENT, "moves a model, as in Gazebo"
+)
+SET_LINK_STATE = Topic(
+    "/gazebo/set_link_state", gazebo_msgs.LinkState, 0, Quality.EVENT, "moves a model by its root link, as in Gazebo"
 )
 WORLD_MARKERS = Topic(
     "/world/markers", MarkerArray, 0, Quality.LATCHED, "the world's ground and bodies, as they start", 1 << 23, "/sim"
@@ -155,6 +174,17 @@ CONTROL_STATE = Topic(
     Quality.SENSOR,
     "the controller's inputs, gains and output, time-stamped",
 )
+MAP = Topic("map", OccupancyGrid, 0, Quality.LATCHED, "map of a map server: the occupancy of its cells", 8 << 20)
+MAP_METADATA = Topic("map_metadata", MapMetaData, 0, Quality.LATCHED, "size and place of the map")
+TURTLE_STATES = Topic("~states", WorldStates, 50, Quality.SENSOR, "poses and twists of all turtles of a turtlesim")
+MARKERS = Topic(
+    "~markers",
+    MarkerArray,
+    0,
+    Quality.EVENT,
+    "shapes to draw, as the turtles' trails; all of them for each subscriber that comes, then what changes",
+    1 << 18,
+)
 DESCRIPTIONS = Topic(
     "~parameter_descriptions",
     ParameterSchema,
@@ -175,6 +205,15 @@ SCHEDULE = Topic(
     "scheduled parameter changes: which were made, and why others were not",
     1 << 20,
 )
+ROSPARAM_TREE = Topic(
+    "/rosparam/tree",
+    RosparamTree,
+    0,
+    Quality.LATCHED,
+    "the tree of ROS 1's parameters, after each change",
+    MAX_TREE_BYTES + (1 << 18),
+    only="/params",
+)
 SIM_STATUS = Topic(
     "/sim/status", SimStatus, 0, Quality.LATCHED, "nodes missing when time started, and the lag behind the wall clock"
 )
@@ -190,7 +229,18 @@ LOCKSTEP = Topic(
     "/sim",
 )
 CHECKS = Topic("/checks", Checks, 0, Quality.LATCHED, "a service's own checks, for the report of the run", 1 << 17)
+INTERFACES = Topic(
+    "/interfaces",
+    InterfaceDefinitions,
+    0,
+    Quality.LATCHED,
+    "definitions of the message types that a script's own packages bring",
+    1 << 20,
+)
 FLEET_STATE = Topic("/supervisor/state", FleetState, 0, Quality.LATCHED, "processes of the fleet", 1 << 20)
+
+TURTLE_POSE = Topic("pose", TurtlePose, 0, Quality.SENSOR, "pose and velocity of a turtle, at 50 Hz")
+COLOR_SENSOR = Topic("color_sensor", Color, 0, Quality.SENSOR, "colour below a turtle, at 50 Hz")
 
 TOPICS: tuple[Topic[Message], ...] = (
     CLOCK,
@@ -215,6 +265,8 @@ TOPICS: tuple[Topic[Message], ...] = (
     TF_STATIC,
     MODEL_STATES,
     LINK_STATES,
+    SET_MODEL_STATE,
+    SET_LINK_STATE,
     WORLD_MARKERS,
     WORLD_STATES,
     ROBOT_DESCRIPTION,
@@ -226,14 +278,42 @@ TOPICS: tuple[Topic[Message], ...] = (
     JOINT_ANGLE,
     CONTROL_ERROR,
     CONTROL_STATE,
+    MAP,
+    MAP_METADATA,
+    TURTLE_STATES,
+    MARKERS,
     DESCRIPTIONS,
     UPDATES,
     SCHEDULE,
+    ROSPARAM_TREE,
     SIM_STATUS,
     ROSOUT,
     HEALTH,
     LOCKSTEP,
     CHECKS,
+    INTERFACES,
     FLEET_STATE,
 )
-"""Every topic of this project."""
+"""Every topic of this project but those of turtles."""
+
+
+TURTLE_TOPICS: tuple[Topic[Message], ...] = (TURTLE_POSE, COLOR_SENSOR)
+"""Those of turtles: elsewhere, such names mean something else."""
+
+LARGEST_FOREIGN = 1 << 20
+"""Bytes of a message on a topic that is not of this project."""
+
+
+def largest_of(name: str, ros_type: str) -> int:
+    """Bytes that a message of a type may have on the topic of this absolute name.
+
+    On a topic of the table what that says; on any other one LARGEST_FOREIGN, or what a type needs in any namespace.
+    """
+    typed = [each for each in TOPICS if ros_type == each.record.ROS_TYPE]
+    placed = [each for each in typed if each.name.startswith("/")]
+    if here := [each.largest for each in placed if each.name == name]:
+        return max(here)
+    relative = [each for each in typed if each not in placed]
+    if here := [each.largest for each in relative if name.endswith(f"/{each.name.removeprefix('~')}")]:
+        return max(here)
+    return max([LARGEST_FOREIGN, *(each.largest for each in relative)])

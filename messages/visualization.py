@@ -6,7 +6,7 @@ from msgspec import Meta
 
 from messages.base import Message
 from messages.geometry import Point, Pose, Vector3
-from messages.std import ColorRGBA, Header
+from messages.std import ColorRGBA, Duration, Header
 
 Int32 = Annotated[int, Meta(ge=-(2**31), le=2**31 - 1)]
 
@@ -16,13 +16,21 @@ class Marker(Message, frozen=True, kw_only=True):
 
     ``scale`` [m] is the full extent of a CUBE, SPHERE or CYLINDER (along z) about its centre, and multiplies the
     ``points`` [m] of a TRIANGLE_LIST, three to a triangle, and the file ``mesh_resource`` (a URL) of a MESH_RESOURCE.
-    ``text`` names what is drawn. What ROS has beside these fields (lifetime, textures) is left at its default.
+    ``points`` are also those of lines, which are ``scale.x`` wide, and of lists of shapes of one size; two of them are
+    the ends of an ARROW. ``text`` names what is drawn. After its ``lifetime`` it is drawn no more, unless that is 0.
+    What ROS has beside these fields (textures, ``frame_locked``) is left at its default.
     """
 
     ROS_TYPE: ClassVar[str] = "visualization_msgs/Marker"
+    ARROW: ClassVar[int] = 0
     CUBE: ClassVar[int] = 1
     SPHERE: ClassVar[int] = 2
     CYLINDER: ClassVar[int] = 3
+    LINE_STRIP: ClassVar[int] = 4
+    LINE_LIST: ClassVar[int] = 5
+    CUBE_LIST: ClassVar[int] = 6
+    SPHERE_LIST: ClassVar[int] = 7
+    POINTS: ClassVar[int] = 8
     TEXT_VIEW_FACING: ClassVar[int] = 9
     MESH_RESOURCE: ClassVar[int] = 10
     TRIANGLE_LIST: ClassVar[int] = 11
@@ -37,6 +45,7 @@ class Marker(Message, frozen=True, kw_only=True):
     pose: Pose = Pose()
     scale: Vector3 = Vector3()
     color: ColorRGBA = ColorRGBA()
+    lifetime: Duration = Duration()
     points: tuple[Point, ...] = ()
     colors: tuple[ColorRGBA, ...] = ()
     text: str = ""

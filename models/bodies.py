@@ -230,7 +230,7 @@ class WorldDescription:
 
     ``friction`` is the ground's coefficient; the one of a contact is its product with the wheel's. ``start`` is for the
     robots of a fleet that asks for it, ``pose = "world"``. ``notes`` name what of the world's file was not understood,
-    and ignored.
+    and ignored; ``missing`` of them what was left out since its files are not on this machine.
     """
 
     about: str = ""
@@ -240,6 +240,7 @@ class WorldDescription:
     bodies: tuple[WorldBody, ...] = ()
     lights: tuple[Light, ...] = ()
     notes: tuple[str, ...] = field(default=(), compare=False)
+    missing: tuple[str, ...] = field(default=(), compare=False)
 
     @cached_property
     def all_bodies(self) -> tuple[WorldBody, ...]:

@@ -13,6 +13,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from messages.errors import BadInput, nearest, unknown_name
+from messages.nav import MOST_CELLS
 from messages.se3 import Pose3
 from models.bodies import (
     MAX_PARTS,
@@ -223,6 +224,26 @@ def write_map(path: Path, occupied: NDArray[np.bool_], free: NDArray[np.bool_], 
         f"image: {picture.name}\nmode: trinary\nresolution: {resolution:g}\norigin: [{x:g}, {y:g}, {yaw:g}]\n"
         "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
     )
+
+
+def read_occupancy(stated: MapFile) -> NDArray[np.int8]:
+    """The occupancy of a map's cells [%], -1 where it is unknown, shape (rows from the bottom, columns), as ROS's
+    map_server makes it; raises BadInput."""
+    picture = read_picture(stated.image, MOST_CELLS, "a map")
+    occupancy = picture.lightness if stated.negate else 1.0 - picture.lightness
+    occupied, free = occupancy > stated.occupied_thresh, occupancy < stated.free_thresh
+    cells = np.full(occupancy.shape, -1.0)
+    match stated.mode:
+        case "raw":
+            values = np.rint(picture.lightness * 255)
+            cells = np.where(values <= 100, values, -1)
+        case "scale":
+            span = max(stated.occupied_thresh - stated.free_thresh, 1e-9)
+            between = np.trunc(1 + 98 * (occupancy - stated.free_thresh) / span)
+            cells = np.where(picture.transparent, -1, np.where(occupied, 100, np.where(free, 0, between)))
+        case "trinary":
+            cells = np.where(occupied, 100, np.where(free, 0, -1))
+    return cells[::-1].astype(np.int8)
 
 
 def _walls(stated: MapFile) -> NDArray[np.bool_]:

@@ -313,21 +313,8 @@ class _Reader:
     # Drives
 
     def _diff_drive(self, plugin: UrdfElement, _: str) -> None:
-        diameter = self._number(plugin, "wheel_diameter")
+        self._wheel_drive(plugin, self._joints(plugin, "left_joint"), self._joints(plugin, "right_joint"))
         sources = {"0": "encoder", "1": "world", "encoder": "encoder", "world": "world"}
-        self._add_drive(
-            DriveTag(
-                "differential",
-                self._where(plugin),
-                self._joints(plugin, "left_joint"),
-                self._joints(plugin, "right_joint"),
-                separation=self._number(plugin, "wheel_separation"),
-                radius=diameter and diameter / 2,
-                torque=self._number(plugin, "max_wheel_torque", "wheel_torque", "torque"),
-                acceleration=self._number(plugin, "max_wheel_acceleration", "wheel_acceleration"),
-            ),
-            plugin,
-        )
         said = self._text(plugin, "odometry_source")
         if said:
             self._found["odometry"] = sources.get(said, "encoder")
@@ -335,25 +322,29 @@ class _Reader:
         self._name_rest(plugin)
 
     def _skid_steer(self, plugin: UrdfElement, _: str) -> None:
-        diameter = self._number(plugin, "wheel_diameter")
-        sides = {side: self._joints(plugin, f"{side}_front_joint", f"{side}_rear_joint") for side in ("left", "right")}
-        self._add_drive(
-            DriveTag(
-                "differential",
-                self._where(plugin),
-                sides["left"],
-                sides["right"],
-                separation=self._number(plugin, "wheel_separation"),
-                radius=diameter and diameter / 2,
-                torque=self._number(plugin, "torque", "wheel_torque", "max_wheel_torque"),
-                acceleration=self._number(plugin, "wheel_acceleration"),
-            ),
-            plugin,
-        )
+        left, right = (self._joints(plugin, f"{side}_front_joint", f"{side}_rear_joint") for side in ("left", "right"))
+        self._wheel_drive(plugin, left, right)
         # The plugin tells the true pose.
         self._found["odometry"] = "world"
         self._odometry(plugin)
         self._name_rest(plugin)
+
+    def _wheel_drive(self, plugin: UrdfElement, left: tuple[str, ...], right: tuple[str, ...]) -> None:
+        """The differential drive of a plugin of Gazebo Classic."""
+        diameter = self._number(plugin, "wheel_diameter")
+        self._add_drive(
+            DriveTag(
+                "differential",
+                self._where(plugin),
+                left,
+                right,
+                separation=self._number(plugin, "wheel_separation"),
+                radius=diameter and diameter / 2,
+                torque=self._number(plugin, "max_wheel_torque", "wheel_torque", "torque"),
+                acceleration=self._number(plugin, "max_wheel_acceleration", "wheel_acceleration"),
+            ),
+            plugin,
+        )
 
     def _planar_move(self, plugin: UrdfElement, _: str) -> None:
         self._add_drive(DriveTag("holonomic", self._where(plugin)), plugin)

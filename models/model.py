@@ -218,6 +218,11 @@ class RobotModel(ModelTable, frozen=True, kw_only=True):
     camera: CameraConfig | None = None
 
     @property
+    def drifts(self) -> bool:
+        """Whether the wheels of such a robot are not quite what its odometry takes them for."""
+        return self.odometry_error != OdometryErrorConfig()
+
+    @property
     def has_base(self) -> bool:
         """Whether it drives by velocity commands; else it takes efforts on its joints."""
         return self.wheels is not None or self.planar is not None

@@ -13,7 +13,7 @@ from pathlib import Path
 from urllib.parse import unquote
 
 from messages.errors import BadInput, did_you_mean
-from models.packages import OWNER, FileAccess, PackagePath, find_file
+from models.packages import OWNER, FileAccess, FileMissing, PackagePath, find_file
 from models.sdf_xml import read_sdf
 
 FURTHER_VARIABLES = ("GAZEBO_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "SDF_PATH")
@@ -21,13 +21,16 @@ _MOST_LISTED = 500
 
 
 def find_resource(uri: str, source: Path, packages: PackagePath, access: FileAccess = OWNER) -> Path:
-    """The file or folder that ``source`` names by a URI; raises BadInput."""
+    """The file or folder that ``source`` names by a URI; raises BadInput, FileMissing for one that is not there."""
     uri = unquote(uri.strip())
     scheme, _, rest = uri.partition("://")
     missing = None
     if scheme in ("model", "package"):
         name = rest.partition("/")[0]
         for folder in _model_folders(source, packages):
+            if name == rest and scheme == "model" and (folder / name).is_file():
+                # A mesh that lies in a folder of models by itself.
+                return find_file(str((folder / name).absolute()), source, packages, access)
             if name and (folder / name).is_dir():
                 # Named from inside the model, it is found there and checked not to lead out of it.
                 found = find_file(uri, folder / name / "model.sdf", packages, access)
@@ -38,12 +41,13 @@ def find_resource(uri: str, source: Path, packages: PackagePath, access: FileAcc
         found = find_file(uri, source, packages, access)
     except BadInput as error:
         if missing is not None:
-            raise BadInput(f"{uri}: there is no {missing}") from None
+            raise FileMissing(f"{uri}: there is no {missing}") from None
         near = did_you_mean(rest.partition("/")[0], _models(source, packages)) if scheme == "model" else ""
         text = str(error)
-        raise BadInput(text if not near else re.sub(r"; did you mean [^;]*?\?(?=:)", "", text) + near) from None
+        kind = FileMissing if isinstance(error, FileMissing) else BadInput
+        raise kind(text if not near else re.sub(r"; did you mean [^;]*?\?(?=:)", "", text) + near) from None
     if not found.exists():
-        raise BadInput(f"{uri}: there is no {missing or found}")
+        raise FileMissing(f"{uri}: there is no {missing or found}")
     return found
 
 

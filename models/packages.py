@@ -28,6 +28,10 @@ class FileNotAllowed(BadInput):
     """A description names a file that it may not read, or a package that there is not."""
 
 
+class FileMissing(FileNotAllowed):
+    """A description names a package, a model or a file that is not on this machine."""
+
+
 @dataclass(frozen=True)
 class FileAccess:
     """What a description may read.
@@ -71,7 +75,7 @@ class PackagePath:
             if folder.is_dir():
                 return folder
         near = did_you_mean(name, self._names(source))
-        raise FileNotAllowed(
+        raise FileMissing(
             f"there is no {kind} {name!r}{near}: it is looked for above {source}, in packages of [run] of the fleet "
             f"file, in ROS_PACKAGE_PATH and in AMENT_PREFIX_PATH"
         )

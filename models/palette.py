@@ -41,7 +41,7 @@ class Palette:
     """
 
     def __init__(self, names: Iterable[str] = ()) -> None:
-        self._indices = {name: index for index, name in enumerate(sorted(set(names), key=_natural))}
+        self._indices = {name: index for index, name in enumerate(sorted(set(names), key=natural_order))}
 
     def colour(self, name: str) -> Colour:
         """The colour of a name."""
@@ -70,7 +70,7 @@ def hexadecimal(full: Colour) -> str:
     return "#{:02x}{:02x}{:02x}".format(*full)
 
 
-def _natural(name: str) -> tuple[list[tuple[int, str]], str]:
+def natural_order(name: str) -> tuple[list[tuple[int, str]], str]:
     """Sorts ``tb3_2`` before ``tb3_10``."""
     parts = re.split(r"(\d+)", name)
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts], name

@@ -37,7 +37,7 @@ from models.bodies import (
     WorldDescription,
 )
 from models.model_uri import find_model_file, find_resource
-from models.packages import OWNER, FileAccess, PackagePath
+from models.packages import OWNER, FileAccess, FileMissing, PackagePath
 from models.polyline import extruded
 from models.sdf_xml import SdfElement, parse_sdf, read_sdf
 from models.shape_mesh import shape_mesh
@@ -64,19 +64,6 @@ _SILENT = (
     "uri static pose frame"
 )
 """Tags that describe no body: what the simulation has of its own, or what is only for show."""
-
-
-@dataclass(frozen=True)
-class _Link:
-    """A link on its way to a body: its pose in the model, its parts, and its mass where it has one."""
-
-    name: str
-    pose: Pose3
-    parts: tuple[BodyPart, ...]
-    mass: float
-    centre: Vector | None
-    moments: Vector | None
-    friction: float
 
 
 def read_sdf_world(path: Path, packages: Sequence[Path] = ()) -> WorldDescription:
@@ -111,6 +98,73 @@ def bodies_of_sdf_model(
     return WorldDescription(bodies=_with_own_names(bodies), notes=tuple(reader.notes.values()))
 
 
+@dataclass(frozen=True)
+class SdfLink:
+    """A link of a model: its pose in the model, its parts in its own frame, its mass [kg], centre and moments."""
+
+    name: str
+    pose: Pose3
+    parts: tuple[BodyPart, ...]
+    mass: float
+    centre: Vector | None
+    moments: Vector | None
+    friction: float
+
+
+@dataclass(frozen=True)
+class SdfJoint:
+    """A joint of a model: its kind and its links, its pose in the model, its axis in its own frame, and its limits."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    pose: Pose3
+    axis: Vector
+    lower: float
+    upper: float
+    effort: float
+    velocity: float
+    damping: float
+    friction: float
+
+
+@dataclass(frozen=True)
+class SdfModel:
+    """A model with its parts; ``tags`` are sensors and plugins, with the link that they belong to, if any."""
+
+    name: str
+    static: bool
+    pose: Pose3
+    links: tuple[SdfLink, ...]
+    joints: tuple[SdfJoint, ...]
+    tags: tuple[tuple[str, SdfElement], ...]
+    notes: tuple[str, ...]
+
+
+def read_sdf_model(
+    text: str, folder: Path | None = None, packages: Sequence[Path] = (), access: FileAccess = OWNER
+) -> SdfModel:
+    """The links and joints of the model that a text describes, as ``bodies_of_sdf_model``; raises BadWorld."""
+    element = _only_model(text, (folder or Path()) / "model.sdf")
+    return _Reader(packages, access).whole_model(element)
+
+
+def read_sdf_pose(text: str) -> Pose3:
+    """The pose that the model of a text states; raises BadWorld. Reads no other file."""
+    element = _only_model(text, Path("model.sdf"))
+    return _Frames(_Reader(()), element).own_pose
+
+
+def _only_model(text: str, where: Path) -> SdfElement:
+    root = parse_sdf(text, where)
+    worlds = [each for each in root.children if each.tag == "world"]
+    models = [each for top in (root, *worlds) for each in top.children if each.tag == "model"]
+    if len(models) != 1:
+        raise BadWorld(f"{where}:{root.line}: the text has {len(models)} models, not one")
+    return models[0]
+
+
 class _Reader:
     """Reads elements into bodies; ``notes`` are what was not understood, by tag."""
 
@@ -122,9 +176,12 @@ class _Reader:
         self._includes = self._parts = 0
         self._open: list[Path] = []
         self._floor = 1.0
+        self._missing: dict[str, str] | None = None
+        """By URI, what a world lacks and is read without, as Gazebo does; None where that is an error."""
 
     def world(self, root: SdfElement, path: Path) -> WorldDescription:
         self._open.append(path.resolve())
+        self._missing = {}
         worlds = [each for each in root.children if each.tag == "world"]
         if len(worlds) > 1:
             self._note(worlds[1], "a file's second world is left out")
@@ -150,7 +207,8 @@ class _Reader:
             friction=self._floor,
             bodies=_with_own_names(tuple(bodies)),
             lights=tuple(self.lights),
-            notes=tuple(self.notes.values()),
+            notes=(*self.notes.values(), *self._missing.values()),
+            missing=tuple(self._missing.values()),
         )
 
     def model(
@@ -163,7 +221,7 @@ class _Reader:
         frames = _Frames(self, element)
         pose = above @ frames.own_pose
         stands = self._flag(element, "static", False) if static is None else static
-        links: list[_Link] = []
+        links: list[SdfLink] = []
         for child in element.children:
             match child.tag:
                 case "link":
@@ -179,8 +237,81 @@ class _Reader:
                     self._unknown(child)
         yield from self._bodies(element, name, pose, links, stands)
 
+    def whole_model(self, element: SdfElement) -> SdfModel:
+        """A model with its joints."""
+        frames = _Frames(self, element)
+        stands = self._flag(element, "static", False)
+        links: list[SdfLink] = []
+        joints: list[SdfJoint] = []
+        tags: list[tuple[str, SdfElement]] = []
+        inner = [each for each in element.children if each.tag in ("model", "include")]
+        for child in element.children:
+            if child.tag == "link":
+                made = self._link(child, frames.pose_of(child), stands)
+                links.append(made)
+                tags += [(made.name, each) for each in child.children if each.tag in ("sensor", "plugin")]
+            elif child.tag == "joint":
+                joints.append(self._joint(child, frames))
+            elif child.tag == "plugin":
+                tags.append(("", child))
+        for child in inner:
+            links += self._inner_links(child, stands)
+        return SdfModel(
+            name=element.attributes.get("name", "model"),
+            static=stands,
+            pose=frames.own_pose,
+            links=tuple(links),
+            joints=tuple(joints),
+            tags=tuple(tags),
+            notes=tuple(self.notes.values()),
+        )
+
+    def _inner_links(self, element: SdfElement, stands: bool) -> Iterator[SdfLink]:
+        """The bodies of a model inside another, as links of that."""
+        static = True if stands else None
+        if element.tag == "include":
+            bodies = self._include(element, IDENTITY, 1, "", static)
+        else:
+            bodies = self.model(element, IDENTITY, "", 1, static)
+        for body in bodies:
+            yield SdfLink(
+                body.name.replace("::", "_"),
+                body.pose,
+                body.parts,
+                body.mass or 1.0,
+                body.centre,
+                body.moments,
+                body.friction,
+            )
+
+    def _joint(self, element: SdfElement, frames: _Frames) -> SdfJoint:
+        kind = element.attributes.get("type", "fixed")
+        parent, child = ("" if (each := element.find(tag)) is None else each.text for tag in ("parent", "child"))
+        if not child or not parent:
+            self._fail(element, "a joint needs its <parent> and its <child>")
+        axis = element.find("axis")
+        limit, dynamics = (None if axis is None else axis.find(tag) for tag in ("limit", "dynamics"))
+
+        def number(owner: SdfElement | None, tag: str, default: float) -> float:
+            return default if owner is None else self._number(owner, tag, default, most=1e300)
+
+        return SdfJoint(
+            name=element.attributes.get("name", f"{parent}_{child}"),
+            kind=kind,
+            parent=parent,
+            child=child,
+            pose=frames.joint_pose(element, child),
+            axis=(0.0, 0.0, 1.0) if axis is None else self._vector(axis, "xyz", (0.0, 0.0, 1.0)),
+            lower=number(limit, "lower", -1e16),
+            upper=number(limit, "upper", 1e16),
+            effort=number(limit, "effort", -1.0),
+            velocity=number(limit, "velocity", -1.0),
+            damping=number(dynamics, "damping", 0.0),
+            friction=number(dynamics, "friction", 0.0),
+        )
+
     def _bodies(
-        self, element: SdfElement, name: str, pose: Pose3, links: list[_Link], stands: bool
+        self, element: SdfElement, name: str, pose: Pose3, links: list[SdfLink], stands: bool
     ) -> Iterator[WorldBody]:
         links = [link for link in links if link.parts]
         joints = [each for each in element.children if each.tag == "joint"]
@@ -204,7 +335,7 @@ class _Reader:
                 own, parts, pose @ link.pose, link.mass, link.friction, centre=link.centre, moments=link.moments
             )
 
-    def _link(self, element: SdfElement, pose: Pose3, stands: bool) -> _Link:
+    def _link(self, element: SdfElement, pose: Pose3, stands: bool) -> SdfLink:
         frames = _Frames(self, element)
         solid, shown, friction = [], [], 0.5
         for child in element.children:
@@ -226,7 +357,7 @@ class _Reader:
             if tensor is not None and all(tensor.find(each) is not None for each in ("ixx", "iyy", "izz")):
                 x, y, z = (self._number(tensor, each, 0.0, most=1e12) for each in ("ixx", "iyy", "izz"))
                 moments = (x, y, z) if min(x, y, z) > 1e-12 else None
-        return _Link(element.attributes.get("name", "link"), pose, parts, mass, centre, moments, friction)
+        return SdfLink(element.attributes.get("name", "link"), pose, parts, mass, centre, moments, friction)
 
     def _parts_of(self, element: SdfElement, pose: Pose3, stands: bool) -> list[BodyPart]:
         geometry = element.find("geometry")
@@ -241,6 +372,9 @@ class _Reader:
             return self._plane(kind, pose, solid)
         try:
             shape = self._shape(kind)
+        except FileMissing as error:
+            self._miss(element, error)
+            return []
         except BadWorld as error:
             uri = kind.find("uri")
             if uri is not None and uri.text.startswith(("http://", "https://")):
@@ -349,6 +483,11 @@ class _Reader:
             return
         try:
             file = find_model_file(uri.text, element.file, self._packages, self._access)
+        except FileMissing as error:
+            if self._missing is None:
+                self._fail(uri, str(error))
+            self._miss(uri, error)
+            return
         except BadInput as error:
             self._fail(uri, str(error))
         if file is None:
@@ -416,6 +555,10 @@ class _Reader:
             self._fail(element, f"<{element.tag}> has no <uri>")
         try:
             return find_resource(uri.text, element.file, self._packages, self._access)
+        except FileMissing as error:
+            if self._missing is None:
+                self._fail(uri, str(error))
+            raise
         except BadInput as error:
             self._fail(uri, str(error))
 
@@ -493,6 +636,10 @@ class _Reader:
     def _note(self, element: SdfElement, text: str, key: str = "") -> None:
         self.notes.setdefault(key or element.tag + text, f"{element.file}:{element.line}: <{element.tag}>: {text}")
 
+    def _miss(self, element: SdfElement, error: FileMissing) -> None:
+        assert self._missing is not None
+        self._missing.setdefault(str(error), f"{element.file}:{element.line}: left out: {error}")
+
     def _fail(self, element: SdfElement, text: str) -> NoReturn:
         raise BadWorld(f"{element.file}:{element.line}: {text}")
 
@@ -531,6 +678,14 @@ class _Frames:
         self._seen.pop()
         return under @ pose
 
+    def joint_pose(self, joint: SdfElement, child: str) -> Pose3:
+        """The pose of a joint in the frame of its owner: it is stated in the frame of its child, unless it says so."""
+        stated = joint.find("pose")
+        if stated is not None and (stated.attributes.get("relative_to") or stated.attributes.get("frame")):
+            return self.pose_of(joint)
+        under = self.pose_of(self._named[child]) if child in self._named else IDENTITY
+        return under @ self._reader._pose(stated)
+
 
 def _united(solid: list[BodyPart], shown: list[BodyPart]) -> tuple[BodyPart, ...]:
     """Parts that collide and parts that are seen; what is both, with the same shape at the same place, is one part."""
@@ -561,12 +716,12 @@ def _same_shape(one: Shape, other: Shape) -> bool:
     return isinstance(one, HeightMapShape) and isinstance(other, HeightMapShape)
 
 
-def _merged(links: list[_Link]) -> _Link:
+def _merged(links: list[SdfLink]) -> SdfLink:
     """Links that fixed joints hold together, as one about the first."""
     first = links[0]
     back = first.pose.inverse()
     parts = [replace(part, pose=back @ link.pose @ part.pose) for link in links for part in link.parts]
-    return _Link(first.name, first.pose, tuple(parts), sum(link.mass for link in links), None, None, first.friction)
+    return SdfLink(first.name, first.pose, tuple(parts), sum(link.mass for link in links), None, None, first.friction)
 
 
 def _is_floor(part: BodyPart) -> bool:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 TomlKey = str | int
 """A key, or the index of an element in an array."""
@@ -21,9 +21,18 @@ class TomlSource:
 
     def __init__(self, path: Path, text: str, set_elsewhere: Sequence[tuple[tuple[TomlKey, ...], str]] = ()) -> None:
         self.path, self._text, self._set_elsewhere = path, text, set_elsewhere
+        self._written: Callable[[tuple[TomlKey, ...]], tuple[TomlKey, ...]] | None = None
+
+    def with_written(self, written: Callable[[tuple[TomlKey, ...]], tuple[TomlKey, ...]]) -> Self:
+        """The same text, with keys that follow from others in it: ``written`` tells from which."""
+        made = type(self)(self.path, self._text, self._set_elsewhere)
+        made._written = written
+        return made
 
     def location(self, *path: TomlKey) -> str:
         """``file:line`` of the key at ``path``, or of the nearest table around it; or where else it was set."""
+        if self._written is not None:
+            path = self._written(path)
         for own, where in reversed(self._set_elsewhere):
             if path[: len(own)] == own:
                 return where

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import NoReturn, TypeVar
 from xml.etree import ElementTree
@@ -104,12 +104,17 @@ class Joint:
 
         URDF's fixed axes: q = q_z(yaw) q_y(pitch) q_x(roll), followed by the turn about the joint's axis.
         """
-        mount = quaternion_from_rpy(*self.rpy)
+        mount = self._mount
         if not angle:
             return mount
         c, s = math.cos(angle / 2), math.sin(angle / 2)
-        i, j, k = (s * each for each in self.axis)
+        x, y, z = self.axis
+        i, j, k = s * x, s * y, s * z
         return quaternion_multiply(mount, (i, j, k, c))
+
+    @cached_property
+    def _mount(self) -> Rotation:
+        return quaternion_from_rpy(*self.rpy)
 
     def transform(self, position: float = 0.0) -> Pose3:
         """The pose of the child in the parent, the joint at ``position`` [rad; m if it slides]."""

@@ -178,13 +178,22 @@ def read_world_file(path: Path, packages: Sequence[Path] = ()) -> WorldDescripti
             return check_world(_read_toml(path), str(path))
         case ".yaml" | ".yml":
             return check_world(read_map_yaml(path), str(path))
-        case ".sdf" | ".world":
+        case suffix if suffix in (".sdf", ".world") or _is_xml(path):
             from models.sdf import read_sdf_world
 
             return check_world(read_sdf_world(path, packages), str(path))
     raise BadWorld(
         f"{path}: a world's file is a .toml, .sdf, .world or .yaml, not {path.suffix or 'one without ending'}"
     )
+
+
+def _is_xml(path: Path) -> bool:
+    """Whether a file is XML by its text: Gazebo takes a world of any name."""
+    try:
+        with path.open("rb") as file:
+            return file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"<")
+    except OSError:
+        return False
 
 
 def check_world(world: WorldDescription, where: str) -> WorldDescription:

@@ -22,6 +22,22 @@ from xacro import substitution_args
 from messages.errors import BadInput
 from models.packages import PackagePath
 
+_OLD_TAGS = {
+    "property": ("name",),
+    "macro": ("name",),
+    "include": ("filename",),
+    "insert_block": ("name",),
+    "if": ("value",),
+    "unless": ("value",),
+}
+"""Tags that xacro once took without its prefix, with the attributes that tell them from others of the name."""
+_URDF_TAGS = (
+    "robot link joint visual collision inertial geometry box cylinder sphere capsule mesh origin material color "
+    "texture inertia mass parent child axis limit dynamics mimic safety_controller calibration transmission actuator "
+    "gazebo sensor plugin camera ray"
+)
+"""Tags that are no calls of macros, even where a macro has the name."""
+
 
 def main() -> None:
     """Read the request, answer it."""
@@ -30,6 +46,7 @@ def main() -> None:
     answers, sys.stdout = sys.stdout, sys.stderr
     _find_packages(request)
     _track_lines()
+    _take_old_names()
     try:
         document = xacro.process_file(request["file"], mappings=dict(request["args"]), verbosity=0)
         answer = {"urdf": document.toprettyxml(indent="  ")}
@@ -74,6 +91,27 @@ def _track_lines() -> None:
 
     builder.start_element_handler = start_element
     dom._clone_node = clone_node
+
+
+def _take_old_names() -> None:
+    """Take xacro's tags and calls of macros without the prefix ``xacro:``, as it did up to ROS Melodic."""
+    foreign: Any = xacro
+    parse, call = foreign.parse, foreign.handle_macro_call
+
+    def parse_both(*args: Any, **options: Any) -> Any:
+        document = parse(*args, **options)
+        for each in document.getElementsByTagName("*"):
+            if (needed := _OLD_TAGS.get(each.tagName)) is not None and all(map(each.hasAttribute, needed)):
+                each.tagName = each.nodeName = f"xacro:{each.tagName}"
+        return document
+
+    def call_both(node: Any, macros: Any, symbols: Any) -> Any:
+        name = node.tagName
+        if ":" not in name and name not in _URDF_TAGS.split() and name in macros:
+            node.tagName = node.nodeName = f"xacro:{name}"
+        return call(node, macros, symbols)
+
+    foreign.parse, foreign.handle_macro_call = parse_both, call_both
 
 
 def _place(error: BaseException, file: str) -> str:

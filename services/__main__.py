@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import sys
 
-from services.catalog import load_named_service, service_kinds
+from services.catalog import load_component, load_named_service, service_kinds
+from services.runtime.container_main import NAME as CONTAINER
+from services.runtime.container_main import run_container_command_line
 from services.runtime.errors import BadInput
 from services.runtime.main import run_command_line
 
@@ -12,7 +14,7 @@ USAGE = f"""Usage: python -m services NAME [OPTIONS]
 
   Run one service; python -m services NAME --help shows its options.
 
-Services: {", ".join(service_kinds())}
+Services: {", ".join(service_kinds())}; {CONTAINER} runs several nodes in one process
 """
 
 
@@ -22,6 +24,8 @@ def run(arguments: list[str]) -> None:
         (sys.stdout if arguments else sys.stderr).write(USAGE)
         sys.exit(0 if arguments else 2)
     name, *options = arguments
+    if name == CONTAINER:
+        run_container_command_line(options, load_component, f"python -m services {name}")
     try:
         service = load_named_service(name)
     except BadInput as error:

@@ -1,14 +1,23 @@
-"""The declarations of services, without running them: of this folder, and of Python files of the user."""
+"""The declarations of services, without running them: of this folder, of Python files of the user, of ROS scripts."""
 
 from __future__ import annotations
 
 import importlib
+import sys
+from functools import cache
 from pathlib import Path
 
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.service import Service, load_user_service
+from services.script.inspect_script import Api, inspect_script, legal_node_name
 
 _FOLDER = Path(__file__).parent
+
+SCRIPT_RATE = 100.0
+"""Hz at which a script takes part in simulation time: its sleeps end at the first of these ticks."""
+
+NO_ROS2 = "programs of ROS 2 are not run yet, those of ROS 1 (rospy) are; services.runtime has Elea's own interface"
+"""Why a file with rclpy is refused."""
 
 
 def service_kinds() -> tuple[str, ...]:
@@ -27,18 +36,50 @@ def load_named_service(kind: str, where: str = "") -> Service:
 
 
 def is_user_file(kind: str) -> bool:
-    """Whether a fleet's ``kind`` is a file instead of a name."""
-    return kind.endswith(".py")
+    """Whether a fleet's ``kind`` is a file instead of a name: a script of ROS may lack the suffix, but not a folder."""
+    return kind.endswith(".py") or "/" in kind
+
+
+def is_script(kind: str) -> bool:
+    """Whether a fleet's ``kind`` is a program written for ROS 1, which ``services.script`` runs."""
+    return is_user_file(kind) and script_api(kind) == "ros1"
+
+
+def script_api(file: str) -> Api:
+    """The ROS that a Python file is written for; "" for a service of our own. Raises BadInput."""
+    return _script_service(file)[0]
 
 
 def load_service(kind: str, where: str = "") -> Service:
-    """The declaration of a service, or of that in a Python file of the user's own.
+    """The declaration of a service, or of that in a Python file of the user's own; of a ROS script, by its text.
 
     Raises BadInput, with the nearest name, behind the place ``where``.
     """
     if is_user_file(kind):
         try:
-            return load_user_service(kind)
+            api, script = _script_service(kind)
+            if api == "ros2":
+                raise BadInput(f"{kind} is written for ROS 2 (rclpy): {NO_ROS2}")
+            return script if api == "ros1" else load_user_service(kind)
         except BadInput as error:
             raise BadInput(f"{where}: {error}" if where else str(error)) from None
     return load_named_service(kind, where)
+
+
+def load_component(kind: str) -> Service:
+    """The service of a node that shares its process; the folder of a user's file stays on the path. Raises BadInput."""
+    service = load_service(kind)
+    if is_script(kind):
+        raise BadInput(f"{kind} is a program of ROS 1: it needs a process of its own")
+    if is_user_file(kind) and (folder := str(Path(kind).resolve().parent)) not in sys.path:
+        sys.path.append(folder)
+    return service
+
+
+@cache
+def _script_service(file: str) -> tuple[Api, Service]:
+    path = Path(file)
+    facts = inspect_script(path)
+    name = facts.node_name or legal_node_name(path.stem) or "script"
+    about = f"The ROS 1 program {path.name}."
+    return facts.api, Service(name=name, about=about, run="services.script.__main__:run", rate=SCRIPT_RATE)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
@@ -16,6 +17,7 @@ from deploy.bench.figures import FIGURE_PROPERTY, Figure
 from tests.harness.orphans import no_orphans
 from tests.tiers import pytest_collection_modifyitems as pytest_collection_modifyitems
 from tests.tiers import pytest_configure as pytest_configure
+from tests.tiers import pytest_make_collect_report as pytest_make_collect_report
 from tests.tiers import pytest_runtest_call as pytest_runtest_call
 
 settings.register_profile("elea", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -37,6 +39,7 @@ def own_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         tempfile.TemporaryDirectory(prefix="elea-test-") as runtime,
         no_orphans(),
     ):
+        patch.delenv("ELEA_HOME", raising=False)
         patch.setenv("XDG_STATE_HOME", str(tmp_path_factory.mktemp("state")))
         patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
         patch.setenv("XDG_RUNTIME_DIR", runtime)
@@ -52,6 +55,14 @@ def keeps_bound(record_property: Callable[[str, object], None]) -> Callable[[Fig
         assert figure.ok, f"{figure.name}: {figure.median:.4g} {figure.unit}, the bound is {figure.bound}"
 
     return check
+
+
+def pytest_collection_finish() -> None:
+    """What the collection has made stays to the end: looking through it for garbage costs the tests a tenth of their
+    processor time.
+    """
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:

@@ -15,11 +15,14 @@ import sys
 import threading
 import time
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
+
+from services.sim.engines import PYBULLET_PACKAGES, has_engine
 
 MARKERS = {
     "quick": "no process, no socket, at most a second or so; given to every test without another marker",
@@ -29,6 +32,8 @@ MARKERS = {
     "browser": "drives a browser; given by what the test reaches",
     "bench": "measures speed against a bound: ./elea bench runs it, ./elea test does not",
 }
+
+_LONGEST_FIRST = ("fleet", "bench", "browser", "process", "slow", "quick")
 
 QUICK_LIMIT_S = 10.0
 """Processor time of a quick test: ten times what one may take on an idle machine, so that a slow one fails none."""
@@ -179,9 +184,23 @@ def pytest_configure(config: pytest.Config) -> None:
         config.addinivalue_line("markers", f"{name}: {about}")
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(
+    collector: pytest.Collector,
+) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """Leave out a file of tests that imports PyBullet where PyBullet has no package, and say so."""
+    report = yield
+    if report.failed and not has_engine("pybullet") and "No module named 'pybullet'" in str(report.longrepr):
+        report.outcome = "skipped"
+        report.longrepr = (str(collector.path), 0, f"Skipped: it tests PyBullet itself, and {PYBULLET_PACKAGES}")
+    return report
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give every test its markers, before ``-m`` chooses among them."""
+    """Give every test its markers, before ``-m`` chooses among them; files whose tests take long come first, so that no
+    process is left alone with one of them at the end.
+    """
     for item in items:
         assert isinstance(item, pytest.Function)
         fixtures = [each for defined in item._fixtureinfo.name2fixturedefs.values() for each in defined]
@@ -190,6 +209,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
                 item.add_marker(marker)
         if not any(item.get_closest_marker(each) for each in MARKERS):
             item.add_marker("quick")
+    longest = dict[Path, int]()
+    for item in items:
+        rank = next(rank for rank, each in enumerate(_LONGEST_FIRST) if item.get_closest_marker(each))
+        longest[item.path] = min(rank, longest.get(item.path, rank))
+    items.sort(key=lambda item: longest[item.path])
 
 
 @pytest.hookimpl(wrapper=True)

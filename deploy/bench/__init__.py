@@ -5,31 +5,56 @@ from __future__ import annotations
 import json
 import sys
 import tempfile
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from deploy.bench.figures import Figure
 
+PARTS = ("wire", "lockstep", "idle", "ros1", "scale", "tests")
+"""What is measured: messages, ``lab`` in lockstep, an idle fleet, programs of ROS 1, ``swarm`` at several sizes, and
+what the tests measure."""
+DEFAULT_SIZES = (4, 16)
+"""Robots of ``swarm`` in a run of everything; each of the larger sizes takes minutes."""
 
-def bench(rounds: int, as_json: bool) -> int:
-    """Measure everything and show it; status 1 when a bound is missed or a test that measures fails."""
+
+def bench(rounds: int, as_json: bool, only: Collection[str] = (), sizes: Sequence[int] = ()) -> int:
+    """Measure and show it; status 1 when a bound is missed or a test that measures fails.
+
+    Args:
+        rounds: How often each is measured.
+        as_json: Whether to print JSON.
+        only: Of ``PARTS``; all if empty.
+        sizes: Numbers of robots of ``swarm``; DEFAULT_SIZES if empty, all where ``scale`` is named.
+    """
     from deploy.bench.figures import run_bench_tests
 
-    figures = measure(rounds)
-    with tempfile.TemporaryDirectory() as folder:
-        more, passed = run_bench_tests(Path(folder), _say)
-    return max(report(figures + more, as_json), 0 if passed else 1)
+    figures, passed = measure(rounds, only, sizes), True
+    if "tests" in (only or PARTS):
+        with tempfile.TemporaryDirectory() as folder:
+            more, passed = run_bench_tests(Path(folder), _say)
+        figures += more
+    return max(report(figures, as_json), 0 if passed else 1)
 
 
-def measure(rounds: int) -> list[Figure]:
+def measure(rounds: int, only: Collection[str] = (), sizes: Sequence[int] = ()) -> list[Figure]:
     """Every figure that sets the middleware against a raw floor, and the cost of an idle fleet."""
-    from deploy.bench import fleet, lockstep, wire
+    from deploy.bench import fleet, lockstep, ros1, scale, wire
     from services.runtime.ports import free_port
 
-    with tempfile.TemporaryDirectory() as folder:
-        figures = wire.run_wire(rounds, Path(folder), _say)
-    figures += wire.measure_codec(rounds)
-    figures += lockstep.measure_lockstep(rounds, free_port(), _say)
-    figures += fleet.measure_idle(1, free_port(), _say)
+    parts, figures = only or PARTS, list[Figure]()
+    if "wire" in parts:
+        with tempfile.TemporaryDirectory() as folder:
+            figures += wire.run_wire(rounds, Path(folder), _say)
+        figures += wire.measure_codec(rounds)
+    if "lockstep" in parts:
+        figures += lockstep.measure_lockstep(rounds, free_port(), _say)
+    if "idle" in parts:
+        figures += fleet.measure_idle(1, free_port(), _say)
+    if "ros1" in parts:
+        figures += ros1.measure_ros1(rounds, free_port(), _say)
+    if "scale" in parts:
+        chosen = sizes or (scale.SIZES if "scale" in only else DEFAULT_SIZES)
+        figures += scale.measure_scale(rounds if only else 1, chosen, free_port(), _say)
     return figures
 
 
@@ -51,7 +76,7 @@ def _row(figure: Figure) -> float:
 
 
 def _show(figures: list[Figure]) -> None:
-    width = max(len(each.name) for each in figures)
+    width = max((len(each.name) for each in figures), default=0)
     for each in figures:
         verdict = "" if not each.bound else f"{each.bound}: {'holds' if each.ok else 'MISSED'}"
         low, high = min(each.rounds), max(each.rounds)

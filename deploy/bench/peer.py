@@ -1,8 +1,8 @@
 """The other end of the wire measurements, a process of its own: ``python -m deploy.bench.peer KIND``.
 
-``typed`` is a service of the runtime that answers each Odometry with an Odometry; ``raw`` answers bytes with bytes on a
-plain Zenoh session of the same configuration. Both can also flood the measuring side. ``member`` takes part in a bare
-barrier: it answers each leave on its own key, and does nothing else.
+``typed`` is a service of the runtime that answers each Odometry with an Odometry, ``drive`` one with a command; ``raw``
+answers bytes with bytes on a plain Zenoh session of the same configuration. ``typed`` and ``raw`` can also flood the
+measuring side. ``member`` takes part in a bare barrier: it answers each leave on its own key, and does nothing else.
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ from services.runtime.transport.zenoh_config import configuration
 
 PING = Topic("/bench/ping", Odometry, 0, Quality.SENSOR, "measured round trip, out")
 PONG = Topic("/bench/pong", Odometry, 0, Quality.SENSOR, "measured round trip, back")
+DRIVE = Topic("/bench/odom", Odometry, 0, Quality.SENSOR, "measured round trip to a command, out")
+DRIVEN = Topic("/bench/cmd_vel", Twist, 0, Quality.SENSOR, "measured round trip to a command, back")
 FLOOD = Topic("/bench/flood", Odometry, 0, Quality.EVENT, "measured throughput")
 SCANS = Topic("/bench/scans", LaserScan, 0, Quality.EVENT, "measured throughput of scans")
 RAW_PING, RAW_PONG, RAW_FLOOD = "bench_raw/ping", "bench_raw/pong", "bench_raw/flood"
@@ -87,6 +89,13 @@ def typed_peer(ctx: Context[Any]) -> None:
         flood.publish(make_odometry(asked - 1))
 
 
+def drive_peer(ctx: Context[Any]) -> None:
+    """Answer with a command."""
+    driven = ctx.advertise(DRIVEN)
+    for seen in ctx.messages(DRIVE):
+        driven.publish(Twist.planar(seen.pose.pose.position.x, 0.0))
+
+
 @contextmanager
 def bench_node(endpoint: str) -> Iterator[Node]:
     """The bench itself as a node."""
@@ -138,11 +147,6 @@ if __name__ == "__main__":
     elif sys.argv[1] == "member":
         barrier_member(*sys.argv[2:])
     else:
-        sys.argv.pop(1)
-        main(
-            Service(
-                name="bench_partner",
-                about="Answers the bench.",
-                run=typed_peer,
-            )
-        )
+        kind = sys.argv.pop(1)
+        run = drive_peer if kind == "drive" else typed_peer
+        main(Service(name=f"bench_{kind}", about="Answers the bench.", run=run))

@@ -95,7 +95,7 @@ class TypedClient:
 
     def wait_for_peer(self) -> None:
         """Block until the other side listens."""
-        while not (self._ping.has_subscribers and any("bench_partner" in key for key in self._tokens())):
+        while not (self._ping.has_subscribers and any("bench_typed" in key for key in self._tokens())):
             time.sleep(0.02)
 
     def _tokens(self) -> list[str]:

@@ -6,7 +6,9 @@ import os
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import NamedTuple
 
 import click
 
@@ -17,9 +19,14 @@ LINT_STEPS = {
     "format": ("-m", "ruff", "format", "--check", "--quiet", "."),
     "style": ("-m", "ruff", "check", "--quiet", "."),
     "types": ("-m", "mypy", "--no-error-summary"),
+    "ros1 types": ("-m", "mypy", "--no-error-summary", "--config-file", "services/ros1/mypy.ini"),
     "imports": ("-c", "from importlinter.cli import lint_imports_command as lint; lint()", "--no-logo"),
 }
 """Arguments of Python for each step; tests/architecture runs the same ones."""
+BESIDE_TESTS = ("types", "ros1 types", "imports")
+"""Steps of one process that take seconds: they run while the tests do, which leave a core to them now and then."""
+NO_QUICK_TESTS = ("tests/system", "tests/faults", "tests/ros1")
+"""Folders whose tests start fleets: reading them takes time, and there is nothing quick in them."""
 
 _HOOK = """#!/bin/sh
 # Installed by ./elea check --install-hook; git commit --no-verify goes without it.
@@ -41,15 +48,28 @@ def command(install_hook: bool) -> None:
     from deploy.commands.diagnostics import parallel_arguments
 
     workers = parallel_arguments((), len(os.sched_getaffinity(0)))
-    steps = {**LINT_STEPS, "quick tests": ("-m", "pytest", *workers, "-m", "quick", "--no-header")}
-    failed = [name for name, arguments in steps.items() if not _passes(name, arguments)]
+    ignored = [f"--ignore={each}" for each in NO_QUICK_TESTS]
+    failed = [name for name in LINT_STEPS if name not in BESIDE_TESTS and not _passes(_run(name, LINT_STEPS[name]))]
+    with ThreadPoolExecutor(1) as beside:
+        waiting = [beside.submit(_run, name, LINT_STEPS[name]) for name in BESIDE_TESTS]
+        tests = _run("quick tests", ("-m", "pytest", *workers, *ignored, "-m", "quick", "--no-header"))
+        failed += [each.name for each in (*(step.result() for step in waiting), tests) if not _passes(each)]
     if failed:
         click.echo(f"failed: {', '.join(failed)}", err=True)
     raise SystemExit(1 if failed else 0)
 
 
-def _passes(name: str, arguments: tuple[str, ...]) -> bool:
-    """Run a step, which prints its complaints, and show how long it took."""
+class _Step(NamedTuple):
+    """A step that has run: whether it failed, its complaints, and the wall time [s] that it took."""
+
+    name: str
+    failed: bool
+    complaints: str
+    seconds: float
+
+
+def _run(name: str, arguments: tuple[str, ...]) -> _Step:
+    """Run a step; tests print on the terminal as they go."""
     began = time.monotonic()
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "200"}
     ran = subprocess.run(
@@ -61,10 +81,15 @@ def _passes(name: str, arguments: tuple[str, ...]) -> bool:
         stderr=subprocess.STDOUT,
         text=True,
     )
-    if ran.returncode and ran.stdout:
-        click.echo(ran.stdout.strip())
-    click.echo(f"{name:<12} {'failed' if ran.returncode else 'ok':<7} {time.monotonic() - began:5.1f} s")
-    return ran.returncode == 0
+    return _Step(name, ran.returncode != 0, (ran.stdout or "").strip(), time.monotonic() - began)
+
+
+def _passes(step: _Step) -> bool:
+    """Show the result of a step."""
+    if step.failed and step.complaints:
+        click.echo(step.complaints)
+    click.echo(f"{step.name:<12} {'failed' if step.failed else 'ok':<7} {step.seconds:5.1f} s")
+    return not step.failed
 
 
 def install_pre_commit_hook(root: Path) -> Path:

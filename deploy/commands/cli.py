@@ -31,16 +31,22 @@ COMMANDS = {
     "tf": LazyCommand("tf", "Show the frame tree, or the transform between two frames."),
     "doctor": LazyCommand("diagnostics:doctor_command", "Check the machine, the installation and the network."),
     "run": LazyCommand("run", "Run a service, or a Python file of your own."),
+    "rosrun": LazyCommand("rosrun", "Run a program of a ROS 1 package."),
+    "roslaunch": LazyCommand("roslaunch", "Run a launch file of ROS 1."),
+    "rostest": LazyCommand("rostest", "Run the tests of a launch file of ROS 1."),
+    "env": LazyCommand("env", "Give this shell the commands of ROS 1."),
     "python": LazyCommand("run:python_command", "Run Python, or a program, that can import Elea."),
     "new": LazyCommand("new", "Make a folder to begin from, as an exercise."),
     "panel": LazyCommand("panel", "Open the web page of a running fleet."),
     "teleop": LazyCommand("teleop", "Drive a robot from the keyboard."),
     "bag": LazyCommand("bag", "Record, play, inspect and export bags."),
     "view": LazyCommand("view", "Open a run, a recording or a bag in the viewer, or render it to pictures."),
+    "sweep": LazyCommand("sweep", "Run a fleet with every combination of seeds and values."),
+    "report": LazyCommand("report", "Show the report of a run."),
     "diff": LazyCommand("diff", "Show where two runs differ."),
     "check": LazyCommand("check", "Check the code and run the quick tests, as before a commit."),
     "test": LazyCommand("diagnostics:test_command", "Run the tests."),
-    "bench": LazyCommand("diagnostics:bench_command", "Measure the middleware against raw Zenoh and raw PyBullet."),
+    "bench": LazyCommand("diagnostics:bench_command", "Measure the middleware against raw Zenoh and raw physics."),
 }
 
 

@@ -188,7 +188,7 @@ def _fleets(_: click.Context, begun: str) -> Iterable[str]:
 def _kinds(_: click.Context, begun: str) -> Iterable[str]:
     from services.catalog import service_kinds
 
-    return service_kinds()
+    return (*service_kinds(), "container")
 
 
 def _processes(ctx: click.Context, begun: str) -> Iterable[str]:
@@ -199,7 +199,8 @@ def _processes(ctx: click.Context, begun: str) -> Iterable[str]:
 
     port = _chosen_port(ctx)
     states = [read_state(Path(each.folder)) for each in running_fleets() if port in (None, each.port)]
-    return [process.name for state in states if state for process in state.processes]
+    processes = [process for state in states if state for process in state.processes]
+    return [*(each.name for each in processes), *(node[1:] for each in processes for node in each.nodes)]
 
 
 TOPIC = CompletingParam("topic", live(_topics))

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 
+from deploy.bench import PARTS
 from deploy.commands.options import fleet_option, json_option
 from services.runtime.process import ROOT
 
@@ -37,13 +38,13 @@ _SERIAL_OPTIONS = ("-n", "--numprocesses", "--dist", "--pdb", "--trace", "-s", "
 """Options of pytest that choose how many there are at a time, or that show what only one process can show."""
 
 
-@click.command("test", context_settings={"ignore_unknown_options": True, "help_option_names": []})
+@click.command("test", context_settings={"ignore_unknown_options": True})
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
 def test_command(arguments: tuple[str, ...]) -> None:
     """Run all tests but the measurements; arguments are passed to pytest, with paths relative to the project.
 
     Test files run in parallel unless single files are named; -n sets the number of processes, -n 0 runs in this one.
-    -m selects by markers: quick, slow, process, fleet, browser, bench.
+    -m selects by markers: quick, slow, process, fleet, browser, bench. `./elea test -h` shows the options of pytest.
     """
     os.chdir(ROOT)
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
@@ -69,12 +70,22 @@ def parallel_arguments(arguments: Sequence[str], processors: int) -> list[str]:
 @click.option(
     "--rounds", type=click.IntRange(1, 1000), default=5, show_default=True, help="Number of rounds; medians are shown."
 )
+@click.option(
+    "--only", multiple=True, type=click.Choice(PARTS), help="Measure this part alone; may be repeated. All by default."
+)
+@click.option(
+    "--robots",
+    type=click.IntRange(1, 1000),
+    multiple=True,
+    metavar="N",
+    help="Number of robots of the part scale; may be repeated. 4 and 16 by default, with --only scale 64 and 100 too.",
+)
 @json_option
-def bench_command(rounds: int, as_json: bool) -> None:
-    """Measure round trip, throughput, lockstep and start-up against raw Zenoh and raw PyBullet, interleaved.
+def bench_command(rounds: int, as_json: bool, only: tuple[str, ...], robots: tuple[int, ...]) -> None:
+    """Measure round trip, throughput, lockstep, size and start-up against raw Zenoh and raw physics, interleaved.
 
     Then run the tests that measure: processor time of help, panel and supervisor, and how often the page is drawn.
     """
     from deploy.bench import bench
 
-    raise SystemExit(bench(rounds, as_json))
+    raise SystemExit(bench(rounds, as_json, only, robots))

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import select
 import signal
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,10 +17,10 @@ from typing import Any
 import click
 
 from deploy.commands.completion import PROCESS
-from deploy.commands.options import fleet_option, json_option
+from deploy.commands.options import filter_option, fits, fleet_option, json_option
 from deploy.live.output import printable
 from deploy.run_folder import latest_run_folder, read_state
-from deploy.supervisor.log_file import log_name
+from deploy.supervisor.log_file import NOTE, log_name
 from services.runtime.errors import BadInput, unknown_name
 from services.runtime.fleet_instances import FleetInstance, running_fleets
 from services.runtime.network_address import fleet_router, select_fleet
@@ -75,11 +77,15 @@ def _wait_for_exit(handle: int, seconds: float) -> bool:
 
 
 @click.command("ps")
+@filter_option
 @fleet_option
 @json_option
-def ps_command(port: int | None, as_json: bool) -> None:
-    """List the processes of the running fleets, with state, restarts, memory and mean processor load."""
-    fleets = [_describe_fleet(each) for each in (running_fleets() if port is None else (select_fleet(port),))]
+def ps_command(pattern: str, port: int | None, as_json: bool) -> None:
+    """List the processes of the running fleets, with state, restarts, memory and mean processor load.
+
+    Nodes that share a process are listed below it; the last line has the sums over the processes listed.
+    """
+    fleets = [_describe_fleet(each, pattern) for each in (running_fleets() if port is None else (select_fleet(port),))]
     if as_json:
         sys.stdout.write(json.dumps(fleets, indent=2) + "\n")
     elif not fleets:
@@ -89,13 +95,18 @@ def ps_command(port: int | None, as_json: bool) -> None:
             _print_fleet(fleet)
 
 
-def _describe_fleet(entry: FleetInstance) -> dict[str, Any]:
+def _describe_fleet(entry: FleetInstance, pattern: str = "") -> dict[str, Any]:
     import msgspec
 
     from deploy.run_folder import read_state
 
     state = read_state(Path(entry.folder))
-    processes = [msgspec.to_builtins(each) | _usage(each.pid) for each in (state.processes if state else ())]
+    shown = [
+        each
+        for each in (state.processes if state else ())
+        if any(fits(name, pattern) for name in (each.name, *each.nodes))
+    ]
+    processes = [msgspec.to_builtins(each) | _usage(each.pid) for each in shown]
     return {**msgspec.to_builtins(entry), **_usage(entry.pid), "processes": processes}
 
 
@@ -127,10 +138,21 @@ def _print_fleet(fleet: dict[str, Any]) -> None:
         pid, memory, cpu = each["pid"] or "", each["memory_mib"], each["cpu_percent"]
         shown = ("" if memory is None else memory, "" if cpu is None else cpu)
         rows.append((each["name"], each["state"], str(pid), str(each["restarts"]), *map(str, shown), each["reason"]))
+        rows += [(f"  {node[1:]}", each["state"], "", "", "", "", f"in {each['name']}") for node in each["nodes"]]
+    rows.append(_sum_row(fleet["processes"]))
     widths = [max(len(row[column]) for row in rows) for column in range(6)]
     for row in rows:
         cells = [cell.ljust(width) for cell, width in zip(row, widths, strict=False)]
         sys.stdout.write(printable("  ".join((*cells, row[6])).rstrip()) + "\n")
+
+
+def _sum_row(processes: list[dict[str, Any]]) -> tuple[str, str, str, str, str, str, str]:
+    """How many processes there are in which states, and what they take together."""
+    states = Counter(each["state"] for each in processes)
+    memory, cpu = (sum(each[name] or 0.0 for each in processes) for name in ("memory_mib", "cpu_percent"))
+    restarts = sum(each["restarts"] for each in processes)
+    told = ", ".join(f"{count} {state}" for state, count in states.most_common())
+    return f"{len(processes)} processes", told, "", str(restarts), f"{memory:.1f}", f"{cpu:.1f}", ""
 
 
 _TAIL_PERIOD_S = 0.2
@@ -144,6 +166,8 @@ _TAIL_PERIOD_S = 0.2
 def logs_command(name: str, follow: bool, port: int | None, as_json: bool) -> None:
     """Show the log of process NAME, or all logs, of the running fleet or the latest run.
 
+    Of a node that shares its process, only its own lines are shown, and those of the supervisor.
+
     With --json, each line is an object with the process and the text.
     """
     folder = Path(select_fleet(port).folder) if running_fleets() or port is not None else latest_run_folder()
@@ -151,18 +175,23 @@ def logs_command(name: str, follow: bool, port: int | None, as_json: bool) -> No
         raise BadInput("there is no run yet: start one with ./elea up")
     files = {path.name.removesuffix(".log"): path for path in sorted((folder / "logs").glob("*.log"))}
     wanted = log_name(name.removeprefix("/")).removesuffix(".log") if name else ""
+    state = read_state(folder)
+    processes = state.processes if state else ()
+    node = f"/{name.removeprefix('/')}"
+    shared = next((each.name for each in processes if node in each.nodes), "") if name else ""
+    if shared:
+        wanted = log_name(shared).removesuffix(".log")
     if wanted and wanted not in files:
-        state = read_state(folder)
-        known = {each.name for each in (state.processes if state else ())}
+        known = {each.name for each in processes} | {member[1:] for each in processes for member in each.nodes}
         if name.removeprefix("/") not in known:
             raise unknown_name("process", name, sorted(known | {each.replace(".", "/") for each in files}))
         sys.stderr.write(f"{name} has written nothing yet\n")
-        files[wanted] = folder / "logs" / log_name(name.removeprefix("/"))
+        files[wanted] = folder / "logs" / f"{wanted}.log"
     tails = [LogTail(each.replace(".", "/"), path) for each, path in files.items() if wanted in ("", each)]
     try:
         while True:
             for tail in tails:
-                for line in tail.lines():
+                for line in tail.lines() if not shared else tail.lines_of(node):
                     _print_log_line(tail.name, line, as_json, alone=bool(name))
             sys.stdout.flush()
             if not follow:
@@ -172,11 +201,16 @@ def logs_command(name: str, follow: bool, port: int | None, as_json: bool) -> No
         return
 
 
+_LINE = re.compile(r"\[-?\d+\.\d+\] [A-Z]+ (/\S+): ")
+"""How a node's line in a log begins, by ``services.runtime.log``."""
+
+
 class LogTail:
     """Follows a log file, also when it is truncated."""
 
     def __init__(self, name: str, path: Path) -> None:
         self.name = name
+        self._owner = ""
         self._path, self._offset, self._rest = path, 0, b""
 
     def lines(self) -> Iterator[str]:
@@ -194,6 +228,16 @@ class LogTail:
         for line in whole:
             yield line.decode(errors="replace")
 
+    def lines_of(self, node: str) -> Iterator[str]:
+        """Those of one node, each with what follows it, and the supervisor's."""
+        for line in self.lines():
+            if found := _LINE.match(line):
+                self._owner = found[1]
+            elif line.startswith(NOTE):
+                self._owner = ""
+            if self._owner in ("", node):
+                yield line
+
 
 def _print_log_line(name: str, line: str, as_json: bool, alone: bool) -> None:
     if as_json:
@@ -209,7 +253,7 @@ def _print_log_line(name: str, line: str, as_json: bool, alone: bool) -> None:
 @fleet_option
 @json_option
 def restart_command(name: str, port: int | None, as_json: bool) -> None:
-    """Restart process NAME, as listed by `./elea ps`."""
+    """Restart process NAME, as listed by `./elea ps`, or that of node NAME: all nodes that share it restart."""
     from messages.names import key
     from messages.requests import SUPERVISOR_RESTART, Name
     from services.runtime.light_node import open_transport

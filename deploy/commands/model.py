@@ -29,16 +29,11 @@ def command() -> None:
 @json_option
 def list_(as_json: bool) -> None:
     """List the models that come with Elea."""
-    from deploy.live.output import write_json, write_text
+    from deploy.live.output import write_listing
     from models import MODELS
     from models.model import read_model
 
-    rows = [{"name": name, "about": read_model(name).about} for name in MODELS]
-    if as_json:
-        write_json(rows)
-        return
-    width = max(len(row["name"]) for row in rows)
-    write_text("".join(f"{row['name']:<{width}}  {row['about']}\n" for row in rows))
+    write_listing({name: read_model(name).about for name in MODELS}, as_json)
 
 
 @click.command("check")

@@ -10,7 +10,7 @@ import click
 
 from deploy.commands.completion import NODE
 from deploy.commands.lazy_group import LazyCommand, LazyGroup
-from deploy.commands.options import json_option, network_options
+from deploy.commands.options import filter_option, fits, json_option, network_options
 from services.runtime.network_address import NetworkAddress
 
 if TYPE_CHECKING:
@@ -32,9 +32,10 @@ def command() -> None:
 @click.command("list")
 @click.option("-a", "--all", "every", is_flag=True, help="Include tools, whose names begin with an underscore.")
 @click.option("-c", "--count-nodes", is_flag=True, help="Show only their number.")
+@filter_option
 @network_options
 @json_option
-def list_command(every: bool, count_nodes: bool, place: NetworkAddress, as_json: bool) -> None:
+def list_command(every: bool, count_nodes: bool, pattern: str, place: NetworkAddress, as_json: bool) -> None:
     """List the running nodes."""
     from deploy.live.output import write_json, write_text
     from deploy.live.topics import is_hidden
@@ -42,7 +43,8 @@ def list_command(every: bool, count_nodes: bool, place: NetworkAddress, as_json:
     from services.runtime.light_node import open_transport
 
     with open_transport(place.router, place.domain) as transport:
-        found = [each for each in snapshot(transport) if each.kind == "node" and (every or not is_hidden(each.node))]
+        nodes = [each for each in snapshot(transport) if each.kind == "node" and fits(each.node, pattern)]
+    found = [each for each in nodes if every or not is_hidden(each.node)]
     if as_json:
         write_json([{"node": each.node, "kind": each.name, "session": each.session} for each in found])
     elif count_nodes:
@@ -220,16 +222,17 @@ def _summarize_pings(name: str, took: list[float | None]) -> dict[str, Any]:
 
 
 @click.command("graph")
+@filter_option
 @network_options
 @json_option
-def graph_command(place: NetworkAddress, as_json: bool) -> None:
+def graph_command(pattern: str, place: NetworkAddress, as_json: bool) -> None:
     """List every node with its publishers, subscribers and services."""
     from deploy.live.output import write_json, write_text
     from services.runtime.graph import snapshot
     from services.runtime.light_node import open_transport
 
     with open_transport(place.router, place.domain) as transport:
-        entities = snapshot(transport)
+        entities = [each for each in snapshot(transport) if fits(each.node, pattern)]
     if as_json:
         write_json([asdict(each) for each in entities])
     else:

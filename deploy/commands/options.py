@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,6 +16,23 @@ from services.runtime.network_address import port_of_fleet, resolve_address
 F = TypeVar("F", bound=Callable[..., Any])
 
 json_option: Callable[[F], F] = click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+
+
+filter_option: Callable[[F], F] = click.option(
+    "--filter",
+    "pattern",
+    default="",
+    metavar="PATTERN",
+    help="Only names with this text, or that fit this pattern, e.g. 'tb3_1*/odom'.",
+)
+
+
+def fits(name: str, pattern: str) -> bool:
+    """Whether a name contains the text ``pattern``, or fits it if it has ``*``, ``?`` or ``[``; slashes before it are
+    optional."""
+    if not any(each in pattern for each in "*?["):
+        return pattern in name
+    return fnmatchcase(name.lstrip("/"), pattern.lstrip("/"))
 
 
 def own_robot_options(verb: Callable[..., Any]) -> Callable[..., Any]:

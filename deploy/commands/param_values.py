@@ -157,7 +157,10 @@ def _check_representable(described: ParameterDescription, value: Value) -> None:
 def validate_change(
     schema: ParameterSchema, before: ParameterValues, values: Mapping[str, Value], clamp: bool = False
 ) -> None:
-    """Raise BadInput with all violations for what the service would refuse."""
+    """Raise BadInput with all violations for what the service would refuse, by the service's own rules.
+
+    The service decides over one set at a time; a file of several is checked here before the first of them changes.
+    """
     from services.params.changes import plan_set
     from services.params.schema import Schema, SetState
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any, NoReturn
 
 import click
 
@@ -15,13 +17,33 @@ from services.runtime.errors import BadInput, unknown_name
 from services.runtime.network_address import port_of_fleet, resolve_address
 from services.runtime.process import ROOT
 
+ROBOT_TOPICS = ("cmd_vel", "odom", "scan", "imu", "joint_states", "battery_state")
+"""Topics of a robot that programs written for a single one name absolutely."""
+
 
 @click.command("run", context_settings={"ignore_unknown_options": True, "allow_interspersed_args": False})
 @fleet_option
+@click.option("--namespace", default="", help="Namespace of the node's relative names, as /tb3_0.")
+@click.option("--name", default="", help="Name of the node.")
+@click.option("--remap", multiple=True, metavar="FROM:=TO", help="Use another name.")
+@click.option("--connect", multiple=True, metavar="ENDPOINT", help="Router to join; the running fleet's by default.")
+@click.option("--domain", default="", help="Domain of the fleet; it keeps fleets of one network apart.")
+@click.option("--log-level", default="", metavar="LEVEL", help="Log this level and above: debug, info, warn or error.")
+@click.option("--robot", default="", metavar="NAME", help="ROS: give it this robot's /cmd_vel, /odom, … and frames.")
+@click.option("--frame-prefix", metavar="PREFIX", help="ROS: what that robot's frames begin with; NAME/ by default.")
+@click.option("--wall-time", is_flag=True, help="ROS: follow the wall clock; no simulation is needed.")
+@click.option("--rate", type=float, metavar="HZ", help="ROS: steps per second in lockstep; 100 by default.")
+@click.option("--seed", type=int, metavar="N", help="ROS: seed of its random numbers.")
 @click.argument("target", type=KIND)
 @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
-def command(target: str, arguments: tuple[str, ...], port: int | None) -> None:
+def command(target: str, arguments: tuple[str, ...], port: int | None, **options: Any) -> None:
     """Run TARGET, the name of a service or a .py file of your own, with the remaining arguments.
+
+    A program written for ROS 1 (it imports rospy) runs as it is; what follows its name goes to it, as
+    `./elea run --namespace /tb3_0 talker.py chatter:=news _rate:=5`.
+
+    TARGET container runs several services in one process:
+    `./elea run container --node "waypoint --namespace /tb3_0" --node "waypoint --namespace /tb3_1"`.
 
     It joins the running fleet (--fleet or --port selects one of several) unless --connect is given.
 
@@ -30,22 +52,60 @@ def command(target: str, arguments: tuple[str, ...], port: int | None) -> None:
     A Python environment of your own finds Elea by a file elea.pth in its site-packages whose one line is the path of
     this checkout, if it has the packages of requirements.lock; `./elea python` runs this project's own.
     """
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    from services.catalog import NO_ROS2, is_user_file, script_api, service_kinds
+    from services.runtime.container_main import NAME as CONTAINER
+
+    if is_user_file(target):
+        api = script_api(target)
+        if api == "ros2":
+            raise BadInput(f"{target} is written for ROS 2 (rclpy): {NO_ROS2}")
+        if api == "ros1":
+            run_script(Path(target), arguments, port, options)
+    elif target not in (*service_kinds(), CONTAINER):
+        raise unknown_name("service", target, (*service_kinds(), CONTAINER))
+    for name in ("robot", "frame_prefix", "wall_time", "rate", "seed"):
+        if options[name]:
+            raise BadInput(f"--{name.replace('_', '-')} is for programs of ROS; {target} is none")
+    if target == CONTAINER and (options["namespace"] or options["remap"]):
+        raise BadInput("--namespace and --remap belong to a node: state them in its --node")
     port, arguments = _extract_fleet(port, arguments)
+    arguments = (*_node_arguments(options), *arguments)
     if target != "router" and not _states_network(arguments):
         arguments = (*_network_arguments(port, arguments), *arguments)
-    if target.endswith(".py"):
+    if is_user_file(target):
         file = Path(target).resolve()
-        if not file.is_file():
-            raise BadInput(f"there is no file {target}")
-        environment["PYTHONPATH"] = f"{ROOT}{os.pathsep}{file.parent}"
-        place = [str(file)]
-    else:
-        from services.catalog import service_kinds
+        _execute([str(file)], arguments, target, str(file.parent))
+    _execute(["-m", "services", target], arguments, target)
 
-        if target not in service_kinds():
-            raise unknown_name("service", target, service_kinds())
-        place = ["-m", "services", target]
+
+def run_script(file: Path, arguments: Sequence[str], port: int | None, options: Mapping[str, Any]) -> None:
+    """Replace this process by a program of ROS 1; ``arguments`` are its own, ``options`` those of ``command``."""
+    own = _node_arguments(options)
+    if robot := options.get("robot", "").strip("/"):
+        own += ["--namespace", f"/{robot}"] if not options.get("namespace") else []
+        own += [word for topic in ROBOT_TOPICS for word in ("--remap", f"/{topic}:=/{robot}/{topic}")]
+    prefix = options.get("frame_prefix")
+    if prefix is None and robot:
+        prefix = f"{robot}/"
+    own += ["--frame-prefix", prefix] if prefix else []
+    own += ["--wall-time"] if options.get("wall_time") else []
+    for name in ("rate", "seed"):
+        own += [f"--{name}", str(options[name])] if options.get(name) is not None else []
+    if not _states_network(tuple(own)):
+        own = [*_network_arguments(port, tuple(own)), *own]
+    libraries = os.environ.get("PYTHONPATH", "")
+    _execute(["-m", "services.script", *own, str(file.absolute())], arguments, str(file), libraries)
+
+
+def _node_arguments(options: Mapping[str, Any]) -> list[str]:
+    """The options before TARGET that services and scripts alike have."""
+    single = [(name, options.get(name)) for name in ("namespace", "name", "domain", "log_level")]
+    several = [(name, each) for name in ("remap", "connect") for each in options.get(name, ())]
+    return [word for name, each in (*single, *several) if each for word in (f"--{name.replace('_', '-')}", each)]
+
+
+def _execute(place: list[str], arguments: Sequence[str], target: str, folder: str = "") -> NoReturn:
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), folder]))}
     environment[process.PROGRAM] = f"./elea run {target}"
     sys.stdout.flush()
     os.execve(sys.executable, [sys.executable, "-P", *place, *arguments], environment)

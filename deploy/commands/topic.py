@@ -10,7 +10,7 @@ import click
 
 from deploy.commands.completion import TOPIC, TYPE
 from deploy.commands.lazy_group import LazyCommand, LazyGroup
-from deploy.commands.options import json_option, network_options
+from deploy.commands.options import filter_option, fits, json_option, network_options
 from deploy.live.connect import spin
 from services.runtime.network_address import NetworkAddress
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 COMMANDS = {
     "list": LazyCommand("topic:list_command", "List the topics of the network."),
     "echo": LazyCommand("topic_messages:echo_command", "Show the messages of a topic."),
-    "hz": LazyCommand("topic_messages:hz_command", "Measure how often topics come."),
-    "bw": LazyCommand("topic_messages:bw_command", "Measure how many bytes a topic takes."),
-    "delay": LazyCommand("topic_messages:delay_command", "Measure how late a topic comes."),
+    "hz": LazyCommand("topic_messages:hz_command", "Measure the rate of topics."),
+    "bw": LazyCommand("topic_messages:bw_command", "Measure the bandwidth that a topic takes."),
+    "delay": LazyCommand("topic_messages:delay_command", "Measure the delay of a topic."),
     "info": LazyCommand("topic:info_command", "Show the type, publishers and subscribers of a topic."),
     "pub": LazyCommand("topic_messages:pub_command", "Publish messages."),
     "find": LazyCommand("topic:find_command", "List the topics of a type."),
@@ -86,10 +86,17 @@ def measure_options(window: int) -> Callable[[Callable[..., Any]], Callable[...,
     metavar="S",
     help="Listen for S seconds for undeclared topics.",
 )
+@filter_option
 @network_options
 @json_option
 def list_command(
-    show_types: bool, verbose: bool, count_topics: bool, listen: float, place: NetworkAddress, as_json: bool
+    show_types: bool,
+    verbose: bool,
+    count_topics: bool,
+    listen: float,
+    pattern: str,
+    place: NetworkAddress,
+    as_json: bool,
 ) -> None:
     """List the topics that have publishers or subscribers.
 
@@ -105,7 +112,7 @@ def list_command(
         foreign = _foreign_topics(live, listen) if listen else {}
     rows = [_topic_row(each) for each in found.values()]
     rows += [{**_empty_row(name), "types": types} for name, types in foreign.items() if name not in found]
-    rows.sort(key=lambda each: str(each["name"]))
+    rows = sorted((each for each in rows if fits(each["name"], pattern)), key=lambda each: str(each["name"]))
     if as_json:
         write_json(rows)
     elif count_topics:

@@ -66,7 +66,7 @@ def command(
 
 def _recording(run: Path) -> Path:
     """Return the recording to show; that of a bag is created next to it, again if the bag is newer."""
-    from deploy.run_folder import BAG_FOLDER, RECORDING_FILE
+    from deploy.run_folder import BAG_FOLDER, RECORDING_FILE, STATE_FILE
     from services.logger.file_rotation import rotated
 
     if not run.exists():
@@ -78,7 +78,13 @@ def _recording(run: Path) -> Path:
             names = " and ".join(each.name for each in before)
             sys.stderr.write(f"elea: the logger was restarted; its earlier recordings are {names} in the same folder\n")
         return recording
-    return _convert_bag(run / BAG_FOLDER if (run / BAG_FOLDER).is_dir() else run)
+    if (run / BAG_FOLDER).is_dir():
+        return _convert_bag(run / BAG_FOLDER)
+    if (run / STATE_FILE).is_file():
+        raise BadInput(
+            f"the run {run} has no recording: give its fleet a [[service]] of kind logger, or start it with --record"
+        )
+    return _convert_bag(run)
 
 
 def _convert_bag(path: Path) -> Path:

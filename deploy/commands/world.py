@@ -9,7 +9,7 @@ import click
 
 from deploy.commands.lazy_group import LazyCommand, LazyGroup
 from deploy.commands.options import json_option
-from deploy.live.output import write_json, write_text
+from deploy.live.output import write_json, write_listing, write_text
 
 COMMANDS = {
     "list": LazyCommand("world:list_command", "List the worlds that come with Elea."),
@@ -33,12 +33,7 @@ def list_command(as_json: bool) -> None:
     from models import WORLDS
     from models.world import read_world
 
-    rows = [{"name": name, "about": read_world(name).about} for name in WORLDS]
-    if as_json:
-        write_json(rows)
-        return
-    width = max(len(row["name"]) for row in rows)
-    write_text("".join(f"{row['name']:<{width}}  {row['about']}\n" for row in rows))
+    write_listing({name: read_world(name).about for name in WORLDS}, as_json)
 
 
 @click.command("check")

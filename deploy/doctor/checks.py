@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 from deploy import VERSION
 from deploy.doctor import Check, Finding, fail, fleet, installation, machine, network
@@ -13,7 +14,7 @@ from services.runtime.transport.zenoh_config import endpoint
 
 
 def run_checks(connect: str = "", domain: str = "", port: int | None = None) -> list[Finding]:
-    """The findings of all checks."""
+    """The findings of all checks; those of the network listen meanwhile."""
     checks: list[Check] = [
         machine.platform_supported,
         machine.python_version,
@@ -21,6 +22,7 @@ def run_checks(connect: str = "", domain: str = "", port: int | None = None) -> 
         installation.environment,
         installation.packages,
         installation.libraries,
+        machine.physics_engines,
         machine.cores_and_memory,
         machine.clock,
         machine.loopback,
@@ -31,14 +33,39 @@ def run_checks(connect: str = "", domain: str = "", port: int | None = None) -> 
         fleet.orphans,
         fleet.fleets,
     ]
-    findings = [finding for check in checks for finding in check()]
+    place, unusable = None, ""
     try:
         place = resolve_address(connect, domain, port)
         place = NetworkAddress(endpoint(place.router), place.domain)
     except BadInput as error:
-        return [*findings, fail("network", str(error), "name one, with --port or --connect")]
+        unusable = str(error)
     asked = bool(connect) or port is not None
-    return [*findings, *network.ports(place), *network.access(), *network.router(place, asked)]
+    with ThreadPoolExecutor(1) as pool:
+        heard = pool.submit(lambda: list(network.router(place, asked)) if place is not None else [])
+        findings = [finding for check in checks for finding in check()]
+        if place is None:
+            return [*findings, fail("network", unusable, "name one, with --port or --connect")]
+        return [*findings, *network.ports(place), *network.access(), *merge_alike(heard.result())]
+
+
+def merge_alike(findings: Sequence[Finding]) -> list[Finding]:
+    """The findings, with those that say the same of more than ``MOST_ALIKE`` nodes as one that names these."""
+    alike: dict[Finding, list[str]] = {}
+    for each in findings:
+        kind, _, name = each.name.partition(" ")
+        alike.setdefault(each._replace(name=kind if name else each.name), []).append(name)
+    merged, most = [], network.MOST_ALIKE
+    for each, names in alike.items():
+        if len(names) > most:
+            listed = ", ".join(names[:most])
+            merged.append(
+                each._replace(
+                    name=f"{len(names)} {each.name}s", why=f"{each.why}: {listed} and {len(names) - most} more"
+                )
+            )
+        else:
+            merged += [each._replace(name=f"{each.name} {name}".rstrip()) for name in names]
+    return merged
 
 
 def print_findings(findings: Sequence[Finding], as_json: bool) -> None:

@@ -6,6 +6,7 @@ import os
 import shutil
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -13,23 +14,27 @@ from typing import NamedTuple
 from deploy.doctor import Finding, fail, ok, warn
 from deploy.doctor.machine import disk_space
 from deploy.interfaces import known_topic
+from messages.base import WrongPayload, decoder
 from messages.elea import BaseStatus, FleetState, Health
 from messages.rosgraph import Clock
+from messages.topics import HEALTH
 from services.runtime.fleet_instances import running_fleets
-from services.runtime.graph import Entity
-from services.runtime.transport.api import Transport
+from services.runtime.graph import ALL_PINGS, ASKS_HEALTH, Entity
+from services.runtime.transport.api import PendingReplies, Reply, Transport
 
 OBSERVATION_S = 2.0
-"""Wall time for which topics are watched."""
-MIN_SAMPLES = 20
+"""Wall time for which topics are watched, at most: until all nodes have answered or beaten, each once a second."""
+MIN_OBSERVATION_S = 0.3
+"""Wall time for which they are watched at least."""
+MIN_SAMPLES = 10
 """Samples below which a rate is not judged."""
 FAST_FACTOR, FLOOD_FACTOR = 3.0, 20.0
 """Times the promised rate from which a sender is named, and from which it is called a fault."""
 STALE_SHARE, MIN_STALE = 0.05, 5
 """Share, and count, of stale commands from which a base is named."""
 
-SHARE_S, BUSY_PERCENT = 0.3, 85.0
-"""Wall time over which a reader's share of a core is taken, and the share from which it is too slow."""
+SHARE_S, BUSY_PERCENT = 0.1, 85.0
+"""Wall time over which a reader's share of a core is taken at least, and the share from which it is too slow."""
 OVERLOAD = 1.5
 """Runnable processes per core from which the machine is overloaded."""
 
@@ -58,6 +63,37 @@ class SampleCount:
         return max(self.last - self.first, self.received - 1)
 
 
+class ProcessorUsage:
+    """The share of a core that processes use, between the first look at each and the question."""
+
+    def __init__(self) -> None:
+        self._first: dict[int, tuple[float, float]] = {}
+
+    def watch(self, pids: Collection[int]) -> None:
+        """Look at processes that are new."""
+        for pid in pids:
+            if pid not in self._first and (used := _processor_seconds(pid)) is not None:
+                self._first[pid] = time.monotonic(), used
+
+    def percent(self, pid: int) -> float:
+        """The share of a core; 0 of a process that is on another machine, gone, or has not been watched long enough."""
+        began, before = self._first.get(pid, (0.0, 0.0))
+        now, used = time.monotonic(), _processor_seconds(pid)
+        if not began or used is None or now - began < SHARE_S:
+            return 0.0
+        return 100 * (used - before) / (now - began)
+
+
+def _processor_seconds(pid: int) -> float | None:
+    import psutil
+
+    try:
+        times = psutil.Process(pid).cpu_times()
+    except (psutil.Error, ValueError):
+        return None
+    return float(times.user + times.system)
+
+
 @dataclass
 class FleetObservation:
     """Observations of a running fleet over ``wall`` seconds; ``simulated`` is 0 if no simulation time passed."""
@@ -68,6 +104,7 @@ class FleetObservation:
     bases: dict[str, BaseStatus] = field(default_factory=dict)
     counts: dict[Sender, SampleCount] = field(default_factory=dict)
     heartbeats: dict[str, Health] = field(default_factory=dict)
+    usage: ProcessorUsage = field(default_factory=ProcessorUsage)
 
     def rate(self, sender: Sender) -> float:
         """The rate of a publisher [Hz of simulation time]; 0 if no time passed, or it sent too few messages."""
@@ -89,6 +126,8 @@ def processes(state: FleetState | None) -> Iterator[Finding]:
     sound = True
     for each in state.processes:
         name, reason = f"process {each.name}", f": {each.reason}" if each.reason else ""
+        if each.nodes:
+            reason += f"; its nodes: {', '.join(each.nodes)}"
         look = f"see why: ./elea logs {each.name}"
         if each.state == "failed":
             sound = False
@@ -149,17 +188,12 @@ def rates(seen: FleetObservation) -> Iterator[Finding]:
 
 def why_lost(name: str, beat: Health, seen: FleetObservation) -> str:
     """The most likely cause of lost messages of a topic, and the remedy."""
-    import psutil
-
     topic = known_topic(name)
     for sender in sorted(seen.counts):
         rate = seen.rate(sender)
         if sender.topic == name and topic is not None and topic.rate and rate > FAST_FACTOR * topic.rate:
             return f"{sender.node} floods it with {rate:.0f} Hz, {topic.rate:g} are promised: slow it down or end it"
-    try:
-        share = psutil.Process(beat.pid).cpu_percent(interval=SHARE_S)
-    except (psutil.Error, ValueError):
-        share = 0.0  # on another machine, or gone
+    share = seen.usage.percent(beat.pid)
     if share > BUSY_PERCENT:
         return f"{beat.node} uses {share:.0f} % of a core and reads too slowly: let it do less, or read less"
     cores, load = len(os.sched_getaffinity(0)), os.getloadavg()[0]
@@ -182,40 +216,44 @@ def disk(fleet: str, folder: str) -> Iterator[Finding]:
 
 
 def observe_fleet(link: Transport, entities: Sequence[Entity], seconds: float = OBSERVATION_S) -> FleetObservation:
-    """Listen to the topics of a fleet for a while, those left out that are made on demand.
+    """Ask each node for its health and listen to the fleet until each has answered, or beaten, at most for ``seconds``,
+    which are enough for a busy one as well.
 
-    ``seconds`` are enough for each node to beat, and for a busy one as well.
+    Of the topics, those are heard that could be sent too fast: the simulation's own follow from its ticks, and to read
+    them all would cost a large fleet more than its robots do. A topic on which a node hears a program without numbers
+    is added when its heartbeat says so.
     """
-    from messages.base import WrongPayload, decoder
     from messages.names import key as key_of
-    from messages.topics import BASE_STATUS, CLOCK, FLEET_STATE, HEALTH
+    from messages.topics import BASE_STATUS, CLOCK, FLEET_STATE
     from services.runtime.subscriber import Subscriber, UntypedSubscriber
     from services.runtime.transport.wire import publisher_id
 
     nodes = {
         publisher_id(each.node, each.session, key_of(each.name)): each.node for each in entities if each.kind == "pub"
     }
-    listeners = [UntypedSubscriber(link, name) for name in _observable_topics(entities)]
     clock = UntypedSubscriber(link, CLOCK.name)
     fleet = UntypedSubscriber(link, FLEET_STATE.name, latched=True)
     health = Subscriber(HEALTH, HEALTH.name, key_of(HEALTH.name), link)
+    listeners = {name: UntypedSubscriber(link, name) for name in _observable_topics(entities)}
     read_clock, read_base, read_fleet = decoder(Clock), decoder(BaseStatus), decoder(FleetState)
-    seen, times = FleetObservation(), []
+    seen, times, expected, least = FleetObservation(), [], set(nodes_with_loop(entities)), MIN_OBSERVATION_S
+    asked: PendingReplies | None = link.query_async(ALL_PINGS, ASKS_HEALTH, seconds, notify=link.wake)
     began = time.monotonic()
-    while (seen_for := time.monotonic() - began) < seconds:
+    while (seen_for := time.monotonic() - began) < (seconds if expected - seen.heartbeats.keys() else least):
         link.wait(clock.raw)
-        for each in listeners:
+        for name, each in listeners.items():
             for sample in each.drain():
                 node = "a foreign program" if sample.origin is None else nodes.get(sample.origin.publisher, "")
-                sender = Sender(node or "a program that shows no publication", each.name)
-                counted = seen.counts.setdefault(sender, SampleCount())
+                counted = seen.counts.setdefault(
+                    Sender(node or "a program that shows no publication", name), SampleCount()
+                )
                 counted.received += 1
                 if sample.origin is not None:
                     counted.first = counted.first or sample.origin.sequence
                     counted.last = max(counted.last, sample.origin.sequence)
-                if each.name.endswith(f"/{BASE_STATUS.name}"):
+                if name.endswith(f"/{BASE_STATUS.name}"):
                     try:
-                        seen.bases[each.name.removesuffix(f"/{BASE_STATUS.name}") or "/"] = read_base(sample.payload)
+                        seen.bases[name.removesuffix(f"/{BASE_STATUS.name}") or "/"] = read_base(sample.payload)
                     except WrongPayload:
                         continue
         for sample in clock.drain():
@@ -228,25 +266,55 @@ def observe_fleet(link: Transport, entities: Sequence[Entity], seconds: float = 
                 seen.state = read_fleet(sample.payload)
             except WrongPayload:
                 continue
+            seen.usage.watch([each.pid for each in seen.state.processes])
         health.update()
-        seen.heartbeats |= {beat.node: beat for beat, _ in health.messages}
+        beats = [beat for beat, _ in health.messages]
+        if asked is not None and (replies := asked.poll()) is not None:
+            asked = None
+            beats += _healths(replies)
+        for beat in beats:
+            seen.heartbeats[beat.node] = beat
+            seen.usage.watch([beat.pid])
+            for name in (entry.topic for entry in beat.inputs if entry.foreign):
+                if name not in listeners and _is_observable(name):
+                    listeners[name] = UntypedSubscriber(link, name)
+                    least = seconds
     seen.wall = seen_for
     seen.simulated = (max(times) - min(times)) / 1e9 if times else 0.0
-    for each in (*listeners, clock, fleet):
+    for each in (*listeners.values(), clock, fleet):
         each.close()
     health.close()
     return seen
 
 
+def _healths(replies: Sequence[Reply]) -> Iterator[Health]:
+    """The answers of nodes that tell their health when they are asked."""
+    read = decoder(Health)
+    for each in replies:
+        if each.ok and 0 < len(each.payload) <= HEALTH.largest:
+            with suppress(WrongPayload):
+                yield read(each.payload)
+
+
+def nodes_with_loop(entities: Sequence[Entity]) -> list[str]:
+    """The nodes with a loop, without those of tools, whose names begin with an underscore."""
+    names = {each.node for each in entities if each.kind == "node"}
+    return sorted(each for each in names if not each.rpartition("/")[2].startswith("_"))
+
+
 def _observable_topics(entities: Sequence[Entity]) -> list[str]:
-    """The topics in use with a promised rate, and those of the bases."""
-    found = set()
-    for each in entities:
-        if each.kind not in ("pub", "sub") or (topic := known_topic(each.name)) is None:
-            continue
-        if topic.rate and topic.name not in _ON_DEMAND:
-            found.add(each.name)
-    return sorted(found)
+    """The topics with a promised rate that some node besides the simulation sends, and those of the bases."""
+    from messages.topics import BASE_STATUS
+
+    simulations = {each.node for each in entities if each.kind == "node" and each.name == "sim"}
+    found = {each.name for each in entities if each.kind == "pub" and each.node not in simulations}
+    found |= {each.name for each in entities if each.kind == "pub" and each.name.endswith(f"/{BASE_STATUS.name}")}
+    return sorted(filter(_is_observable, found))
+
+
+def _is_observable(name: str) -> bool:
+    topic = known_topic(name)
+    return topic is not None and bool(topic.rate) and topic.name not in _ON_DEMAND
 
 
 INIT_PROCESSES = ("systemd", "init")

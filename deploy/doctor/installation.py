@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import subprocess
 import sys
@@ -14,10 +15,13 @@ from deploy import VERSION
 from deploy.doctor import Finding, fail, ok, warn
 from services.runtime.errors import BadInput
 from services.runtime.process import ROOT, check_import_roots
+from services.sim.engines import ENGINES, has_engine
 
-NATIVE_LIBRARIES = ("zenoh", "pybullet", "rerun", "numpy", "matplotlib")
+NATIVE_LIBRARIES = ("zenoh", *(each for each in ENGINES if has_engine(each)), "rerun_bindings", "numpy", "matplotlib")
 """Libraries with native code: installed is not yet loadable."""
 LOAD_TIMEOUT_S = 60.0
+_LOAD = "import ctypes, os, sys\nfor each in sys.argv[1:]: ctypes.CDLL(each, os.RTLD_NOW)\nos._exit(0)"
+"""Loads files as an import would, with all that they need; the imports themselves take 3 s of processor time."""
 _PINNED = re.compile(r"^([\w.-]+)==([^\s;\\]+)( ;)?", re.MULTILINE)
 REINSTALL = "remove .venv and start ./elea again: it installs what the lock says"
 
@@ -81,18 +85,19 @@ def packages(root: Path = ROOT) -> Iterator[Finding]:
 
 
 def libraries() -> Iterator[Finding]:
-    """The libraries with native code load; each in a process of its own, since one may end it."""
-    started = {
-        name: subprocess.Popen(
-            [sys.executable, "-P", "-c", f"import {name}"],
+    """The native code of the libraries loads; each in a process of its own, since it may end it."""
+    started, broken = {}, []
+    for name in NATIVE_LIBRARIES:
+        if (files := _native_files(name)) is None:
+            broken.append(f"{name}: ModuleNotFoundError: No module named {name!r}")
+            continue
+        started[name] = subprocess.Popen(
+            [sys.executable, "-I", "-S", "-c", _LOAD, *files],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             text=True,
         )
-        for name in NATIVE_LIBRARIES
-    }
-    broken = []
     for name, process in started.items():
         try:
             _, errors = process.communicate(timeout=LOAD_TIMEOUT_S)
@@ -108,3 +113,13 @@ def libraries() -> Iterator[Finding]:
         yield fail("libraries", "; ".join(broken), f"install the libraries named there, else {REINSTALL}")
     else:
         yield ok("libraries", f"{', '.join(NATIVE_LIBRARIES)} load")
+
+
+def _native_files(name: str) -> list[str] | None:
+    """The native code of a library, which is not imported; None if there is no such library."""
+    found = importlib.util.find_spec(name)
+    if found is None or found.origin is None:
+        return None
+    origin = Path(found.origin)
+    files = origin.parent.rglob("*.so") if found.submodule_search_locations else [origin]
+    return sorted(str(each) for each in files if each.suffix == ".so")

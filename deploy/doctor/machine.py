@@ -15,8 +15,10 @@ from pathlib import Path
 
 from deploy.doctor import Finding, fail, ok, warn
 from services.runtime.user_folders import instances_folder, runs_folder
+from services.sim.engines import ENGINES, PYBULLET_PACKAGES, default_engine, has_engine
 
-PYTHON_VERSION = (3, 11)
+PYTHON_VERSIONS = ((3, 11), (3, 12), (3, 13))
+MACHINES = ("x86_64", "aarch64")
 MIN_CORES = 2
 MIN_MEMORY_MIB = 1024
 """Memory that a fleet of five robots with its recording takes, and some more."""
@@ -26,27 +28,36 @@ _STEP_S = 0.05
 
 
 def python_version() -> Iterator[Finding]:
-    """CPython 3.11, for which PyBullet and rerun have packages."""
+    """CPython 3.11 to 3.13, for which the lock holds."""
     version = platform.python_version()
-    if sys.version_info[:2] == PYTHON_VERSION and sys.implementation.name == "cpython":
+    if sys.version_info[:2] in PYTHON_VERSIONS and sys.implementation.name == "cpython":
         yield ok("python", f"{version} at {sys.executable}")
     else:
         yield fail(
             "python",
-            f"{sys.implementation.name} {version}; PyBullet has packages only for CPython 3.11",
-            "install uv, or python3.11 with venv, remove .venv, and start ./elea again",
+            f"{sys.implementation.name} {version}; requirements.lock holds for CPython 3.11 to 3.13",
+            "install uv, or one of these with venv, remove .venv, and start ./elea again",
         )
 
 
 def platform_supported() -> Iterator[Finding]:
-    """Linux on x86_64."""
+    """Linux on x86_64 or ARM."""
     here = f"{platform.system()} {platform.release()} on {platform.machine()}"
-    if (platform.system(), platform.machine()) == ("Linux", "x86_64"):
+    if platform.system() == "Linux" and platform.machine() in MACHINES:
         yield ok("platform", here)
     else:
-        yield fail(
-            "platform", f"{here}; PyBullet has packages only for Linux on x86_64", "use such a machine, or a container"
-        )
+        yield fail("platform", f"{here}; Elea is for Linux on x86_64 or aarch64", "use such a machine, or a container")
+
+
+def physics_engines() -> Iterator[Finding]:
+    """At least one physics engine is installed."""
+    found = [each for each in ENGINES if has_engine(each)]
+    if not found:
+        yield fail("engines", f"none of {', '.join(ENGINES)} is installed", "remove .venv and start ./elea again")
+    elif "pybullet" in found:
+        yield ok("engines", f"{', '.join(found)}; {default_engine()} unless a fleet says otherwise")
+    else:
+        yield ok("engines", f"{', '.join(found)} alone: {PYBULLET_PACKAGES}")
 
 
 def cores_and_memory() -> Iterator[Finding]:

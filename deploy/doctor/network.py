@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 
 from deploy.doctor import Finding, fail, ok, warn
-from deploy.doctor.fleet import OBSERVATION_S, check_fleet, observe_fleet, why_lost
-from messages.elea import Health
+from deploy.doctor.fleet import OBSERVATION_S, check_fleet, nodes_with_loop, observe_fleet, why_lost
+from messages.elea import Health, InputHealth
 from services.runtime.errors import BadInput
 from services.runtime.fleet_instances import FleetInstance, running_fleets
 from services.runtime.graph import Entity
@@ -17,6 +17,8 @@ from services.runtime.transport.unix_sockets import is_listening, is_unix, make_
 from services.runtime.transport.zenoh_config import is_local
 
 VIEWER_PORT = 9876
+MOST_ALIKE = 3
+"""Topics, or nodes, of which the same is said one by one."""
 
 
 def ports(place: NetworkAddress) -> Iterator[Finding]:
@@ -87,7 +89,7 @@ def router(place: NetworkAddress, asked: bool) -> Iterator[Finding]:
         with open_transport(place.router, place.domain) as transport:
             took = time.monotonic() - began
             entities = snapshot(transport)
-            yield ok("router", f"{place.router} joined within {took:.2f} s, {len(_nodes(entities))} nodes")
+            yield ok("router", f"{place.router} joined within {took:.2f} s, {len(nodes_with_loop(entities))} nodes")
             yield from requests(entities)
             seen = observe_fleet(transport, entities)
             yield from nodes(entities, seen.heartbeats, lambda topic, beat: why_lost(topic, beat, seen))
@@ -118,7 +120,7 @@ def nodes(
     entities: Sequence[Entity], beats: dict[str, Health], cause: Callable[[str, Health], str] | None = None
 ) -> Iterator[Finding]:
     """Report problems of nodes: no heartbeat, waiting, losses, refusals; ``cause`` gives the cause of losses."""
-    silent = [each for each in _nodes(entities) if each not in beats]
+    silent = [each for each in nodes_with_loop(entities) if each not in beats]
     for name in silent:
         yield warn(
             f"node {name}",
@@ -130,13 +132,8 @@ def nodes(
             yield warn(
                 f"node {name}", f"it waits: {beat.note or 'it does not say for what'}", "is a simulation running?"
             )
+        yield from _losses(beat, cause)
         for each in beat.inputs:
-            if each.lost:
-                yield warn(
-                    f"node {name}",
-                    f"{each.topic}: {each.lost} of {each.received + each.lost} messages were lost on the way",
-                    cause(each.topic, beat) if cause else f"see whether the count grows: ./elea node info {name}",
-                )
             if each.refused:
                 yield warn(
                     f"node {name}",
@@ -169,10 +166,23 @@ def nodes(
         yield ok("nodes", f"{len(beats)} beat, {sound}")
 
 
-def _nodes(entities: Sequence[Entity]) -> list[str]:
-    """The nodes with a loop, without those of tools, whose names begin with an underscore."""
-    names = {each.node for each in entities if each.kind == "node"}
-    return sorted(each for each in names if not each.rpartition("/")[2].startswith("_"))
+def _losses(beat: Health, cause: Callable[[str, Health], str] | None) -> Iterator[Finding]:
+    """The losses of a node; of many topics with the same cause, in one finding."""
+    name, by_cause = beat.node, dict[str, list[InputHealth]]()
+    for each in beat.inputs:
+        if each.lost:
+            why = cause(each.topic, beat) if cause else f"see whether the count grows: ./elea node info {name}"
+            by_cause.setdefault(why, []).append(each)
+    for why, inputs in by_cause.items():
+        if len(inputs) > MOST_ALIKE:
+            lost, sent = sum(each.lost for each in inputs), sum(each.lost + each.received for each in inputs)
+            listed = ", ".join(each.topic for each in inputs[:MOST_ALIKE])
+            topics = f"{len(inputs)} topics, {listed} and {len(inputs) - MOST_ALIKE} more"
+            yield warn(f"node {name}", f"{topics}: {lost} of {sent} messages were lost on the way", why)
+            continue
+        for each in inputs:
+            lost, sent = each.lost, each.lost + each.received
+            yield warn(f"node {name}", f"{each.topic}: {lost} of {sent} messages were lost on the way", why)
 
 
 def _any_problems(beats: dict[str, Health]) -> bool:

@@ -9,6 +9,7 @@ from typing import Any
 
 from deploy.interfaces import canonical_type, known_record, record_by_type
 from deploy.live.connect import cli_node, spin
+from deploy.live.learned_types import record_on_network
 from deploy.live.measure import INTERRUPTED
 from deploy.live.message_format import MAX_ELEMENTS, csv_cells, csv_row, to_flow_yaml, to_yaml, truncate
 from deploy.live.output import write_json, write_note, write_text
@@ -21,14 +22,18 @@ from services.runtime.graph import snapshot
 from services.runtime.light_node import LightNode
 from services.runtime.network_address import NetworkAddress
 from services.runtime.subscriber import ReceivedSample, UntypedSubscriber
+from services.runtime.transport.api import Transport
 
 
 class MessageReader:
     """Decodes the samples of one topic; each kind of problem is noted once."""
 
-    def __init__(self, name: str, expected: str) -> None:
-        """``expected`` is the ROS type of samples that do not state one; empty if unknown."""
-        self._name, self._expected = name, expected
+    def __init__(self, name: str, expected: str, transport: Transport | None = None) -> None:
+        """``expected`` is the ROS type of samples that do not state one; empty if unknown.
+
+        Unknown types are learned from the nodes of ``transport``.
+        """
+        self._name, self._expected, self._transport = name, expected, transport
         self._decoders: dict[str, Callable[[bytes], Message] | None] = {}
         self._noted: set[str] = set()
 
@@ -53,7 +58,7 @@ class MessageReader:
 
     def _decoder(self, type_name: str) -> Callable[[bytes], Message] | None:
         if type_name not in self._decoders:
-            record = known_record(type_name)
+            record = record_on_network(self._transport, type_name) if self._transport else known_record(type_name)
             self._decoders[type_name] = decoder(record) if record is not None else None
             if record is None:
                 problem = f"unknown type {type_name}" if type_name else "undeclared type"
@@ -117,9 +122,12 @@ def echo(place: NetworkAddress, asked: EchoRequest, style: EchoFormat) -> int:
         name, paths = _split_field(live, name, paths)
         ends = wait_for_topic(live, name, asked.wait)
         expected, latched = wanted or topic_type(ends), is_latched(ends)
-        _check_fields(expected, paths)
+        _check_fields(live, expected, paths)
         printer = _Printer(style, paths)
-        listener, reader = UntypedSubscriber(live.transport, name, latched), MessageReader(name, expected)
+        listener, reader = (
+            UntypedSubscriber(live.transport, name, latched),
+            MessageReader(name, expected, live.transport),
+        )
         live.declare_subscription(name, expected, "LATCHED" if latched else "SENSOR")
         left = None if deadline is None else max(0.0, deadline - time.monotonic())
         for _ in spin(live, listener.raw, left):
@@ -186,7 +194,7 @@ def _split_field(live: LightNode, name: str, paths: list[FieldPath]) -> tuple[st
         return name, paths
     above = [each for each in known if name.startswith(f"{each}/")]
     longest = max(above, key=len, default="")
-    record = known_record(topic_type(known[longest])) if longest else None
+    record = record_on_network(live.transport, topic_type(known[longest])) if longest else None
     if record is None:
         return name, paths
     path = parse_path(name.removeprefix(f"{longest}/"))
@@ -194,9 +202,9 @@ def _split_field(live: LightNode, name: str, paths: list[FieldPath]) -> tuple[st
     return longest, [path]
 
 
-def _check_fields(type_name: str, paths: list[FieldPath]) -> None:
+def _check_fields(live: LightNode, type_name: str, paths: list[FieldPath]) -> None:
     """Refuse fields that the type does not have before any message came."""
-    record = known_record(type_name)
+    record = record_on_network(live.transport, type_name) if paths else None
     for path in paths if record is not None else ():
         assert record is not None
         check_path(record, path)

@@ -6,7 +6,7 @@ import os
 import re
 import select
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
@@ -36,6 +36,15 @@ def write_json(value: Any, *, lines: bool = False) -> None:
 
     written = msgspec.json.encode(value)
     write_text((written if lines else msgspec.json.format(written, indent=2)).decode() + "\n", flush=lines)
+
+
+def write_listing(about: Mapping[str, str], as_json: bool) -> None:
+    """Names with a line about each, as a table or as JSON."""
+    if as_json:
+        write_json([{"name": name, "about": text} for name, text in about.items()])
+        return
+    width = max(map(len, about))
+    write_text("".join(f"{name:<{width}}  {text}\n" for name, text in about.items()))
 
 
 def write_note(text: str) -> None:

@@ -9,12 +9,13 @@ from typing import Any
 
 from deploy.interfaces import known_topic, record_by_type
 from deploy.live.connect import cli_node, spin, user_and_host
+from deploy.live.learned_types import record_on_network
 from deploy.live.measure import INTERRUPTED
 from deploy.live.message_builder import MessageBuilder, split_type
 from deploy.live.message_format import to_flow_yaml, truncate
 from deploy.live.output import write_json, write_note, write_text
 from deploy.live.subscribers import ClockSubscriber
-from deploy.live.topics import TopicEndpoints, absolute_name, group_by_topic, is_hidden
+from deploy.live.topics import TopicEndpoints, absolute_name, group_by_topic, is_hidden, topic_type
 from messages.base import Message
 from messages.names import key as key_of
 from messages.plain import plain_record
@@ -55,6 +56,7 @@ def publish(place: NetworkAddress, asked: PublishRequest, show: str = "text") ->
         graph = snapshot(live.transport)
         known = group_by_topic(graph)
         ends = known.get(name, TopicEndpoints(name))
+        record_on_network(live.transport, split_type(asked.values)[0] or topic_type(ends))
         record, values = _resolve_type(name, ends, asked.values, known)
         draft = MessageBuilder(record, values, asked.stamped)
         quality = _resolve_quality(name, ends)

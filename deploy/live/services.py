@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from deploy.interfaces import known_record, known_request, record_by_type
+from deploy.interfaces import canonical_type, known_record, known_request, service_interface
+from deploy.live.learned_types import learn_types
 from deploy.live.message_builder import MessageBuilder, split_type
 from deploy.live.output import write_note
 from deploy.live.topics import not_found
@@ -44,7 +45,7 @@ def list_services(transport: Transport) -> dict[str, ServiceInfo]:
     found: dict[str, ServiceInfo] = {}
     entities = (Entity.parse(each) for each in transport.tokens(token_pattern("srv")))
     for each in sorted((each for each in entities if each), key=lambda each: (each.name, each.node)):
-        known = known_request(each.name)
+        known = known_request(each.name, each.record) or service_interface(each.record)
         replies = known.response_type.ROS_TYPE if known is not None else "?"
         about = known.about if known is not None else ""
         nodes = (*found[each.name].nodes, each.node) if each.name in found else (each.node,)
@@ -64,9 +65,10 @@ def call_service(transport: Transport, name: str, values: Sequence[str], timeout
     """The reply to a request, as plain values; raises BadInput for bad values and CallFailed for a refusal."""
     server = find_service(transport, name)
     given, words = split_type(values)
-    if given and server.asks != record_by_type(given).ROS_TYPE:
+    known = known_request(name, server.asks) or _service_of_type(transport, server.asks)
+    record = known.request_type if known is not None else known_record(server.asks)
+    if given and canonical_type(given) not in (server.asks, record.ROS_TYPE if record is not None else ""):
         raise BadInput(f"{name} has the request type {server.asks}, not {given}")
-    record, known = known_record(server.asks), known_request(name)
     message: Any
     if record is None:
         write_note(f"{name} has the unknown request type {server.asks}: the values are sent unchecked")
@@ -74,5 +76,13 @@ def call_service(transport: Transport, name: str, values: Sequence[str], timeout
     else:
         message = MessageBuilder(record, words).build(0)
     # A reply of a type that is not known here is shown as it is.
-    request: Request[Any, Any] = known or Request(name, type(message), object, "")
+    request: Request[Any, Any] = known or Request(name, type(message), Any, "")
     return plain(encode(call(transport, request, key_of(name), message, timeout)))
+
+
+def _service_of_type(transport: Transport, type_name: str) -> Request[Any, Any] | None:
+    """The records of a service type (``my_pkg/AddTwoInts``), which its server may have announced."""
+    known = service_interface(type_name)
+    if known is None and known_record(type_name) is None and learn_types(transport):
+        known = service_interface(type_name)
+    return known

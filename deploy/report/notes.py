@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from deploy.fleet import Fleet, RobotConfig
-from deploy.report.record import RunFigures
+from deploy.report.record import RunFigures, named
 from messages.se2 import Twist2
 from models.model import read_model
 from services.runtime.errors import BadInput
@@ -22,13 +22,15 @@ from services.square.tutorial import ANGLE_THRESHOLD, STEP_S, BaseStep, overrun,
 def fleet_notes(fleet: Fleet) -> tuple[str, ...]:
     """Returns the base drivers' configuration warnings, a note for each square driven by the tutorial's law, and one on
     the errors of wheel odometry."""
-    found = []
+    found, tutorial = list[str](), list[str]()
+    found += _base_warnings(fleet.robot)
     for robot in fleet.robot:
-        found += _base_warnings(robot)
         for member in (*robot.services, *(each for _, each in fleet.shared_services(robot))):
             if member.kind == "square" and member.parameters.get("law") == "tutorial":
-                found.append(_tutorial_note(robot, build(SquareParameters, member.parameters)))
-    return (*found, *_odometry_notes(fleet))
+                tutorial.append(_tutorial_note(robot, build(SquareParameters, member.parameters)))
+    rest = len(tutorial) - MAX_NAMED_ROBOTS
+    more = [f"The same holds for {rest} more robots."] if rest > 0 else []
+    return (*found, *tutorial[:MAX_NAMED_ROBOTS], *more, *_odometry_notes(fleet))
 
 
 def _odometry_notes(fleet: Fleet) -> list[str]:
@@ -55,9 +57,7 @@ def _odometry_notes(fleet: Fleet) -> list[str]:
 def start_lines(fleet: Fleet, overrides: Sequence[str]) -> tuple[str, ...]:
     """Notes at the start of a run: changed keys of the fleet file, and robots without a command timeout."""
     lines = [f"changed on the command line: {', '.join(overrides)}"] if overrides else []
-    for robot in fleet.robot:
-        lines += [each for each in _base_warnings(robot) if each.endswith(NO_TIMEOUT)]
-    return tuple(lines)
+    return (*lines, *(each for each in _base_warnings(fleet.robot) if each.endswith(NO_TIMEOUT)))
 
 
 def overrides_note(overrides: Sequence[str]) -> tuple[str, ...]:
@@ -65,12 +65,23 @@ def overrides_note(overrides: Sequence[str]) -> tuple[str, ...]:
     return (f"Changed on the command line: {', '.join(overrides)}.",) if overrides else ()
 
 
-def _base_warnings(robot: RobotConfig) -> list[str]:
-    try:
-        settings = _settings(robot)
-    except BadInput:
-        return []  # the simulation has refused it, with the reason
-    return [f"{robot.name}: {warning}" for warning in settings.warnings] if settings else []
+def _base_warnings(robots: Iterable[RobotConfig]) -> list[str]:
+    """The warnings of their base drivers, one of many robots told once."""
+    told: dict[str, list[str]] = {}
+    for robot in robots:
+        try:
+            settings = _settings(robot)
+        except BadInput:
+            continue  # the simulation has refused it, with the reason
+        for warning in settings.warnings if settings else ():
+            told.setdefault(warning, []).append(robot.name)
+    lines = []
+    for warning, names in told.items():
+        if len(names) > MAX_NAMED_ROBOTS:
+            lines.append(f"{named(names)}: {warning}")
+        else:
+            lines += [f"{name}: {warning}" for name in names]
+    return lines
 
 
 def _tutorial_note(robot: RobotConfig, p: SquareParameters) -> str:

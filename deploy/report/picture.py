@@ -2,98 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from io import BytesIO
 from pathlib import Path
 from textwrap import wrap
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from PIL import Image
 
+from deploy.report.axes import (
+    FAINT,
+    INK,
+    MIN_DISTANCE_SPAN,
+    MIN_SPEED_SPAN,
+    LineStyle,
+    Trails,
+    base_column,
+    coloured_line_styles,
+    draw_world,
+    ensure_ground,
+    ensure_span,
+    shorten_name,
+    style_axes,
+)
+from deploy.report.picture_many import STRIP_HEIGHT, draw_many
+from deploy.report.ranking import FEW, worst_first
 from deploy.report.record import Report
-from deploy.report.table import format_fixed, format_number, square_lines, wheeled_robots
-from models import palette
-from services.grader.records import ARM_TRAIL_COLUMNS, ROBOT_TRAIL_COLUMNS, ArmFigures, RobotFigures, StepFigures
-
-INK, FAINT, GRID = "#22272e", "#8a929c", "#e6e9ed"
-
-MAX_NAME_LENGTH = 28
-"""Characters of a name in a legend."""
-
-MAX_LINE_WIDTH, MIN_LINE_WIDTH = 2.5, 0.9
-"""Line widths [points]; of lines that may overlap, the first is the widest and at the bottom."""
-_DASHES: tuple[Any, ...] = ("-", (0, (7, 2)), (0, (4, 2)), (0, (2, 1.5)))
-
-
-class LineStyle(NamedTuple):
-    """The line style of one robot, so that overlapping lines stay visible."""
-
-    colour: str
-    width: float
-    dash: Any
-    order: float
-
-    @property
-    def plot_options(self) -> dict[str, Any]:
-        """As Matplotlib's arguments."""
-        return {"color": self.colour, "lw": self.width, "ls": self.dash, "zorder": 3 + self.order}
-
-
-def line_styles(names: Iterable[str]) -> dict[str, LineStyle]:
-    """A line for each of some robots; a robot alone has a solid one of the usual width."""
-    each = list(names)
-    if len(each) == 1:
-        return {each[0]: LineStyle("", 1.3, "-", 0.0)}
-    step = (MAX_LINE_WIDTH - MIN_LINE_WIDTH) / max(1, len(each) - 1)
-    return {
-        name: LineStyle("", MAX_LINE_WIDTH - step * index, _DASHES[index % len(_DASHES)], index / len(each))
-        for index, name in enumerate(each)
-    }
-
-
-def coloured_line_styles(names: Iterable[str], among: Iterable[str]) -> dict[str, LineStyle]:
-    """The lines of robots in the colours that they have ``among`` all robots of the fleet."""
-    colour = palette.colours(among)
-    return {name: line._replace(colour=palette.hexadecimal(colour[name])) for name, line in line_styles(names).items()}
-
-
-def shorten_name(name: str, most: int = MAX_NAME_LENGTH) -> str:
-    """A name cut to ``most`` characters from its beginning, since its end says more."""
-    return name if len(name) <= most else f"\N{HORIZONTAL ELLIPSIS}{name[1 - most :]}"
-
-
-def style_axes(axes: Any, title: str, x: str, y: str) -> None:
-    """Title, labels with units, numbers and grid."""
-    axes.set_title(title, loc="left", fontsize=10.5, color=INK, fontweight="bold")
-    axes.set_xlabel(x, fontsize=9, color=INK)
-    axes.set_ylabel(y, fontsize=9, color=INK)
-    axes.tick_params(labelsize=8.5, colors=INK, length=0)
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(lambda value, _, axis=axis: format_number(value, _largest_tick(axis)))
-    axes.grid(color=GRID, lw=0.8)
-    axes.set_axisbelow(True)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
-
-
-def ensure_span(axes: Any, least: float) -> None:
-    """Let the y axis span at least ``least``, in its unit: smaller values are rounding errors."""
-    low, high = axes.get_ylim()
-    if high - low < least:
-        middle = (low + high) / 2
-        axes.set_ylim(middle - least / 2, middle + least / 2)
-
-
-def _largest_tick(axis: Any) -> float:
-    """The largest number on an axis, without sign."""
-    low, high = axis.get_view_interval()
-    return float(max(abs(low), abs(high)))
-
+from deploy.report.table import format_fixed, square_lines, wheeled_robots
+from services.grader.records import ARM_TRAIL_COLUMNS, ArmFigures, RobotFigures, StepFigures
 
 STEP_CLOSE_UP_S = 0.6
 """Time [s] of a step shown in detail, and a tenth of it before."""
@@ -101,16 +40,18 @@ STEP_CLOSE_UP_S = 0.6
 MIN_SPANS = (0.1, 0.01, 0.1)
 """Minimum span of the axes of angle [deg], error [deg] and effort [N m]."""
 
-Trails = dict[str, np.ndarray]
-
 
 def measured_arms(report: Report, arrays: Trails) -> dict[str, ArmFigures]:
-    """The arms of a run of which there is something to show."""
-    return {
+    """The arms of a run of which there is something to show; of more than FEW the worst."""
+    found = {
         name: each
         for name, each in report.robots.items()
         if isinstance(each, ArmFigures) and len(arrays[f"{name}.trail"])
     }
+    if len(found) <= FEW:
+        return found
+    shown = [name for name in worst_first(report) if name in found][:FEW]
+    return {name: found[name] for name in shown}
 
 
 def draw_arms(
@@ -122,12 +63,12 @@ def draw_arms(
     effort.sharex(angle)
     for name, figures in arms.items():
         trail, drawn, label = arrays[f"{name}.trail"], line[name].plot_options, shorten_name(name)
-        time = _arm_column(trail, "time")
-        wanted, held = _arm_column(trail, "reference"), {"drawstyle": "steps-post"}
+        time = _armbase_column(trail, "time")
+        wanted, held = _armbase_column(trail, "reference"), {"drawstyle": "steps-post"}
         angle.plot(time, wanted, color=FAINT, lw=3.4, alpha=0.6, label=_arm_label("reference", label, arms), **held)
-        angle.plot(time, _arm_column(trail, "angle"), **drawn, label=label)
-        error.plot(time, _arm_column(trail, "error"), **drawn, label=_tracking_label(label, figures))
-        effort.plot(time, _arm_column(trail, "effort"), **drawn, **held, label=_effort_label(label, figures))
+        angle.plot(time, _armbase_column(trail, "angle"), **drawn, label=label)
+        error.plot(time, _armbase_column(trail, "error"), **drawn, label=_tracking_label(label, figures))
+        effort.plot(time, _armbase_column(trail, "effort"), **drawn, **held, label=_effort_label(label, figures))
         if near is not None and figures.steps:
             largest = max(figures.steps, key=lambda each: abs(each.to_deg - each.from_deg))
             _draw_step(near, trail, largest, drawn, label)
@@ -149,7 +90,7 @@ def _arm_label(what: str, name: str, arms: dict[str, ArmFigures]) -> str:
     return what if len(arms) == 1 else f"{name}: {what}"
 
 
-def _arm_column(trail: np.ndarray, name: str) -> np.ndarray:
+def _armbase_column(trail: np.ndarray, name: str) -> np.ndarray:
     column: np.ndarray = trail[:, ARM_TRAIL_COLUMNS.index(name)]
     return column
 
@@ -163,14 +104,14 @@ def _limit_error_axis(axes: Any, arms: dict[str, ArmFigures]) -> None:
 
 
 def _draw_step(axes: Any, trail: np.ndarray, step: StepFigures, drawn: dict[str, Any], name: str) -> None:
-    since = _arm_column(trail, "time") - step.at_s
+    since = _armbase_column(trail, "time") - step.at_s
     shown = (since >= -STEP_CLOSE_UP_S / 10) & (since <= STEP_CLOSE_UP_S)
-    axes.step(since[shown], _arm_column(trail, "reference")[shown], where="post", color=FAINT, lw=2.4, alpha=0.7)
+    axes.step(since[shown], _armbase_column(trail, "reference")[shown], where="post", color=FAINT, lw=2.4, alpha=0.7)
     label = (
         f"{name}: {format_fixed(step.final_deg, 2)} deg, rise {1000 * step.rise_s:.0f} ms,\n"
         f"overshoot {step.overshoot_percent:.2f} %, settled in {1000 * step.settling_s:.0f} ms"
     )
-    axes.plot(since[shown], _arm_column(trail, "angle")[shown], **drawn, marker=".", ms=3, label=label)
+    axes.plot(since[shown], _armbase_column(trail, "angle")[shown], **drawn, marker=".", ms=3, label=label)
     start, way = step.from_deg, step.final_deg - step.from_deg
     for share in (0.1, 0.9):
         axes.axhline(start + share * way, color=INK, lw=0.6, ls=(0, (1, 4)))
@@ -193,9 +134,6 @@ def _effort_label(name: str, figures: ArmFigures) -> str:
 WIDTH, HEIGHT, ARM_HEIGHT, EMPTY_HEIGHT, DPI = 13.5, 7.6, 3.4, 1.6, 130
 """Inches; a run with robots that drive and arms is as high as both."""
 
-MIN_SPEED_SPAN, MIN_DISTANCE_SPAN = 0.01, 1e-5
-"""Minimum span of the axes, m/s and m: smaller values are rounding errors."""
-
 PALETTE_SIZE = 256
 """Colours in the file: it looks the same, in a third of the bytes."""
 
@@ -217,13 +155,14 @@ def draw_figure(report: Report, trajectories: Path) -> Figure:
         arrays: Trails = {name: stored[name] for name in stored.files}
     driving = {name: each for name, each in wheeled_robots(report).items() if len(arrays[f"{name}.trail"])}
     arms = measured_arms(report, arrays)
+    many = len(driving) > FEW
     height = (HEIGHT if driving or not arms else 0.0) + (ARM_HEIGHT if driving and arms else HEIGHT if arms else 0.0)
-    height = height if driving or arms else EMPTY_HEIGHT
+    height = height + (STRIP_HEIGHT if many else 0.0) if driving or arms else EMPTY_HEIGHT
     figure = Figure(figsize=(WIDTH, height), dpi=DPI, facecolor="white")
     FigureCanvasAgg(figure)
     if driving:
-        bottom = ((ARM_HEIGHT if arms else 0.0) + 0.874) / height
-        _draw_bases(figure, bottom, report, driving, arrays)
+        bottom = ((ARM_HEIGHT if arms else 0.0) + (0.5 if many else 0.874)) / height
+        (draw_many if many else _draw_bases)(figure, bottom, report, driving, arrays)
     if arms:
         near, *rest = _arm_axes(figure, bool(driving), any(each.steps for each in arms.values()))
         draw_arms(near, (rest[0], rest[1], rest[2]), arms, arrays, coloured_line_styles(arms, report.robots))
@@ -236,7 +175,7 @@ def draw_figure(report: Report, trajectories: Path) -> Figure:
 def _draw_bases(figure: Any, bottom: float, report: Report, driving: dict[str, RobotFigures], arrays: Trails) -> None:
     """The robots that drive, above ``bottom``, a share of the height; with the legend below."""
     top, line = 1 - 1.102 / figure.get_figheight(), coloured_line_styles(driving, report.robots)
-    tracked = [name for name in driving if not np.isnan(_column(arrays[f"{name}.trail"], "cross_track")).all()]
+    tracked = [name for name in driving if not np.isnan(base_column(arrays[f"{name}.trail"], "cross_track")).all()]
     grid = figure.add_gridspec(
         2 if tracked else 1,
         2,
@@ -252,57 +191,20 @@ def _draw_bases(figure: Any, bottom: float, report: Report, driving: dict[str, R
     for name in driving:
         trail = arrays[f"{name}.trail"]
         _draw_path(above, arrays[f"{name}.path"], trail, line[name].colour, shorten_name(name))
-        along.plot(_column(trail, "time"), _column(trail, "speed"), **line[name].plot_options, label=shorten_name(name))
+        along.plot(
+            base_column(trail, "time"), base_column(trail, "speed"), **line[name].plot_options, label=shorten_name(name)
+        )
     if tracked:
         across = figure.add_subplot(grid[0, 1], sharex=along)
         _draw_cross_track(across, {name: driving[name] for name in tracked}, arrays, line)
-    middle = (above.dataLim.min + above.dataLim.max) / 2
-    above.update_datalim([middle - MIN_GROUND_SPAN_M / 2, middle + MIN_GROUND_SPAN_M / 2])
-    _draw_world(above, arrays)
+    ensure_ground(above)
+    draw_world(above, arrays)
     style_axes(above, "Paths seen from above", "x [m]", "y [m]")
     above.set_aspect("equal", adjustable="datalim")
     style_axes(along, "True speed", "simulation time [s]", "speed [m/s]")
     _add_line_legend(along, MIN_SPEED_SPAN)
     _draw_square_notes(above, report)
     _add_path_legend(figure, above, bottom - 0.813 / figure.get_figheight(), bool(tracked))
-
-
-MIN_GROUND_SPAN_M = 2.0
-"""What the map spans at least: a robot that stands still moves by nanometres."""
-
-WORLD_MARGIN_M, WORLD_MARGIN_SHARE = 1.5, 0.2
-"""How far around what was driven the world is shown: so many metres, or this share of its extent if that is more."""
-
-WORLD_FILL = 0.4
-"""Opacity of the bodies of the world."""
-
-
-def _draw_world(axes: Any, arrays: Trails) -> None:
-    """The bodies of the world below the paths: their outlines at the start, and the ways of those that moved.
-
-    They are drawn as far as they lie around what was driven, which ``axes`` shows already.
-    """
-    corners, counts = (arrays.get(f"world.{each}", np.empty(0)) for each in ("corners", "counts"))
-    if not len(counts):
-        return
-    outlines = np.split(corners, np.cumsum(counts)[:-1])
-    paths = np.split(arrays["world.paths"], np.cumsum(arrays["world.path_counts"])[:-1])
-    colours = arrays["world.colours"]
-    driven = np.array([axes.dataLim.min, axes.dataLim.max])
-    margin = max(WORLD_MARGIN_M, WORLD_MARGIN_SHARE * float(np.ptp(driven, axis=0).max()))
-    low, high = driven[0] - margin, driven[1] + margin
-    for outline in outlines:
-        near, far = np.maximum(outline.min(axis=0), low), np.minimum(outline.max(axis=0), high)
-        if (near <= far).all():
-            axes.update_datalim([near, far])
-    of_body = colours[arrays["world.bodies"]]
-    faces = np.column_stack((of_body[:, :3], of_body[:, 3] * WORLD_FILL))
-    alone = np.bincount(arrays["world.bodies"])[arrays["world.bodies"]] == 1  # no inner edges of meshes
-    edges = [FAINT if each else "none" for each in alone]
-    axes.add_collection(PolyCollection(outlines, facecolors=faces, edgecolors=edges, lw=0.8, zorder=0.7), autolim=False)
-    for path, colour in zip(paths, colours, strict=True):
-        if len(path):
-            axes.plot(path[:, 0], path[:, 1], color=colour[:3], lw=1.1, ls=(0, (2, 2)), alpha=0.8, zorder=0.8)
 
 
 def _arm_axes(figure: Any, beside: bool, steps: bool) -> list[Any]:
@@ -322,25 +224,22 @@ def _arm_axes(figure: Any, beside: bool, steps: bool) -> list[Any]:
     return [figure.add_subplot(each) for each in (grid[:, 0], grid[0, 1], grid[1, 1], grid[2, 1])]
 
 
-def _column(trail: np.ndarray, name: str) -> np.ndarray:
-    column: np.ndarray = trail[:, ROBOT_TRAIL_COLUMNS.index(name)]
-    return column
-
-
 def _draw_path(axes: Any, path: np.ndarray, trail: np.ndarray, colour: str, name: str) -> None:
     axes.plot(path[:, 0], path[:, 1], color=colour, lw=5, alpha=0.16, solid_joinstyle="round", zorder=1)
-    axes.plot(_column(trail, "x"), _column(trail, "y"), color=colour, lw=1.3, label=name, zorder=3)
+    axes.plot(base_column(trail, "x"), base_column(trail, "y"), color=colour, lw=1.3, label=name, zorder=3)
     # Odometry may come less often than ground truth; between its samples the trail has none.
-    seen = trail[~np.isnan(_column(trail, "odom_x"))]
-    axes.plot(_column(seen, "odom_x"), _column(seen, "odom_y"), color=INK, lw=0.8, ls=(0, (1, 4)), alpha=0.8, zorder=4)
+    seen = trail[~np.isnan(base_column(trail, "odom_x"))]
+    axes.plot(
+        base_column(seen, "odom_x"), base_column(seen, "odom_y"), color=INK, lw=0.8, ls=(0, (1, 4)), alpha=0.8, zorder=4
+    )
     axes.plot(path[1:, 0], path[1:, 1], ls="", marker="o", ms=5, mfc="white", mec=colour, mew=1.3, zorder=5)
-    start = path[:1] if len(path) else np.array([[_column(trail, "x")[0], _column(trail, "y")[0]]])
+    start = path[:1] if len(path) else np.array([[base_column(trail, "x")[0], base_column(trail, "y")[0]]])
     axes.plot(start[:, 0], start[:, 1], ls="", marker="s", ms=6, color=colour, zorder=6)
 
 
 def _draw_square_notes(axes: Any, report: Report) -> None:
     """The closure of each square, or why it did not close, below the title of the paths."""
-    lines = [line for line in square_lines(report) if "closed" in line]
+    lines = [line for line in square_lines(report.robots) if "closed" in line]
     lines += [line for note in report.notes for line in wrap(note, 78)]
     if lines:
         axes.text(
@@ -366,7 +265,10 @@ def _draw_cross_track(axes: Any, robots: dict[str, RobotFigures], arrays: Trails
         trail, rms = arrays[f"{name}.trail"], figures.cross_track_rms_m
         label = shorten_name(name) if rms is None else f"{shorten_name(name)}: rms {rms * factor:.2f} {unit}"
         axes.plot(
-            _column(trail, "time"), factor * _column(trail, "cross_track"), **line[name].plot_options, label=label
+            base_column(trail, "time"),
+            factor * base_column(trail, "cross_track"),
+            **line[name].plot_options,
+            label=label,
         )
     style_axes(
         axes, "Distance of the true position from the reference path", "simulation time [s]", f"distance [{unit}]"

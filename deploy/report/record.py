@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from inspect import cleandoc
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -54,6 +56,8 @@ class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
     restarts: int = 0
     started: str = ""
     factor: float = 1.0
+    engine: str = ""
+    topology: str = ""
     changes: tuple[ChangeFigures, ...] = ()
     absent: tuple[str, ...] = ()
     lag_s: float = 0.0
@@ -94,6 +98,13 @@ class RunFigures(msgspec.Struct, frozen=True, kw_only=True):
     changes_missed: Annotated[int, _positive("scheduled changes whose time came and that were not made")] = 0
     nodes_absent: Annotated[int, _positive("nodes of the fleet that were not ready when time began")] = 0
     absent: Annotated[tuple[str, ...], _text("these nodes")] = ()
+    engine: Annotated[str, _text("physics engine; empty in reports of earlier versions and without a simulation")] = ""
+    topology: Annotated[
+        str,
+        _text(
+            "direct: processes are connected to each other; star: to the router; empty in reports of earlier versions"
+        ),
+    ] = ""
     factor: Annotated[
         float, _positive("requested seconds of simulation per second of wall time; in real time only")
     ] = 1.0
@@ -158,19 +169,31 @@ def run_figures(facts: RunFacts, measured: Measurements) -> RunFigures:
         changes_missed=sum(each.made is False for each in facts.changes),
         nodes_absent=len(facts.absent),
         absent=facts.absent,
+        engine=facts.engine,
+        topology=facts.topology,
         factor=facts.factor,
         lag_s=facts.lag_s,
         ticks_missed=measured.ticks_missed,
     )
 
 
+MAX_NAMED = 10
+"""Names in one line about the run."""
+
+
+def named(names: Sequence[str], most: int = 3) -> str:
+    """The first ``most`` names, and how many more there are."""
+    rest = len(names) - most
+    return ", ".join(names[:most]) + (f" and {rest} more" if rest > 0 else "")
+
+
 def member_notes(measured: Measurements) -> tuple[str, ...]:
     """A note on the members that lockstep lost, in words."""
     found = []
     if measured.members_lost:
-        found.append(f"lockstep went on without {', '.join(measured.members_lost)}: the run does not repeat")
+        found.append(f"lockstep went on without {named(measured.members_lost, MAX_NAMED)}: the run does not repeat")
     if measured.members_left:
-        found.append(f"{', '.join(measured.members_left)} left lockstep before the end")
+        found.append(f"{named(measured.members_left, MAX_NAMED)} left lockstep before the end")
     return tuple(found)
 
 
@@ -180,11 +203,11 @@ SCHEMA_FILE = Path(__file__).with_name("schema.json")
 
 def report_schema() -> dict[str, Any]:
     """JSON Schema 2020-12 of a report."""
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": "Elea run report",
-        **msgspec.json.schema(Report),
-    }
+    schema = msgspec.json.schema(Report)
+    for each in schema["$defs"].values():
+        if "description" in each:  # a docstring, whose indentation Python 3.13 takes away
+            each["description"] = cleandoc(each["description"])
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Elea run report", **schema}
 
 
 def schema_text() -> str:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import sys
+from collections.abc import Iterable, Iterator, Mapping
+from statistics import median
 from typing import TextIO
 
 from deploy.report.checks import is_service_check
-from deploy.report.record import Check, Report
-from services.grader.records import ArmFigures, CornerFigures, RobotFigures
+from deploy.report.ranking import FEW, missed_checks, robot_of_check, worst_first
+from deploy.report.record import MAX_NAMED, Check, Report, named
+from services.grader.records import ArmFigures, CornerFigures, Figures, RobotFigures
 
 ROUNDING_SHARE = 1e-6
 """A number below this share of the numbers beside it is shown as zero."""
@@ -41,33 +45,53 @@ _HEADINGS = (
 """Of three lines each, so that the table fits 80 columns; track is the cross-track error, near a body the clearance."""
 
 
-def print_report(report: Report, out: TextIO | None = None) -> None:
-    """Print the report to ``out``, standard output if None."""
+SHOWN, DETAILED = 10, 3
+"""Of more than FEW robots, those that have a row of the table, and those that have lines of their own below it."""
+
+
+def print_report(report: Report, out: TextIO | None = None, every: bool = False) -> None:
+    """Print the report to ``out``, standard output if None.
+
+    Of more than FEW robots, the worst are shown and the others summarized; ``every`` shows all, the worst first.
+    """
     out = out or sys.stdout
-    rows = [_row(name, figures) for name, figures in wheeled_robots(report).items()]
+    many = len(report.robots) > FEW
+    names = worst_first(report) if many else list(report.robots)
+    wheeled = wheeled_robots(report)
+    driving = [name for name in names if name in wheeled]
+    shown = driving[:SHOWN] if many and not every else driving
+    rows = [_row(name, wheeled[name]) for name in shown]
+    if many and driving:
+        rows.append(_median_row([wheeled[name] for name in driving]))
+    lines = [*_rest_lines(driving[len(shown) :], report), *detail_lines(report, every), *note_lines(report)]
+    missed = missed_lines(report, every)
     if out.isatty():
-        _print_coloured(report, rows, out)
+        _print_coloured(report, rows, lines, missed, out)
     else:
-        _print_plain(report, rows, out)
+        _print_plain(report, rows, lines, missed, out)
 
 
 def summary(report: Report) -> str:
     """The run in one line."""
     run = report.run
+    engine = f"engine {run.engine}, " if run.engine else ""
+    topology = f"topology {run.topology}, " if run.topology else ""
     return (
         f"{run.fleet}, {run.mode}: {run.sim_seconds:.1f} s simulated in {run.wall_seconds:.1f} s "
         f"({run.real_time_factor:.2f} x real time), ended: {run.ended}, messages lost: {run.messages_lost}, "
-        f"restarts: {run.restarts}, seed {run.seed}, version {run.version}\n"
+        f"restarts: {run.restarts}, {engine}{topology}seed {run.seed}, version {run.version}\n"
         f"trajectory hash {run.trajectory_hash}"
     )
 
 
-def missed_lines(report: Report) -> list[str]:
-    """One line for each check that does not hold."""
+def missed_lines(report: Report, every: bool = False) -> list[str]:
+    """The checks that do not hold: a line for each, or for all of a kind that many robots miss."""
     lines = []
-    for each in report.checks:
-        if not each.ok:
-            lines += [f"missed: {describe_check(each)}", *_cause_lines(each.name, report)]
+    for group in _groups((each for each in report.checks if not each.ok), report, every):
+        if len(group) > 1:
+            lines.append(f"missed by {_describe_group(group, report)}")
+        else:
+            lines += [f"missed: {describe_check(group[0])}", *_cause_lines(group[0].name, report)]
     return lines
 
 
@@ -79,9 +103,57 @@ def describe_check(check: Check) -> str:
     return f"{check.name} is {value}, should be {sign[check.kind]} {check.bound:g}{reason}"
 
 
-def service_check_lines(report: Report) -> list[str]:
+def service_check_lines(report: Report, every: bool = False) -> list[str]:
     """The passed checks of services; failed ones are listed as missed."""
-    return [f"holds: {describe_check(each)}" for each in report.checks if is_service_check(each) and each.ok]
+    held = (each for each in report.checks if is_service_check(each) and each.ok)
+    return [
+        f"holds for {_describe_group(group, report)}" if len(group) > 1 else f"holds: {describe_check(group[0])}"
+        for group in _groups(held, report, every)
+    ]
+
+
+def _groups(checks: Iterable[Check], report: Report, every: bool) -> Iterator[list[Check]]:
+    """The checks one by one; those of a kind together where more than DETAILED of more than FEW robots have one."""
+    if every or len(report.robots) <= FEW:
+        yield from ([each] for each in checks)
+        return
+    kinds: dict[tuple[str, str], list[Check]] = {}
+    for each in checks:
+        robot = robot_of_check(each.name, report)
+        kinds.setdefault((_kind(each.name, robot), each.kind), []).append(each)
+    for group in kinds.values():
+        if len(group) > DETAILED:
+            yield sorted(group, key=_goodness)
+        else:
+            yield from ([each] for each in group)
+
+
+def _goodness(check: Check) -> float:
+    """Orders checks of a kind from the worst, those that were not measured before all."""
+    if check.value is None:
+        return -math.inf
+    return check.value - check.bound if check.kind == "min" else check.bound - check.value
+
+
+def _kind(check: str, robot: str | None) -> str:
+    """The name of a check without its robot."""
+    return check.removeprefix("/").removeprefix(robot or "").lstrip("./")
+
+
+def _describe_group(group: list[Check], report: Report) -> str:
+    """How many robots, which figure, its bounds, and the values of the worst."""
+    first, robots = group[0], [robot_of_check(each.name, report) for each in group]
+    bounds = sorted({each.bound for each in group})
+    bound = f"{bounds[0]:g}" if len(bounds) == 1 else f"{bounds[0]:g} to {bounds[-1]:g}"
+    values = [
+        f"{robot} {'not measured' if each.value is None else format_number(each.value, each.bound)}"
+        for robot, each in zip(robots, group, strict=True)
+    ]
+    limit = "at least" if first.kind == "min" else "at most"
+    return (
+        f"{len(set(robots))} of {len(report.robots)} robots: {_kind(first.name, robots[0])}, "
+        f"should be {limit} {bound}: {named(values, DETAILED)}"
+    )
 
 
 def _cause_lines(check: str, report: Report) -> list[str]:
@@ -91,7 +163,7 @@ def _cause_lines(check: str, report: Report) -> list[str]:
     if figure == "min_clearance_m" and isinstance(figures, RobotFigures) and figures.min_clearance_at_s is not None:
         return [f"  nearest to {figures.min_clearance_to} at {figures.min_clearance_at_s:.2f} s"]
     if check == "nodes_absent":
-        return [f"  time began without {', '.join(report.run.absent)}"]
+        return [f"  time began without {named(report.run.absent, MAX_NAMED)}"]
     if check != "changes_missed":
         return []
     return [
@@ -102,40 +174,51 @@ def _cause_lines(check: str, report: Report) -> list[str]:
     ]
 
 
-def detail_lines(report: Report) -> list[str]:
-    """Figures without a column in the table."""
-    return [
-        *square_lines(report),
-        *stop_lines(report),
-        *arm_lines(report),
-        *service_check_lines(report),
-        *report.notes,
-        *pending_change_lines(report),
-        *observer_loss_lines(report),
-    ]
+def detail_lines(report: Report, every: bool = False) -> list[str]:
+    """Figures without a column in the table; of more than FEW robots those of the worst DETAILED, unless ``every``."""
+    robots, lines = dict(report.robots), list[str]()
+    if len(robots) > FEW and not every:
+        names = worst_first(report)
+        for kind in (RobotFigures, ArmFigures):
+            for name in [each for each in names if isinstance(report.robots[each], kind)][DETAILED:]:
+                del robots[name]
+    for lines_of in (square_lines, stop_lines, arm_lines):
+        lines += lines_of(robots)
+        if left := sum(bool(lines_of({name: each})) for name, each in report.robots.items() if name not in robots):
+            lines.append(f"  and {left} more")
+    return [*lines, *service_check_lines(report, every)]
+
+
+def note_lines(report: Report) -> list[str]:
+    """What the report says of the run in words."""
+    return [*report.notes, *pending_change_lines(report), *observer_loss_lines(report)]
 
 
 def pending_change_lines(report: Report) -> list[str]:
     """The scheduled changes whose time the run did not reach."""
     left = [f"{each.set} at {each.at_s:g} s" for each in report.changes if each.made is None]
-    return [f"not reached before the end: the scheduled changes of {', '.join(left)}"] if left else []
+    return [f"not reached before the end: the scheduled changes of {named(left, MAX_NAMED)}"] if left else []
 
 
 def observer_loss_lines(report: Report) -> list[str]:
     """The losses of observers, which do not count for the run."""
-    missed = ", ".join(f"{node} {count}" for node, count in report.run.onlookers_lost.items())
+    missed = named([f"{node} {count}" for node, count in report.run.onlookers_lost.items()], MAX_NAMED)
     return [f"messages missed by onlookers, which the run does not depend on: {missed}"] if missed else []
 
 
 def wheeled_robots(report: Report) -> dict[str, RobotFigures]:
     """The robots that drive."""
-    return {name: each for name, each in report.robots.items() if isinstance(each, RobotFigures)}
+    return _driving(report.robots)
 
 
-def arm_lines(report: Report) -> list[str]:
+def _driving(robots: Mapping[str, Figures]) -> dict[str, RobotFigures]:
+    return {name: each for name, each in robots.items() if isinstance(each, RobotFigures)}
+
+
+def arm_lines(robots: Mapping[str, Figures]) -> list[str]:
     """For each arm: how it took its largest step and how it followed, and how hard it had to work."""
     lines = []
-    for name, each in report.robots.items():
+    for name, each in robots.items():
         if not isinstance(each, ArmFigures):
             continue
         for step in each.steps:
@@ -155,10 +238,10 @@ def arm_lines(report: Report) -> list[str]:
     return lines
 
 
-def square_lines(report: Report) -> list[str]:
+def square_lines(robots: Mapping[str, Figures]) -> list[str]:
     """For each robot that drove a closed way: how it met the corners, and how the way closed."""
     lines = []
-    for name, each in wheeled_robots(report).items():
+    for name, each in _driving(robots).items():
         met = [corner for corner in each.corners if corner is not None]
         if met and len(met) <= 8:
             off, turned = _join_corners(met, "true_m", 1000, 1), _join_corners(met, "true_deg", 1, 2, sign=True)
@@ -174,7 +257,7 @@ def square_lines(report: Report) -> list[str]:
     return lines
 
 
-def stop_lines(report: Report) -> list[str]:
+def stop_lines(robots: Mapping[str, Figures]) -> list[str]:
     """For each robot that stopped after its last command: the stop, against the theory."""
     return [
         f"{name}: left without a command {each.stops} times; from {_number(each.stop_speed, 1, 2)} m/s to rest in "
@@ -184,7 +267,7 @@ def stop_lines(report: Report) -> list[str]:
             if each.stop_time_theory_s is not None
             else ""
         )
-        for name, each in wheeled_robots(report).items()
+        for name, each in _driving(robots).items()
         if each.stops
     ]
 
@@ -214,6 +297,51 @@ def _row(name: str, figures: RobotFigures) -> tuple[str, ...]:
     )
 
 
+def _median_row(robots: list[RobotFigures]) -> tuple[str, ...]:
+    """The medians of what was measured; of the counts and points the sums."""
+
+    def middle(name: str, factor: float, digits: int) -> str:
+        values = [value for each in robots if (value := getattr(each, name)) is not None]
+        return _number(median(values) if values else None, factor, digits)
+
+    def total(name: str) -> str:
+        values = [value for each in robots if (value := getattr(each, name)) is not None]
+        return _count(sum(values) if values else None)
+
+    return (
+        f"{MEDIAN_ROW} {len(robots)}",
+        f"{total('points_reached')}/{total('points')}",
+        middle("time_s", 1, 1),
+        middle("path_length_m", 1, 1),
+        middle("cross_track_rms_m", 1000, 2),
+        middle("cross_track_max_m", 1000, 2),
+        middle("odometry_error_max_m", 1000, 1),
+        middle("min_distance_m", 1, 2),
+        middle("min_clearance_m", 1, 2),
+        total("collisions"),
+        total("commands_timed_out"),
+        total("messages_lost"),
+    )
+
+
+MEDIAN_ROW = "all"
+"""Begins the name of the row about all robots."""
+
+
+def _rest_lines(names: list[str], report: Report) -> list[str]:
+    """What is said of the robots without a row, of which the command that shows them all tells more."""
+    if not names:
+        return []
+    missed = missed_checks(report)
+    bad = sum(name in missed for name in names)
+    well = f"{len(names) - bad} more hold all their checks" if len(names) > bad else ""
+    ill = f"{bad} more miss checks" if bad else ""
+    return [
+        f"{MEDIAN_ROW}: medians, and sums of points and counts",
+        f"{', '.join(filter(None, (ill, well)))}: ./elea report --all shows each",
+    ]
+
+
 def _join_corners(corners: list[CornerFigures], name: str, factor: float, digits: int, sign: bool = False) -> str:
     return " ".join(format_fixed(factor * getattr(corner, name), digits, sign) for corner in corners)
 
@@ -226,16 +354,21 @@ def _count(value: int | None) -> str:
     return "-" if value is None else str(value)
 
 
-def _print_plain(report: Report, rows: list[tuple[str, ...]], out: TextIO) -> None:
-    lines = [*zip(*_HEADINGS, strict=True), *rows]
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    for row in lines if rows or not report.robots else ():
-        cells = [row[0].ljust(widths[0]), *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))]
-        out.write("  ".join(cells).rstrip() + "\n")
-    out.write("\n".join((*detail_lines(report), summary(report), *missed_lines(report), verdict(report))) + "\n")
+def _print_plain(report: Report, rows: list[tuple[str, ...]], lines: list[str], missed: list[str], out: TextIO) -> None:
+    cells = [*zip(*_HEADINGS, strict=True), *rows]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    for row in cells if rows or not report.robots else ():
+        padded = [
+            row[0].ljust(widths[0]),
+            *(cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)),
+        ]
+        out.write("  ".join(padded).rstrip() + "\n")
+    out.write("\n".join((*lines, summary(report), *missed, verdict(report))) + "\n")
 
 
-def _print_coloured(report: Report, rows: list[tuple[str, ...]], out: TextIO) -> None:
+def _print_coloured(
+    report: Report, rows: list[tuple[str, ...]], lines: list[str], missed: list[str], out: TextIO
+) -> None:
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
@@ -247,14 +380,14 @@ def _print_coloured(report: Report, rows: list[tuple[str, ...]], out: TextIO) ->
     )
     for heading in _HEADINGS:
         table.add_column("\n".join(heading), justify="left" if heading[-1] == "robot" else "right", no_wrap=True)
-    bad = {each.name.partition(".")[0] for each in report.checks if not each.ok}
+    bad = missed_checks(report)
     for row in rows:
-        table.add_row(*row, style="red" if row[0] in bad else None)
+        table.add_row(*row, style="red" if row[0] in bad else "bold" if row[0] not in report.robots else None)
     if rows or not report.robots:
         console.print(table)
-    for line in detail_lines(report):
+    for line in lines:
         console.print(Text(line))
     console.print(Text(summary(report), style="dim"))
-    for line in missed_lines(report):
+    for line in missed:
         console.print(Text(line, style="red"))
     console.print(Text(verdict(report), style="bold green" if report.ok else "bold red"))

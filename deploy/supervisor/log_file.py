@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import queue
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 MAX_LOG_BYTES = 8 << 20
@@ -19,8 +20,12 @@ beyond them is dropped, and the lines are counted."""
 WRITE_TIMEOUT_S = 1.0
 """Wall time that a process waits for the disk before its lines are dropped: a burst loses none on a disk that works."""
 
+MAX_SHOWN_LINES = 100
+"""Lines of one chunk that are shown on the screen: a process that prints megabytes does not bury it."""
+
 _CHUNK = 1 << 16
-_NOTE = "--- "
+NOTE = "--- "
+"""How a line of the supervisor's own begins."""
 
 
 def log_name(process: str) -> str:
@@ -28,13 +33,20 @@ def log_name(process: str) -> str:
     return f"{process.replace('/', '.')}.log"
 
 
-def start_log_writer(pipe: int, path: Path, largest: int = MAX_LOG_BYTES) -> threading.Thread:
+ShowLine = Callable[[str], None]
+"""Shows a line of a process on the screen."""
+
+
+def start_log_writer(
+    pipe: int, path: Path, largest: int = MAX_LOG_BYTES, show: ShowLine | None = None
+) -> threading.Thread:
     """Read the file descriptor ``pipe`` to its end and close it; the thread that returns ends with the last write.
 
-    One thread reads and one writes: a disk that hangs does not fill the pipe, on which the process would wait.
+    With ``show``, lines are also shown, at most MAX_SHOWN_LINES of a chunk. One thread reads and one writes: a disk
+    that hangs does not fill the pipe, on which the process would wait.
     """
     waiting: queue.Queue[bytes | None] = queue.Queue(MAX_QUEUED_CHUNKS)
-    writer = threading.Thread(target=_write, args=(waiting, path, largest), name=f"log {path.name}", daemon=True)
+    writer = threading.Thread(target=_write, args=(waiting, path, largest, show), name=f"log {path.name}", daemon=True)
     writer.start()
     threading.Thread(target=_read, args=(pipe, waiting), name=f"pipe {path.name}", daemon=True).start()
     return writer
@@ -43,7 +55,7 @@ def start_log_writer(pipe: int, path: Path, largest: int = MAX_LOG_BYTES) -> thr
 def append_note(path: Path, text: str) -> None:
     """Append a line of the supervisor's own; a disk that refuses it is not worth a fleet."""
     try:
-        _append(path, f"{_NOTE}{text}\n".encode())
+        _append(path, f"{NOTE}{text}\n".encode())
     except OSError:
         return
 
@@ -56,7 +68,7 @@ def last_line(path: Path) -> str:
             lines = file.read(_CHUNK).decode(errors="replace").splitlines()
     except OSError:
         return ""
-    own = (line.strip() for line in reversed(lines) if line.strip() and not line.startswith(_NOTE))
+    own = (line.strip() for line in reversed(lines) if line.strip() and not line.startswith(NOTE))
     return next(own, "")[:MAX_LINE_LENGTH]
 
 
@@ -77,18 +89,31 @@ def _read(pipe: int, waiting: queue.Queue[bytes | None]) -> None:
 
 
 def _dropped(lines: int) -> bytes:
-    return f"\n{_NOTE}{lines} lines were dropped: the disk did not take them in time\n".encode()
+    return f"\n{NOTE}{lines} lines were dropped: the disk did not take them in time\n".encode()
 
 
-def _write(waiting: queue.Queue[bytes | None], path: Path, largest: int) -> None:
+def _write(waiting: queue.Queue[bytes | None], path: Path, largest: int, show: ShowLine | None) -> None:
     """Write, or drop the chunk when the disk is full or gone: the process must go on."""
+    begun = b""
     while (chunk := waiting.get()) is not None:
+        if show is not None:
+            begun = _show(begun + chunk, show)
         try:
             if path.exists() and path.stat().st_size + len(chunk) > largest:
                 path.replace(path.with_name(f"{path.name}.1"))
             _append(path, chunk)
         except OSError:
             continue
+
+
+def _show(chunk: bytes, show: ShowLine) -> bytes:
+    """Show the complete lines of a chunk; returns what is left."""
+    *lines, begun = chunk.split(b"\n")
+    for line in lines[:MAX_SHOWN_LINES]:
+        show(line.decode(errors="replace"))
+    if len(lines) > MAX_SHOWN_LINES:
+        show(f"({len(lines) - MAX_SHOWN_LINES} lines more in the log)")
+    return begun[-_CHUNK:]
 
 
 def _append(path: Path, chunk: bytes) -> None:

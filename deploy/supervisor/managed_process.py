@@ -40,8 +40,8 @@ _ERROR_STATUSES = (1, BAD_INPUT, TRY_AGAIN)
 class ManagedProcess:
     """One process of a fleet. ``changed`` is called with it at each change of state.
 
-    ``note`` and ``activity`` are those of its last heartbeat. ``failed_on_stop``: it was well when it was asked to end,
-    and then ended with an error.
+    It is ready when all its nodes beat, and hangs when one of them does no more. ``failed_on_stop``: it was well when
+    it was asked to end, and then ended with an error.
     """
 
     def __init__(
@@ -56,13 +56,18 @@ class ManagedProcess:
         self.state: ProcessStateName = "waiting"
         self.ready = asyncio.Event()
         self.restarts: list[float] = []
-        self.note, self.activity = "", ""
         self.failed_on_stop = False
+        self.losses: list[str] = []
+        """How it ended when it should not have, each time."""
         self._reason = ""
         self._spawner, self._changed, self._rng, self._grace = spawner, changed, rng, grace
         self._dependencies: Sequence[ManagedProcess] = ()
         self._child: ChildProcess | None = None
-        self._heartbeat, self._cpu_wait = HeartbeatMonitor(0.0), CpuWaitMeter()
+        self._heartbeats: dict[str, HeartbeatMonitor] = {}
+        """By node; one that has ended before its process has none."""
+        self._beats: dict[str, Health] = {}
+        """The last of each node."""
+        self._cpu_wait = CpuWaitMeter()
         self._hang_reason = ""
         self._task: asyncio.Task[None] | None = None
         self._stop_lock = asyncio.Lock()
@@ -71,6 +76,19 @@ class ManagedProcess:
     def is_running(self) -> bool:
         """Whether it was started and has not come to its end since."""
         return self._task is not None and not self._task.done()
+
+    @property
+    def note(self) -> str:
+        """The note of its nodes' last heartbeats, the first that has one."""
+        noted = ((name, beat.note) for name, beat in self._beats.items() if beat.note)
+        name, note = next(noted, ("", ""))
+        return f"{name}: {note}" if note and len(self.spec.nodes) > 1 else note
+
+    @property
+    def activity(self) -> str:
+        """The state in its nodes' last heartbeats: that of the first which does not run, if there is one."""
+        states = [beat.state for beat in self._beats.values()]
+        return next((each for each in states if each != "running"), states[0] if states else "")
 
     def start(self, spawn: StartTask, needs: Sequence[ManagedProcess]) -> None:
         """Live, from now on; ``needs`` are those that must be ready first. Raises BadInput when it lives already: a
@@ -86,40 +104,52 @@ class ManagedProcess:
         """A heartbeat of the node has come; one of an earlier life does not count."""
         if self._child is None or beat.pid != self._child.pid or self.state not in ("starting", "ready"):
             return
-        self._heartbeat.on_heartbeat(now)
-        self.note, self.activity = beat.note, beat.state
-        if self.state == "starting":
+        if beat.state == "stopping":  # the others of its process go on
+            self._heartbeats.pop(beat.node, None)
+        elif beat.node in self._heartbeats:
+            self._heartbeats[beat.node].on_heartbeat(now)
+        self._beats[beat.node] = beat
+        if self.state == "starting" and all(each.received for each in self._heartbeats.values()):
             self.ready.set()
             self._set_state("ready")
 
-    def check_heartbeat(self, now: float, late: bool) -> None:
+    def check_heartbeat(self, now: float, late: bool, starting: bool = False) -> None:
         """Kill the process if it hangs, but not while the supervisor itself is ``late``, or while a process that it
         depends on is down: its heartbeats may not get through then. Time in which it, or the supervisor, waits for a
-        CPU does not count: a restarted process would wait as well.
+        CPU does not count: a restarted process would wait as well. While the fleet is ``starting``, what its processes
+        declare and ask each other may hold one up for longer than a heartbeat: it may be silent for as long as before
+        its first one.
         """
         if self._child is None or self.state not in ("starting", "ready"):
             return
-        if late or not all(need.is_healthy(now) for need in self._dependencies):
-            self._heartbeat.extend_to(now)
-        if not self._heartbeat.is_late(now):
+        excused = late or not all(need.is_healthy(now) for need in self._dependencies)
+        for each in self._heartbeats.values():
+            if excused or (starting and each.received and each.silence(now) < self._grace):
+                each.extend_to(now)
+        overdue = [each for each in self._heartbeats.values() if each.is_late(now)]
+        if not overdue:
             self._cpu_wait.reset()
             return
-        self._heartbeat.extend_by(self._cpu_wait.measure(now))
-        if self._heartbeat.is_hung(now):
-            self._hang_reason = f"no heartbeat for {self._heartbeat.silence(now):.1f} s"
-            if self._heartbeat.cpu_wait_s > _REPORTED_CPU_WAIT_S:
-                self._hang_reason += f", {self._heartbeat.cpu_wait_s:.1f} s of them in wait for a processor"
+        waited = self._cpu_wait.measure(now)
+        for each in overdue:
+            each.extend_by(waited)
+        if hung := [(node, each) for node, each in self._heartbeats.items() if each.is_hung(now)]:
+            node, heartbeat = hung[0]
+            whose = f" of {node}" if len(self.spec.nodes) > 1 else ""
+            self._hang_reason = f"no heartbeat{whose} for {heartbeat.silence(now):.1f} s"
+            if heartbeat.cpu_wait_s > _REPORTED_CPU_WAIT_S:
+                self._hang_reason += f", {heartbeat.cpu_wait_s:.1f} s of them in wait for a processor"
             self._child.signal(signal.SIGKILL)
 
     def starved_for(self, now: float) -> float:
         """For how long [s] it has been silent because the machine is busy; 0 when it beats in time."""
-        silent = self._heartbeat.silence(now)
-        alive = self.state == "ready" and silent > HEARTBEAT_TIMEOUT_S
-        return silent if alive and self._heartbeat.cpu_wait_s > _REPORTED_CPU_WAIT_S else 0.0
+        starved = [each for each in self._heartbeats.values() if each.cpu_wait_s > _REPORTED_CPU_WAIT_S]
+        silent = max((each.silence(now) for each in starved), default=0.0)
+        return silent if self.state == "ready" and silent > HEARTBEAT_TIMEOUT_S else 0.0
 
     def is_healthy(self, now: float) -> bool:
         """Whether it runs and beats."""
-        return self.state == "ready" and self._heartbeat.is_healthy(now)
+        return self.state == "ready" and all(each.is_healthy(now) for each in self._heartbeats.values())
 
     def kill(self) -> None:
         """End it at once."""
@@ -163,6 +193,7 @@ class ManagedProcess:
             restarts=len(self.restarts),
             exit_status=child.status if child else None,
             reason=self._reason,
+            nodes=self.spec.names if len(self.spec.nodes) > 1 else (),
         )
 
     async def _run(self) -> None:
@@ -173,6 +204,8 @@ class ManagedProcess:
             how = self._hang_reason or describe_exit(status)
             said = last_line(self._spawner.log_path(self.spec.name))
             now, chance = time.monotonic(), self._rng.random()
+            if status or self._hang_reason:
+                self.losses.append(f"{how}: {said}" if said and status > 0 else how)
             match decide_after_exit(self.spec.policy, self.restarts, now, status, chance, said):
                 case Finished():
                     return self._set_state("finished", how)
@@ -192,14 +225,15 @@ class ManagedProcess:
             await self._child.wait()
         self._hang_reason, self._child = "", None
         try:
-            self._child = self._spawner.spawn(self.spec.name, self.spec.argv)
+            self._child = self._spawner.spawn(
+                self.spec.name, self.spec.argv, self.spec.environment, self.spec.cwd, self.spec.screen
+            )
         except OSError as error:
             append_note(log, f"cannot start {self.spec.argv[0]}: {error}")
             return _NOT_STARTED
-        self._heartbeat, self._cpu_wait = (
-            HeartbeatMonitor(time.monotonic(), self._grace),
-            CpuWaitMeter(self._child.pid, os.getpid()),
-        )
+        now = time.monotonic()
+        self._heartbeats = {node: HeartbeatMonitor(now, self._grace) for node in self.spec.names}
+        self._beats, self._cpu_wait = {}, CpuWaitMeter(self._child.pid, os.getpid())
         self._set_state("starting")
         try:
             return await self._child.wait()

@@ -9,9 +9,10 @@ import subprocess
 import threading
 import time
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
-from deploy.supervisor.log_file import log_name, start_log_writer
+from deploy.supervisor.log_file import ShowLine, log_name, start_log_writer
 from deploy.supervisor.reaper import Reaper
 from services.runtime.process import PARENT, ROOT
 
@@ -61,8 +62,14 @@ class ChildProcess:
 class Spawner:
     """The environment of child processes: the run's folder with the logs, and their environment variables."""
 
-    def __init__(self, folder: Path, reaper: Reaper, environment: Mapping[str, str] = os.environ) -> None:
-        self.folder, self._reaper = folder, reaper
+    def __init__(
+        self,
+        folder: Path,
+        reaper: Reaper,
+        environment: Mapping[str, str] = os.environ,
+        show: ShowLine | None = None,
+    ) -> None:
+        self.folder, self._reaper, self._show = folder, reaper, show
         self.logs = folder / "logs"
         paths = [str(ROOT), *filter(None, [environment.get("PYTHONPATH")])]
         single = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
@@ -78,9 +85,17 @@ class Spawner:
         """The log file of a process."""
         return self.logs / log_name(name)
 
-    def spawn(self, name: str, argv: Sequence[str]) -> ChildProcess:
+    def spawn(
+        self,
+        name: str,
+        argv: Sequence[str],
+        environment: Mapping[str, str] | None = None,
+        cwd: str = "",
+        screen: bool = False,
+    ) -> ChildProcess:
         """Start a process in a session and group of its own; raises OSError. Call it from the main thread: the kernel
-        binds PR_SET_PDEATHSIG to the thread that forks.
+        binds PR_SET_PDEATHSIG to the thread that forks. ``environment`` adds variables; ``cwd`` is the run's folder
+        unless stated. With ``screen`` its lines are shown, too.
         """
         out, into = os.pipe()
         try:
@@ -89,8 +104,8 @@ class Spawner:
                 stdin=subprocess.DEVNULL,
                 stdout=into,
                 stderr=subprocess.STDOUT,
-                env=self._environment,
-                cwd=self.folder,
+                env={**self._environment, **(environment or {})},
+                cwd=cwd or self.folder,
                 start_new_session=True,
             )
         except OSError:
@@ -98,7 +113,13 @@ class Spawner:
             raise
         finally:
             os.close(into)
-        return ChildProcess(popen, self._reaper, start_log_writer(out, self.log_path(name)))
+        show = self._show if screen else None
+        writer = start_log_writer(out, self.log_path(name), show=partial(_show_of, name, show) if show else None)
+        return ChildProcess(popen, self._reaper, writer)
+
+
+def _show_of(name: str, show: ShowLine, line: str) -> None:
+    show(f"{name}: {line}")
 
 
 async def _wait_for_exit(pid: int) -> None:

@@ -18,6 +18,7 @@ from deploy.supervisor.heartbeat_monitor import STARTUP_TIMEOUT_S
 from deploy.supervisor.managed_process import STOP_TIMEOUTS_S, ManagedProcess, TaskFunction
 from deploy.supervisor.spawner import Spawner
 from messages.elea import FleetState, Health
+from services.catalog import is_script
 from services.runtime.errors import BadInput, unknown_name
 
 ProcessAction = Literal["start", "stop", "restart"]
@@ -53,20 +54,26 @@ class FleetBus(Protocol):
 
 POLL_PERIOD_S = 0.1
 """Wall time between two looks at heartbeats and orders."""
+START_POLL_PERIOD_S = 0.02
+"""The same while a process starts: others wait until its first heartbeat is seen, and the start is a chain of such."""
 
 LATE_POLL_S = 0.5
 """Delay [s] of a turn after which silence of the processes does not count: the supervisor itself did not run."""
 
 _PARTICIPLES: dict[ProcessAction, str] = {"stop": "stopped", "restart": "restarted"}
 
-RunEnd = Literal["graded", "failed", "interrupted"]
+_MAX_LISTED = 8
+"""Nodes of a process that are named at most."""
+
+RunEnd = Literal["graded", "finished", "failed", "interrupted"]
 
 
 class Outcome(msgspec.Struct, frozen=True, kw_only=True):
-    """How a run ended: its grader finished, a required process failed, or it was interrupted.
+    """How a run ended: its grader finished, a required script finished or process failed, or it was interrupted.
 
     ``wall_seconds`` counts from the moment when simulation time could begin, from the start if that never came.
-    ``failed_on_stop`` are the processes that ended with an error when they were asked to end.
+    ``failed_on_stop`` are the services that ended with an error when they were asked to end. ``containers_lost`` says
+    of each process of several nodes that ended when it should not have why it did, and which nodes it had.
     """
 
     ended: RunEnd
@@ -74,6 +81,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     wall_seconds: float
     restarts: int
     failed_on_stop: tuple[str, ...] = ()
+    containers_lost: tuple[str, ...] = ()
 
 
 class SupervisorObserver(Protocol):
@@ -109,7 +117,7 @@ class Supervisor:
     ) -> None:
         rng = random.Random(seed)
         self.processes = {each.name: ManagedProcess(each, spawner, self._changed, rng, grace) for each in processes}
-        self._nodes = {each.spec.node: each for each in self.processes.values()}
+        self._nodes = {node: each for each in self.processes.values() for node in each.spec.names}
         self._fleet, self._mode, self._bus, self._observer, self._stop_timeouts = (
             fleet,
             mode,
@@ -139,8 +147,23 @@ class Supervisor:
             self.kill_all()
             await self._cancel(self._tasks)
         restarts = sum(len(life.restarts) for life in self.processes.values())
-        complaints = tuple(name for name, life in self.processes.items() if life.failed_on_stop)
-        return Outcome(ended=ended, reason=reason, wall_seconds=wall, restarts=restarts, failed_on_stop=complaints)
+        # A program of ROS 1 that is asked to end often does so by the exception that its wait or its call raises.
+        complaints = tuple(
+            name for name, life in self.processes.items() if life.failed_on_stop and not is_script(life.spec.kind)
+        )
+        return Outcome(
+            ended=ended,
+            reason=reason,
+            wall_seconds=wall,
+            restarts=restarts,
+            failed_on_stop=complaints,
+            containers_lost=tuple(
+                f"the process {name} of {', '.join(life.spec.names)} has ended: {why}"
+                for name, life in self.processes.items()
+                if len(life.spec.nodes) > 1
+                for why in life.losses
+            ),
+        )
 
     def interrupt(self) -> None:
         """End the fleet in an orderly way; asked again, end it at once."""
@@ -163,25 +186,26 @@ class Supervisor:
 
         A process has one order under way at a time; only a restart can be followed by a stop.
         """
-        life = self.processes.get(name.removeprefix("/"))
+        life = self.processes.get(name.removeprefix("/")) or self._nodes.get(f"/{name.removeprefix('/')}")
         if life is None:
-            raise unknown_name("process", name, self.processes)
+            raise unknown_name("process", name, dict.fromkeys([*self.processes, *(node[1:] for node in self._nodes)]))
         if self._stopping:
             raise BadInput("the fleet is stopping")
         under_way = self._pending_actions(life)
         if under_way and (verb, under_way) != ("stop", ["restart"]):
-            raise BadInput(f"{name} is being {_PARTICIPLES[under_way[-1]]}: try again when that is done")
+            raise BadInput(f"{_title(life, name)} is being {_PARTICIPLES[under_way[-1]]}: try again when that is done")
         if verb == "start" and life.is_running:
-            raise BadInput(f"{name} is already running ({life.state})")
+            raise BadInput(f"{_title(life, name)} is already running ({life.state})")
         if verb == "start":
             self._start(life)
-            return f"{name} starts"
+            return f"{_title(life, name)} starts"
         if verb == "stop" and not life.is_running and not under_way:
-            raise BadInput(f"{name} is not running ({life.state})")
-        order = self._start_task(partial(self._restart if verb == "restart" else self._stop, life), f"{verb} {name}")
+            raise BadInput(f"{_title(life, name)} is not running ({life.state})")
+        work = partial(self._restart if verb == "restart" else self._stop, life)
+        order = self._start_task(work, f"{verb} {life.spec.name}")
         self._actions[order] = verb, life
         order.add_done_callback(self._actions.pop)
-        return f"{name} {verb}s"
+        return f"{_title(life, name)} {verb}s"
 
     def is_busy(self, name: str) -> bool:
         """Whether an order for a process is under way."""
@@ -234,10 +258,11 @@ class Supervisor:
             late, last = now - last > LATE_POLL_S, now
             unheard = self._heartbeats_blocked(now)
             for life in self.processes.values():
-                life.check_heartbeat(now, late or unheard)
+                life.check_heartbeat(now, late or unheard, starting=not self._clock_started)
             self._bus.answer_requests(self.handle_action)
             self._observer.on_poll(tuple(self.processes.values()))
-            await asyncio.sleep(POLL_PERIOD_S)
+            starts = any(life.state == "starting" for life in self.processes.values())
+            await asyncio.sleep(START_POLL_PERIOD_S if starts else POLL_PERIOD_S)
 
     def _heartbeats_blocked(self, now: float) -> bool:
         """Whether heartbeats do not get through, so that silence does not mean a hang; logged once.
@@ -280,9 +305,20 @@ class Supervisor:
         self._observer.on_state_change(life, state)
         if life.state == "finished" and life.spec.kind == "grader":
             self._finish("graded", "the run is over")
+        elif life.state == "finished" and life.spec.ends_run:
+            self._finish("finished", f"{life.spec.name} has finished")
         elif life.state in ("finished", "failed") and life.spec.required:
             self._finish("failed", f"{life.spec.name} {life.state}: {life.state_message().reason}")
 
     def _finish(self, ended: RunEnd, reason: str) -> None:
         if self._end is not None and not self._end.done():
             self._end.set_result((ended, reason))
+
+
+def _title(life: ManagedProcess, asked: str) -> str:
+    """A process as it was ``asked`` for; one of several nodes by its name and theirs, as all get what one gets."""
+    name, nodes = life.spec.name, life.spec.names
+    if len(nodes) == 1:
+        return asked
+    listed = ", ".join(nodes[:_MAX_LISTED]) + (f" and {len(nodes) - _MAX_LISTED} more" * (len(nodes) > _MAX_LISTED))
+    return f"{name}, the process of {listed},"

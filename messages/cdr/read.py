@@ -11,9 +11,6 @@ import msgspec.inspect as kinds
 
 from messages.base import DECODE_ERRORS, Array, Message, WrongPayload, encode, pack36, raw_decoder
 from messages.cdr.definitions import (
-    SIZES,
-    Definitions,
-    Field,
     anything,
     fields_of,
     minimum_size,
@@ -22,6 +19,7 @@ from messages.cdr.definitions import (
     record_of,
     unwrap,
 )
+from messages.interfaces.definition import SIZES, Definitions, Field
 
 M = TypeVar("M", bound=Message)
 

@@ -14,9 +14,6 @@ import msgspec.inspect as kinds
 
 from messages.base import Message
 from messages.cdr.definitions import (
-    SIZES,
-    Definitions,
-    Field,
     anything,
     definitions,
     fields_of,
@@ -26,6 +23,7 @@ from messages.cdr.definitions import (
     unwrap,
 )
 from messages.errors import EleaError
+from messages.interfaces.definition import SIZES, Definitions, Field
 
 HEADER = b"\x00\x01\x00\x00"
 """CDR, little-endian, no options."""
@@ -184,7 +182,8 @@ def _raw(field: Field) -> Op:
 
     def raw(out: bytearray, value: Any) -> None:
         data = value if isinstance(value, bytes) else value.raw
-        _length(out, len(data) // size)
+        if field.extent == -1:
+            _length(out, len(data) // size)
         if data:
             out += bytes(-len(out) % size)
             out += data

@@ -62,6 +62,7 @@ SERVICE = Service(
     about="Controls a joint by effort to follow the reference: set-point PD or tracking PID.",
     run="services.arm.loop:run",
     rate=100,
+    rate_parameter="rate",
     parameters=ArmParameters,
     parameter_set="/robot_control",
 )

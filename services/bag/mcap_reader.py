@@ -23,8 +23,9 @@ from mcap.reader import SeekingReader
 from mcap.records import Channel as ChannelRecord
 from mcap.records import Chunk, Header, Metadata, Schema, Statistics
 
-from messages.cdr.definitions import definitions, short_type_name
+from messages.cdr.definitions import definitions
 from messages.cdr.read import record_reader
+from messages.interfaces.definition import short_type_name
 from services.bag.channel import RAW, Channel, Raw, quality_of, raw_channel
 from services.bag.mcap_writer import LIBRARY, MAGIC
 from services.bag.metadata import FileStats

@@ -53,6 +53,8 @@ ZSTD_LEVEL = 1
 """Compression level: three times as fast as zstd's default of 3, for files that are a tenth larger."""
 MAX_CHUNKS = 1 << 15
 """Chunks, about six hours of them, after which a file is ``full``: their index stays in memory until its end."""
+MAX_INDEX_SIZE = 32 << 20
+"""Bytes of that index after which it is as well; with a hundred robots a chunk takes 16 KB, 10 for each channel."""
 DISK_RESERVE = 64 << 20
 """Bytes to leave free on the disk for logs, parameters and the file's own summary; a fiftieth of a small disk."""
 
@@ -89,6 +91,7 @@ class McapWriter:
         self._schemas: dict[tuple[str, str, str], Schema] = {}
         self._chunk = _Chunk()
         self._chunk_indexes: list[bytes] = []
+        self._index_size = 0
         self._counts: dict[int, int] = {}
         self._start = self._end = 0
         self._compressor = zstandard.ZstdCompressor(level=ZSTD_LEVEL)
@@ -118,7 +121,7 @@ class McapWriter:
     @property
     def full(self) -> bool:
         """Whether another file should begin."""
-        return len(self._chunk_indexes) >= MAX_CHUNKS
+        return len(self._chunk_indexes) >= MAX_CHUNKS or self._index_size >= MAX_INDEX_SIZE
 
     @property
     def due(self) -> bool:
@@ -209,6 +212,7 @@ class McapWriter:
         self._start = min(self._start, chunk.first) if self._chunk_indexes else chunk.first
         self._end = max(self._end, chunk.last)
         self._chunk_indexes.append(encode_record(index))
+        self._index_size += len(self._chunk_indexes[-1])
         for number, entries in chunk.index.items():
             self._counts[number] = self._counts.get(number, 0) + len(entries)
 

@@ -9,9 +9,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from messages.base import Message, WrongPayload
-from messages.cdr.definitions import BadDefinition, Definitions, parse
+from messages.cdr.definitions import parse
 from messages.cdr.read import plain_reader, record_reader
 from messages.cdr.sidecar import EXTRAS, ROS_RECORDS, join
+from messages.interfaces.definition import BadDefinition, Definitions
+from messages.interfaces.records import record_of
 from messages.names import BadName, validate
 from messages.records import RECORDS
 from services.bag.channel import CDR, RAW, SENDER_SIDECAR, SIDECAR, Channel, Sender
@@ -178,8 +180,14 @@ Decoder = Callable[[bytes], Any]
 
 
 def record_type(channel: Channel) -> type[Message] | None:
-    """The record for the messages of a channel; None for types that Elea does not know."""
-    return _RECORDS_BY_ROS_TYPE.get(channel.type) or RECORDS.get(channel.type)
+    """The record for the messages of a channel, made of its own schema where Elea has none; None without either."""
+    known = _RECORDS_BY_ROS_TYPE.get(channel.type) or RECORDS.get(channel.type)
+    if known is not None or channel.encoding != CDR:
+        return known
+    try:
+        return _schema_record(channel)
+    except BadDefinition:
+        return None
 
 
 def is_sidecar(channel: Channel) -> bool:
@@ -203,12 +211,12 @@ def unreadable_reason(channel: Channel) -> str:
         return ""
     if channel.encoding != CDR:
         return f"its messages are encoded as {channel.encoding or 'nothing that is named'}, not as cdr"
-    if not is_sidecar(channel) and record_type(channel) is None:
-        return f"its type {channel.type or 'without a name'} is not one of this project"
     try:
         _definitions(channel)
     except BadDefinition as error:
         return f"its schema cannot be read: {error}"
+    if not is_sidecar(channel) and record_type(channel) is None:
+        return f"its type {channel.type or 'without a name'} is not one of this project"
     return ""
 
 
@@ -267,6 +275,11 @@ def _definitions(channel: Channel) -> Definitions:
     if channel.schema_encoding != "ros2msg":
         raise BadDefinition(f"it is written as {channel.schema_encoding or 'nothing'}, not as ros2msg")
     return _parsed(channel.type, channel.schema)
+
+
+@lru_cache(maxsize=256)
+def _schema_record(channel: Channel) -> type[Message]:
+    return record_of(channel.type, _definitions(channel))
 
 
 _parsed = lru_cache(maxsize=256)(parse)

@@ -10,7 +10,10 @@ class ControllerManagerParameters(Parameters, frozen=True, kw_only=True):
     ``CONTROLLER/gains/JOINT``."""
 
     config: str = param(
-        "", text="YAML file of the controllers; a fleet counts it from its own folder.", max_length=4096, live=False
+        "",
+        text="YAML file of the controllers, which a fleet counts from its own folder; or its content, in braces.",
+        max_length=65536,
+        live=False,
     )
     robot: str = param(
         "", text="Name of the robot in the simulation; that of the namespace if empty.", max_length=255, live=False

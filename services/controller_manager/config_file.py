@@ -102,6 +102,18 @@ class _Head(NamedTuple):
     where: str
 
 
+def is_text(config: str) -> bool:
+    """Whether a ``config`` is the content itself, as a table in braces, and no path."""
+    return config.lstrip().startswith("{")
+
+
+def read_stated(config: str, namespace: str, chosen: Collection[str] = ()) -> ManagerConfig:
+    """The controllers of a ``config``, the path of a file or its content; raises BadInput."""
+    if is_text(config):
+        return parse_config(Path("config"), config, namespace, chosen)
+    return read_config(Path(config).absolute(), namespace, chosen)
+
+
 def read_config(path: Path, namespace: str, chosen: Collection[str] = ()) -> ManagerConfig:
     """The controllers of the robot in ``namespace``, from a file; raises BadInput.
 

@@ -14,7 +14,7 @@ from messages.control import (
 from messages.std import Header, Time
 from messages.topics import Quality, Topic
 from services.controller_manager.controller import Due, Ports
-from services.controller_manager.goals import Goals
+from services.runtime.action_goals import Goals
 
 LARGEST = 1 << 20
 """Bytes of a trajectory."""

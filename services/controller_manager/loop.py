@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 
 from messages.joints import JointCommand
 from messages.requests import LIST_CONTROLLERS, SWITCH_CONTROLLER
@@ -12,7 +11,7 @@ from messages.topics import JOINT_COMMAND, JOINT_FEEDBACK, ROBOT_DESCRIPTION, ST
 from models.urdf import parse_urdf
 from services.controller_manager import ControllerManagerParameters
 from services.controller_manager.config import ManagerConfig
-from services.controller_manager.config_file import read_config
+from services.controller_manager.config_file import read_stated
 from services.controller_manager.controller import Ports
 from services.controller_manager.joint_pid import PidParameters, PidSource
 from services.controller_manager.manager import ControllerManager
@@ -37,7 +36,7 @@ def run(ctx: Context[ControllerManagerParameters]) -> None:
     """Command the joints until asked to stop, then leave them to the simulation, which holds them."""
     if not ctx.params.config:
         raise BadInput("config is missing: the YAML file of the controllers")
-    config = read_config(Path(ctx.params.config).absolute(), ctx.namespace, ctx.params.controllers)
+    config = read_stated(ctx.params.config, ctx.namespace, ctx.params.controllers)
     for note in config.notes:
         ctx.log.info(note)
     loop = _ManagerLoop(ctx, config)

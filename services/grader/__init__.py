@@ -32,13 +32,17 @@ class SizeSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
 class ArmSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """An arm: its ``name``, the controlled ``joint``, and the largest effort [N m] of its controller.
 
-    ``state`` is the topic on which the controller publishes its state at each tick.
+    ``state`` is the topic on which the controller publishes its state at each tick. An arm that a program controls has
+    none: its set-point is what is last heard on ``reference``, its effort that of the joint's state.
     """
 
     name: str
     joint: str
     saturation: Annotated[float, Meta(ge=0, extra={"unit": "N m"})] = 200.0
     state: str = CONTROL_STATE.name
+    reference: str = ""
+    reference_type: Literal["std_msgs/Float32", "std_msgs/Float64"] = "std_msgs/Float64"
+    reference_unit: Literal["rad", "deg"] = "rad"
 
 
 class GraderParameters(Parameters):
@@ -55,6 +59,9 @@ class GraderParameters(Parameters):
         (), text="The room that each robot takes, to measure its clearance from the bodies of the world.", live=False
     )
     arms: tuple[ArmSpec, ...] = param((), text="The robots that are arms.", live=False)
+    turtlesims: tuple[str, ...] = param(
+        (), text="Nodes of turtlesim, whose turtles are measured as robots, whenever they come.", live=False
+    )
     ends: Literal["goals", "duration", "never"] = param(
         "goals", text="End the run when all robots have finished, after the duration, or only when stopped."
     )

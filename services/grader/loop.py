@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, Protocol
 
 import msgspec
 
+from messages.control import JointControllerState
 from messages.names import absolute_namespace, join
 from messages.parameters import ParameterValues
 from messages.se3 import Pose3
-from messages.std import SECOND
+from messages.sensor import JointState
+from messages.std import SECOND, Float32, Float64
 from messages.topics import (
     BASE_STATUS,
     CONTROL_STATE,
@@ -20,9 +25,12 @@ from messages.topics import (
     ODOM,
     PLAN,
     STATUS,
+    TURTLE_STATES,
     UPDATES,
     WORLD_MARKERS,
     WORLD_STATES,
+    Quality,
+    Topic,
 )
 from messages.visualization import MarkerArray
 from services.driving.world_bodies import World, world_bodies
@@ -33,6 +41,8 @@ from services.grader.results import prepare_folder, world_arrays, write_results
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 
+REFERENCE_RATE = 100.0
+"""Hz; set-points without stamps are taken so often, and measured as of then."""
 GRADING_DELAY_NS = SECOND // 5
 """Delay [ns] with which messages are processed, so that all with earlier stamps have arrived."""
 
@@ -46,12 +56,11 @@ def run(ctx: Context[GraderParameters]) -> None:
     if len(p.namespaces) not in (0, len(robots)):
         raise BadInput(f"grader: {len(p.namespaces)} namespaces for {len(robots)} robots: give one for each, or none")
     namespaces = dict(zip(robots, map(absolute_namespace, p.namespaces or robots), strict=True))
-    watched = [
-        ArmStreams(ctx, name, space, arms[name]) if name in arms else RobotStreams(ctx, name, space)
-        for name, space in namespaces.items()
-    ]
+    watched = [_streams(ctx, name, space, arms.get(name)) for name, space in namespaces.items()]
+    rate = REFERENCE_RATE if any(each.reference for each in arms.values()) else None
     health, lockstep, markers = ctx.stream(HEALTH), ctx.latest(LOCKSTEP), ctx.latest(WORLD_MARKERS)
     states = ctx.stream(WORLD_STATES)
+    turtles = [ctx.stream(TURTLE_STATES.of(each)) for each in p.turtlesims]
     halting = {each.name.strip("/"): each for each in p.halting}
     sizes = {each.name.strip("/"): each for each in p.sizes}
     world: World = ()
@@ -59,7 +68,7 @@ def run(ctx: Context[GraderParameters]) -> None:
     graded = Measurement(robots, p.reach_tolerance, halting, arms, p.readers, namespaces, sizes)
     ended: EndReason = "stopped"
     try:
-        for tick in ctx.ticks():
+        for tick in ctx.ticks(rate):
             if tick.reset:
                 graded = Measurement(robots, p.reach_tolerance, halting, arms, p.readers, namespaces, sizes)
             if markers.value is not None and (markers.value is not shown or not graded.clearance.world_known):
@@ -68,6 +77,8 @@ def run(ctx: Context[GraderParameters]) -> None:
                 graded.clearance.set_world(world)
             for robot in watched:
                 robot.forward(graded, tick.time, halting)
+            for each in turtles:
+                graded.add_turtles(each.drain())
             for state in states.drain():
                 poses = dict(zip(state.name, map(Pose3.from_msg, state.pose), strict=False))
                 graded.clearance.add_states(state.header.stamp.ns, poses)
@@ -86,6 +97,20 @@ def run(ctx: Context[GraderParameters]) -> None:
         measured = graded.measurements(ended, lockstep.value)
         write_results(folder, measured, graded.robots, world_arrays(world, graded.clearance.paths))
         ctx.log.info(f"run ended ({ended}), figures in {folder}")
+
+
+def _streams(ctx: Context[GraderParameters], name: str, namespace: str, arm: ArmSpec | None) -> Streams:
+    if arm is None:
+        return RobotStreams(ctx, name, namespace)
+    return (ReferredArmStreams if arm.reference else ArmStreams)(ctx, name, namespace, arm)
+
+
+class Streams(Protocol):
+    """The subscriptions of one robot or arm."""
+
+    def forward(self, graded: Measurement, now: int, halting: dict[str, BrakingSpec]) -> None:
+        """Forward the messages received by ``now`` [ns]; ``halting`` is kept up to date with the base's parameters."""
+        ...
 
 
 class RobotStreams:
@@ -131,6 +156,36 @@ class ArmStreams:
                 graded.set_arm(now, self._robot, self._arm)
         graded.add_messages(MessageKind.JOINTS, self._robot, self._joints.drain())
         graded.add_messages(MessageKind.CONTROL, self._robot, self._control.drain())
+
+
+class ReferredArmStreams:
+    """The subscriptions of an arm that a program controls: its set-point has no stamp, so each state of its joint goes
+    with the set-point that has come by then.
+    """
+
+    def __init__(self, ctx: Context[GraderParameters], robot: str, namespace: str, arm: ArmSpec) -> None:
+        self._robot, self._joint = robot, arm.joint
+        self._joints = ctx.stream(JOINT_STATES.of(namespace))
+        record = Float32 if arm.reference_type == Float32.ROS_TYPE else Float64
+        topic: Topic[Any] = Topic(arm.reference, record, 0, Quality.EVENT, "set-point of an arm")
+        self._reference = ctx.stream(topic)
+        self._to_degrees: Callable[[float], float] = math.degrees if arm.reference_unit == "rad" else float
+        self._set_point: float | None = None
+
+    def forward(self, graded: Measurement, now: int, _: dict[str, BrakingSpec]) -> None:
+        """Forward the messages received by ``now`` [ns]."""
+        for each in self._reference.drain():
+            self._set_point = self._to_degrees(each.data)
+        joints = self._joints.drain()
+        graded.add_messages(MessageKind.JOINTS, self._robot, joints)
+        if self._set_point is not None:
+            states = [self._control_state(each, self._set_point) for each in joints if self._joint in each.name]
+            graded.add_messages(MessageKind.CONTROL, self._robot, states)
+
+    def _control_state(self, joints: JointState, set_point: float) -> JointControllerState:
+        index = joints.name.index(self._joint)
+        effort = joints.effort[index] if index < len(joints.effort) else 0.0
+        return JointControllerState(header=joints.header, set_point=set_point, command=effort)
 
 
 def read_world(ctx: Context[GraderParameters], array: MarkerArray) -> World:

@@ -7,9 +7,13 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 
+import numpy as np
+
 from messages.base import saturating_add
 from messages.control import JointControllerState
 from messages.elea import BaseStatus, GoalStatus, Health, LockstepState
+from messages.gazebo import WorldStates
+from messages.geometry import PoseWithCovariance, TwistWithCovariance
 from messages.names import absolute_namespace
 from messages.nav import Odometry, Path
 from messages.sensor import JointState
@@ -109,6 +113,8 @@ StampedMessage = Odometry | Path | GoalStatus | BaseStatus | JointState | JointC
 GradedMessage = StampedMessage | BrakingSpec | ArmSpec
 
 
+MAX_ROBOTS = 1000
+"""Robots and turtles that are measured."""
 MAX_PENDING = 20_000
 """Most messages kept with stamps in the future; beyond that, those furthest ahead are dropped as invalid."""
 
@@ -149,6 +155,8 @@ class Measurement:
             name: ArmMeter(jointed[name]) if name in jointed else RobotMeter(reach_tolerance, bases.get(name))
             for name in sorted(robots)
         }
+        self._finishing = frozenset(self.robots)
+        self._reach_tolerance = reach_tolerance
         self.losses, self._namespaces = MessageLosses(readers), dict(namespaces or {})
         self.clearance = ClearanceMeter(sizes or {})
         self._pending: list[tuple[int, MessageKind, str, GradedMessage]] = []
@@ -159,6 +167,19 @@ class Measurement:
     def add_messages(self, kind: MessageKind, robot: str, messages: Iterable[StampedMessage]) -> None:
         """Add messages of one robot, to be processed when ``advance`` passes their stamps."""
         self._pending += [(message.header.stamp.ns, kind, robot, message) for message in messages]
+
+    def add_turtles(self, states: Iterable[WorldStates]) -> None:
+        """Add poses of turtles, which are measured as robots from their first one on."""
+        for each in states:
+            for name, pose, twist in zip(each.name, each.pose, each.twist, strict=False):
+                if name not in self.robots:
+                    if len(self.robots) >= MAX_ROBOTS:
+                        continue
+                    self.robots[name] = RobotMeter(self._reach_tolerance)
+                truth = Odometry(
+                    header=each.header, pose=PoseWithCovariance(pose=pose), twist=TwistWithCovariance(twist=twist)
+                )
+                self.add_messages(MessageKind.TRUTH, name, [truth])
 
     def set_braking(self, stamp: int, robot: str, halting: BrakingSpec) -> None:
         """Set how the base of a robot brakes from ``stamp`` [ns] on."""
@@ -187,11 +208,12 @@ class Measurement:
 
     @property
     def finished(self) -> bool:
-        """Whether all robots have finished their plans, and all arms rest at their set-points."""
-        return bool(self.robots) and all(meter.finished_at is not None for meter in self.robots.values())
+        """Whether all robots have finished their plans, and all arms rest at their set-points; turtles have none."""
+        return bool(self._finishing) and all(self.robots[name].finished_at is not None for name in self._finishing)
 
     def measurements(self, ended: EndReason, lockstep: LockstepState | None = None) -> Measurements:
         """Return all figures up to the last ``advance``; ``lockstep`` is the last state of the members."""
+        self._measure_distances()
         self.clearance.update(final=True)
         return Measurements(
             ended=ended,
@@ -241,12 +263,22 @@ class Measurement:
                 arm.arm = message
 
     def _update_distances(self, stamp: int, name: str, here: Point) -> None:
-        """Update the distances between robots with samples of the same instant."""
+        """Collect samples of the same instant, between which distances are measured."""
         if stamp != self._distance_stamp:
-            self._distance_stamp, self._positions = stamp, {}
-        for other, there in self._positions.items():
-            distance = math.hypot(here[0] - there[0], here[1] - there[1])
-            for each in (self.robots[name], self.robots[other]):
-                assert isinstance(each, RobotMeter)
-                each.min_distance = min(each.min_distance, distance)
+            self._measure_distances()
+            self._distance_stamp = stamp
         self._positions[name] = here
+
+    def _measure_distances(self) -> None:
+        """Update each robot's smallest distance to another one with the samples collected."""
+        collected, self._positions = self._positions, {}
+        if len(collected) < 2:
+            return
+        places = list(collected.values())
+        x, y = np.array(places).T
+        squares = np.square(x[:, None] - x) + np.square(y[:, None] - y)
+        np.fill_diagonal(squares, np.inf)
+        for name, here, nearest in zip(collected, places, squares.argmin(1).tolist(), strict=True):
+            meter = self.robots[name]
+            assert isinstance(meter, RobotMeter)
+            meter.min_distance = min(meter.min_distance, math.dist(here, places[nearest]))

@@ -28,8 +28,9 @@ class LoggerParameters(Parameters):
     scans: bool = param(True, text="Record laser scans, which the simulation then has to compute.", live=False)
     file: str = param("", text="File to record to; run.rrd in the working directory if empty.", live=False)
     footer: bool = param(
-        True,
-        text="End the file with a table of contents; costs 0.2 MiB of memory per minute and robot.",
+        False,
+        text="End the file with a table of contents. The viewer does without; collecting it takes 0.2 MiB of memory "
+        "per minute and robot.",
         live=False,
     )
     serve: bool = param(True, text="Serve the run to viewers on 127.0.0.1 while it lasts.", live=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
 
 import rerun as rr
@@ -26,19 +26,30 @@ Extent = tuple[float, float, float, float]
 MAX_ARM_PLOTS = 2
 """Maximum arms with a plot on the fleet's page; each arm also has a page of its own."""
 
+MAX_PAGES = 12
+"""Maximum robots with a page of plots of their own; the fleet's page and the entity tree have all of them."""
+
 BACKGROUND = (18, 20, 24)
 
 
 def blueprint(
-    robots: Sequence[tuple[str, str]], arms: AbstractSet[str], extent: Extent, timelines: Sequence[str]
+    robots: Sequence[tuple[str, str]],
+    arms: AbstractSet[str],
+    extent: Extent,
+    timelines: Sequence[str],
+    images: Mapping[str, str] | None = None,
 ) -> rrb.Blueprint:
     """The layout for robots as (name, name of the URDF's robot), ``arms`` among them, on the last of ``timelines``.
 
-    ``extent`` [m] is the ground in the initial view: x and y of one corner, then of the opposite one.
+    ``extent`` [m] is the ground in the initial view: x and y of one corner, then of the opposite one. ``images`` are
+    the entities of topics with images.
     """
     names = [name for name, _ in robots]
     driving = [name for name in names if name not in arms]
-    own = [_arm(name) if name in arms else _robot(name, [each == name for each in driving]) for name in names]
+    own = [
+        _arm(name) if name in arms else _robot(name, [each == name for each in driving]) for name in names[:MAX_PAGES]
+    ]
+    pictures = [rrb.Spatial2DView(origin=entity, name=topic) for topic, entity in (images or {}).items()]
     plots = [_fleet([name for name in names if name in arms]), *own] if driving or not names else own
     log = rrb.TextLogView(
         origin=LOG,
@@ -48,7 +59,7 @@ def blueprint(
     return rrb.Blueprint(
         rrb.Horizontal(
             _world(robots, extent, timelines),
-            rrb.Vertical(rrb.Tabs(*plots, active_tab=0, name="plots"), log, row_shares=[9, 2]),
+            rrb.Vertical(rrb.Tabs(*pictures, *plots, active_tab=0, name="plots"), log, row_shares=[9, 2]),
             column_shares=[11, 9],
         ),
         rrb.TimePanel(timeline=timelines[-1], state="collapsed", play_state="following"),
@@ -68,7 +79,7 @@ def _world(robots: Sequence[tuple[str, str]], extent: Extent, timelines: Sequenc
     return rrb.Spatial3DView(
         origin="/",
         name="World",
-        contents=["+ /**", *(f"- {collisions(name, model)}/**" for name, model in robots)],
+        contents=["+ /**", "- /images/**", *(f"- {collisions(name, model)}/**" for name, model in robots)],
         spatial_information=rrb.SpatialInformation(target_frame="world"),
         background=BACKGROUND,
         line_grid=rrb.LineGrid3D(spacing=0.5, stroke_width=0.75, color=(90, 96, 106, 110)),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from rerun import escape_entity_path_part
+
 TIMELINE = "sim_time"
 """Simulation time. After a reset the next timeline begins, see ``timeline``."""
 
@@ -83,3 +85,21 @@ WORLD_TF = "/world/tf"
 
 WORLD_BODIES = "/world/bodies"
 """The bodies of the world, each under its name."""
+
+DISPLAYS = "/displays"
+"""What nodes publish to be drawn, by topic."""
+
+
+def display(topic: str, ns: str, number: int) -> str:
+    """A marker of a topic."""
+    return f"{DISPLAYS}{topic}/{escape_entity_path_part(ns or 'marker')}/{number}"
+
+
+def turtle(name: str) -> str:
+    """A turtle of turtlesim."""
+    return f"/turtles/{name}"
+
+
+def image(topic: str) -> str:
+    """The pictures of a topic."""
+    return f"/images{topic}"

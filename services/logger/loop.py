@@ -11,12 +11,14 @@ from messages.names import absolute_namespace
 from messages.topics import ROSOUT, WORLD_MARKERS, WORLD_STATES
 from models.model import read_model
 from services.logger import LoggerParameters
+from services.logger.display_subscriptions import DisplaySubscriptions
 from services.logger.file_rotation import rotate
 from services.logger.subscriptions import RobotSubscriptions
 from services.runtime.context import Context
 from services.runtime.errors import BadInput
 
 try:
+    from services.logger.display_scene import DisplayScene
     from services.logger.recording import Recording
     from services.logger.viewer import open_viewer, should_open
 except ImportError as error:
@@ -50,6 +52,8 @@ def run(ctx: Context[LoggerParameters]) -> None:
             )
             for robot, model in robots
         ]
+        displays = DisplaySubscriptions(ctx, [name for each in subscriptions for name in each.topics])
+        scene = DisplayScene(recording.log_at, displays.frame, ctx.log.warn)
         lines, markers, world_states = ctx.stream(ROSOUT), ctx.stream(WORLD_MARKERS), ctx.stream(WORLD_STATES)
         due = time.monotonic() + p.window
         try:
@@ -58,12 +62,15 @@ def run(ctx: Context[LoggerParameters]) -> None:
                     recording.write_world(world_states.drain())
                     write_batches(ctx, recording, subscriptions, last=True)
                     recording.restart()
+                    scene.restart()
                     for each in subscriptions:
                         each.columns.clear()
                 for array in markers.drain():
                     recording.set_world(array)
                 for each in subscriptions:
                     each.collect(tick.time, tick.dt)
+                displays.collect(scene, tick.time)
+                recording.show_images(scene.images)
                 if time.monotonic() >= due:
                     recording.write_log(lines.drain())
                     recording.write_world(world_states.drain())
@@ -77,6 +84,8 @@ def run(ctx: Context[LoggerParameters]) -> None:
             frames.refresh()
             for each in subscriptions:
                 each.collect_remaining(ctx.now)
+            displays.collect(scene, ctx.now)
+            scene.update(ctx.now, final=True)
             for array in markers.drain():
                 recording.set_world(array)
             recording.write_world(world_states.drain())

@@ -15,16 +15,37 @@ from messages.geometry import Twist
 from messages.nav import Odometry
 from messages.nav import Path as Plan
 from messages.rosgraph import Clock, Log
+from messages.se3 import IDENTITY, Pose3
 from messages.sensor import JointState, LaserScan
+from messages.std import Header
 from messages.tf import TFMessage
-from messages.topics import CMD_VEL, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, SCAN, STATUS, TF_STATIC, WORLD_MARKERS
+from messages.topics import (
+    CMD_VEL,
+    GOAL_POSE,
+    GROUND_TRUTH,
+    IMAGE,
+    JOINT_STATES,
+    ODOM,
+    PLAN,
+    SCAN,
+    STATUS,
+    TF_STATIC,
+    WORLD_MARKERS,
+)
 from messages.visualization import MarkerArray
 from models.model import read_model
 from services.logger.blueprint import Extent
 from services.logger.columns import RobotColumns
+from services.logger.display_scene import SHOWN, DisplayScene
 from services.logger.recording import Recording
+from services.runtime.errors import NoTransform
 from services.runtime.tf.buffer import TransformBuffer
 
+OWN_TOPICS = frozenset(
+    each.name for each in (GROUND_TRUTH, ODOM, CMD_VEL, JOINT_STATES, SCAN, PLAN, STATUS, GOAL_POSE, IMAGE)
+)
+"""Topics of robots, which are drawn as theirs or not at all."""
+WORLD = "world"
 BATCH_NS = 1_000_000_000
 """Simulated time in one batch."""
 
@@ -46,9 +67,10 @@ class RecordingBuilder:
         self._columns = {namespace: RobotColumns(frames=self._frames) for namespace, _ in robots}
         arms = [namespace for namespace, model in robots if not read_model(model).has_base]
         self._arm = self._columns[arms[0]] if len(arms) == 1 else None
+        self._displays = DisplayScene(self._recording.log_at, self._frame, warn)
         self._lines: list[Log] = []
         self._world_states: list[WorldStates] = []
-        self._due, self._epoch = 0, -1
+        self._due, self._epoch, self._last = 0, -1, 0
 
     def __enter__(self) -> Self:
         self._recording.__enter__()
@@ -58,10 +80,12 @@ class RecordingBuilder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._flush(last=True)
+        self._displays.update(self._last, final=True)
         self._recording.__exit__(kind, error, trace)
 
     def add(self, topic: str, message: Message, time_ns: int) -> None:
-        """Add a message of the absolute name ``topic`` at a simulated time; other topics are ignored."""
+        """Add a message of the absolute name ``topic`` at a simulated time; what cannot be drawn is ignored."""
+        self._last = time_ns
         if isinstance(message, Clock):
             self._on_clock(message)
         elif isinstance(message, Log):
@@ -69,6 +93,8 @@ class RecordingBuilder:
         elif isinstance(message, MarkerArray):
             if topic == WORLD_MARKERS.name:
                 self._recording.set_world(message)
+            else:
+                self._displays.add(topic, message, time_ns)
         elif isinstance(message, WorldStates):
             self._world_states.append(message)
         elif isinstance(message, TFMessage):
@@ -79,17 +105,30 @@ class RecordingBuilder:
                 self._arm.add_control([message])
         else:
             namespace, _, name = topic.rpartition("/")
-            if (columns := self._columns.get(namespace)) is not None:
+            columns = self._columns.get(namespace)
+            if columns is not None and name in OWN_TOPICS:
                 _add(columns, name, message, time_ns)
+            elif message.ROS_TYPE in SHOWN:
+                self._displays.add(topic, message, time_ns)
+                self._recording.show_images(self._displays.images)
+        self._displays.update(time_ns)
         if time_ns >= self._due:
             self._flush()
             self._due = time_ns + BATCH_NS
+
+    def _frame(self, header: Header) -> Pose3:
+        """The pose of a frame in the world, by the fixed transforms; any other one counts as the world itself."""
+        try:
+            return self._frames.lookup(WORLD, header.frame_id).transform
+        except NoTransform:
+            return IDENTITY
 
     def _on_clock(self, clock: Clock) -> None:
         """Start a new timeline after a reset."""
         if self._epoch not in (-1, clock.epoch):
             self._flush(last=True)
             self._recording.restart()
+            self._displays.restart()
             self._due = 0
             for columns in self._columns.values():
                 columns.clear()

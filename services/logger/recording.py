@@ -144,7 +144,7 @@ class Recording:
         warn: Callable[[str], None],
         port: int | None = None,
         memory_mib: int = 256,
-        footer: bool = True,
+        footer: bool = False,
         prefixes: Mapping[str, str] | None = None,
     ) -> None:
         self.file, self.url = file, ""
@@ -153,6 +153,7 @@ class Recording:
         self._port, self._memory_mib, self._footer = port, memory_mib, footer
         self._resets = 0
         self._has_data = False
+        self._images: dict[str, str] = {}
 
     def __enter__(self) -> Self:
         colour = colours(name for name, _ in self._robots)
@@ -162,6 +163,8 @@ class Recording:
         self._scenes = {scene.name: scene for scene in scenes}
         self._reset_series()
         self._stream = rr.RecordingStream(APPLICATION)
+        self._stream.set_log_time_enabled(False)
+        self._stream.set_log_tick_enabled(False)
         self.url, trouble = open_sinks(
             self._stream, self.file, self._footer, self._port, self._memory_mib, self._layout()
         )
@@ -179,6 +182,23 @@ class Recording:
     ) -> None:
         self.commit()
         self._stream.disconnect()
+
+    def log_at(self, entity: str, time_ns: int | None, *shapes: rr.AsComponents) -> None:
+        """Log shapes of an entity at a simulated time, or for all time."""
+        if time_ns is None:
+            self._stream.log(entity, *shapes, static=True)
+            return
+        duration = np.timedelta64(time_ns, "ns")
+        self._stream.set_time(entity_paths.timeline(self._resets), duration=duration)
+        self._stream.log(entity, *shapes)
+        self._stream.reset_time()
+        self._has_data = True
+
+    def show_images(self, images: Mapping[str, str]) -> None:
+        """Give each topic of images a view: ``images`` are their entities."""
+        if len(images) != len(self._images):
+            self._images = dict(images)
+            self._stream.send_blueprint(self._layout())
 
     def commit(self) -> None:
         """Block until all data is in the file, so that a killed process loses none and no backlog grows."""
@@ -313,9 +333,8 @@ class Recording:
     def _layout(self) -> rr.blueprint.Blueprint:
         robots = [(scene.name, scene.tree_name) for scene in self._scenes.values()]
         arms = {scene.name for scene in self._arms}
-        return blueprint(
-            robots, arms, self._extent, [entity_paths.timeline(reset) for reset in range(self._resets + 1)]
-        )
+        timelines = [entity_paths.timeline(reset) for reset in range(self._resets + 1)]
+        return blueprint(robots, arms, self._extent, timelines, self._images)
 
 
 def _point_columns(clouds: Sequence[Floats]) -> rr.ComponentColumnList:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from messages.topics import CMD_VEL, CONTROL_STATE, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, SCAN, STATUS
+from messages.topics import CMD_VEL, CONTROL_STATE, GOAL_POSE, GROUND_TRUTH, JOINT_STATES, ODOM, PLAN, SCAN, STATUS
 from services.logger import LoggerParameters
 from services.logger.columns import RobotColumns
 from services.runtime.context import Context
@@ -38,6 +38,8 @@ class RobotSubscriptions:
         self._plans = ctx.stream(PLAN.of(namespace))
         self._status = ctx.stream(STATUS.of(namespace))
         self._scans = ctx.stream(SCAN.of(namespace)) if scans else None
+        self.topics = tuple(each.of(namespace).name for each in (PLAN, GOAL_POSE, SCAN))
+        """Those of its topics that are drawn as its own."""
         self._control = ctx.stream(CONTROL_STATE.named(state)) if state else None
 
     def collect(self, now: int, dt: float) -> None:

@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 from messages.errors import BadInput
 from messages.gazebo import WorldStates
 from messages.geometry import Pose
-from messages.visualization import Marker, MarkerArray
-from services.driving.world_bodies import FIXED, GROUND, marker_triangles, world_bodies
+from messages.visualization import MarkerArray
+from services.driving.world_bodies import FIXED, GROUND, world_bodies
 from services.logger import entity_paths
-
-FLAT_TRIANGLES = 50_000
-"""Triangles of a mesh whose faces are shaded flat, which takes three vertices for each."""
+from services.logger.marker_shapes import marker_shape
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -99,36 +97,6 @@ class WorldScene:
             child_frame=[_frame(name) for _, name, _ in rows],
         )
         return np.array([time for time, _, _ in rows], np.int64), columns
-
-
-def marker_shape(marker: Marker) -> rr.AsComponents:
-    """A marker's shape in its own frame; raises BadInput for one that cannot be drawn."""
-    half = marker.scale.x / 2, marker.scale.y / 2, marker.scale.z / 2
-    c = marker.color
-    colour = tuple(round(255 * each) for each in (c.r, c.g, c.b, c.a))
-    match marker.type:
-        case Marker.CUBE:
-            return rr.Boxes3D(half_sizes=[half], colors=[colour], fill_mode="solid")
-        case Marker.SPHERE:
-            return rr.Ellipsoids3D(half_sizes=[half], colors=[colour], fill_mode="solid")
-        case Marker.CYLINDER if half[0] == half[1]:
-            return rr.Cylinders3D(lengths=[2 * half[2]], radii=[half[0]], colors=[colour], fill_mode="solid")
-    triangles = marker_triangles(marker)
-    if len(triangles) > FLAT_TRIANGLES:
-        corners, triangle = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
-        return rr.Mesh3D(vertex_positions=corners, triangle_indices=triangle.reshape(-1, 3), albedo_factor=colour)
-    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-    normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0)
-    every = None
-    if len(marker.colors) == len(marker.points) > 0:
-        every = [tuple(round(255 * part) for part in (each.r, each.g, each.b, each.a)) for each in marker.colors]
-    return rr.Mesh3D(
-        vertex_positions=triangles.reshape(-1, 3),
-        vertex_normals=np.repeat(normals, 3, axis=0),
-        vertex_colors=every,
-        albedo_factor=None if every else colour,
-    )
 
 
 def _frame(name: str) -> str:

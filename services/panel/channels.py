@@ -171,6 +171,8 @@ class ParameterValuesChannel(ParameterSetsChannel):
         return as_json("values", sets=delta) if delta else None
 
 
+TURTLE_RADIUS = 0.35
+"""Of a turtle's shell as it is drawn [m]; with head and tail, a turtle of ROS's window is 1 m long."""
 MAX_GOALS = 200
 """Goals of a plan that are shown."""
 
@@ -243,8 +245,8 @@ def robot_summary(robot: RobotState, stops: EmergencyStopClient) -> dict[str, An
     stopped = stops.is_stopped(robot.namespace)
     return {
         "ns": robot.namespace,
-        "model": base.model if base else "",
-        "radius": _radius(base.model) if base else 0.0,
+        "model": "turtle" if robot.turtle else base.model if base else "",
+        "radius": TURTLE_RADIUS if robot.turtle else _radius(base.model) if base else 0.0,
         "drives": bool(robot.cmd_vel_type),
         "stops": robot.has_e_stop,
         "goals": robot.accepts_goals,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from itertools import islice
 from typing import Any
 
@@ -37,10 +38,19 @@ def list_fields(message: Any) -> list[tuple[str, Scalar]]:
     """Paths and values of what a message holds, MAX_FIELDS of them at most."""
     found = (
         (path, value[:200] if isinstance(value, str) else _json_scalar(value))
-        for path, value in leaves(message, max_elements=MAX_ARRAY_ELEMENTS)
+        for path, value in _leaves(message)
         if (value is None or isinstance(value, bool | int | float | str)) and is_path(path)
     )
     return list(islice(found, MAX_FIELDS))
+
+
+def _leaves(message: object) -> Iterator[tuple[str, Any]]:
+    """The single values of a message; bytes, as which uint8[] comes, only if they are few: else they are data."""
+    for path, value in leaves(message, max_elements=MAX_ARRAY_ELEMENTS):
+        if isinstance(value, bytes) and len(value) <= MAX_ARRAY_ELEMENTS:
+            yield from ((f"{path}[{index}]", each) for index, each in enumerate(value))
+        else:
+            yield path, value
 
 
 def _json_scalar(value: bool | int | float | None) -> Scalar:

@@ -15,6 +15,7 @@ from services.panel.clock import ClockChannel, SimTimeMap
 from services.panel.drive import DriveController, GoalPublisher
 from services.panel.estop import EmergencyStopClient
 from services.panel.graph import GraphChannel, NodeGraph, RatesChannel
+from services.panel.markers import MarkersChannel, MarkerTracker
 from services.panel.pages import Disconnected, Page, PageRegistry, send_error, send_reply
 from services.panel.plots import Plots
 from services.panel.protocol import (
@@ -52,6 +53,7 @@ class Hub:
         self.drive_controller = DriveController(node, self._robots, params)
         self._plots = Plots(subscriptions, graph, self.time)
         self._log, self._world = LogChannel(subscriptions), WorldTracker(subscriptions)
+        self._markers = MarkerTracker(subscriptions, graph, self._robots, self.time)
         self._scans = ScanSender(subscriptions, graph, self._robots)
         self._channels: dict[str, PageChannel] = {
             "clock": ClockChannel(subscriptions, self.time),
@@ -65,6 +67,7 @@ class Hub:
             "values": ParameterValuesChannel(subscriptions, graph),
             "world": WorldChannel(self._world),
             "bodies": BodiesChannel(self._world),
+            "markers": MarkersChannel(self._markers),
         }
         self._wanted: dict[Page, frozenset[str]] = {}
         self._sent: dict[tuple[Page, str], tuple[int, float]] = {}
@@ -85,6 +88,7 @@ class Hub:
         self._log.update(now)
         self._robots.update()
         self._world.update()
+        self._markers.update(now)
         self._stops.update()
         self._goals.close_unused()
         for name, channel in self._channels.items():  # the clock first: the others count by it

@@ -30,7 +30,20 @@ MAX_SERIES = 32
 Name = Annotated[str, Meta(max_length=255)]
 Number = Annotated[float, Meta(ge=-1e6, le=1e6)]
 Id = Annotated[int, Meta(ge=0, le=2**31)]
-ChannelName = Literal["clock", "fleet", "graph", "rates", "log", "poses", "robots", "sets", "values", "world", "bodies"]
+ChannelName = Literal[
+    "clock",
+    "fleet",
+    "graph",
+    "rates",
+    "log",
+    "poses",
+    "robots",
+    "sets",
+    "values",
+    "world",
+    "bodies",
+    "markers",
+]
 
 
 class ClientMessageBase(

@@ -10,8 +10,21 @@ from messages.names import join
 from messages.nav import Odometry, Path
 from messages.se2 import IDENTITY, ZERO_TWIST, Pose2, Twist2
 from messages.tf import TFMessage
-from messages.topics import BASE_STATUS, CMD_VEL, E_STOP, GOAL_POSE, GROUND_TRUTH, ODOM, PLAN, STATUS, TF_STATIC, Topic
-from models.palette import Palette, hexadecimal
+from messages.topics import (
+    BASE_STATUS,
+    CMD_VEL,
+    E_STOP,
+    GOAL_POSE,
+    GROUND_TRUTH,
+    ODOM,
+    PLAN,
+    STATUS,
+    TF_STATIC,
+    TURTLE_POSE,
+    Topic,
+)
+from messages.turtlesim import Pose as TurtlePose
+from models.palette import Palette, hexadecimal, natural_order
 from services.panel.graph import NodeGraph
 from services.panel.subscriptions import SharedSubscriptions, SubscriptionGroup
 from services.runtime.tf.buffer import TransformBuffer
@@ -23,10 +36,11 @@ WORLD = "world"
 class RobotState:
     """One robot by its absolute namespace. ``truth`` and ``estimate`` lie in the world.
 
-    ``frame`` is that of its odometry, by which its controllers know it.
+    ``frame`` is that of its odometry, by which its controllers know it. A ``turtle`` of turtlesim has a pose alone.
     """
 
     namespace: str
+    turtle: bool = False
     cmd_vel_type: str = ""
     accepts_goals: bool = False
     has_e_stop: bool = False
@@ -67,7 +81,7 @@ class RobotTracker:
 
     def set_enabled(self, poses: bool, rest: bool) -> None:
         """Listen to where they are, and to the rest, or know their names alone; what was heard is then forgotten."""
-        topics = (*((GROUND_TRUTH, ODOM) if poses else ()), *((BASE_STATUS, STATUS, PLAN) if rest else ()))
+        topics = (*((GROUND_TRUTH, ODOM, TURTLE_POSE) if poses else ()), *((BASE_STATUS, STATUS, PLAN) if rest else ()))
         if topics != self._topics:
             for robot in self.by_namespace.values():
                 if not poses:
@@ -91,7 +105,8 @@ class RobotTracker:
             self._update_robot(robot)
 
     def _reconcile(self) -> None:
-        """Robots are those whose true pose is told; who takes their commands, stops and goals is seen beside."""
+        """Robots are those whose true pose is told, and turtles; who takes their commands, stops and goals is seen
+        beside."""
         drives = {each.name: each.record for each in self._graph.find_topics("sub", CMD_VEL.name)}
         goals = {each.name for each in self._graph.find_topics("sub", GOAL_POSE.name)}
         stops = {each.name for each in self._graph.find_topics("sub", E_STOP.name)}
@@ -104,14 +119,19 @@ class RobotTracker:
             robot.cmd_vel_type = robot.cmd_vel_type if robot.topic_name(BASE_STATUS) in told else ""
             robot.has_e_stop = robot.topic_name(E_STOP) in stops
             robot.accepts_goals = robot.topic_name(GOAL_POSE) in goals
-        self.by_namespace = dict(sorted(found.items()))
+        for each in self._graph.find_topics("pub", TURTLE_POSE.name):
+            namespace = each.name.rpartition("/")[0]
+            if each.record == TurtlePose.ROS_TYPE and namespace and namespace not in found:
+                turtle = found[namespace] = self.by_namespace.get(namespace) or RobotState(namespace, turtle=True)
+                turtle.cmd_vel_type = drives.get(turtle.topic_name(CMD_VEL), "")
+        self.by_namespace = {name: found[name] for name in sorted(found, key=natural_order)}
         if not self._pose_received:  # before the first pose, robots of the fleet may still be missing
             self._palette = Palette(namespace.strip("/") for namespace in found)
         self.version += 1
         wanted = {(TF_STATIC.name, TFMessage.ROS_TYPE): TF_STATIC.quality.name} if self._topics else {}
         for robot in self.by_namespace.values():
             for topic in self._topics:
-                if (name := robot.topic_name(topic)) in told:
+                if (name := robot.topic_name(topic)) in told and robot.turtle == (topic is TURTLE_POSE):
                     wanted[name, topic.record.ROS_TYPE] = topic.quality.name
         self._subscriptions.set_topics(wanted)
 
@@ -124,6 +144,10 @@ class RobotTracker:
         self.version += 1
 
     def _update_robot(self, robot: RobotState) -> None:
+        for pose, _ in self._subscriptions.messages(robot.topic_name(TURTLE_POSE), TurtlePose.ROS_TYPE)[-1:]:
+            robot.truth = robot.estimate = Pose2(pose.x, pose.y, pose.theta)
+            self.pose_version, self._pose_received = self.pose_version + 1, True
+            robot.speed = Twist2(pose.linear_velocity, pose.angular_velocity)
         for truth, _ in self._subscriptions.messages(robot.topic_name(GROUND_TRUTH), Odometry.ROS_TYPE)[-1:]:
             robot.truth = Pose2.from_msg(truth.pose.pose)
             self.pose_version, self._pose_received = self.pose_version + 1, True

@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
-from messages.base import raw_decoder
-from messages.records import RECORDS, unknown_record
-from messages.topics import TOPICS, Quality, Topic
+from messages.base import WrongPayload
+from messages.interfaces.records import find_record
+from messages.plain import plain
+from messages.records import unknown_record
+from messages.topics import Quality, Topic, largest_of
 from services.runtime.node import Node
 from services.runtime.subscriber import Subscriber
 from services.runtime.transport.wire import SampleInfo
 
-MAX_UNTYPED_SIZE = 1 << 20
-"""Maximum bytes of a message of unknown type."""
-_read_map: Callable[[bytes], Any] = raw_decoder(dict)
-"""Reads a message of unknown type."""
-
 Received = list[tuple[Any, SampleInfo | None]]
-
-_MAX_SIZES: dict[str, int] = {}
-for _topic in TOPICS:
-    _MAX_SIZES[_topic.record.ROS_TYPE] = max(_topic.largest, _MAX_SIZES.get(_topic.record.ROS_TYPE, 0))
 
 
 class SharedSubscriptions:
@@ -57,13 +49,21 @@ class SharedSubscriptions:
         self._node.update_subscribers()
 
     def _subscribe(self, name: str, ros_type: str, quality: Quality) -> Subscriber[Any]:
-        record, decode = RECORDS.get(ros_type), None
+        record, decode = find_record(ros_type), None
         if record is None:
             record, decode = unknown_record(ros_type), _read_map
         if any(each.name == name and each.topic.record is record for each in self._node.subscribers):
             self._owned_by_node.add((name, ros_type))  # the node itself reads it, and goes on
-        largest = _MAX_SIZES.get(ros_type, MAX_UNTYPED_SIZE)
-        return self._node.subscribe(Topic(name, record, 0, quality, "", largest), name, decode)
+        topic = Topic(name, record, 0, quality, "", largest_of(name, ros_type))
+        return self._node.subscribe(topic, name, decode)
+
+
+def _read_map(payload: bytes) -> dict[str, Any]:
+    """A message of unknown type; raises WrongPayload."""
+    value = plain(payload)
+    if not isinstance(value, dict):
+        raise WrongPayload(f"expected a map of fields, got {type(value).__name__}")
+    return value
 
 
 class SubscriptionGroup:

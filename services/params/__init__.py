@@ -36,6 +36,11 @@ class ParamsParameters(Parameters):
         "for none.",
         max_length=4096,
     )
+    rosparam_file: str = param(
+        "",
+        text="JSON file with the tree of ROS 1's parameters (rosparam) at the start; empty for an empty tree.",
+        max_length=4096,
+    )
 
 
 SERVICE = Service(
@@ -43,6 +48,7 @@ SERVICE = Service(
     about="Parameter server: checks, stores and publishes the parameters of all services.",
     run="services.params.loop:run",
     rate=10,
+    alone="all others need it",
     parameters=ParamsParameters,
     parameter_set=None,
 )

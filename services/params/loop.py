@@ -26,10 +26,17 @@ from messages.requests import (
     PARAMS_RESET,
     PARAMS_SET,
     PARAMS_UNDO,
+    ROSPARAM_DELETE,
+    ROSPARAM_GET,
+    ROSPARAM_HAS,
+    ROSPARAM_NAMES,
+    ROSPARAM_SEARCH,
+    ROSPARAM_SET,
 )
 from messages.std import Time
-from messages.topics import DESCRIPTIONS, SCHEDULE, UPDATES
+from messages.topics import DESCRIPTIONS, ROSPARAM_TREE, SCHEDULE, UPDATES
 from services.params import FILE_TEXT, ParamsParameters, Scheduled
+from services.params.parameter_tree import ParameterTreeServer, read_tree_file
 from services.params.schedule import Schedule, read_progress, write_progress
 from services.params.server import ParameterServer
 from services.params.store import MEMORY, open_store
@@ -37,6 +44,7 @@ from services.runtime.context import Context
 from services.runtime.errors import BadInput, EleaError
 from services.runtime.graph import Entity, token_pattern
 from services.runtime.node import Node
+from services.runtime.parameters.tree import ParameterTree
 from services.runtime.publisher import Publisher
 
 MAX_CLOSING = 100
@@ -102,6 +110,7 @@ SET_TIMEOUT_NS = 10_000_000_000
 def run(ctx: Context[ParamsParameters]) -> None:
     """Serve until the process is asked to end."""
     _check_schedule(ctx.params.schedule)
+    initial = read_tree_file(ctx.params.rosparam_file)
     ctx.advertise(SCHEDULE)
     ctx.node.clock_patience_s = CLOCK_PATIENCE_S
     with open_store(ctx.params.file) as store:
@@ -122,15 +131,44 @@ def run(ctx: Context[ParamsParameters]) -> None:
         ctx.serve(PARAMS_RESET, server.reset)
         ctx.serve(PARAMS_UNDO, server.undo)
         ctx.serve(PARAMS_HISTORY, server.history)
-        _run_schedule(ctx, server, publishers)
+        tree = _serve_tree(ctx, initial)
+        _run_schedule(ctx, server, publishers, tree)
 
 
-def _run_schedule(ctx: Context[ParamsParameters], server: ParameterServer, publishers: SetPublishers) -> None:
+def _serve_tree(ctx: Context[ParamsParameters], initial: ParameterTree) -> ParameterTreeServer:
+    publisher = ctx.node.advertise(ROSPARAM_TREE)
+    tree = ParameterTreeServer(publisher.publish, initial)
+    ctx.serve(ROSPARAM_SET, tree.set)
+    ctx.serve(ROSPARAM_GET, tree.get)
+    ctx.serve(ROSPARAM_DELETE, tree.delete)
+    ctx.serve(ROSPARAM_HAS, tree.has)
+    ctx.serve(ROSPARAM_SEARCH, tree.search)
+    ctx.serve(ROSPARAM_NAMES, tree.names)
+    ctx.node.extensions.append(_TreePublication(tree))
+    tree.publish_changes()
+    return tree
+
+
+class _TreePublication:
+    """Publishes the tree once after the requests of a turn of the loop."""
+
+    def __init__(self, tree: ParameterTreeServer) -> None:
+        self._tree = tree
+
+    def spin_once(self) -> None:
+        """Publish what the requests of this turn have changed."""
+        self._tree.publish_changes()
+
+
+def _run_schedule(
+    ctx: Context[ParamsParameters], server: ParameterServer, publishers: SetPublishers, tree: ParameterTreeServer
+) -> None:
     schedule, warned = Schedule(ctx.params.schedule), False
     file = Path(ctx.params.schedule_file) if ctx.params.schedule_file else None
     progress: ScheduledChanges | None = None
     for tick in ctx.ticks():
         publishers.tick()
+        tree.tick(tick.time, tick.reset)
         if progress is None:
             before = _read_progress(ctx, file) if file else ScheduledChanges()
             progress = before if before.epoch == tick.epoch else ScheduledChanges(epoch=tick.epoch)

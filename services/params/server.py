@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import time
+from collections import Counter
 from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import Literal
@@ -87,14 +88,15 @@ class ParameterServer:
 
     @property
     def announced_sets(self) -> set[str]:
-        """The sets that a node has announced."""
-        return {name for name, state in self._sets.items() if state.schema.announced}
+        """The sets that a node has announced, also by the names of nodes that share one set alone."""
+        sets = {name for name, state in self._sets.items() if state.schema.announced}
+        nodes = Counter(node for name in sets for node in self._sets[name].schema.announced)
+        return sets | {node for node, count in nodes.items() if count == 1}
 
     def announce(self, asked: Announcement) -> ParameterValues:
         """Add a node's parameters to a set and return the values that count; raises BadInput if they do not fit."""
         if asked.leaves:
-            self._find_set(asked.set)
-            return self._remove_node(asked.set, asked.node)
+            return self._remove_node(self._find_set(asked.set).name, asked.node)
         asked = validate_announcement(asked)
         size = len(encode(asked))
         self._make_room(asked, size)
@@ -154,10 +156,9 @@ class ParameterServer:
 
     def history(self, asked: HistoryOf) -> ParameterHistory:
         """The changes, newest first, as many as fit into one answer."""
-        if asked.set:
-            self._find_set(asked.set)
+        name = self._find_set(asked.set).name if asked.set else ""
         changes, size = [], 0
-        for each in self._store.changes(asked.set, asked.limit):
+        for each in self._store.changes(name, asked.limit):
             size += len(encode(each))
             if size > MAX_HISTORY_BYTES:
                 break
@@ -177,10 +178,16 @@ class ParameterServer:
             self._log.error(str(error))
 
     def _find_set(self, name: str) -> SetState:
+        """The set of this name, or that of the node of this name; raises BadInput."""
         state = self._sets.get(name) or self._restored_set(name)
-        if state is None:
-            raise unknown_name("set of parameters", name, self._sets)
-        return state
+        if state is not None:
+            return state
+        of_node = [each for each in self._sets.values() if name in each.schema.announced]
+        if len(of_node) == 1:
+            return of_node[0]
+        if of_node:
+            raise BadInput(f"{name} has several sets: which one? {', '.join(sorted(each.name for each in of_node))}")
+        raise unknown_name("set of parameters", name, self._sets)
 
     def _restored_set(self, name: str) -> SetState | None:
         """A set of which only the history is known: its revisions go on, so that each of them means one change."""
@@ -265,10 +272,11 @@ class ParameterServer:
 
     def _undo(self, asked: UndoParameters) -> ParameterValues:
         state, revision = self._find_set(asked.set), asked.revision
-        undoable = self._store.undoable(asked.set, revision) if revision else self._store.last_undoable(asked.set)
+        name = state.name
+        undoable = self._store.undoable(name, revision) if revision else self._store.last_undoable(name)
         if undoable is None:
             which = f" that made revision {revision}" if revision else ""
-            raise BadInput(f"{asked.set}: there is no change{which} to undo")
+            raise BadInput(f"{name}: there is no change{which} to undo")
         if undoable.undone:
             return state.to_message(0, [f"revision {revision} is undone already"])
         change = plan_undo(state, undoable.patch, undoable.run)

@@ -6,16 +6,18 @@ import json
 import time
 from bisect import bisect_right
 from collections import Counter
+from collections.abc import Callable
 from typing import Any
 
-from messages.base import Message
+from messages.base import Message, WrongPayload, decoder
 from messages.cdr.sidecar import split
 from messages.cdr.write import NotWritable, writer
+from messages.interfaces.records import find_record
 from messages.rosgraph import Clock
 from messages.std import stamp_of
 from messages.tf import TFMessage
 from messages.topics import CLOCK, TF, TF_STATIC, Quality
-from services.bag.channel import SENDER_SIDECAR, SIDECAR, Channel, Sender, channel_of, raw_channel
+from services.bag.channel import CDR, SENDER_SIDECAR, SIDECAR, Channel, Sender, channel_of, raw_channel
 from services.bag.mcap_writer import disk_space
 from services.bag.writer import BagWriter
 from services.recorder.subscriptions import Subscriptions
@@ -112,6 +114,8 @@ class BagRecorder:
         self._reorder_buffer = ReorderBuffer()
         self._lost_reported = 0
         self._disk_checked = 0.0
+        self._learned: dict[str, Callable[[bytes], Message]] = {}
+        self._noted: set[str] = set()
         self.unconvertible: Counter[str] = Counter()
         self.write_error = ""
 
@@ -122,11 +126,11 @@ class BagRecorder:
         run.
         """
         wall = time.time_ns()
-        self._learn_frames()
+        self._learn()
         for name in sorted(self._subscriptions.by_topic, key=lambda name: (name != CLOCK.name, name)):
             source = self._subscriptions.by_topic[name]
             for message, origin in source.messages:
-                self._write(source, message, origin, wall, now)
+                self._write(source, self._decoded(source, message), origin, wall, now)
 
     def record_remaining(self, now: int) -> None:
         """Record what arrived after the last tick, at simulated time ``now`` [ns], with times after that tick.
@@ -134,11 +138,13 @@ class BagRecorder:
         No member has read it yet. A message without a stamp is placed 1 ns after the last clock before it, between two
         steps.
         """
+        self._update_clock()
         wall = time.time_ns()
-        self._learn_frames()
+        self._learn()
         self._publish_times.clock = now
         self._enqueue(wall)
-        for _, (source, message, origin) in self._reorder_buffer.drain(wall, end=True):
+        for _, (source, payload, origin) in self._reorder_buffer.drain(wall, end=True):
+            message = self._decoded(source, payload)
             unstamped = stamp_of(message) is None
             later = max(self._publish_times.publish_time(message, wall, has_clock=True) + unstamped, now + 1)
             if source.name in self._subscriptions.by_topic:
@@ -146,15 +152,12 @@ class BagRecorder:
 
     def record(self, end: bool = False) -> None:
         """Record messages in the order of sending, except those of the last REORDER_DELAY_S; all at the ``end``."""
-        clock = self._subscriptions.clock
-        # Subscribers are drained in turn: clock messages of the meantime belong before messages sent after them.
-        early = clock.messages
-        clock.update()
-        clock.messages = [*early, *clock.messages]
+        self._update_clock()
         wall = time.time_ns()
-        self._learn_frames()
+        self._learn()
         self._enqueue(wall)
-        for log_time, (source, message, origin) in self._reorder_buffer.drain(wall, end):
+        for log_time, (source, payload, origin) in self._reorder_buffer.drain(wall, end):
+            message = self._decoded(source, payload)
             publish_time = self._publish_times.publish_time(message, log_time, self._subscriptions.has_clock)
             if source.name in self._subscriptions.by_topic:
                 self._write(source, message, origin, log_time, publish_time)
@@ -191,13 +194,42 @@ class BagRecorder:
         """Number of messages by topic that were sent and did not arrive."""
         return {name: source.lost for name, source in sorted(self._subscriptions.by_topic.items()) if source.lost}
 
-    def _learn_frames(self) -> None:
-        """Note the names of frames, by which robot descriptions are prefixed."""
+    def _decoded(self, source: Subscriber[Any], message: Any) -> Any:
+        """The message of a payload whose type was learned after its topic was subscribed to; else what was given."""
+        if source.name not in self._subscriptions.raw:
+            return message
+        name = source.topic.record.ROS_TYPE
+        if (record := find_record(name)) is None:
+            self._note_unknown(source.name, f"is {name}, which is unknown here: it is kept as MessagePack")
+            return message
+        if (read := self._learned.get(name)) is None:
+            read = self._learned[name] = decoder(record)
+        try:
+            return read(message)
+        except WrongPayload as error:
+            self._note_unknown(source.name, f"carries what is no {name}; it is kept as MessagePack: {error}")
+            return message
+
+    def _note_unknown(self, topic: str, problem: str) -> None:
+        if topic not in self._noted:
+            self._noted.add(topic)
+            self._log.warn(f"{topic} {problem}")
+
+    def _learn(self) -> None:
+        """Learn the types that scripts announce, and the names of frames, by which robot descriptions are prefixed."""
+        self._subscriptions.learn_interfaces()
         for topic in (TF, TF_STATIC):
             if (
                 source := self._subscriptions.by_topic.get(topic.name)
             ) is not None and source.topic.record is TFMessage:
                 self._urdf_prefixer.add_frames(message for message, _ in source.messages)
+
+    def _update_clock(self) -> None:
+        """Read clock messages once more: subscribers are drained in turn, and time may have gone on meanwhile."""
+        clock = self._subscriptions.clock
+        early = clock.messages
+        clock.update()
+        clock.messages = [*early, *clock.messages]
 
     def _enqueue(self, wall: int) -> None:
         """Move received messages to the reorder buffer."""
@@ -215,7 +247,7 @@ class BagRecorder:
         if source.topic.quality is Quality.LATCHED and (node := self._additional_sender(name, origin)):
             note = writer(Sender)(Sender(node=node))
             self._add(self._channel_of(name + SENDER_SIDECAR, Sender(), source), sequence, log_time, publish_time, note)
-        if name in self._subscriptions.raw:
+        if isinstance(message, bytes):
             raw = raw_channel(name, source.topic.record.ROS_TYPE, source.topic.quality)
             self._add(self._channel(name, raw), sequence, log_time, publish_time, message)
             return
@@ -246,11 +278,11 @@ class BagRecorder:
             self._report_error(error)
 
     def _channel_of(self, topic: str, message: Message, source: Subscriber[Any]) -> Channel:
-        key = topic, type(message).ROS_TYPE
+        key = topic, f"{CDR} {type(message).ROS_TYPE}"
         return self._channels.get(key) or self._channel(topic, channel_of(topic, type(message), source.topic.quality))
 
     def _channel(self, topic: str, made: Channel) -> Channel:
-        return self._channels.setdefault((topic, made.type), made)
+        return self._channels.setdefault((topic, f"{made.encoding} {made.type}"), made)
 
     def _check_disk(self) -> None:
         """Warn while there is still time to make room."""

@@ -7,12 +7,14 @@ from collections.abc import Callable
 from typing import Any
 
 from messages.base import Message
+from messages.interfaces.records import find_record
 from messages.names import BadName
-from messages.records import RECORDS, unknown_record
-from messages.topics import CLOCK, TOPICS, Quality, Topic
+from messages.records import unknown_record
+from messages.topics import CLOCK, INTERFACES, TOPICS, Quality, Topic
 from services.recorder import RecorderParameters
 from services.runtime.errors import BadInput
 from services.runtime.graph import Entity, Kind, token_pattern
+from services.runtime.interfaces import learn_interfaces
 from services.runtime.node import Node
 from services.runtime.subscriber import Subscriber
 from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
@@ -46,7 +48,7 @@ _KINDS: tuple[Kind, ...] = ("pub", "sub")
 
 
 class Subscriptions:
-    """Subscribers of the selected topics, ``by_topic``; those in ``raw`` have types that Elea does not know.
+    """Subscribers of the selected topics, ``by_topic``; those in ``raw`` had types that were unknown then.
 
     ``clock`` is subscribed to whether it is recorded or not.
     """
@@ -59,6 +61,12 @@ class Subscriptions:
         self.raw: set[str] = set()
         self._type_mismatches: set[tuple[str, str, str]] = set()
         self.has_clock = False
+        self._interfaces: Subscriber[Any] | None = None
+
+    def learn_interfaces(self) -> None:
+        """Know the types that scripts have announced since the last update of the node's subscribers."""
+        if self._interfaces is not None:
+            learn_interfaces((message for message, _ in self._interfaces.messages), self._node.log.warn)
 
     def subscribe_existing(self) -> None:
         """Subscribe to the topics that exist now; ``update`` would find them a moment later."""
@@ -82,6 +90,8 @@ class Subscriptions:
         if entity is None or entity.session == self._node.transport.session:
             return
         topic = entity.name
+        if topic == INTERFACES.name and entity.kind == "pub" and self._interfaces is None:
+            self._interfaces = self._node.subscribe(INTERFACES)
         self.has_clock = self.has_clock or (entity.kind == "pub" and topic == CLOCK.name)
         if topic not in self._filter or entity.record == "-":
             return
@@ -93,10 +103,9 @@ class Subscriptions:
                     f"{entity.node} uses {topic} as {entity.record}: it is recorded as {known.topic.record.ROS_TYPE}"
                 )
             return
-        record = RECORDS.get(entity.record)
+        record = find_record(entity.record)
         if record is None:
             self.raw.add(topic)
-            self._node.log.warn(f"{topic} is {entity.record}, which is unknown here: it is kept as MessagePack")
         described = _topic(topic, record or unknown_record(entity.record), entity.detail)
         self.by_topic[topic] = self._node.subscribe(described, topic, bytes if record is None else None)
         self._node.spin_once()  # a hundred subscriptions on a busy machine take longer than a heartbeat may

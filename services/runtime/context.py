@@ -88,6 +88,18 @@ class Tick(NamedTuple):
     reset: bool
 
 
+MakePacer = Callable[[Node, int, bool], Pacer]
+"""Makes the pacer of a node for a period [ns]; the last argument is ``reports_reads`` of ``Context.ticks``."""
+
+
+def _lockstep_pacer(node: Node, period_ns: int, reports_reads: bool) -> Pacer:
+    return LockstepPacer(node, period_ns, reports_reads)
+
+
+def _clock_pacer(node: Node, period_ns: int, reports_reads: bool) -> Pacer:
+    return ClockPacer(node, period_ns)
+
+
 class Context(Generic[P]):
     """The argument of a service's loop, for use in the loop's own thread only."""
 
@@ -99,6 +111,7 @@ class Context(Generic[P]):
         lockstep: bool = False,
         observer: bool = False,
         followed: ParameterSubscription[P] | None = None,
+        make_pacer: MakePacer | None = None,
     ) -> None:
         self.params_changed = ALL_LEVELS
         self.now = 0
@@ -106,6 +119,7 @@ class Context(Generic[P]):
         self._polled = 0.0
         self._node = node
         self._rate, self._lockstep, self._observer = rate, lockstep, observer
+        self._make_pacer = make_pacer or (_lockstep_pacer if lockstep else _clock_pacer)
         self._views: list[Latest[Any] | Stream[Any] | TransformListener] = []
         self._publishers: dict[str, Publisher[Any]] = {}
         self._idle_subscriber: RawSubscriber | None = None
@@ -259,7 +273,9 @@ class Context(Generic[P]):
         """Whether the node steps with the simulation."""
         return self._lockstep
 
-    def ticks(self, rate: float | None = None, meanwhile: Callable[[], None] | None = None) -> Iterator[Tick]:
+    def ticks(
+        self, rate: float | None = None, meanwhile: Callable[[], None] | None = None, reports_reads: bool = False
+    ) -> Iterator[Tick]:
         """Yield a tick at the service's rate of simulation time, until the process is asked to end (Stopped).
 
         Inputs are a snapshot taken at the start of the tick. After a reset they are empty, except for latched topics.
@@ -267,11 +283,12 @@ class Context(Generic[P]):
         Args:
             rate: replaces the declared rate [Hz], for services that make it a parameter.
             meanwhile: called at least ten times a second while the loop waits for the next tick.
+            reports_reads: whether the loop subscribes to topics as it goes, and lockstep has to know.
         """
         if (chosen := rate or self._rate) is None:
             raise BadInput("a service without a rate has no ticks")
         period = period_of(chosen, self._lockstep)
-        pacer: Pacer = (LockstepPacer if self._lockstep else ClockPacer)(self._node, period)
+        pacer = self._make_pacer(self._node, period, reports_reads)
         if self._subscription is not None:
             self._subscription.client.watermarks = pacer.watermarks
         self._await_parameters()
@@ -349,11 +366,12 @@ class Context(Generic[P]):
         while True:
             self._node.spin_once()
             instant = pacer.next()
-            if instant is None:
+            while instant is None:
                 if meanwhile is not None:
                     meanwhile()
                 self._node.transport.wait(pacer.raw)
-                continue
+                if (instant := pacer.next()) is None:
+                    self._node.spin_once()
             reset = last is not None and (instant.epoch, instant.simulation) != (last.epoch, last.simulation)
             dt = 0.0 if reset or last is None else (instant.time - last.time) / 1e9
             first = last is None

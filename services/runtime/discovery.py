@@ -1,8 +1,5 @@
 """Discovery: lists the nodes of the network, checks that they are reachable, and waits for those of a fleet.
 
-A new node's own token reaches the router before its query. So if two nodes of one name start at the same moment, at
-least one of them learns of the other.
-
 Peers connect directly to each other, not through the router, and listen on this machine only. So a peer on another
 machine, or in another network namespace, that joins their router can exchange nothing with them.
 """

@@ -5,7 +5,9 @@ EleaError
 │   ├── TryAgain                 wrong for now: a name in use, an unreachable network     -> exit status 75
 │   ├── BadName                  messages.names: not a legal ROS name or remapping rule
 │   ├── UnknownRecord            messages.records: no record has this name (LookupError)
-│   ├── BadDefinition            messages.cdr.definitions: the text of a message type cannot be read
+│   ├── UnknownType              messages.interfaces.catalogue: no package defines this type (LookupError)
+│   ├── BadDefinition            messages.interfaces.definition: the text of a message type cannot be read
+│   ├── UnknownType              messages.interfaces.catalogue: no message, service or action has this name
 │   ├── UnknownModel             models: no robot or world has this name
 │   ├── BadWorld                 models.bodies: a world's file, or one that it names, cannot be read
 │   ├── BadUrdf                  models.urdf: a URDF cannot be read
@@ -13,9 +15,10 @@ EleaError
 │   ├── BadMesh                  models.mesh: a mesh cannot be read, or is too large
 │   ├── BadXacro                 models.xacro_file: a xacro cannot be expanded
 │   ├── FileNotAllowed           models.packages: a robot's description names a file that it may not read
+│   │   └── FileMissing          models.packages: a package, model or file that is not on this machine
+│   ├── BadConfig                services.script.reconfigure_config: a dynamic_reconfigure file is wrong
 │   ├── BadTrajectory            services.controller_manager.trajectory_message: a trajectory cannot be followed
 │   ├── NoWheels                 models.urdf: a robot has no two wheels to drive on
-│   ├── BadTrajectory            services.controller_manager.trajectory_message: a trajectory cannot be followed
 │   └── ParameterConflict        services.params.schema: two nodes contradict each other about a parameter
 ├── WrongPayload (ValueError)    messages.base: a payload is not the expected record
 ├── NotWritable (ValueError)     messages.cdr.write: a message cannot be written as CDR
@@ -32,6 +35,12 @@ EleaError
 ├── RecordingIncomplete          services.recorder.loop: part of what was to be recorded is missing
 ├── PlaybackIncomplete           services.player.loop: part of a bag was not played, or had no subscribers
 ├── IncompleteBag                deploy.commands.bag: a bag is damaged, or not all of it could be used
+├── ScriptStopped                services.script.api: a script's wait ends, as its process is asked to end
+├── TimeMovedBackwards           services.script.api: simulation time was reset while a script slept
+├── ServiceUnavailable           services.script.api: no node serves the name that a script calls
+├── ServiceRefused               services.script.api: the server of a script's call answered with an error
+├── NodeFailed                   services.runtime.composition.container: a node of a container raised an error
+├── NoKernel                     services.script.process: a client library was imported where no script runs
 └── Stopped                      the process was asked to end; unwinds the loop          -> exit status 0
 """
 

@@ -148,7 +148,7 @@ def child(value: Any, step: str | int) -> Any:
     elif isinstance(step, int):
         if isinstance(value, Ext):
             value = unpack36(value)
-        if isinstance(value, list | tuple) or (isinstance(value, Array) and value.shape):
+        if isinstance(value, list | tuple | bytes) or (isinstance(value, Array) and value.shape):
             return value[step]
     raise LookupError(step)
 

@@ -11,9 +11,13 @@ from messages.names import key as absolute
 from services.runtime.transport.api import ADMIN_SPACE, Transport
 
 EVERYTHING = f"{ADMIN_SPACE}/*/*/*/*/*/*"
+PATIENCE_S = 5.0
+"""Wall time after which a network that has not shown all of its tokens is taken as it is; a fleet of a hundred robots
+has 5,000, and a router that shares its processor was seen to take more than a second for them."""
 
 _SESSION = re.compile(r"[0-9a-f]{1,32}")
 _PERIOD = re.compile(r"[1-9][0-9]{0,17}")
+_COUNT = re.compile(r"[1-9][0-9]{0,4}")
 
 Kind = Literal["node", "pub", "sub", "srv", "step", "ready"]
 """A node itself, a publication, a subscription, a request served, readiness to step with the simulation, or the
@@ -24,7 +28,8 @@ readiness of a node that takes no steps."""
 class Entity:
     """One token, taken apart. ``name`` is the topic or request, ``record`` its ROS type, ``detail`` the quality.
 
-    The token of a node carries its kind of service in ``name``, the one of a stepping node its period [ns].
+    The token of a node carries its kind of service in ``name``, the one of a stepping node its period [ns] in
+    ``detail`` and, if several nodes of its process step together, their number in ``record``.
     """
 
     session: str
@@ -39,6 +44,11 @@ class Entity:
         """The Zenoh key of the token."""
         chunks = (self.session, self.kind, mangle(self.node), mangle(self.name), mangle(self.record), self.detail)
         return "/".join((ADMIN_SPACE, *chunks))
+
+    @property
+    def sharing(self) -> int:
+        """Of a stepping node, how many nodes of its process step together."""
+        return int(self.record) if self.kind == "step" and _COUNT.fullmatch(self.record) else 1
 
     @classmethod
     def parse(cls, key: str) -> Entity | None:
@@ -69,11 +79,25 @@ def token_pattern(kind: Kind | Literal["*"] = "*", node: str = "*", name: str = 
 
 
 def ping_key(session: str, node: str) -> str:
-    """The key on which a node's own loop answers pings."""
+    """The key on which a node's own loop answers pings: with nothing, or with its health to those that ask for it."""
     return "/".join((ADMIN_SPACE, "ping", session, mangle(node)))
 
 
+ALL_PINGS = "/".join((ADMIN_SPACE, "ping", "**"))
+ASKS_HEALTH = b"health"
+"""The payload of a ping that is answered by the node's health."""
+
+
+REPLACED = "new node registered with same name"
+"""The reason why a node is asked to end whose name another one takes."""
+
+
+def shutdown_key(session: str, node: str) -> str:
+    """The key on which a node that others may end is asked to, with the reason; its answer says that it will."""
+    return "/".join((ADMIN_SPACE, "shutdown", session, mangle(node)))
+
+
 def snapshot(transport: Transport) -> list[Entity]:
-    """Everything on the network now, asked afresh."""
-    found = (Entity.parse(key) for key in transport.tokens(EVERYTHING))
+    """Everything on the network now, asked afresh; raises TryAgain if it does not answer in time."""
+    found = (Entity.parse(key) for key in transport.all_tokens(EVERYTHING, PATIENCE_S))
     return sorted((each for each in found if each), key=lambda e: (e.node, e.kind, e.name))

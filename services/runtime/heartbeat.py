@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from messages.base import MOST_COUNTED, encode
 from messages.elea import Health
+from messages.topics import HEALTH
 from services.runtime.log import Log
 from services.runtime.publisher import Publisher
 from services.runtime.subscriber import Subscriber
@@ -47,40 +48,39 @@ class Heartbeat:
         self._due = 0.0
         self._wanted = False
 
-    def publish_if_due(
+    def is_due(self, output: Publisher[Health]) -> bool:
+        """Whether it is time to publish; asked in each turn of a loop."""
+        wanted, self._wanted = self._wanted, output.has_subscribers
+        return time.monotonic() >= self._due or self._wanted > wanted
+
+    def publish(
         self,
         output: Publisher[Health],
         inputs: Sequence[Subscriber[Any] | RefusalCounter],
         outputs: Sequence[Publisher[Any]],
         refusals: Refusals,
     ) -> None:
-        """Publish the node's health if it is time."""
-        now, wanted = time.monotonic(), output.has_subscribers
-        if now < self._due and wanted <= self._wanted:
-            self._wanted = wanted
-            return
-        self._wanted = wanted
-        self._due = now + PERIOD_S
+        """Publish the node's health."""
+        self._due = time.monotonic() + PERIOD_S
         self._beats += 1
-        output.publish_encoded(self._payload(inputs, outputs, refusals, output.topic.largest))
+        output.publish_encoded(self.payload(inputs, outputs, refusals))
 
     def request_now(self) -> None:
         """Let the next beat come at once: the state has changed."""
         self._due = 0.0
 
-    def _payload(
+    def payload(
         self,
         inputs: Sequence[Subscriber[Any] | RefusalCounter],
         outputs: Sequence[Publisher[Any]],
         refusals: Refusals,
-        largest: int,
     ) -> bytes:
-        """The message to send. What cannot be encoded is left out and logged once: a working node never looks hung."""
+        """The health to send. What cannot be encoded is left out and logged once: a working node never looks hung."""
         try:
             payload = encode(self._health(inputs, outputs, refusals))
-            if len(payload) <= largest:
+            if len(payload) <= HEALTH.largest:
                 return payload
-            trouble = f"it has {len(payload)} bytes, the limit is {largest}"
+            trouble = f"it has {len(payload)} bytes, the limit is {HEALTH.largest}"
         except (OverflowError, ValueError, TypeError) as error:
             trouble = str(error)
         if self._log is not None and not self._complained:

@@ -9,6 +9,8 @@ from services.runtime.errors import BadInput
 from services.runtime.graph import Entity, Kind
 from services.runtime.transport.api import Token, Transport
 
+_NO_FLEET = "is a fleet up? ./elea ps lists those that run, --port chooses one, ./elea up starts one"
+
 
 @contextmanager
 def open_transport(router: str, domain: str = "", patience: float = 2.0) -> Iterator[Transport]:
@@ -21,7 +23,7 @@ def open_transport(router: str, domain: str = "", patience: float = 2.0) -> Iter
     try:
         is_listening(where, patience)
     except OSError as error:
-        cause = "it is another user's" if isinstance(error, PermissionError) else "is a fleet up?"
+        cause = "it is another user's" if isinstance(error, PermissionError) else _NO_FLEET
         raise BadInput(f"no router at {where} ({error.strerror or error}): {cause}") from None
     with ZenohTransport(configuration("star", (where,), domain=domain)) as transport:
         yield transport

@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 import os
 import sys
+from collections.abc import Callable
+from dataclasses import fields
 from typing import Any, overload
 
 import click
 import msgspec
 
+from messages.errors import did_you_mean
 from services.runtime.errors import TRY_AGAIN, BadInput, EleaError, Stopped, TryAgain
 from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.schema import describe_range, describe_relations
@@ -37,9 +40,29 @@ def main(service: Service | Run, **declaration: Any) -> None:
         **declaration: With a loop, the other fields of ``Service``: name, about, rate, parameters, role.
     """
     if not isinstance(service, Service):
+        _check_declaration(service, declaration)
         service = Service(run=service, **declaration)
     capture(service)
     run_command_line(service, sys.argv[1:])
+
+
+def _check_declaration(run: object, declaration: dict[str, Any]) -> None:
+    """End the process, with an example, when ``main`` was called without what a service needs."""
+    known = [each.name for each in fields(Service) if each.name != "run"]
+    unknown = [each for each in declaration if each not in known]
+    missing = [each for each in ("name", "about") if not declaration.get(each)]
+    if callable(run) and not unknown and not missing:
+        return
+    if not callable(run):
+        fault = f"main takes a Service or a loop run(ctx), not {run!r:.80}"
+    elif unknown:
+        fault = f"main does not know {unknown[0]!r}{did_you_mean(unknown[0], known)}"
+    else:
+        fault = f"main needs the service's {' and '.join(missing)}"
+    sys.stderr.write(
+        f'{sys.argv[0]}: {fault}; for example main(run, name="my_robot", about="Drives a square.", rate=25)\n'
+    )
+    sys.exit(2)
 
 
 def run_command_line(service: Service, arguments: list[str], program: str | None = None) -> None:
@@ -52,26 +75,47 @@ def run_command_line(service: Service, arguments: list[str], program: str | None
         arguments: The options of the command line.
         program: The command in the usage line; that of ``./elea run`` comes first.
     """
+
+    def run(options: dict[str, Any]) -> None:
+        from services.runtime.start import run_service
+
+        run_service(service, options)
+
+    run_program(service.name, service_command(service), arguments, program, run)
+
+
+def run_program(
+    name: str, command: click.Command, arguments: list[str], program: str | None, run: Callable[[dict[str, Any]], None]
+) -> None:
+    """Run with the options that ``command`` makes of ``arguments``, None if there is nothing to run; ends the process.
+
+    Args:
+        name: Of the program, for its messages.
+        command: The command line; its callback returns the options.
+        arguments: Those of the command line.
+        program: The command in the usage line; that of ``./elea run`` comes first.
+        run: Runs until the end; raises what ends it.
+    """
     from services.runtime import process
 
     process.lossy_stderr()
     try:
         process.check_import_roots()
         program = os.environ.pop(process.PROGRAM, program)
-        options = _command(service).main(arguments, program, standalone_mode=False)
+        options = command.main(arguments, program, standalone_mode=False)
     except click.ClickException as error:
         error.show()
         sys.exit(2)
     except click.exceptions.Abort:
         sys.exit(1)
     except BadInput as error:
-        sys.stderr.write(f"{service.name}: {error}\n")
+        sys.stderr.write(f"{name}: {error}\n")
         sys.exit(2)
     if not isinstance(options, dict):
         sys.exit(0)
     process.die_with_parent()
     process.die_with_threads()
-    process.exit_now(_run(service, options))
+    process.exit_now(_run(name, run, options))
 
 
 def _stop_at_start() -> None:
@@ -79,29 +123,27 @@ def _stop_at_start() -> None:
     raise Stopped("the process was asked to end")
 
 
-def _run(service: Service, options: dict[str, Any]) -> int:
-    """The exit status of the service's loop."""
+def _run(name: str, run: Callable[[dict[str, Any]], None], options: dict[str, Any]) -> int:
+    """The exit status of the run."""
     from services.runtime import process
 
     status = 1
     try:
         process.install_signal_handlers(_stop_at_start)
-        from services.runtime.start import run_service
-
-        run_service(service, options)
+        run(options)
         status = 0
     except Stopped:
         status = 0
     except BadInput as error:
-        sys.stderr.write(f"{service.name}: {error}\n")
+        sys.stderr.write(f"{name}: {error}\n")
         status = TRY_AGAIN if isinstance(error, TryAgain) else 2
     except EleaError as error:
-        sys.stderr.write(f"{service.name}: {error}\n")
+        sys.stderr.write(f"{name}: {error}\n")
     process.exit_within(process.CLOSE_S, status)
     return status
 
 
-def _command(service: Service) -> click.Command:
+def service_command(service: Service) -> click.Command:
     """The click command; its callback returns the options, checked as far as they can be without the network."""
 
     def check(param: tuple[str, ...], fleet_param: tuple[str, ...], **options: Any) -> dict[str, Any] | None:
@@ -119,7 +161,7 @@ def _command(service: Service) -> click.Command:
         build(service.parameters, options["fleet"], "--fleet-param")
         options["params"] = build(service.parameters, {**options["fleet"], **options["command_line"]}, "--param")
         if options.pop("print_config"):
-            _print_config(service, options)
+            click.echo(json.dumps(describe_config(service, options), indent=2))
             return None
         return options
 
@@ -134,21 +176,31 @@ def _command(service: Service) -> click.Command:
             option(["--name"], default="", help=f"Name of the node; {service.name} by default."),
             option(["--remap"], multiple=True, metavar="FROM:=TO", help="Use another name; _K:=V sets a parameter."),
             option(["--param"], multiple=True, metavar="K=V", help="Set a parameter; may be repeated."),
-            option(["--fleet-param"], multiple=True, metavar="K=V", help="The same, as a fleet file states it."),
-            option(["--connect"], multiple=True, metavar="ENDPOINT", help="Router to join; this user's, of port 7447."),
-            option(["--domain"], default="", help="Isolates fleets of one network from each other."),
-            option(["--topology"], type=click.Choice(["direct", "star"]), default="direct", help="Peers, or clients."),
-            option(["--lockstep"], is_flag=True, help="Step with the simulation, which waits for this node."),
-            option(["--await-params"], is_flag=True, help="Wait for the parameter service, which runs or is to come."),
             option(
-                ["--log-level"],
-                type=click.Choice(["debug", "info", "warn", "error"]),
-                default="info",
-                help="Least level.",
+                ["--fleet-param"], multiple=True, metavar="K=V", help="Like a fleet file's value: --param overrides it."
             ),
-            option(["--print-config"], is_flag=True, help="Show what would run, and end."),
+            *network_options(),
         ],
     )
+
+
+def network_options() -> list[click.Option]:
+    """The options of a process that is on the network, with one node or with several."""
+    option = click.Option
+    levels, topologies = click.Choice(["debug", "info", "warn", "error"]), click.Choice(["direct", "star"])
+    return [
+        option(
+            ["--connect"], multiple=True, metavar="ENDPOINT", help="Router to join; yours, of port 7447, by default."
+        ),
+        option(["--domain"], default="", help="Domain of the fleet; it keeps fleets of one network apart."),
+        option(
+            ["--topology"], type=topologies, default="direct", help="Connect to nodes directly, or by the router alone."
+        ),
+        option(["--lockstep"], is_flag=True, help="Step with the simulation, which waits for this node."),
+        option(["--await-params"], is_flag=True, help="Begin only once there is a parameter service."),
+        option(["--log-level"], type=levels, default="info", help="Log this level and above."),
+        option(["--print-config"], is_flag=True, help="Show what would run, and end."),
+    ]
 
 
 def _epilog(record: type[Parameters]) -> str:
@@ -160,9 +212,9 @@ def _epilog(record: type[Parameters]) -> str:
     return "\b\nParameters:\n" + "\n".join(lines) if lines else ""
 
 
-def _print_config(service: Service, options: dict[str, Any]) -> None:
-    """Describe what would run; ``origins`` has the source of each parameter that is not the default."""
+def describe_config(service: Service, options: dict[str, Any]) -> dict[str, Any]:
+    """What would run; ``origins`` has the source of each parameter that is not the default."""
     shown = dict(options)
     fleet, command_line = (stated(service.parameters, shown.pop(each)) for each in ("fleet", "command_line"))
     shown["origins"] = dict.fromkeys(fleet, "fleet") | dict.fromkeys(command_line, "command line")
-    click.echo(json.dumps({"service": service.name, **msgspec.to_builtins(shown)}, indent=2))
+    return {"service": service.name, **msgspec.to_builtins(shown)}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from itertools import islice
 from typing import Any, Protocol, Self, TypeVar
@@ -13,24 +12,25 @@ from messages.names import Identity
 from messages.requests import Request
 from messages.rosgraph import Log as LogLine
 from messages.topics import HEALTH, ROSOUT, Topic
-from services.runtime.discovery import ReachabilityCheck, known_nodes
+from services.runtime.discovery import ReachabilityCheck
 from services.runtime.errors import Stopped, TryAgain
-from services.runtime.graph import Entity, Kind, ping_key, token_pattern
+from services.runtime.graph import ASKS_HEALTH, REPLACED, Entity, Kind, ping_key, shutdown_key, token_pattern
 from services.runtime.heartbeat import Heartbeat
 from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.log import Log
+from services.runtime.name_claim import claim_names
 from services.runtime.publisher import Publisher, SendBuffer
 from services.runtime.requests import DEADLINE_S, DeferredReply, RequestServer, call
 from services.runtime.subscriber import WAIT_BUDGET_S, Subscriber, WaitBudget
-from services.runtime.transport.api import RawSubscriber, Token, Transport
+from services.runtime.transport.api import QueryServer, RawSubscriber, Token, Transport
+from services.runtime.transport.request_queue import Refusals
 from services.runtime.transport.sequences import RefusalCounter
+from services.runtime.transport.wire import member_id
 
 M = TypeVar("M", bound=Message)
 Q = TypeVar("Q", bound=Message)
 R = TypeVar("R", bound=Message)
 
-TAKEOVER_S = 1.5
-"""Wall time in which the token of a predecessor that was killed must have gone."""
 MAX_KEPT_NUMBERS = 4096
 """Maximum closed publications whose sequence numbers are kept for a restart; the oldest are forgotten."""
 CLOCK_PATIENCE_S = 2.0
@@ -38,6 +38,8 @@ CLOCK_PATIENCE_S = 2.0
 
 _PINGS = 16
 """Pings answered in one turn."""
+_LONGEST_REASON = 400
+"""Bytes of the reason for which a node is asked to end; the rest is left out."""
 
 
 class Extension(Protocol):
@@ -51,12 +53,21 @@ class Extension(Protocol):
 class Node:
     """Everything of a node but its time. Used by one thread, the loop's."""
 
-    def __init__(self, transport: Transport, identity: Identity, kind: str, log: Log) -> None:
+    def __init__(self, transport: Transport, identity: Identity, kind: str, log: Log, sole: bool = True) -> None:
+        """Make a node of a service's ``kind``.
+
+        One that is not the ``sole`` node of its process leaves to its container what is done once for all of them:
+        taking their names, and looking whether they are cut off.
+        """
         self.transport, self.identity, self.kind, self.log = transport, identity, kind, log
         self.heartbeat = Heartbeat(identity.node, log)
         self.send_buffer = SendBuffer()
+        self.command_buffer: SendBuffer | None = None
+        """Where commands wait for those of other nodes with which they act, if they do."""
         self.subscribers: list[Subscriber[Any]] = []
         self.publishers: list[Publisher[Any]] = []
+        self.version = 0
+        """Grows with each subscription and publication that begins or ends."""
         self.refusal_counters: list[RefusalCounter] = []
         """Of keys that no input reads; the health lists those that refused something."""
         self.request_server = RequestServer(transport, log)
@@ -64,13 +75,30 @@ class Node:
         self.extensions: list[Extension] = []
         """Served by the loop along with the node's own work, as the client of the parameter service."""
         self.clock_patience_s = CLOCK_PATIENCE_S
+        self.on_asked_to_end: Callable[[str], None] | None = None
+        """Called with the reason when another process asks this node to end, if others may."""
+        self.replaceable = False
+        """Whether a node of its name that starts later ends this one; so it takes the name of such a one itself."""
         self.stopping = self.calling = False
         self._tokens: dict[tuple[Kind, str, str], Token] = {}
         self._numbers: dict[str, int] = {}
-        self._reachability = ReachabilityCheck(transport, log)
+        self._sole = sole
+        self._shutdowns: QueryServer | None = None
+        self._reachability = ReachabilityCheck(transport, log) if sole else None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Its name, as those of one member of lockstep."""
+        return (self.identity.node,)
 
     def __enter__(self) -> Self:
-        self._claim_name()
+        if self._sole:
+            mine = Entity(self.transport.session, "node", self.identity.node, self.kind)
+            [self._tokens["node", self.identity.node, ""]] = claim_names(
+                self.transport, [mine], replaces=self.replaceable
+            )
+            if self.on_asked_to_end is not None:
+                self._shutdowns = self.transport.serve(shutdown_key(self.transport.session, self.identity.node))
         self._health: Publisher[Health] = Publisher(
             HEALTH, HEALTH.name, self.identity.key(HEALTH.name), self.identity.node, self.transport, self.send_buffer
         )
@@ -85,20 +113,32 @@ class Node:
         self.log.publish = None
 
     def subscribe(
-        self, topic: Topic[M], name: str | None = None, decode: Callable[[bytes], Any] | None = None
+        self,
+        topic: Topic[M],
+        name: str | None = None,
+        decode: Callable[[bytes], Any] | None = None,
+        rare: bool = False,
     ) -> Subscriber[M]:
         """Subscribe to a topic, under another name if one is given; one subscription serves all its readers.
 
-        ``decode`` reads the payloads of a type that this project does not know.
+        ``decode`` reads the payloads of a type that this project does not know; ``rare`` is said of a topic that hardly
+        ever carries anything, and that no loop waits on.
         """
         absolute = self.identity.resolve(name or topic.name)
         for known in self.subscribers:
             if known.name == absolute and known.topic.record is topic.record:
                 return known
-        made = Subscriber(topic, absolute, self.identity.key(name or topic.name), self.transport, decode)
-        self.subscribers.append(made)
-        self._declare("sub", absolute, topic.record.ROS_TYPE, topic.quality.name)
+        key = self.identity.key(name or topic.name)
+        made = Subscriber(topic, absolute, key, self.transport, decode, rare=rare)
+        self.attach(made)
         return made
+
+    def attach(self, subscriber: Subscriber[Any]) -> None:
+        """Make a subscription one of this node's: it is shown in the graph and counted in the health."""
+        self.subscribers.append(subscriber)
+        self.version += 1
+        topic = subscriber.topic
+        self._declare("sub", subscriber.name, topic.record.ROS_TYPE, topic.quality.name)
 
     def advertise(self, topic: Topic[M], name: str | None = None) -> Publisher[M]:
         """Publish on a topic, under another name if one is given.
@@ -109,17 +149,18 @@ class Node:
         for known in self.publishers:
             if known.name == absolute:
                 return known
-        made = Publisher(
-            topic, absolute, self.identity.key(name or topic.name), self.identity.node, self.transport, self.send_buffer
-        )
+        key, own = self.identity.key(name or topic.name), self.identity.node
+        made = Publisher(topic, absolute, key, own, self.transport, self.send_buffer, self.command_buffer)
         made.sent = made.reported = self._numbers.pop(absolute, 0)
         self.publishers.append(made)
+        self.version += 1
         self._declare("pub", absolute, topic.record.ROS_TYPE, topic.quality.name)
         return made
 
     def unregister(self, *ends: Subscriber[Any] | Publisher[Any]) -> None:
         """End subscriptions and publications, as when a robot leaves the world."""
         self.send_buffer.flush()
+        self.version += 1
         for end in ends:
             if isinstance(end, Subscriber):
                 self.subscribers.remove(end)
@@ -141,7 +182,15 @@ class Node:
         """
         absolute = self.identity.resolve(name or request.name)
         self.request_server.add(request, self.identity.key(name or request.name), handler)
-        self._declare("srv", absolute, request.request_type.ROS_TYPE, "-")
+        self.declare_server(absolute, request.request_type.ROS_TYPE)
+
+    def declare_server(self, name: str, ros_type: str) -> None:
+        """Show that this node serves ``name``."""
+        self._declare("srv", name, ros_type, "-")
+
+    def withdraw_server(self, name: str, ros_type: str) -> None:
+        """Show that this node no longer serves ``name``."""
+        self._tokens.pop(("srv", name, ros_type)).close()
 
     def call(self, request: Request[Q, R], message: Q, timeout: float = DEADLINE_S, name: str | None = None) -> R:
         """Call another node's request; raises CallFailed. The caller's loop blocks until the reply, the deadline, or
@@ -165,17 +214,45 @@ class Node:
             entity = Entity(self.transport.session, "ready", self.identity.node)
             self._tokens["ready", self.identity.node, ""] = self.transport.declare_token(entity.key)
 
+    def leave(self) -> None:
+        """Take the node from the network, whose process goes on with others; the last heartbeat says so."""
+        self.heartbeat.state = "stopping"
+        self.heartbeat.request_now()
+        self.publish_heartbeat()
+        self.send_buffer.flush()
+        for subscriber in self.subscribers:
+            subscriber.close()
+        for publisher in (*self.publishers, self._health):
+            publisher.close()
+        self._pings.close()
+        for handler in self.request_handlers:
+            handler.end()
+        for token in self._tokens.values():
+            token.close()
+
     def spin_once(self) -> None:
         """The work of every loop: end when asked (Stopped), answer requests, send the heartbeat."""
         if self.stopping:
             raise Stopped("the process was asked to end")
         self.request_server.spin_once()
         for query in islice(iter(self._pings.recv, None), _PINGS):
-            query.reply(b"")
+            query.reply(self.heartbeat.payload(*self._ends()) if query.payload == ASKS_HEALTH else b"")
+        if self._shutdowns is not None:
+            self._answer_shutdowns(self._shutdowns)
         for each in self.extensions:
             each.spin_once()
-        self._reachability.update()
-        self._publish_heartbeat()
+        if self._reachability is not None:
+            self._reachability.update()
+        self.publish_heartbeat()
+
+    def _answer_shutdowns(self, asked: QueryServer) -> None:
+        for query in islice(iter(asked.recv, None), 1):
+            reason = query.payload[:_LONGEST_REASON].decode(errors="replace")
+            if self.on_asked_to_end is None or (reason == REPLACED and not self.replaceable):
+                query.refuse(b"")
+                continue
+            query.reply(b"")
+            self.on_asked_to_end(reason if reason.isprintable() else repr(reason))
 
     def wait(self, inlet: RawSubscriber) -> None:
         """Spin once, then block until a sample, a wake-up or a tenth of a second; held samples are sent first."""
@@ -189,70 +266,44 @@ class Node:
             for each in self.subscribers:
                 each.update()
             return
-        patience = WaitBudget(self._publish_heartbeat_in_burst)
+        patience = WaitBudget(self._publish_heartbeat_in_burst, self._present_members)
         for each in self.subscribers:
             each.update(marks, patience)
         marks.clear_required()
         if patience.missed:
             missed = ", ".join(patience.missed)
             self.log.warn(
-                f"announced, and not here within {WAIT_BUDGET_S:g} s, so it counts as lost: {missed}", every=5.0
+                f"sent, but not here within {WAIT_BUDGET_S:g} s or before its publisher ended, so it counts as lost: "
+                f"{missed}",
+                every=5.0,
             )
 
-    def _publish_heartbeat(self) -> None:
+    def _present_members(self) -> set[bytes] | None:
+        """The ids of all nodes whose tokens are there; None if the network does not say it in time."""
+        try:
+            nodes = [Entity.parse(each) for each in self.transport.all_tokens(token_pattern("node"))]
+        except TryAgain:
+            return None
+        return {member_id(each.node, each.session) for each in nodes if each is not None}
+
+    def publish_heartbeat(self) -> None:
+        """Send the heartbeat if it is time; ``spin_once`` does this, among others."""
+        if not self.heartbeat.is_due(self._health):
+            return
+        self.heartbeat.publish(self._health, *self._ends())
+
+    def _ends(self) -> tuple[list[Subscriber[Any] | RefusalCounter], list[Publisher[Any]], Refusals]:
+        """The inputs, outputs and refused requests, of which its health tells."""
         refusing = [each for each in self.refusal_counters if each.refused]
-        inputs: list[Subscriber[Any] | RefusalCounter] = [*self.subscribers, *refusing]
-        self.heartbeat.publish_if_due(self._health, inputs, self.publishers, self.request_server.refusals)
+        return [*self.subscribers, *refusing], self.publishers, self.request_server.refusals
 
     def _publish_heartbeat_in_burst(self) -> None:
         """Send the heartbeat at once while a tick waits for samples: the burst of the tick may leave too late."""
         held = self.send_buffer.held is not None
         self.send_buffer.flush()
-        self._publish_heartbeat()
+        self.publish_heartbeat()
         if held:
             self.send_buffer.begin()
-
-    def _claim_name(self) -> None:
-        """Take the node's name; raises TryAgain when another process holds it and does not go."""
-        mine = Entity(self.transport.session, "node", self.identity.node, self.kind)
-        self._tokens["node", self.identity.node, ""] = self.transport.declare_token(mine.key)
-        settle = self.transport.settle_s
-        if self._sees_everybody():
-            if not self._sessions("node") - {mine.session}:
-                return
-            settle *= 2  # another node may start at the same moment, and need as long to see all others
-        started = seen = time.monotonic()
-        while True:
-            rivals = self._rivals(mine.session)
-            now = time.monotonic()
-            # While links come up, an existing token may be invisible for a moment.
-            seen = now if rivals else seen
-            if not rivals and now - seen >= settle:
-                return
-            if rivals and now - started > TAKEOVER_S:
-                raise TryAgain(
-                    f"a node {self.identity.node} is already there (session {rivals[0]}): "
-                    "give this one another --name or --namespace, or stop the other"
-                )
-            time.sleep(0.02)
-
-    def _sees_everybody(self) -> bool:
-        """Wait until all nodes that the router knows are visible; False if that is unknown or takes too long."""
-        deadline = time.monotonic() + self.transport.settle_s
-        while (expected := known_nodes(self.transport)) is not None and time.monotonic() < deadline:
-            if expected <= set(self.transport.tokens(token_pattern("node"))):
-                return True
-            time.sleep(0.01)
-        return False
-
-    def _rivals(self, mine: str) -> list[str]:
-        """Sessions with a better claim to the name: those at work under it, else those that ask at the same moment."""
-        at_work = self._sessions("pub") - {mine}
-        return sorted(at_work) or sorted(each for each in self._sessions("node") if each < mine)
-
-    def _sessions(self, kind: Kind) -> set[str]:
-        found = (Entity.parse(key) for key in self.transport.tokens(token_pattern(kind, self.identity.node)))
-        return {each.session for each in found if each}
 
     def _declare(self, kind: Kind, name: str, record: str, detail: str) -> None:
         entity = Entity(self.transport.session, kind, self.identity.node, name, record, detail)

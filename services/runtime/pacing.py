@@ -4,20 +4,24 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from itertools import islice
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from messages.base import WrongPayload, decoder
 from messages.rosgraph import Clock
-from messages.topics import CLOCK
+from messages.topics import CLOCK, Quality
 from services.runtime.fleet_instances import describe_fleets, running_fleets
 from services.runtime.graph import Entity, token_pattern
+from services.runtime.heartbeat import State
 from services.runtime.lockstep.member import LINK_S, LockstepMember
 from services.runtime.lockstep.protocol import SIMULATION, StepGrant, last_reported, sequence_numbers
 from services.runtime.lockstep.watermarks import Watermarks
 from services.runtime.log import Log
 from services.runtime.node import Node
-from services.runtime.transport.api import RawSubscriber
+from services.runtime.publisher import Publisher, SendBuffer
+from services.runtime.subscriber import Subscriber
+from services.runtime.transport.api import RawSubscriber, Transport
 from services.runtime.transport.sequences import RefusalCounter
 from services.runtime.transport.wire import encoding, publisher_id, unpack_attachment
 
@@ -66,10 +70,42 @@ class Pacer(Protocol):
         ...
 
 
-class ClockWatchdog:
-    """Notices that no time arrives, and says it once."""
+class Vital(Protocol):
+    """State and note of a heartbeat, or of several."""
 
-    def __init__(self, node: Node, log: Log) -> None:
+    state: State
+    detail: str
+
+
+class SteppingNode(Protocol):
+    """What a pacer needs of a node, or of the nodes that step together as one member of lockstep."""
+
+    clock_patience_s: float
+    refusal_counters: list[RefusalCounter]
+
+    @property
+    def transport(self) -> Transport: ...
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def log(self) -> Log: ...
+    @property
+    def heartbeat(self) -> Vital: ...
+    @property
+    def send_buffer(self) -> SendBuffer: ...
+    @property
+    def subscribers(self) -> Sequence[Subscriber[Any]]: ...
+    @property
+    def publishers(self) -> Sequence[Publisher[Any]]: ...
+    @property
+    def version(self) -> int: ...
+
+
+class ClockWatchdog:
+    """Notices that no time arrives, and says it once, with a ``hint`` for those who can do without."""
+
+    def __init__(self, node: SteppingNode, log: Log, hint: str = "") -> None:
+        self._hint = f"; {hint}" if hint else ""
         self._heart, self._log, self._patience = node.heartbeat, log, node.clock_patience_s
         self._last_sample = time.monotonic()
         self._ever = self._logged = False
@@ -89,14 +125,14 @@ class ClockWatchdog:
             self._heart.state, self._heart.detail = "waiting", "no clock"
         if silence > self._patience and not self._ever and not self._logged:
             self._logged = True
-            self._log.warn(f"no clock for {silence:.1f} s: {_where()}")
+            self._log.warn(f"no clock for {silence:.1f} s: {_where()}{self._hint}")
 
 
 def _where() -> str:
     """Why there may be no clock: a fleet runs elsewhere on this machine, or none does."""
     there = running_fleets()
     if not there:
-        return "is the simulation running? No fleet of yours runs on this machine"
+        return "is the simulation running? No fleet of yours runs on this machine; ./elea up starts one"
     return (
         "is the simulation running, on this node's port and in its domain? Fleets that run here: "
         f"{describe_fleets(there)}; ./elea run --port joins one of them"
@@ -224,11 +260,19 @@ class ClockPacer:
 
 
 class LockstepPacer:
-    """Ticks when the simulation lets it."""
+    """Ticks when the simulation lets it.
 
-    def __init__(self, node: Node, period_ns: int) -> None:
-        self._node = node
-        self._member = LockstepMember(node.transport, node.identity.node, period_ns)
+    A loop that subscribes to topics between two ticks ``reports_reads``: it gets their messages from the next tick on,
+    the same in every run, whenever its subscription reached their publishers.
+    """
+
+    def __init__(self, node: SteppingNode, period_ns: int, reports_reads: bool = False) -> None:
+        self._node, self._reports_reads = node, reports_reads
+        self._version = -1
+        self._read: frozenset[str] = frozenset()
+        self._latched: frozenset[bytes] = frozenset()
+        self.roster: tuple[str, ...] = ()
+        self._member = LockstepMember(node.transport, node.names, period_ns)
         node.refusal_counters.append(self._member.refusals)
         self.raw = self._member.raw
         self.watermarks: Watermarks | None = self._member.watermarks
@@ -261,14 +305,32 @@ class LockstepPacer:
         self._node.send_buffer.begin()
         return Instant(go.time, go.epoch, go.simulation)
 
-    def finish(self) -> None:
+    def finish(self, leaving: bool = False, left: tuple[str, ...] = (), idle_until: int = 0) -> None:
+        """The tick's work is done, and it was the last of all nodes, or of those that have ``left``.
+
+        Before ``idle_until`` [ns of simulation time] there is nothing to do unless messages come.
+        """
         assert self._step is not None
-        self._member.finish(self._step.tick, sequence_numbers(self._node.publishers), {})
+        reads, latches = self._changes()
+        numbers = sequence_numbers(self._node.publishers)
+        self._member.finish(self._step.tick, numbers, {}, reads, latches, leaving, left, idle_until)
         self._node.send_buffer.flush()
 
     def close(self) -> None:
         self._node.send_buffer.flush()
         self._member.close()
+
+    def _changes(self) -> tuple[tuple[str, ...], tuple[bytes, ...]]:
+        """The keys read and the publishers of latched topics that are new since the last call."""
+        node = self._node
+        if node.version == self._version:
+            return (), ()
+        self._version = node.version
+        read = frozenset(each.key for each in node.subscribers)
+        latched = frozenset(each.publisher for each in node.publishers if each.topic.quality is Quality.LATCHED)
+        reads, latches = sorted(read - self._read), sorted(latched - self._latched)
+        self._read, self._latched = read, latched
+        return tuple(reads) if self._reports_reads else (), tuple(latches)
 
     def _joined(self, greeting: StepGrant) -> None:
         """Answer at once if all peers are visible, else when they are; only the newest join waits for that."""
@@ -294,7 +356,9 @@ class LockstepPacer:
                 f"timed out after {LINK_S:g} s waiting to discover {listed}; continuing without", every=10.0
             )
         greeting, self._joining = self._joining, None
+        self.roster = greeting.roster
+        self._changes()
         if not self._join_sent:
             self._join_sent = True
             sequence_numbers(self._node.publishers)
-        self._member.send_join(greeting, *last_reported(self._node.publishers))
+        self._member.send_join(greeting, *last_reported(self._node.publishers), tuple(self._latched))

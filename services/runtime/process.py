@@ -26,6 +26,9 @@ ROOT = Path(__file__).resolve().parents[2]
 PARENT = "ELEA_PARENT_PID"
 """Environment variable by which a supervisor asks its children not to outlive it."""
 
+SWEEP = "ELEA_SWEEP_PID"
+"""The same for the runs of a sweep, which are supervisors themselves."""
+
 PROGRAM = "ELEA_PROGRAM"
 """Environment variable by which ``./elea run`` says how the service was called, for its usage line."""
 
@@ -44,9 +47,12 @@ def check_import_roots() -> None:
             raise BadInput(f"package {name!r} comes from {module.__file__}, not from {ROOT}: check PYTHONPATH")
 
 
-def die_with_parent() -> None:
-    """Be killed when the supervisor that started this process dies, however it dies."""
-    parent = os.environ.get(PARENT, "")
+def die_with_parent(variable: str = PARENT) -> None:
+    """Be killed when the process that started this one dies, however it dies; ``variable`` has its id, if it asks.
+
+    The variable is taken out: what this process starts has another parent.
+    """
+    parent = os.environ.pop(variable, "")
     if not parent.isdigit():
         return
     ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)

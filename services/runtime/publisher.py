@@ -48,7 +48,10 @@ M = TypeVar("M", bound=Message)
 
 
 class Publisher(Generic[M]):
-    """One publication; ``sent`` is the number of the last sample, ``reported`` the last one reported to lockstep."""
+    """One publication; ``sent`` is the number of the last sample, ``reported`` the last one reported to lockstep.
+
+    Samples wait in ``outbox`` while that holds a burst, commands in ``commands`` alone.
+    """
 
     def __init__(
         self,
@@ -58,15 +61,22 @@ class Publisher(Generic[M]):
         node: str,
         transport: Transport,
         outbox: SendBuffer | None = None,
+        commands: SendBuffer | None = None,
     ) -> None:
         self.topic, self.name, self.key = topic, name, key
         self.publisher = publisher_id(node, transport.session, key)
         self.sent = self.reported = 0
+        self.announced = False
+        """Whether a node has announced that it reads this: ``SubscriptionTokens`` sets it, where they are followed."""
         self._record = topic.record
-        self._raw = transport.advertise(key, encoding(topic.record.ROS_TYPE), topic.quality)
-        # A command waits for no burst, or what holds it back would act later.
+        quality = topic.quality
+        if quality is Quality.COMMAND:
+            # A command waits for no burst, or what holds it back would act later; but for those of its fellows, with
+            # which it then shares packets.
+            outbox, quality = commands, quality if commands is None else Quality.VITAL
+        self._raw = transport.advertise(key, encoding(topic.record.ROS_TYPE), quality)
         self._put = self._raw.put
-        self._outbox = SendBuffer() if outbox is None or topic.quality is Quality.COMMAND else outbox
+        self._outbox = SendBuffer() if outbox is None else outbox
 
     def publish(self, message: M) -> None:
         """Send ``message``; raises TypeError when it is not the topic's record."""
@@ -86,7 +96,7 @@ class Publisher(Generic[M]):
     @property
     def has_subscribers(self) -> bool:
         """Whether the topic has subscribers; costly messages need not be made without."""
-        return self._raw.has_subscribers
+        return self.announced or self._raw.has_subscribers
 
     def close(self) -> None:
         """End the publication."""

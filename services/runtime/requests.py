@@ -6,7 +6,7 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Collection, Sequence
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 
 from messages.base import Message, WrongPayload, decoder, encode
 from messages.requests import Refusal, Request
@@ -123,6 +123,18 @@ class DeferredReply(Generic[R]):
         self._answer(response)
 
 
+class RequestGate(Protocol):
+    """Decides when requests are carried out that their sender has put its name beside."""
+
+    def hold(self, sender: bytes, carry_out: Callable[[], None]) -> bool:
+        """Keep a request for later; False to have it carried out at once."""
+        ...
+
+    def release(self) -> None:
+        """Carry out those whose time has come; called in each turn of the node's loop."""
+        ...
+
+
 class RequestHandler(Generic[Q, R]):
     """One request that a node answers."""
 
@@ -142,8 +154,8 @@ class RequestHandler(Generic[Q, R]):
         self.waiting: Collection[object] = self._server.waiting
         self._open: dict[DeferredReply[R], Query] = {}
 
-    def answer(self) -> None:
-        """Answer the oldest request that waits, if one does.
+    def answer(self, gate: RequestGate | None = None) -> None:
+        """Answer the oldest request that waits, if one does, unless a ``gate`` keeps it for later.
 
         A bad one gets its reason. When a handler fails, the caller gets an error, the log has the traceback, and the
         process goes on: one request must not end a simulation. A request to a wildcard reaches every server that it
@@ -154,7 +166,12 @@ class RequestHandler(Generic[Q, R]):
         if query.key != self._key:
             query.refuse(self._refusals.add(f"asked of {query.key[:80]!r}, not of {self.name} alone"))
             return
-        self._respond(query, lambda: self._handler(self._read(query.payload)))
+
+        def respond() -> None:
+            self._respond(query, lambda: self._handler(self._read(query.payload)))
+
+        if gate is None or not query.attachment or not gate.hold(query.attachment, respond):
+            respond()
 
     def close(self) -> None:
         """Refuse the requests whose replies were deferred and did not come."""
@@ -164,6 +181,10 @@ class RequestHandler(Generic[Q, R]):
 
         for reply in list(self._open):
             reply.answer(stopped)
+
+    def end(self) -> None:
+        """Serve no more."""
+        self._server.close()
 
     def _respond(self, query: Query, response: Callable[[], R | DeferredReply[R]]) -> None:
         try:
@@ -195,13 +216,14 @@ class RequestHandler(Generic[Q, R]):
 class RequestServer:
     """All requests that a node answers, in turn, so that a flood of one does not keep the others out.
 
-    ``refusals`` counts those that got an error for their answer. The log says when another process serves one of the
-    same requests.
+    ``refusals`` counts those that got an error for their answer; ``gate`` may keep some for later. The log says when
+    another process serves one of the same requests.
     """
 
     def __init__(self, transport: Transport, log: Log) -> None:
         self.served: list[RequestHandler[Any, Any]] = []
         self.refusals = Refusals()
+        self.gate: RequestGate | None = None
         self._transport, self._log = transport, log
         self._order: deque[RequestHandler[Any, Any]] = deque()
         self._rivals: DuplicateServers | None = None
@@ -225,15 +247,22 @@ class RequestServer:
         if self._rivals is None:
             return
         self._rivals.update()
+        if self._answer_some():
+            self._transport.wake()
+        if self.gate is not None:
+            self.gate.release()
+
+    def _answer_some(self) -> bool:
+        """Answer what fits into a turn; whether more may wait."""
         began = 0.0
         for _ in range(MAX_PER_TURN):
             if (served := self._due()) is None:
-                return
+                return False
             began = began or time.monotonic()
-            served.answer()
+            served.answer(self.gate)
             if time.monotonic() - began > MAX_TURN_S:
                 break
-        self._transport.wake()
+        return True
 
     def _due(self) -> RequestHandler[Any, Any] | None:
         """The next one, after the last that was answered, of which a request waits."""

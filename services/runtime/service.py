@@ -28,6 +28,13 @@ free: the simulation never waits for it.
 router: the router, which all others join.
 """
 
+_ALONE: dict[Role, str] = {
+    "observer": "the simulation goes on while it works on its last tick",
+    "free": "the simulation never waits for it",
+    "router": "all others join it",
+}
+"""Why a service of such a role needs a process of its own."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Service:
@@ -42,6 +49,8 @@ class Service:
         parameter_set: name of its parameter set, absolute or relative to its namespace; by default that of the node.
             Several services may share one set. None if its parameters never change at run time.
         role: its role in simulation time.
+        rate_parameter: the parameter that replaces ``rate``, if there is one.
+        alone: why its node cannot share a process with others, where its role does not say it; empty if it can.
     """
 
     name: str
@@ -51,6 +60,13 @@ class Service:
     parameters: type[Parameters] = Parameters
     parameter_set: str | None = ""
     role: Role = "member"
+    rate_parameter: str = ""
+    alone: str = ""
+
+    @property
+    def reason_alone(self) -> str:
+        """Why its node cannot share a process with others; empty if it can."""
+        return self.alone or _ALONE.get(self.role, "")
 
     @property
     def steps(self) -> bool:

@@ -1,21 +1,28 @@
-"""Bring a service up on the network and run its loop."""
+"""Bring a service, or several in one container, up on the network and run the loops."""
 
 from __future__ import annotations
 
+import traceback
+from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 from messages.names import Identity
-from services.runtime.context import Context
-from services.runtime.errors import Stopped
+from services.runtime.composition.container import Container, NodeFailed
+from services.runtime.context import Context, MakePacer
+from services.runtime.errors import BadInput, EleaError, Stopped, TryAgain
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.parameters.client import ParameterClient
 from services.runtime.parameters.subscription import ParameterSubscription
 from services.runtime.parameters.validation import stated
 from services.runtime.process import CLOSE_S, exit_within, install_signal_handlers, set_batch_scheduling
-from services.runtime.service import Service
+from services.runtime.service import Run, Service
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import Role, check_listen, configuration, default_router
+
+_MAX_LISTED = 8
+"""Nodes that are named at most."""
 
 
 def run_service(service: Service, options: dict[str, Any]) -> None:
@@ -38,12 +45,65 @@ def run_service(service: Service, options: dict[str, Any]) -> None:
 
         followed = _parameter_subscription(service, node, options)
         params = followed.params if followed is not None else options["params"]
-        context = Context(node, params, service.rate, options["lockstep"], service.role == "observer", followed)
+        steps = options["lockstep"] and service.role != "router"  # which only forwards what the others send
+        context = Context(node, params, service.rate, steps, service.role == "observer", followed)
         install_signal_handlers(stop)  # so far a signal ended whatever was waited for
         try:
             run(context)
         finally:
             exit_within(CLOSE_S + 10.0, 1)
+
+
+def run_container(name: str, members: Sequence[tuple[Service, dict[str, Any]]], network: dict[str, Any]) -> None:
+    """Open one transport, and run the loops of several services on it; raises what ends them.
+
+    Args:
+        name: That of the process, for its messages.
+        members: Each service, with its options.
+        network: The options that all have in common.
+    """
+    if network["lockstep"]:
+        set_batch_scheduling()
+    runs = [service.entry() for service, _ in members]
+    connect = network["connect"] or (default_router(),)
+    role: Role = "star" if network["topology"] == "star" else "direct"
+    tree = configuration(role, connect, domain=network["domain"], reliable=network["lockstep"])
+    with ZenohTransport(tree) as transport:
+        container = Container(transport)
+        for (service, options), run in zip(members, runs, strict=True):
+            identity: Identity = options["identity"]
+            steps = network["lockstep"] and service.steps
+            loop = partial(_run_component, service, run, {**options, **network, "lockstep": steps})
+            container.add(identity, service.name, Log(identity.node, network["log_level"]), loop, steps)
+        install_signal_handlers(container.stop)
+        try:
+            container.run()
+        except NodeFailed as failure:
+            raise _failure(failure, container.nodes) from None
+        finally:
+            exit_within(CLOSE_S + 10.0, 1)
+
+
+def _run_component(
+    service: Service, run: Run, options: dict[str, Any], node: Node, make_pacer: MakePacer | None
+) -> None:
+    """The loop of one node of a container."""
+    followed = _parameter_subscription(service, node, options)
+    params = followed.params if followed is not None else options["params"]
+    run(Context(node, params, service.rate, options["lockstep"], False, followed, make_pacer))
+
+
+def _failure(failure: NodeFailed, nodes: Sequence[str]) -> EleaError:
+    """The error of a container's process; the traceback of one that is not ours is printed."""
+    error = failure.error
+    others = [each for each in nodes if each != failure.node]
+    listed = ", ".join(others[:_MAX_LISTED]) + (f" and {len(others) - _MAX_LISTED} more" * (len(others) > _MAX_LISTED))
+    ends = f"; its process ends, and with it {listed}" if others else ""
+    for kind in (TryAgain, BadInput, EleaError):
+        if isinstance(error, kind):
+            return kind(f"{failure.node}: {error}{ends}")
+    traceback.print_exception(error)
+    return EleaError(f"{failure.node} failed: {type(error).__name__}: {error}{ends}")
 
 
 def _parameter_subscription(service: Service, node: Node, options: dict[str, Any]) -> ParameterSubscription[Any] | None:
@@ -69,8 +129,7 @@ def _configuration(service: Service, options: dict[str, Any]) -> dict[str, Any]:
     if service.role == "router":
         params = options["params"]
         listen = (params.listen or default_router(), *params.also)
-        return configuration(
-            "router", params.link, check_listen(listen, params.insecure, "--param insecure=true"), domain
-        )
+        checked = check_listen(listen, params.insecure, "--param insecure=true")
+        return configuration("router", params.link, checked, domain, reliable=options["lockstep"])
     role: Role = "star" if options["topology"] == "star" else "direct"
     return configuration(role, options["connect"] or (default_router(),), domain=domain, reliable=options["lockstep"])

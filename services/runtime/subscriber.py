@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
-from itertools import islice
+from collections.abc import Callable, Collection, Iterator, Set
+from itertools import chain, islice
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from messages.base import DECODE_ERRORS, Message, raw_decoder, saturating_add
@@ -41,31 +41,45 @@ MIN_QUEUE_SIZE, MIN_UNTYPED_QUEUE_SIZE = 4, 64
 LARGEST_ATTACHMENT = 256
 """Bytes of an attachment that is not ours; with a longer one, a sample is refused."""
 
-WAIT_BUDGET_S = 2.0
+WAIT_BUDGET_S = 30.0
 """Wall time that a tick of lockstep waits for samples that were sent before, all together; then they count as lost."""
+LOOK_PERIOD_S = 2.0
+"""Wall time of such a wait between two looks at which publishers are still there: the others send nothing any more."""
 
 
 class WaitBudget:
     """The rest of WAIT_BUDGET_S that a tick has, for all subscribers together; ``turn`` is called while one waits.
 
-    ``missed`` are the topics with samples that did not arrive in time.
+    ``missed`` are the topics with samples that did not arrive. ``members`` gives the ids of the nodes that
+    are there, None if they are unknown.
     """
 
-    def __init__(self, turn: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self, turn: Callable[[], None] = lambda: None, members: Callable[[], Set[bytes] | None] | None = None
+    ) -> None:
         self.missed: list[str] = []
-        self._turn = turn
-        self._deadline = 0.0
+        self._turn, self._members = turn, members
+        self._deadline = self._look = 0.0
 
     def sleep(self) -> bool:
         """Wait for a moment; False when nothing is left."""
         now = time.monotonic()
         if self._deadline == 0.0:
-            self._deadline = now + WAIT_BUDGET_S
+            self._deadline, self._look = now + WAIT_BUDGET_S, now + LOOK_PERIOD_S
         elif now > self._deadline:
             return False
         self._turn()
         time.sleep(0.00005)
         return True
+
+    def gone(self, publishers: Collection[bytes]) -> list[bytes]:
+        """Those of which the node is no longer there; asked at each turn, it looks every LOOK_PERIOD_S."""
+        now = time.monotonic()
+        if self._members is None or now < self._look:
+            return []
+        self._look = now + LOOK_PERIOD_S
+        there = self._members()
+        return [] if there is None else [each for each in publishers if each[:MEMBER_BYTES] not in there]
 
 
 def queue_size(largest: int, event: bool = False, untyped: bool = False) -> int:
@@ -95,6 +109,10 @@ class Subscriber(Generic[M]):
         transport: Transport,
         decode: Callable[[bytes], Any] | None = None,
         capacity: int | None = None,
+        latched: bool | None = None,
+        *,
+        rare: bool = False,
+        threaded: bool = False,
     ) -> None:
         """Subscribe.
 
@@ -106,27 +124,44 @@ class Subscriber(Generic[M]):
             decode: Reads a payload of a type that this project does not know, ``bytes`` to keep it as it is; by default
                 the decoder of the topic's record.
             capacity: Samples in the ring, by default what ``queue_size`` says.
+            latched: Whether to ask for the last samples of latched publishers, by default as the topic's quality says.
+            rare: Have the network tell of samples, so that an ``update`` without news asks for nothing. For topics that
+                hardly ever carry anything, and that no loop waits on.
+            threaded: Whether a thread waits for it alone.
         """
         self.topic, self.name, self.key = topic, name, key
         self.encoding = encoding(topic.record.ROS_TYPE)
         self._capacity = capacity or queue_size(topic.largest, topic.quality is Quality.EVENT, decode is not None)
-        self.raw: RawSubscriber = transport.subscribe(key, self._capacity, topic.quality is Quality.LATCHED)
+        past = topic.quality is Quality.LATCHED if latched is None else latched
+        self._stirred = not rare
+        """Whether there may be samples; always, unless the network tells."""
+        self._rare = rare
+        if threaded:
+            self.raw: RawSubscriber = transport.subscribe_threaded(key, self._capacity, past)
+        else:
+            self.raw = transport.subscribe(key, self._capacity, past, self._stir if rare else None)
         self.messages: list[tuple[M, SampleInfo | None]] = []
         self.received = self.lost = self.refused = self.foreign = self.repeated = self.resynced = 0
         self.reason = ""
         self._largest = topic.largest
         self._only = member_id(topic.only, "")[:NODE_BYTES] if topic.only else b""
+        self._by_ticks = topic.quality is not Quality.VITAL
+        """Whether lockstep orders its samples. Heartbeats follow the wall clock; no member reports their numbers."""
         self._strict = topic.quality in (Quality.COMMAND, Quality.LATCHED)
         self._decode: Callable[[bytes], Any] = decode or raw_decoder(topic.record)
         self._sequences = SequenceTracker()
         self._last, self._stamps = self._sequences.last, self._sequences.stamps
+        self._gaps: dict[tuple[bytes, int], int] = {}
+        """Of the samples just read, by publisher and number, how many were missing before."""
         self._deferred: dict[bytes, deque[tuple[M, SampleInfo]]] = {}
         """By publisher, samples that its member has not reported yet, in the order of their numbers."""
         self._topic_bytes = publisher_id("", "", key)[MEMBER_BYTES:]
 
     def update(self, marks: Watermarks | None = None, patience: WaitBudget | None = None) -> None:
         """Read new samples. With ``marks`` (lockstep), members' samples wait until their tick is over."""
-        fresh = self._drain()
+        if self._gaps:
+            self._gaps.clear()
+        fresh = self._drain() if self._stirred else []
         if marks is None:
             if self._deferred:
                 fresh = [*(entry for held in self._deferred.values() for entry in held), *fresh]
@@ -135,6 +170,8 @@ class Subscriber(Generic[M]):
             return
         if awaited := marks.required.get(self.key):
             self._wait_for_required(awaited, fresh, patience or WaitBudget())
+        if fresh and (before := marks.skipped.get(self.key)):
+            fresh = [each for each in fresh if each[1] is None or each[1].sequence > before.get(each[1].publisher, 0)]
         if not fresh and not self._deferred:
             self.messages = fresh
             return
@@ -145,7 +182,8 @@ class Subscriber(Generic[M]):
         for entry in fresh:
             origin = entry[1]
             if (
-                origin is not None
+                self._by_ticks
+                and origin is not None
                 and (publisher := origin.publisher)[:MEMBER_BYTES] in marks.members
                 and origin.sequence > (last := reached.get(publisher, 0))
             ):
@@ -158,6 +196,7 @@ class Subscriber(Generic[M]):
 
     def recv(self) -> M | None:
         """The next message or None, for loops that handle each message on arrival, without ticks."""
+        self._gaps.clear()
         while (sample := self.raw.recv()) is not None:
             if (entry := self._decode_sample(sample)) is not None:
                 return entry[0]
@@ -188,8 +227,12 @@ class Subscriber(Generic[M]):
     def _drain(self) -> list[tuple[M, SampleInfo | None]]:
         """The waiting samples, at most as many as the ring holds: a flood may fill it faster than it is read."""
         taken: list[tuple[M, SampleInfo | None]] = []
+        if self._rare:
+            self._stirred = False  # before the look: what comes during it is seen now or at the next one
+        if (first := self.raw.recv()) is None:
+            return taken
         open_ = self._decode_sample
-        for sample in islice(iter(self.raw.recv, None), self._capacity):
+        for sample in chain((first,), islice(iter(self.raw.recv, None), self._capacity - 1)):
             if (entry := open_(sample)) is not None:
                 taken.append(entry)
         return taken
@@ -229,6 +272,10 @@ class Subscriber(Generic[M]):
         self.received += 1
         return message, origin
 
+    def _stir(self) -> None:
+        """Called by a thread of the network at each sample of a rare topic."""
+        self._stirred = True
+
     def _is_new(self, origin: SampleInfo) -> bool:
         """Whether to accept a valid sample that does not continue its publisher's numbers; counts it accordingly."""
         last = self._last.get(origin.publisher, 0)
@@ -240,6 +287,7 @@ class Subscriber(Generic[M]):
             self.reject(f"number {origin.sequence} after {last}: at most {MAX_GAP} may be missing; is it forged?")
             return False
         if verdict is Verdict.GAP:
+            self._gaps[origin.publisher, origin.sequence] = origin.sequence - last - 1
             self.lost = saturating_add(self.lost, origin.sequence - last - 1)
         elif verdict is Verdict.RESYNCED:
             self.resynced += 1
@@ -249,7 +297,7 @@ class Subscriber(Generic[M]):
     def _reject_payload(self, origin: SampleInfo | None, follows: bool, reason: str) -> None:
         """Refuse a payload. The number of one that was due has been used: it is not lost as well, nor waited for."""
         self.reject(reason)
-        if origin is not None and follows:
+        if origin is not None and (follows or origin.publisher not in self._last):
             self._sequences.pass_over(origin.publisher, origin.sequence)
 
     def _accept(self, source: Any, origin: SampleInfo | None) -> bool:
@@ -271,19 +319,25 @@ class Subscriber(Generic[M]):
     def _wait_for_required(
         self, awaited: dict[bytes, int], fresh: list[tuple[M, SampleInfo | None]], patience: WaitBudget
     ) -> None:
-        """Block until every required sample has arrived; those that do not arrive within the budget count as lost."""
-        while missing := [each for each, number in awaited.items() if self._last.get(each, 0) < number]:
-            if not patience.sleep():
-                patience.missed.append(self.name)
-                for publisher in missing:
-                    # The first number of a publisher without any sample is unknown, so at least one is lost.
-                    if (last := self._last.get(publisher)) is None:
-                        self.lost = saturating_add(self.lost, 1)
-                    else:
-                        self.lost = saturating_add(self.lost, awaited[publisher] - last)
-                        self._sequences.give_up(publisher, awaited[publisher])
-                return
+        """Block until every required sample has arrived. Those count as lost that do not arrive within the budget, or
+        whose publisher is no longer there.
+        """
+        lost: set[bytes] = set()
+        while missing := [
+            each for each, number in awaited.items() if self._last.get(each, 0) < number and each not in lost
+        ]:
+            lost.update(patience.gone(missing) if patience.sleep() else missing)
             fresh += self._drain()
+        for publisher in lost:
+            # The first number of a publisher without any sample is unknown, so at least one is lost.
+            if (last := self._last.get(publisher)) is None:
+                self.lost = saturating_add(self.lost, 1)
+            elif last < awaited[publisher]:
+                self.lost = saturating_add(self.lost, awaited[publisher] - last)
+                self._sequences.give_up(publisher, awaited[publisher])
+            else:
+                continue  # it arrived at the last moment
+            patience.missed.append(self.name)
 
     def _admit_deferred(
         self, marks: Watermarks, reached: dict[bytes, int], ready: list[tuple[M, SampleInfo | None]]
@@ -304,8 +358,10 @@ class Subscriber(Generic[M]):
         publisher, number = origin.publisher, origin.sequence
         if publisher[MEMBER_BYTES:] != self._topic_bytes:
             self._retract(1, "under the id of a lockstep member, which does not publish this topic")
+            self.lost -= self._gaps.pop((publisher, number), 0)
         elif number > last + self._capacity:
             self._retract(1, f"number {number} of a lockstep member that has reported {last}: is it forged?")
+            self.lost -= self._gaps.pop((publisher, number), 0)
         else:
             held = self._deferred.setdefault(publisher, deque())
             while held and held[-1][1].sequence >= number:  # its true numbers go on below forged ones

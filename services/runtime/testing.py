@@ -17,25 +17,31 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 from messages.base import Message, decoder
 from messages.names import Identity
+from messages.requests import Request
 from messages.rosgraph import Clock
 from messages.std import Time
 from messages.topics import CLOCK, Topic
 from services.runtime.context import Context
 from services.runtime.errors import Stopped
+from services.runtime.graph import Entity
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.parameters.base import Parameters
 from services.runtime.parameters.validation import build
 from services.runtime.publisher import Publisher
+from services.runtime.requests import call
 from services.runtime.service import Run, Service, load_user_service
+from services.runtime.transport.api import Token
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.wire import unpack_attachment
 
 M = TypeVar("M", bound=Message)
+Q = TypeVar("Q", bound=Message)
+R = TypeVar("R", bound=Message)
 
 WITHIN_S = 30.0
 """Wall time [s] after which an expected action of the service counts as missing."""
@@ -103,6 +109,16 @@ class ServiceHarness:
         self._receive()
         taken = self._received.pop(self._identity.key(topic.name), ())
         return [decoder(topic.record)(payload) for payload in taken]
+
+    def call(self, request: Request[Q, R], message: Q, name: str | None = None) -> R:
+        """Call a request that the service serves, by another name if one is given; raises CallFailed."""
+        return call(self._transport, request, self._identity.key(name or request.name), message, WITHIN_S)
+
+    def join(self, topic: Topic[Any], kind: Literal["sub", "pub"] = "sub") -> Token:
+        """Show the service a subscriber or publisher of a topic, until the token is closed."""
+        name = self._identity.resolve(topic.name)
+        entity = Entity(self._transport.session, kind, "/test", name, topic.record.ROS_TYPE, topic.quality.name)
+        return self._transport.declare_token(entity.key)
 
     def reads(self, topic: Topic[Any]) -> bool:
         """Whether the service subscribes to a topic."""

@@ -16,6 +16,9 @@ class SimParameters(Parameters, frozen=True, kw_only=True):
 
     world: str = param("empty", text="World: a name from models/worlds, or the path of a world's file.", live=False)
     robots: tuple[RobotEntry, ...] = param((), text="Robots to spawn at the start.")
+    engine: Literal["", "pybullet", "mujoco"] = param(
+        "", text="Physics engine; PyBullet where it is installed, if empty.", live=False
+    )
     mode: Literal["lockstep", "real"] = param(
         "real", text="How time runs: in lockstep with the members, or by the wall clock.", live=False
     )

@@ -73,9 +73,8 @@ class Actuation(Protocol):
         """The friction that was set on joints; the URDF holds for all others."""
         ...
 
-    @property
-    def joint_readings(self) -> JointReadings:
-        """The joints as they are, with the efforts that act on them."""
+    def with_efforts(self, measured: JointReadings) -> JointReadings:
+        """The joints as they are measured, with the efforts that act on them."""
         ...
 
     def effort_controller(self, joint: str) -> JointEffortController:
@@ -201,6 +200,9 @@ class BaseActuation:
             error = self.odometer.error.describe()
             node.log.info(f"{entry.name}: odometry takes the wheels for other ones by the seed {seed}: {error}")
         self._open_loop = config.source == "open loop"
+        speed_driven = model.wheels is not None and parameters.config.gains is None
+        self._only_speeds = speed_driven and side_grip is None and not self._open_loop
+        """Whether nothing but new wheel speeds is to be done in a physics step; so it is for most bases."""
         self.command_topic: Topic[Any] = CMD_VEL_STAMPED if parameters.config.stamped else CMD_VEL
         self.extra_topics: tuple[Topic[Any], ...] = (
             (BASE_STATUS, CMD_VEL_OUT) if parameters.config.publish_cmd else (BASE_STATUS,)
@@ -226,9 +228,8 @@ class BaseActuation:
     def joint_friction(self) -> Mapping[str, JointFriction]:
         return {}
 
-    @property
-    def joint_readings(self) -> JointReadings:
-        return self._body.joint_readings()
+    def with_efforts(self, measured: JointReadings) -> JointReadings:
+        return measured
 
     def effort_controller(self, joint: str) -> JointEffortController:
         name, topic = self._entry.name, join(robot_namespace(self._entry), CMD_VEL.name)
@@ -257,6 +258,8 @@ class BaseActuation:
 
     def step(self, now: int) -> None:
         speeds = self.controller.step(now)
+        if speeds is None and self._only_speeds:
+            return
         if self._model.wheels is None:
             set_planar_velocity(self._body, *self.controller.planar_velocity)
         elif self.controller.config.gains is not None:
@@ -341,10 +344,8 @@ class JointActuation:
     def joint_friction(self) -> Mapping[str, JointFriction]:
         return self._parameters.config.joint_friction
 
-    @property
-    def joint_readings(self) -> JointReadings:
-        efforts = tuple(self.controller.applied_efforts.values())
-        return self._body.joint_readings()._replace(effort=efforts)
+    def with_efforts(self, measured: JointReadings) -> JointReadings:
+        return measured._replace(effort=tuple(self.controller.applied_efforts.values()))
 
     def effort_controller(self, joint: str) -> JointEffortController:
         return self.controller

@@ -24,8 +24,9 @@ from services.runtime.parameters.client import ParameterClient
 from services.runtime.requests import DeferredReply
 from services.runtime.step import STEP_NS
 from services.sim import SimParameters
+from services.sim.engines import default_engine, open_world
+from services.sim.gazebo import GazeboServices
 from services.sim.parameters import RobotEntry
-from services.sim.physics.bullet import BulletWorld
 from services.sim.physics.world import World
 from services.sim.robot_loader import RobotLoader, with_own_files
 from services.sim.services import JointServices, PropertyServices, SimulationServices
@@ -44,7 +45,7 @@ def run(ctx: Context[SimParameters]) -> None:
         world_description = read_world(params.world, packages=[Path(each) for each in params.model_folders[1:]])
         for note in world_description.notes:
             ctx.log.warn(note)
-        with BulletWorld(world_description, STEP_NS) as world:
+        with open_world(params.engine or default_engine(), world_description, STEP_NS) as world:
             for overlap in world.overlaps_at_start():
                 ctx.log.warn(f"{overlap}: the first step throws it out")
             stops_file = Path(params.stops_file) if params.stops_file else None
@@ -58,9 +59,11 @@ def run(ctx: Context[SimParameters]) -> None:
             time_mode = _time_mode(ctx, simulation, status_publisher)
             ParameterClient.of(node).watermarks = time_mode.watermarks
             loop = SimulationLoop(simulation, time_mode, node)
-            SimulationServices(simulation, node, RobotLoader(params.model_folders, loop.answer_between_ticks))
-            JointServices(simulation, node)
-            PropertyServices(simulation, time_mode, node, params, world_description)
+            loader = RobotLoader(params.model_folders, loop.answer_between_ticks, ctx.log.info)
+            models = SimulationServices(simulation, node, loader)
+            joints = JointServices(simulation, node)
+            properties = PropertyServices(simulation, time_mode, node, params, world_description)
+            GazeboServices(simulation, node, models, joints, properties, loop)
 
             def idle() -> None:
                 ctx.idle()
@@ -120,10 +123,10 @@ class SimulationLoop:
         self.simulation, self.time_mode, self._node = simulation, time_mode, node
         self._requests: deque[tuple[DeferredReply[Any], Callable[[], Any]]] = deque()
         self._steps: _Steps | None = None
-        node.serve(PAUSE, lambda _: self._between_ticks(lambda: self._set_paused(True)))
-        node.serve(RESUME, lambda _: self._between_ticks(lambda: self._set_paused(False)))
-        node.serve(RESET, lambda _: self._between_ticks(lambda: self._reset(True)))
-        node.serve(RESET_WORLD, lambda _: self._between_ticks(lambda: self._reset(False)))
+        node.serve(PAUSE, lambda _: self.set_paused(True))
+        node.serve(RESUME, lambda _: self.set_paused(False))
+        node.serve(RESET, lambda _: self.reset(True))
+        node.serve(RESET_WORLD, lambda _: self.reset(False))
         node.serve(STEP, lambda request: self._between_ticks(lambda: self._begin_steps(request)))
 
     @property
@@ -169,6 +172,14 @@ class SimulationLoop:
         while self._requests:
             reply, act = self._requests.popleft()
             reply.answer(act)
+
+    def set_paused(self, paused: bool) -> DeferredReply[SimTime]:
+        """Pause or resume time, between two ticks."""
+        return self._between_ticks(lambda: self._set_paused(paused))
+
+    def reset(self, time_too: bool) -> DeferredReply[SimTime]:
+        """Reset all models, and time if asked, between two ticks."""
+        return self._between_ticks(lambda: self._reset(time_too))
 
     def answer_between_ticks(self, reply: DeferredReply[Any], act: Callable[[], Any]) -> None:
         """Answer a deferred reply between two ticks; may be called from any thread."""

@@ -35,8 +35,8 @@ from services.sim.driving_trial import (
     shake_joints,
     turn_on_the_spot,
 )
+from services.sim.engines import default_engine, open_world
 from services.sim.parameters import BaseParameters
-from services.sim.physics.bullet import BulletWorld
 from services.sim.physics.world import Body, Motor, World
 
 STRAIGHT = 0.02
@@ -394,7 +394,7 @@ def _drive(robot: _Robot, settings: DriveConfig, advice: list[str]) -> Iterator[
     base = robot.model.wheels or robot.model.planar
     assert base is not None
     speed, rate = min(base.max_linear, 0.5), min(base.max_angular, 1.0)
-    with BulletWorld(WorldDescription(), STEP_NS) as world:
+    with open_world(default_engine(), WorldDescription(), STEP_NS) as world:
 
         def fresh() -> DrivenRobot:
             if world.names:
@@ -452,7 +452,7 @@ def _shake(robot: _Robot) -> Iterator[TrialFacts]:
     motors = tuple(Motor(each.name, each.limits.effort or SHAKE_EFFORT) for each in chosen)
     moves = {each.name: move for each in chosen if (move := _move(each))}
     units = {each.name: "m" if each.kind == "prismatic" else "rad" for each in chosen}
-    with BulletWorld(WorldDescription(), STEP_NS) as world:
+    with open_world(default_engine(), WorldDescription(), STEP_NS) as world:
         body = _body(robot, motors, fixed=True).body
         if not model.fixed_base:
             # In the air: what it stands on would be in the way.

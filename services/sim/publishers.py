@@ -1,93 +1,44 @@
-"""The publishers of each robot's topics, and of Gazebo's states of all models and links."""
+"""The publishers of each robot's own topics, and of the states of all models, links and bodies of the world."""
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Sequence
 from typing import Any
 
-from messages.base import Message
+from messages.base import Packed36
 from messages.elea import BaseStatus
 from messages.gazebo import LinkStates, ModelStates, WorldStates
 from messages.geometry import Twist, TwistStamped
-from messages.names import join
-from messages.nav import Odometry
-from messages.se3 import quaternion_conjugate, quaternion_multiply, rotate_inverse
 from messages.std import Header, String, Time
+from messages.template import Template
 from messages.topics import (
     BASE_STATUS,
-    CAMERA_INFO,
     CMD_VEL_OUT,
     GROUND_TRUTH,
-    IMAGE,
-    IMU,
     JOINT_FEEDBACK,
     JOINT_STATES,
     LINK_STATES,
     MODEL_STATES,
     ODOM,
-    RANGE,
     ROBOT_DESCRIPTION,
-    SCAN,
-    SONAR,
     WORLD_STATES,
     Topic,
 )
 from models import urdf_path
-from models.model import ON_LINK, CameraConfig, ImuConfig, LaserConfig, RobotModel
+from models.model import RobotModel
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
-from services.runtime.step import STEP_NS
 from services.sim.actuation import Actuation
-from services.sim.drive.odometry import world_odometry
+from services.sim.drive.odometry import ZERO_COVARIANCE, OdometrySample, odometry_message, world_motion
 from services.sim.entities import pose_and_twist
 from services.sim.joints.motors import JointMotors
+from services.sim.moment import Moment
 from services.sim.parameters import RobotEntry
-from services.sim.physics.world import BodyState, World
+from services.sim.physics.world import BodyState, JointReadings, World
 from services.sim.robot_names import robot_frame_prefix
-from services.sim.sensors import (
-    camera_image,
-    camera_info,
-    imu_reading,
-    joint_state,
-    laser_scan,
-    noise_generator,
-    range_messages,
-    sonar_cloud,
-    sonar_ranges,
-    sonar_ring,
-)
-
-ALIGNED = 1 - 1e-9
-"""Cosine of half the angle up to which an inertial unit has the axes of its body."""
-
-
-def topic_names(topic: Topic[Any], model: RobotModel, namespace: str) -> list[str]:
-    """What a topic of a robot is called: by its name here, and by the one that the robot's tags give it.
-
-    The second one is relative to the robot's namespace, also where the tag begins it with a slash or with the
-    namespace itself: tags are written for the one robot of a network.
-    """
-    names = [join(namespace, topic.name)]
-    if other := model.topics.get(topic.name):
-        names.append(join(namespace, f"/{other}".removeprefix(namespace.rstrip("/") + "/").strip("/")))
-    return list(dict.fromkeys(names))
-
-
-class RobotPublisher:
-    """A topic of a robot, published under each of its names."""
-
-    def __init__(self, node: Node, topic: Topic[Any], names: list[str]) -> None:
-        self.ends: list[Publisher[Any]] = [node.advertise(topic, name) for name in names]
-
-    @property
-    def has_subscribers(self) -> bool:
-        """Whether anybody reads any of them."""
-        return any(each.has_subscribers for each in self.ends)
-
-    def publish(self, message: Message) -> None:
-        """Publish under all names."""
-        for each in self.ends:
-            each.publish(message)
+from services.sim.robot_topics import RobotPublisher, steps_of, topic_names
+from services.sim.sensor_publishers import SensorMount, robot_sensors
+from services.sim.sensors import joint_state
 
 
 class RobotPublishers:
@@ -104,148 +55,122 @@ class RobotPublishers:
         actuation: Actuation,
         motors: JointMotors,
     ) -> None:
-        self._node, self._world, self._model, self._seed = node, world, model, seed
+        self._node, self._model, self._namespace = node, model, namespace
         self._actuation, self.odometer, self._name = actuation, actuation.odometer, entry.name
-        self._motors, self._namespace = motors, namespace
+        self._motors, self._joints = motors, world.body(entry.name).joints
         self._frame_prefix = robot_frame_prefix(entry)
-        self._body = world.body(entry.name)
-        self._joints = self._body.joints
-        self.joint_state_steps = max(1, _steps(entry.joint_state_rate or model.joint_rate or model.odometry_rate))
-        topics: list[Topic[Any]] = [GROUND_TRUTH, JOINT_STATES, ROBOT_DESCRIPTION]
-        topics += [] if model.fixed_base else [ODOM]
-        topics += actuation.extra_topics
-        topics += [SCAN] if model.laser else []
-        topics += [SONAR, RANGE] if model.sonar else []
-        self._sonar_ring = sonar_ring(entry.model, model.sonar) if model.sonar else None
-        topics += [IMU] if model.imu else []
-        topics += [IMAGE, CAMERA_INFO] if model.camera else []
-        self._publishers: dict[Topic[Any], RobotPublisher] = {
-            topic: RobotPublisher(node, topic, topic_names(topic, model, namespace)) for topic in topics
-        }
-        self._publishers[ROBOT_DESCRIPTION].publish(String(data=urdf_path(entry.model).read_text(encoding="utf-8")))
         self._base_frame = self.frame_id(model.base_frame)
+        self.joint_state_steps = max(1, steps_of(entry.joint_state_rate or model.joint_rate or model.odometry_rate))
+        self._truth_steps = steps_of(model.odometry_rate)
+        self._publishers: list[RobotPublisher] = []
+        self._truth, self._joint_states = self._publisher(GROUND_TRUTH), self._publisher(JOINT_STATES)
+        self._publisher(ROBOT_DESCRIPTION).publish(String(data=urdf_path(entry.model).read_text(encoding="utf-8")))
+        self._odometry = None if model.fixed_base else self._publisher(ODOM)
+        extra = {topic: self._publisher(topic) for topic in actuation.extra_topics}
+        self._status, self._commanded = extra.get(BASE_STATUS), extra.get(CMD_VEL_OUT)
+        self._feedback: RobotPublisher | None = None
+        mount = SensorMount(
+            world,
+            entry.name,
+            entry.model,
+            seed,
+            self._publisher,
+            self.frame_id,
+            lambda: self._actuation.noise,
+            node.log.warn,
+        )
+        self.sensors = robot_sensors(mount, model)
+        self._truth_template = self._odometry_template("world", ZERO_COVARIANCE, ZERO_COVARIANCE)
+        self._odometry_template_of: tuple[Packed36, Packed36, Template[Any]] | None = None
+        self._joint_template = Template(self._joint_state, 3 * len(self._joints))
+        self._command_template = Template(self._command, 2)
         self.reset()
 
     def close(self) -> None:
         """Leave the network."""
-        self._node.unregister(*(end for each in self._publishers.values() for end in each.ends))
+        self._node.unregister(*(end for each in self._publishers for end in each.ends))
 
     def reset(self) -> None:
         """Start over from where the body is."""
         self.odometer.reset()
-        self.odometry: Odometry | None = None
-        self._previous_state: tuple[int, BodyState] | None = None
+        self.odometry: tuple[bytes, OdometrySample] | None = None
+        """The last odometry that was due, and its stamp."""
+        for each in self.sensors:
+            each.reset()
 
     def frame_id(self, link: str) -> str:
         """The frame of a link, with the robot's frame prefix."""
         return f"{self._frame_prefix}{link}"
 
-    def _sensor_frame(self, sensor: LaserConfig | ImuConfig | CameraConfig) -> str:
-        return self.frame_id(sensor.mount.frame or sensor.link)
-
-    def publish_joint_states(self, now: int, tick: int) -> None:
-        """Publish the joints if they are due at ``tick``, and to a controller manager at each."""
-        due = self._joints and tick % self.joint_state_steps == 0 and self._publishers[JOINT_STATES].has_subscribers
-        if not due and not self._motors.commanded:
+    def publish_joint_states(self, moment: Moment) -> None:
+        """Publish the joints if they are due, and to a controller manager always."""
+        motors = self._motors
+        due = moment.tick % self.joint_state_steps == 0 and self._joints and self._joint_states.has_subscribers
+        if not due and not motors.commanded:
             return
-        readings = self._motors.readings(self._actuation.joint_readings)
-        state = joint_state(self._joints, readings, Header(stamp=Time.of(now)))
+        position, velocity, effort = motors.readings(self._actuation.with_efforts(moment.joints(self._name)))
+        payload = self._joint_template.encode(moment.stamp, (*position, *velocity, *effort))
         if due:
-            self._publishers[JOINT_STATES].publish(state)
-        if self._motors.commanded:
-            if JOINT_FEEDBACK not in self._publishers:
-                feedback = RobotPublisher(
-                    self._node, JOINT_FEEDBACK, topic_names(JOINT_FEEDBACK, self._model, self._namespace)
-                )
-                self._publishers[JOINT_FEEDBACK] = feedback
-            self._publishers[JOINT_FEEDBACK].publish(state)
+            self._joint_states.publish_encoded(payload)
+        if motors.commanded:
+            if self._feedback is None:
+                self._feedback = self._publisher(JOINT_FEEDBACK)
+            self._feedback.publish_encoded(payload)
 
-    def publish_motion(self, now: int, tick: int) -> None:
+    def needs_state(self, moment: Moment) -> bool:
+        """Whether what is due at this control tick tells where the body is."""
+        return moment.tick % self._truth_steps == 0 and (self._truth.has_subscribers or self.odometer.state is None)
+
+    def publish_motion(self, moment: Moment) -> None:
         """At a control tick, publish what is due of ground truth, odometry and the limited command."""
-        self.odometer.update_from_encoders(now)
-        if CMD_VEL_OUT in self._publishers:
-            header = Header(stamp=Time.of(now), frame_id=self._base_frame)
-            twist = Twist.planar(*self._actuation.commanded_velocity)
-            self._publishers[CMD_VEL_OUT].publish(TwistStamped(header=header, twist=twist))
-        truth_due = _due(tick, self._model.odometry_rate)
-        odometry_due = ODOM in self._publishers and self.odometer.due(now, self._actuation.odometry_rate)
-        if not truth_due and not odometry_due:
-            return
-        state, stamp = self._body.state(), Time.of(now)
-        if truth_due:
-            self._publishers[GROUND_TRUTH].publish(
-                world_odometry(state, Header(stamp=stamp, frame_id="world"), self._base_frame)
-            )
-        if odometry_due:
-            header = Header(stamp=stamp, frame_id=self.frame_id(self._model.odom_frame))
-            self.odometry = self.odometer.to_message(header, self._base_frame, state)
-            self._publishers[ODOM].publish(self.odometry)
-
-    def publish_sensors(self, now: int, tick: int) -> None:
-        """Publish the sensors that are due at ``tick``."""
-        model = self._model
-        if model.imu is not None and _due(tick, model.imu.rate):
-            self._publish_imu(now, tick)
-        if model.laser is not None and _due(tick, model.laser.rate) and self._publishers[SCAN].has_subscribers:
-            header = Header(stamp=Time.of(now), frame_id=self._sensor_frame(model.laser))
-            noise = noise_generator(self._seed, self._name, "scan", tick) if self._actuation.noise else None
-            self._publishers[SCAN].publish(laser_scan(self._world, self._name, model.laser, header, noise))
-        if model.sonar is not None and _due(tick, model.sonar.rate):
-            self._publish_sonar(now, tick)
-        if model.camera is not None and _due(tick, model.camera.rate) and self._publishers[IMAGE].has_subscribers:
-            header = Header(stamp=Time.of(now), frame_id=self._sensor_frame(model.camera))
-            self._publishers[CAMERA_INFO].publish(camera_info(model.camera, header))
-            self._publishers[IMAGE].publish(camera_image(self._world, self._name, model.camera, header))
+        if self._commanded is not None and self._commanded.has_subscribers:
+            velocity = self._actuation.commanded_velocity
+            self._commanded.publish_encoded(self._command_template.encode(moment.stamp, velocity))
+        truth = None
+        if moment.tick % self._truth_steps == 0 and self._truth.has_subscribers:
+            truth = world_motion(moment.state(self._name))
+            self._truth.publish_encoded(self._truth_template.encode(moment.stamp, truth))
+        if self._odometry is not None and self.odometer.due(moment.now, self._actuation.odometry_rate):
+            sample = self.odometer.sample(moment)
+            self.odometry = moment.stamp, sample
+            if self._odometry.has_subscribers:
+                numbers = truth if truth is not None and self.odometer.state is None else sample.motion
+                self._odometry.publish_encoded(self._template_of_odometry().encode(moment.stamp, numbers))
 
     def publish_status(self, status: BaseStatus) -> None:
         """Publish the state of the base."""
-        self._publishers[BASE_STATUS].publish(status)
+        assert self._status is not None
+        self._status.publish(status)
 
-    def _publish_imu(self, now: int, tick: int) -> None:
-        unit = self._model.imu
-        assert unit is not None
-        if not self._publishers[IMU].has_subscribers:
-            self._previous_state = None
-            return
-        state, before = self._body.state(), self._previous_state
-        self._previous_state = now, state
-        if before is None or before[0] >= now:
-            return
-        pose = self._body.link_pose(unit.link)
-        pose = pose if unit.mount == ON_LINK else pose @ unit.mount.pose
-        place = pose.position
-        apart = (place[0] - state.position[0], place[1] - state.position[1], place[2] - state.position[2])
-        noise = noise_generator(self._seed, self._name, "imu", tick) if self._actuation.noise else None
-        header = Header(stamp=Time.of(now), frame_id=self._sensor_frame(unit))
-        offset, dt = rotate_inverse(state.orientation, apart), (now - before[0]) / 1e9
-        turned = abs(quaternion_multiply(quaternion_conjugate(state.orientation), pose.orientation)[3]) < ALIGNED
-        axes = pose.orientation if turned else None
-        self._publishers[IMU].publish(imu_reading(unit, offset, before[1], state, dt, header, noise, axes))
+    def _publisher(self, topic: Topic[Any]) -> RobotPublisher:
+        made = RobotPublisher(self._node, topic, topic_names(topic, self._model, self._namespace))
+        self._publishers.append(made)
+        return made
 
-    def _publish_sonar(self, now: int, tick: int) -> None:
-        ring, every, single = self._sonar_ring, self._publishers[SONAR], self._publishers[RANGE]
-        assert ring is not None
-        if not (every.has_subscribers or single.has_subscribers):
-            return
-        noise = noise_generator(self._seed, self._name, "sonar", tick) if self._actuation.noise else None
-        echoes = sonar_ranges(self._world, self._name, ring, noise)
-        stamp = Time.of(now)
-        if every.has_subscribers:
-            every.publish(sonar_cloud(ring, echoes, Header(stamp=stamp, frame_id=self.frame_id(ring.config.link))))
-        if single.has_subscribers:
-            headers = [Header(stamp=stamp, frame_id=self.frame_id(link)) for link in ring.config.links]
-            for each in range_messages(ring, echoes, headers):
-                single.publish(each)
+    def _joint_state(self, stamp: Time, numbers: Sequence[float]) -> Any:
+        count = len(self._joints)
+        parts = (tuple(numbers[first : first + count]) for first in (0, count, 2 * count))
+        return joint_state(self._joints, JointReadings(*parts), Header(stamp=stamp))
 
+    def _command(self, stamp: Time, numbers: Sequence[float]) -> TwistStamped:
+        linear, angular = numbers
+        return TwistStamped(header=Header(stamp=stamp, frame_id=self._base_frame), twist=Twist.planar(linear, angular))
 
-def _due(tick: int, rate: float) -> bool:
-    """Whether something of this rate [Hz] happens at a physics step."""
-    return tick % _steps(rate) == 0
+    def _template_of_odometry(self) -> Template[Any]:
+        """That with the covariances that odometry has now."""
+        pose, twist, of = self.odometer.pose_covariance, self.odometer.twist_covariance, self._odometry_template_of
+        if of is None or of[0] is not pose or of[1] is not twist:
+            frame = self.frame_id(self._model.odom_frame)
+            of = self._odometry_template_of = pose, twist, self._odometry_template(frame, pose, twist)
+        return of[2]
 
-
-@cache
-def _steps(rate: float) -> int:
-    return round(1e9 / rate / STEP_NS)
+    def _odometry_template(self, frame: str, pose: Packed36, twist: Packed36) -> Template[Any]:
+        return Template(
+            lambda stamp, numbers: odometry_message(
+                Header(stamp=stamp, frame_id=frame), self._base_frame, numbers, pose, twist
+            ),
+            13,
+        )
 
 
 class WorldStatesPublisher:
@@ -257,7 +182,7 @@ class WorldStatesPublisher:
 
     def publish(self, now: int, tick: int) -> None:
         """Publish them if they are due at ``tick``, which is at ``now`` [ns]."""
-        if self._publisher is None or not _due(tick, WORLD_STATES.rate) or not self._publisher.has_subscribers:
+        if self._publisher is None or tick % steps_of(WORLD_STATES.rate) or not self._publisher.has_subscribers:
             return
         names = self._world.world_bodies
         states = [pose_and_twist(self._world.world_body_state(name)) for name in names]
@@ -276,17 +201,54 @@ class GazeboStatesPublisher:
         self._world = world
         self._models: Publisher[Any] = node.advertise(MODEL_STATES)
         self._links: Publisher[Any] = node.advertise(LINK_STATES)
+        self._model_encoder, self._link_encoder = _StatesEncoder(ModelStates), _StatesEncoder(LinkStates)
 
-    def publish(self) -> None:
+    def publish(self, moment: Moment) -> None:
         """Publish them as they are now."""
         world = self._world
         if self._models.has_subscribers:
-            states = [pose_and_twist(world.body(name).state()) for name in world.names]
-            states += [pose_and_twist(world.world_body_state(name)) for name in world.world_bodies]
-            poses, twists = tuple(pose for pose, _ in states), tuple(twist for _, twist in states)
-            self._models.publish(ModelStates(name=(*world.names, *world.world_bodies), pose=poses, twist=twists))
+            moment.read_states(world.names)
+            states = [moment.state(name) for name in world.names]
+            states += [world.world_body_state(name) for name in world.world_bodies]
+            payload = self._model_encoder.encode(
+                (*world.names, *world.world_bodies),
+                [number for each in states for part in each[:2] for number in part],
+                [number for each in states for part in each[2:] for number in part],
+            )
+            self._models.publish_encoded(payload)
         if self._links.has_subscribers:
             links = [(name, link) for name in world.names for link in world.body(name).links]
-            states = [pose_and_twist(world.body(name).link_state(link)) for name, link in links]
-            poses, twists = tuple(pose for pose, _ in states), tuple(twist for _, twist in states)
-            self._links.publish(LinkStates(name=tuple(map("::".join, links)), pose=poses, twist=twists))
+            rows = world.link_states(links)
+            payload = self._link_encoder.encode(
+                tuple(map("::".join, links)), rows[:, :7].ravel().tolist(), rows[:, 7:].ravel().tolist()
+            )
+            self._links.publish_encoded(payload)
+
+
+class _StatesEncoder:
+    """Encodes poses and velocities of named things by a template, which is made anew when the names change."""
+
+    def __init__(self, record: type[ModelStates] | type[LinkStates]) -> None:
+        self._record = record
+        self._names: tuple[str, ...] | None = None
+
+    def encode(self, names: tuple[str, ...], poses: list[float], twists: list[float]) -> bytes:
+        """The record of things of these names, from 7 numbers of each one's pose and then 6 of its velocity."""
+        if names != self._names:
+            self._names = names
+            self._template = Template(self._message, 13 * len(names), stamped=False)
+        return self._template.encode(b"", [*poses, *twists])
+
+    def _message(self, _: Time, numbers: Sequence[float]) -> ModelStates | LinkStates:
+        names = self._names or ()
+        poses, twists = iter(numbers[: 7 * len(names)]), iter(numbers[7 * len(names) :])
+        states = [
+            BodyState(position=(x, y, z), orientation=(i, j, k, w), linear=(u, v, t), angular=(a, b, c))
+            for (x, y, z, i, j, k, w), (u, v, t, a, b, c) in zip(
+                zip(*[poses] * 7, strict=True), zip(*[twists] * 6, strict=True), strict=True
+            )
+        ]
+        messages = [pose_and_twist(each) for each in states]
+        return self._record(
+            name=names, pose=tuple(pose for pose, _ in messages), twist=tuple(twist for _, twist in messages)
+        )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from messages.elea import ModelState
@@ -19,8 +20,9 @@ from services.sim.drive.odometry import body_pose, body_twist
 from services.sim.joints.motors import JointMotors
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import World
-from services.sim.publishers import RobotPublishers, topic_names
+from services.sim.publishers import RobotPublishers
 from services.sim.robot_names import ROOT_NAMESPACE, robot_frame_prefix, robot_namespace
+from services.sim.robot_topics import topic_names
 from services.sim.transit_delay import TransitDelayEstimator
 
 
@@ -56,7 +58,9 @@ class Robot:
         if self.motors.joints:
             self._motor_subscriber = node.subscribe(JOINT_COMMAND, join(self.namespace, JOINT_COMMAND.name))
         self.e_stop_subscriber: Subscriber[Any] | None = (
-            None if self.namespace == ROOT_NAMESPACE else node.subscribe(E_STOP, join(self.namespace, E_STOP.name))
+            None
+            if self.namespace == ROOT_NAMESPACE
+            else node.subscribe(E_STOP, join(self.namespace, E_STOP.name), rare=True)
         )
         self._stopped_by: tuple[str, ...] = ()
         self._contacts: frozenset[str] = frozenset()
@@ -93,10 +97,10 @@ class Robot:
         self.actuation.publisher_lost(source, now)
         self.motors.publisher_lost(source)
 
-    def step(self, now: int) -> None:
-        """Set the motors for the physics step that begins at ``now``."""
-        self.actuation.step(now)
-        self.motors.step(now)
+    @property
+    def steppers(self) -> tuple[Callable[[int], None], ...]:
+        """What sets the motors for the physics step that begins at a time [ns], in this order."""
+        return (self.actuation.step, self.motors.step) if self.motors.joints else (self.actuation.step,)
 
     def stop(self, holders: tuple[str, ...], new_stop: bool = False) -> None:
         """Stand still while there are ``holders`` of an emergency stop.

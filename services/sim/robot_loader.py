@@ -21,6 +21,7 @@ from models.packages import FileAccess, PackagePath
 from models.robot_cache import MADE, is_made
 from models.robot_facts import read_facts
 from models.robot_source import find_made, names_file, resolve_robot, resolve_urdf_text
+from models.sdf_robot import is_sdf, urdf_of_sdf
 from services.runtime.errors import BadInput, EleaError, TryAgain
 from services.runtime.requests import DeferredReply
 from services.sim.parameters import RobotEntry
@@ -39,22 +40,25 @@ class RobotLoader:
     """Finds the files of robots for spawn requests.
 
     A request may name a robot of ``models/``, one that was made on this machine by its user (``RobotSource.model``), a
-    URDF or a folder in one of ``folders``, from the first of which relative paths count, or send a URDF as text, whose
-    meshes lie in these folders or in packages of ROS. No xacro of a request is run.
+    URDF or a folder in one of ``folders``, from the first of which relative paths count, or send a URDF or an SDF as
+    text, whose meshes lie in these folders or in packages of ROS. No xacro of a request is run.
 
     Args:
         folders: The fleet file's folder, and its packages.
         hand_over: Lets the loop answer a reply between two ticks.
+        tell: Called in the loop with what of an SDF was not understood.
     """
 
     def __init__(
         self,
         folders: Sequence[str] = (),
         hand_over: Callable[[DeferredReply[ModelState], Callable[[], ModelState]], None] | None = None,
+        tell: Callable[[str], None] | None = None,
     ) -> None:
         self._folders = tuple(map(Path, folders))
-        self._hand_over = hand_over
+        self._hand_over, self._tell = hand_over, tell
         self._loading = 0
+        self._last: threading.Thread | None = None
 
     def spawn(self, request: SpawnModel, spawn: Spawn) -> ModelState | DeferredReply[ModelState]:
         """Spawn what is asked for, at once where nothing has to be read; raises BadInput."""
@@ -62,15 +66,15 @@ class RobotLoader:
             return spawn(request.model)
         if (made := find_made(request.model)) is not None:
             return spawn(made.model)
-        if not request.urdf and not names_file(request.model):
-            return spawn(self._load(request))
-        if self._hand_over is None:
-            return spawn(self._load(request))
+        if self._hand_over is None or (not request.urdf and not names_file(request.model)):
+            return spawn(self._told(request, *self._load(request)))
         if self._loading >= MAX_LOADING:
             raise TryAgain(f"{MAX_LOADING} robots are being read already: ask again when they are there")
         self._loading += 1
         reply: DeferredReply[ModelState] = DeferredReply()
-        threading.Thread(target=self._read, args=(request, spawn, reply, self._hand_over), daemon=True).start()
+        arguments = request, spawn, reply, self._hand_over, self._last
+        self._last = threading.Thread(target=self._read, args=arguments, daemon=True)
+        self._last.start()
         return reply
 
     def _read(
@@ -79,11 +83,12 @@ class RobotLoader:
         spawn: Spawn,
         reply: DeferredReply[ModelState],
         hand_over: Callable[[DeferredReply[ModelState], Callable[[], ModelState]], None],
+        previous: threading.Thread | None,
     ) -> None:
-        """Runs in a thread of its own; all but reading is the loop's."""
-        model, error = "", None
+        """Runs in a thread of its own; all but reading is the loop's. Robots are there in the order of the requests."""
+        model, notes, error = "", tuple[str, ...](), None
         try:
-            model = self._load(request)
+            model, notes = self._load(request)
         except EleaError as reason:
             error = reason
         except Exception as reason:  # noqa: BLE001 - what a foreign file makes a library raise is the request's error
@@ -93,24 +98,34 @@ class RobotLoader:
             self._loading -= 1
             if error is not None:
                 raise error
-            return spawn(model)
+            return spawn(self._told(request, model, notes))
 
+        if previous is not None:
+            previous.join()
         hand_over(reply, answer)
 
-    def _load(self, request: SpawnModel) -> str:
-        """The model of the robot, with its files made; raises BadInput."""
+    def _told(self, request: SpawnModel, model: str, notes: Sequence[str]) -> str:
+        """The model; ``notes`` are told."""
+        if notes and self._tell is not None:
+            self._tell(f"{request.name}: of its SDF: {'; '.join(notes)}")
+        return model
+
+    def _load(self, request: SpawnModel) -> tuple[str, tuple[str, ...]]:
+        """The model of the robot, with its files made, and what was not understood; raises BadInput."""
         packages = self._folders[1:]
         folders = (*self._folders, *PackagePath().roots())
         if request.urdf:
-            access = FileAccess(folders, run_xacro=False)
-            return resolve_urdf_text(request.urdf, packages, access, _label(request.model)).model
+            access, urdf, notes = FileAccess(folders, run_xacro=False), request.urdf, tuple[str, ...]()
+            if is_sdf(urdf):
+                urdf, notes = urdf_of_sdf(urdf, self._folders[0] if self._folders else None, packages, access)
+            return resolve_urdf_text(urdf, packages, access, _label(request.model)).model, notes
         if MADE.fullmatch(request.model):
             raise BadInput(
                 f"the files of {_label(request.model)} are not here: the simulation runs on another machine, or as "
                 "another user. Send a URDF without meshes, or put the robot into the fleet file there"
             )
         base = self._folders[0] if self._folders else Path.cwd()
-        return resolve_robot(request.model, base, packages, access=FileAccess(folders, run_xacro=False)).model
+        return resolve_robot(request.model, base, packages, access=FileAccess(folders, run_xacro=False)).model, ()
 
 
 def on_the_ground(model: str, pose: Pose3, ground: float = 0.0) -> Pose3:

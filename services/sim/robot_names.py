@@ -58,6 +58,12 @@ def robot_frames(robot: NamedRobot) -> frozenset[str]:
     return frozenset(f"{prefix}{frame}" for frame in (links if model.fixed_base else links | {model.odom_frame}))
 
 
+def stands_by_link(robot: NamedRobot) -> bool:
+    """Whether a robot stands in the world by a root link of the world's own name, as arms for Gazebo do."""
+    model = read_model(robot.model)
+    return model.fixed_base and robot_frame_prefix(robot) + model.base_frame == WORLD_FRAME
+
+
 def check_robot_names(robot: NamedRobot, others: Iterable[NamedRobot]) -> None:
     """Raise BadInput for illegal names, and for a robot that would share its name, namespace or frames with others.
 
@@ -70,7 +76,7 @@ def check_robot_names(robot: NamedRobot, others: Iterable[NamedRobot]) -> None:
     except BadName as error:
         raise BadInput(f"a robot cannot have this name: {error}") from None
     frames = robot_frames(robot)
-    if WORLD_FRAME in frames:
+    if WORLD_FRAME in frames and not stands_by_link(robot):
         raise BadInput(
             f"{robot.name}: its link {WORLD_FRAME!r} would be the frame of the world: give it a frame_prefix, "
             f'such as "{robot.name}/"'
@@ -83,7 +89,7 @@ def check_robot_names(robot: NamedRobot, others: Iterable[NamedRobot]) -> None:
                 f"{robot.name}: the namespace {namespace} is that of {other.name} already, and both would publish "
                 f"{namespace.rstrip('/')}/odom: give one of them another namespace"
             )
-        if shared := frames & robot_frames(other):
+        if shared := (frames & robot_frames(other)) - {WORLD_FRAME}:
             raise BadInput(
                 f"{robot.name}: {other.name} has the frame {min(shared)} already: give one of them another "
                 f'frame_prefix, such as "{robot.name}/"'

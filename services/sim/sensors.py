@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,30 +20,35 @@ from models.model import ON_LINK, CameraConfig, ImuConfig, LaserConfig, SonarCon
 from models.urdf import read_joints
 from services.sim.physics.world import GRAVITY, BodyState, CameraModel, JointReadings, World
 
-
-def noise_generator(seed: int, robot: str, sensor: str, tick: int) -> np.random.Generator:
-    """Random numbers that depend on nothing but run, robot, sensor and tick: a replayed tick gives the same noise."""
-    return np.random.default_rng((seed, zlib.crc32(robot.encode()), zlib.crc32(sensor.encode()), tick))
+Floats = NDArray[np.float64]
 
 
-def laser_scan(
-    world: World, robot: str, laser: LaserConfig, header: Header, noise: np.random.Generator | None = None
-) -> LaserScan:
-    """One turn of a laser, all rays at the same instant, counter-clockwise in the link's plane.
+def laser_ranges(
+    world: World, robots: Sequence[str], laser: LaserConfig, noise: Sequence[np.random.Generator | None]
+) -> Floats:
+    """One turn of the same laser on each robot, shape (robots, samples), m, all rays at the same instant.
 
-    A ray without an echo up to ``range_max`` gives inf, one that meets something nearer than ``range_min`` gives -inf
-    (REP 117). The rays start outside the laser's housing, so that they cannot see it. 360 rays take about 1 ms.
+    They go counter-clockwise in the link's plane. A ray without an echo up to ``range_max`` gives inf, one that meets
+    something nearer than ``range_min`` gives -inf (REP 117). The rays start outside the laser's housing, so that they
+    cannot see it. 360 rays take about 1 ms.
     """
-    eye = _sensor_pose(world, robot, laser)
-    rays = _ray_directions(laser) @ np.array(rotated_axes(eye.orientation))
-    origin = np.array(eye.position)
-    reach = laser.range_max - laser.clearance
-    fractions = world.cast_rays(origin + laser.clearance * rays, origin + laser.range_max * rays)
-    ranges = laser.clearance + reach * fractions
-    if noise is not None:
-        ranges += noise.normal(0.0, laser.noise, laser.samples)
-        ranges = np.where(np.isinf(fractions), np.inf, np.minimum(ranges, laser.range_max))
+    ranges = world.cast_fans(
+        [(robot, laser.link) for robot in robots],
+        laser.mount.pose,
+        _ray_directions(laser),
+        laser.clearance,
+        laser.range_max,
+    )
+    for row, generator in enumerate(noise):
+        if generator is not None:
+            ranges[row] += generator.normal(0.0, laser.noise, laser.samples)
+            ranges[row] = np.where(np.isinf(ranges[row]), np.inf, np.minimum(ranges[row], laser.range_max))
     ranges[ranges < laser.range_min] = -np.inf
+    return ranges
+
+
+def laser_scan(laser: LaserConfig, ranges: Floats, header: Header) -> LaserScan:
+    """A turn of a laser, of ``ranges`` of shape (samples,), m."""
     return LaserScan(
         header=header,
         angle_min=laser.angle_min,
@@ -55,11 +61,12 @@ def laser_scan(
     )
 
 
-def _sensor_pose(world: World, robot: str, sensor: LaserConfig | CameraConfig) -> Pose3:
-    pose = world.body(robot).link_pose(sensor.link)
-    return pose if sensor.mount == ON_LINK else pose @ sensor.mount.pose
+def _sensor_poses(world: World, robots: Sequence[str], sensor: LaserConfig | CameraConfig) -> list[Pose3]:
+    poses = world.link_poses([(robot, sensor.link) for robot in robots])
+    return poses if sensor.mount == ON_LINK else [pose @ sensor.mount.pose for pose in poses]
 
 
+@cache
 def _ray_directions(laser: LaserConfig) -> NDArray[np.float64]:
     angles = laser.angle_min + np.arange(laser.samples) * laser.increment
     return np.stack((np.cos(angles), np.sin(angles), np.zeros(laser.samples)), axis=1)
@@ -72,16 +79,24 @@ def point_velocity(state: BodyState, offset: Vector) -> Vector:
     return vx + wy * rz - wz * ry, vy + wz * rx - wx * rz, vz + wx * ry - wy * rx
 
 
+class ImuReading(NamedTuple):
+    """What an inertial unit measures: its orientation in the world, turn rate [rad/s] and specific force [m/s2] in its
+    own axes."""
+
+    orientation: Rotation
+    rate: Vector
+    force: Vector
+
+
 def imu_reading(
     unit: ImuConfig,
     offset: Vector,
     before: BodyState,
     now: BodyState,
     dt: float,
-    header: Header,
     noise: np.random.Generator | None = None,
     axes: Rotation | None = None,
-) -> Imu:
+) -> ImuReading:
     """What an inertial unit at ``offset`` [m] of a body measures over the last ``dt`` [s].
 
     It has the axes of the orientation ``axes``, or the body's where that is None.
@@ -95,15 +110,20 @@ def imu_reading(
     rate = rotate_inverse(turn, now.angular)
     if noise is not None:
         errors = noise.standard_normal(6)
-        rate = _add_noise(rate, errors[:3] * unit.gyro_noise)
-        force = _add_noise(force, errors[3:] * unit.acceleration_noise)
-    x, y, z, w = turn
+        rate = _add_noise(rate, (errors[:3] * unit.gyro_noise).tolist())
+        force = _add_noise(force, (errors[3:] * unit.acceleration_noise).tolist())
+    return ImuReading(turn, rate, force)
+
+
+def imu_message(unit: ImuConfig, header: Header, numbers: Sequence[float]) -> Imu:
+    """A reading as a message; ``numbers`` are those of its orientation, rate and force."""
+    x, y, z, w, wx, wy, wz, ax, ay, az = numbers
     return Imu(
         header=header,
         orientation=Quaternion(x=x, y=y, z=z, w=w),
-        angular_velocity=Vector3(x=rate[0], y=rate[1], z=rate[2]),
+        angular_velocity=Vector3(x=wx, y=wy, z=wz),
         angular_velocity_covariance=_isotropic(unit.gyro_noise),
-        linear_acceleration=Vector3(x=force[0], y=force[1], z=force[2]),
+        linear_acceleration=Vector3(x=ax, y=ay, z=az),
         linear_acceleration_covariance=_isotropic(unit.acceleration_noise),
     )
 
@@ -119,8 +139,8 @@ def joint_state(names: Sequence[str], readings: JointReadings, header: Header) -
     )
 
 
-def _add_noise(vector: Vector, errors: NDArray[np.float64]) -> Vector:
-    return vector[0] + float(errors[0]), vector[1] + float(errors[1]), vector[2] + float(errors[2])
+def _add_noise(vector: Vector, errors: Sequence[float]) -> Vector:
+    return vector[0] + errors[0], vector[1] + errors[1], vector[2] + errors[2]
 
 
 def _isotropic(deviation: float) -> tuple[float, ...]:
@@ -135,7 +155,7 @@ TO_OPTICAL = Pose3((0.0, 0.0, 0.0), (-0.5, 0.5, -0.5, 0.5))
 def camera_image(world: World, robot: str, camera: CameraConfig, header: Header) -> Image:
     """What the robot's camera sees, ``rgb8``; the header's frame should be the camera's optical one."""
     lens = CameraModel(camera.width, camera.height, camera.fov, camera.near, camera.far)
-    eye = _sensor_pose(world, robot, camera)
+    (eye,) = _sensor_poses(world, (robot,), camera)
     pixels = world.render(eye if camera.optical else eye @ TO_OPTICAL, lens)
     return Image(
         header=header,
@@ -171,8 +191,6 @@ that what lies between them seems farther by 0.13 %."""
 
 GROUND_MARGIN = 0.001
 """Rays end this high above the ground, m: it gives no echo, since sound that meets it so flat is reflected away."""
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -52,6 +52,7 @@ from models.world import WorldDescription
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
 from services.runtime.parameters.validation import build
+from services.runtime.requests import DeferredReply
 from services.runtime.step import STEP_NS
 from services.sim import SimParameters
 from services.sim.drive.odometry import body_pose, body_twist
@@ -81,17 +82,21 @@ class SimulationServices:
 
     def __init__(self, simulation: Simulation, node: Node, loader: RobotLoader | None = None) -> None:
         self._simulation, self._loader = simulation, loader or RobotLoader()
-        node.serve(SPAWN, lambda request: self._loader.spawn(request, lambda model: self._spawn(request, model)))
-        node.serve(DELETE, self._delete)
+        node.serve(SPAWN, self.spawn)
+        node.serve(DELETE, self.delete)
         node.serve(LIST, self._list)
-        node.serve(GET_STATE, self._get_state)
-        node.serve(SET_STATE, self._set_state)
+        node.serve(GET_STATE, self.get_state)
+        node.serve(SET_STATE, self.set_state)
         node.serve(SET_ODOMETRY, self._set_odometry)
         node.serve(
             SET_DRIVE, lambda request: simulation.find(request.name).actuation.set_drive(request, simulation.now)
         )
         node.serve(LIST_STOPS, lambda _: EmergencyStops(stops=simulation.stops.all))
         node.serve(RELEASE_STOP, lambda request: Done(text=simulation.release_stop(request.name, request.holder)))
+
+    def spawn(self, request: SpawnModel) -> ModelState | DeferredReply[ModelState]:
+        """Spawn a model, at once or when its files are read."""
+        return self._loader.spawn(request, lambda model: self._spawn(request, model))
 
     def _spawn(self, request: SpawnModel, model: str) -> ModelState:
         joints = positions_by_joint(request.joint_names, request.joint_positions)
@@ -112,14 +117,16 @@ class SimulationServices:
         except UnknownModel as error:
             raise BadInput(str(error)) from None
 
-    def _delete(self, request: Name) -> Done:
+    def delete(self, request: Name) -> Done:
+        """Delete a model."""
         self._simulation.delete(request.name)
         return Done(text=f"{request.name} is gone")
 
     def _list(self, _: Empty) -> ModelList:
         return ModelList(models=tuple(robot.state() for robot in self._simulation.robots))
 
-    def _get_state(self, request: GetModelState) -> ModelState:
+    def get_state(self, request: GetModelState) -> ModelState:
+        """The pose and twist of a model."""
         world = self._simulation.world
         if request.name in world.world_bodies:
             return world_body_model_state(world, request.name, request.relative_entity)
@@ -131,7 +138,8 @@ class SimulationServices:
         )
         return ModelState(name=robot.name, model=display_name(robot.entry.model), pose=pose, twist=twist)
 
-    def _set_state(self, request: SetModelState) -> ModelState:
+    def set_state(self, request: SetModelState) -> ModelState:
+        """Move a model."""
         world = self._simulation.world
         robot = None if request.name in world.world_bodies else self._simulation.find(request.name)
         if robot is not None and robot.model.fixed_base and request.twist != Twist():
@@ -187,30 +195,34 @@ class JointServices:
 
     def __init__(self, simulation: Simulation, node: Node) -> None:
         self._simulation, self._world = simulation, simulation.world
-        node.serve(APPLY_EFFORT, self._apply_effort)
-        node.serve(CLEAR_EFFORT, self._clear_effort)
-        node.serve(JOINT_PROPERTIES, self._properties)
-        node.serve(SET_CONFIGURATION, self._set_configuration)
-        node.serve(APPLY_WRENCH, self._apply_wrench)
-        node.serve(CLEAR_WRENCH, self._clear_wrench)
+        node.serve(APPLY_EFFORT, self.apply_effort)
+        node.serve(CLEAR_EFFORT, self.clear_effort)
+        node.serve(JOINT_PROPERTIES, self.properties)
+        node.serve(SET_CONFIGURATION, self.set_configuration)
+        node.serve(APPLY_WRENCH, self.apply_wrench)
+        node.serve(CLEAR_WRENCH, self.clear_wrench)
 
-    def _apply_effort(self, request: ApplyEffort) -> Done:
+    def apply_effort(self, request: ApplyEffort) -> Done:
+        """Apply an effort to a joint."""
         job = request.job
         joint = find_joint(self._world, request.model, job.joint_name)
         own = JointEffort(joint_name=joint.name, effort=job.effort, start_time=job.start_time, duration=job.duration)
         note = self._controller(joint).add_job(own, self._simulation.now)
         return Done(text=f"{job.effort:g} on {joint} {self._describe_time(job.start_time.ns, job.duration, note)}")
 
-    def _clear_effort(self, request: JointName) -> Done:
+    def clear_effort(self, request: JointName) -> Done:
+        """Clear the efforts on a joint."""
         joint = find_joint(self._world, request.model, request.joint_name)
         return Done(text=f"{_count_jobs(self._controller(joint).clear_jobs(joint.name))} of {joint} dropped")
 
-    def _properties(self, request: JointName) -> JointProperties:
+    def properties(self, request: JointName) -> JointProperties:
+        """What a joint is and does."""
         joint = find_joint(self._world, request.model, request.joint_name)
         robot = self._simulation.find(joint.body)
         limits = read_joint_limits(robot.entry.model)[joint.name]
-        actuation, place = robot.actuation, self._world.body(joint.body).joints.index(joint.name)
-        readings, of_urdf = actuation.joint_readings, JointFriction(limits.damping, limits.friction)
+        actuation, body = robot.actuation, self._world.body(joint.body)
+        place, of_urdf = body.joints.index(joint.name), JointFriction(limits.damping, limits.friction)
+        readings = actuation.with_efforts(body.joint_readings())
         damping, friction = actuation.joint_friction.get(joint.name, of_urdf)
         return JointProperties(
             model=joint.body,
@@ -228,7 +240,8 @@ class JointServices:
             jobs=actuation.job_count(joint.name),
         )
 
-    def _set_configuration(self, request: SetConfiguration) -> JointState:
+    def set_configuration(self, request: SetConfiguration) -> JointState:
+        """Set joint positions."""
         robot = self._simulation.find(request.model)
         wanted = positions_by_joint(request.joint_names, request.joint_positions)
         wanted = {find_joint(self._world, robot.name, joint).name: position for joint, position in wanted.items()}
@@ -236,7 +249,8 @@ class JointServices:
         body = self._world.body(robot.name)
         return joint_state(body.joints, body.joint_readings(), Header(stamp=Time.of(self._simulation.now)))
 
-    def _apply_wrench(self, request: ApplyWrench) -> Done:
+    def apply_wrench(self, request: ApplyWrench) -> Done:
+        """Apply a wrench to a link."""
         link = find_link(self._world, request.body_name)
         frame_state(self._world, request.reference_frame)
         force, torque, point = (
@@ -251,7 +265,8 @@ class JointServices:
         held = self._simulation.find(link.body).model.fixed_base and link.name == self._world.body(link.body).links[0]
         return Done(text=f"wrench on {link} {when}" + ("; it is held in the world and will not move" if held else ""))
 
-    def _clear_wrench(self, request: LinkName) -> Done:
+    def clear_wrench(self, request: LinkName) -> Done:
+        """Clear the wrenches on a link."""
         link = find_link(self._world, request.link_name)
         return Done(text=f"{_count_jobs(self._simulation.wrenches.clear(link))} of {link} dropped")
 
@@ -298,12 +313,13 @@ class PropertyServices:
             params,
             world_description,
         )
-        node.serve(LINK_STATE, self._link_state)
-        node.serve(LINK_PROPERTIES, self._link_properties)
-        node.serve(MODEL_PROPERTIES, self._model_properties)
-        node.serve(WORLD_PROPERTIES, self._world_properties)
+        node.serve(LINK_STATE, self.link_state)
+        node.serve(LINK_PROPERTIES, self.link_properties)
+        node.serve(MODEL_PROPERTIES, self.model_properties)
+        node.serve(WORLD_PROPERTIES, self.world_properties)
 
-    def _link_state(self, request: LinkName) -> LinkState:
+    def link_state(self, request: LinkName) -> LinkState:
+        """The pose and twist of a link."""
         link = find_link(self._world, request.link_name)
         seen = relative_state(
             frame_state(self._world, request.reference_frame), self._world.body(link.body).link_state(link.name)
@@ -313,7 +329,8 @@ class PropertyServices:
             link_name=str(link), pose=pose, twist=twist, reference_frame=request.reference_frame or "world"
         )
 
-    def _link_properties(self, request: LinkName) -> LinkProperties:
+    def link_properties(self, request: LinkName) -> LinkProperties:
+        """Mass and inertia of a link."""
         link = find_link(self._world, request.link_name)
         found = self._world.body(link.body).inertia(link.name)
         x, y, z = found.moments
@@ -327,7 +344,8 @@ class PropertyServices:
             wrenches=self._simulation.wrenches.count(link),
         )
 
-    def _model_properties(self, request: Name) -> ModelProperties:
+    def model_properties(self, request: Name) -> ModelProperties:
+        """The parts of a model."""
         robot = self._simulation.find(request.name)
         body = self._world.body(robot.name)
         return ModelProperties(
@@ -344,7 +362,8 @@ class PropertyServices:
             driven=robot.model.has_base,
         )
 
-    def _world_properties(self, _: Empty) -> WorldProperties:
+    def world_properties(self, _: Empty) -> WorldProperties:
+        """The world, its physics and its time."""
         simulation, params = self._simulation, self._params
         return WorldProperties(
             world=params.world,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ from messages.elea import EmergencyStops as EmergencyStopList
 from messages.rosgraph import Clock
 from messages.se3 import Pose3
 from messages.std import Time
+from messages.tf import split_encoded
 from messages.topics import CLOCK, E_STOP, STOPS, TF, TF_STATIC
 from models import display_name
 from models.model import read_model
@@ -19,16 +22,19 @@ from services.runtime.node import Node
 from services.runtime.publisher import Publisher
 from services.runtime.step import STEP_NS
 from services.runtime.subscriber import Subscriber
+from services.runtime.subscription_tokens import SubscriptionTokens
 from services.sim.command_sources import CommandSources
 from services.sim.emergency_stops import ALL_ROBOTS, EmergencyStopStore
 from services.sim.joints.wrenches import LinkWrenches
+from services.sim.moment import Moment
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import World
 from services.sim.publishers import GazeboStatesPublisher, WorldStatesPublisher
 from services.sim.robot import Robot
 from services.sim.robot_loader import on_the_ground
 from services.sim.robot_names import check_robot_names
-from services.sim.tf import dynamic_transforms, static_transforms
+from services.sim.sensor_publishers import SensorSchedule
+from services.sim.tf import RobotTransforms, static_transforms
 from services.sim.transit_delay import TransitDelayEstimator
 
 CONTROL_STEPS = 4
@@ -56,24 +62,39 @@ class Simulation:
         self.wrenches = LinkWrenches(world, node.log)
         self._command_sources, self._delays = CommandSources(node.transport), TransitDelayEstimator()
         self._lost_publishers: list[bytes] = []
+        self.subscriptions = SubscriptionTokens(node.transport)
         self._clock_publisher: Publisher[Any] = node.advertise(CLOCK)
         self._tf_publisher: Publisher[Any] = node.advertise(TF)
         self._tf_static_publisher: Publisher[Any] = node.advertise(TF_STATIC)
         self._gazebo_states = GazeboStatesPublisher(node, world)
         self._world_states = WorldStatesPublisher(node, world)
-        self._e_stop_subscriber: Subscriber[Any] = node.subscribe(E_STOP, f"/{E_STOP.name}")
+        self._e_stop_subscriber: Subscriber[Any] = node.subscribe(E_STOP, f"/{E_STOP.name}", rare=True)
         self.stops = EmergencyStopStore(stops_file, self._command_sources.node_name, node.log)
         self._stops_publisher: Publisher[Any] = node.advertise(STOPS)
         self.stops.load()
         self.stops.save()
         self._publish_stops()
+        self.commands: list[Callable[[], None]] = []
+        """What is done with the messages of each look at the inputs, before the robots' own commands."""
+        self.after_step: list[Callable[[], None]] = []
+        """What is done when a physics step has been taken."""
         self.input_steps = CONTROL_STEPS
         self._commanded_robots = 0
+        self._sensors = SensorSchedule(world)
+        self._joint_states: dict[int, list[Robot]] = {}
+        """The robots by the physics steps between two of their joint states."""
+        self._transforms: list[RobotTransforms] = []
+        self._steppers: list[Callable[[int], None]] = []
 
     @property
     def now(self) -> int:
         """Simulation time, ns."""
         return self.tick * STEP_NS
+
+    @property
+    def steps_by_the_clock(self) -> bool:
+        """Whether the next step comes by itself: in real time that has begun, unless it is paused."""
+        return self._real_time and self.tick > 0 and not self.paused
 
     @property
     def robots(self) -> list[Robot]:
@@ -108,7 +129,7 @@ class Simulation:
             notes = (*notes, f"damping of joints, cut to what a step carries (N m s/rad or N s/m): {limited}")
         if notes:
             self._node.log.info(f"{entry.name}: of {display_name(entry.model)} is assumed: {'; '.join(notes)}")
-        self._set_input_steps()
+        self._regroup()
         self.publish_static_tf()
         return robot
 
@@ -119,7 +140,7 @@ class Simulation:
         del self._robots[name]
         self.stops.remove_robot(name)
         self._save_stops()
-        self._set_input_steps()
+        self._regroup()
         self.publish_static_tf()
 
     def reset(self, time_too: bool) -> None:
@@ -135,29 +156,43 @@ class Simulation:
 
     def publish(self) -> None:
         """Publish what is due at this tick."""
-        now, tick = self.now, self.tick
-        if tick % 2 == 0:
-            for robot in self.robots:
-                robot.publishers.publish_sensors(now, tick)
-        for robot in self.robots:
-            robot.publishers.publish_joint_states(now, tick)
-        if tick % CONTROL_STEPS == 0:
-            self._publish_motion(now, tick)
-        if tick % self.input_steps == 0:
+        self.subscriptions.update()
+        self.subscriptions.mark(self._node.publishers, self._node.version)
+        moment = Moment(self.world, self.now, self.tick)
+        self._sensors.publish(moment)
+        self._publish_joint_states(moment)
+        if moment.tick % CONTROL_STEPS == 0:
+            self._publish_motion(moment)
+        if moment.tick % self.input_steps == 0:
             self.publish_clock()
 
-    def _publish_motion(self, now: int, tick: int) -> None:
+    def _publish_joint_states(self, moment: Moment) -> None:
+        for steps, robots in self._joint_states.items():
+            if moment.tick % steps == 0:
+                for robot in robots:
+                    robot.publishers.publish_joint_states(moment)
+
+    def _publish_motion(self, moment: Moment) -> None:
+        robots, tick = self.robots, moment.tick
         self._update_contacts()
-        for robot in self.robots:
-            robot.publishers.publish_motion(now, tick)
-            if tick % STATUS_STEPS == 0:
-                robot.publish_status(now)
-        self._world_states.publish(now, tick)
+        counting = [robot for robot in robots if robot.publishers.odometer.follows_encoders]
+        moment.read_joints([robot.name for robot in counting])
+        for robot in counting:
+            robot.publishers.odometer.update_from_encoders(moment.now, moment.joints(robot.name).position)
+        moment.read_states([robot.name for robot in robots if robot.publishers.needs_state(moment)])
+        for robot in robots:
+            robot.publishers.publish_motion(moment)
+        if tick % STATUS_STEPS == 0:
+            for robot in robots:
+                robot.publish_status(moment.now)
+        self._world_states.publish(moment.now, tick)
         if tick % TF_STEPS == 0:
-            self._gazebo_states.publish()
+            self._gazebo_states.publish(moment)
             if self._tf_publisher.has_subscribers:
-                for message in dynamic_transforms(self.robots, self.world, now):
-                    self._tf_publisher.publish(message)
+                moment.read_joints(self.world.names)
+                transforms = chain.from_iterable(each.encode(moment) for each in self._transforms)
+                for payload in split_encoded(transforms):
+                    self._tf_publisher.publish_encoded(payload)
 
     def publish_static_tf(self) -> None:
         """Publish the fixed transforms."""
@@ -181,6 +216,8 @@ class Simulation:
         self._node.update_subscribers(watermarks)
         self._lost_publishers += self._command_sources.lost_publishers()
         self._apply_stops()
+        for carry_out in self.commands:
+            carry_out()
         lockstep_members = watermarks.members if watermarks is not None else set()
         lost, self._lost_publishers = self._lost_publishers, []
         if watermarks is not None and watermarks.lost_members:
@@ -192,7 +229,7 @@ class Simulation:
             robot.apply_commands(self.now, lockstep_members, factor)
         if (commanded := sum(robot.motors.commanded for robot in self.robots)) != self._commanded_robots:
             self._commanded_robots = commanded
-            self._set_input_steps()
+            self._regroup()
         for source in lost:
             for robot in self.robots:
                 robot.publisher_lost(source, self.now)
@@ -215,11 +252,13 @@ class Simulation:
     def step(self) -> None:
         """One physics step."""
         now = self.now
-        for robot, _ in self._robots.values():
-            robot.step(now)
+        for set_motors in self._steppers:
+            set_motors(now)
         self.wrenches.step(now)
         self.world.step()
         self.tick += 1
+        for act in self.after_step:
+            act()
 
     def _apply_stops(self) -> None:
         """Stop first, then write, then publish: nothing moves meanwhile, and what is published is kept."""
@@ -241,17 +280,23 @@ class Simulation:
     def _publish_stops(self) -> None:
         self._stops_publisher.publish(EmergencyStopList(stops=self.stops.all))
 
-    def _set_input_steps(self) -> None:
+    def _regroup(self) -> None:
+        """Robots have come or gone, or are commanded in another way: what is due for which of them is another."""
+        self._sensors.replace(each for robot in self.robots for each in robot.publishers.sensors)
+        self._joint_states = {}
+        for robot in self.robots:
+            steps = 1 if robot.motors.commanded else robot.publishers.joint_state_steps
+            self._joint_states.setdefault(steps, []).append(robot)
+        self._steppers = [each for robot in self.robots for each in robot.steppers]
+        self._transforms = [RobotTransforms(robot, self.world.body(robot.name).joints) for robot in self.robots]
         rates = [robot.publishers.joint_state_steps for robot in self.robots if not robot.model.has_base]
         rates += [1 for robot in self.robots if robot.motors.commanded]
         self.input_steps = min([CONTROL_STEPS, *rates]) if self._real_time else CONTROL_STEPS
 
     def _update_contacts(self) -> None:
-        contacts = self.world.contacts()
+        partners: dict[str, set[str]] = {}
+        for body, other in self.world.contacts():
+            partners.setdefault(body, set()).add(other)
+            partners.setdefault(other, set()).add(body)
         for robot in self.robots:
-            robot.update_contacts(frozenset(_contact_partners(robot.name, contacts)))
-
-
-def _contact_partners(name: str, contacts: tuple[Any, ...]) -> list[str]:
-    """What a body touches."""
-    return [c.other if c.body == name else c.body for c in contacts if name in (c.body, c.other)]
+            robot.update_contacts(frozenset(partners.get(robot.name, ())))

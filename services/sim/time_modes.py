@@ -110,8 +110,17 @@ class Lockstep:
 
     def __init__(self, simulation: Simulation, node: Node, members: tuple[str, ...], latency: int) -> None:
         self._simulation, self._node, self._latency = simulation, node, latency
-        self._barrier = Barrier(node.transport, node.send_buffer, members, node.log, node.wait, self._join_reply)
+        self._barrier = Barrier(
+            node.transport,
+            node.send_buffer,
+            members,
+            node.log,
+            node.wait,
+            self._join_reply,
+            simulation.subscriptions,
+        )
         node.refusal_counters.append(self._barrier.refusals)
+        node.request_server.gate = self._barrier
         self.watermarks: Watermarks | None = self._barrier.watermarks
         self._state_publisher, self._published_version = node.advertise(LOCKSTEP), -1
 

@@ -36,6 +36,9 @@ class StateParameters(Parameters):
         False, text="Publish each transform, even sooner than publish_frequency allows.", live=False
     )
 
+    publish_transforms: bool = param(
+        True, text="Publish the transforms of links; otherwise merged joint states alone.", live=False
+    )
     source_list: tuple[str, ...] = param(
         (), text="Topics with partial joint states to merge into joint_states.", live=False
     )

@@ -51,6 +51,9 @@ class OtherPublishers:
 def run(ctx: Context[StateParameters]) -> None:
     """Publish link transforms until asked to stop."""
     robots = make_robots(ctx)
+    if not ctx.params.publish_transforms:
+        _merge_alone(ctx, robots)
+        return
     moving, fixed = ctx.advertise(TF), ctx.advertise(TF_STATIC)
     others, neighbours = ctx.node.subscribe(TF_STATIC), OtherPublishers(fixed.publisher)
     stale = any(robot.links for robot in robots)
@@ -82,9 +85,23 @@ def run(ctx: Context[StateParameters]) -> None:
         ctx.node.heartbeat.detail = heartbeat_detail(robots)
 
 
+def _merge_alone(ctx: Context[StateParameters], robots: Sequence[RobotStatePublisher]) -> None:
+    """Publish merged joint states until asked to stop, and leave the transforms to another node."""
+    for tick in ctx.ticks():
+        for robot in robots:
+            if tick.reset:
+                robot.reset()
+            robot.update_description()
+            for _ in robot.transforms(tick.time):
+                pass
+        ctx.node.heartbeat.detail = heartbeat_detail(robots)
+
+
 def make_robots(ctx: Context[StateParameters]) -> list[RobotStatePublisher]:
     """Return the robots of the parameters; raises BadInput for a bad name, model or URDF."""
     p = ctx.params
+    if not (p.publish_transforms or p.source_list or p.publish_default_positions):
+        raise BadInput("state: nothing to publish: neither transforms, nor joint states of source_list or by default")
     if p.model and p.urdf:
         raise BadInput(f"state: both model {p.model!r} and urdf {p.urdf!r} are given: one of them describes the robot")
     try:

@@ -48,4 +48,5 @@ SERVICE = Service(
     run="services.teleop.loop:run",
     rate=50,
     parameters=TeleopParameters,
+    alone="it reads the keyboard",
 )

@@ -1,4 +1,4 @@
-"""Keyboard events, the key bindings of teleop_twist_keyboard, and the commanded velocity."""
+"""Keyboard events, the key bindings of teleop_twist_keyboard and turtle_teleop_key, and the commanded velocity."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class KeyEvent(NamedTuple):
     """A key press, repeat or release.
 
     Attributes:
-        key: The character.
+        key: The character; ``up``, ``down``, ``left`` or ``right`` for an arrow key.
         time: Time of the event [s], on the source's clock.
         released: The key was released, on keyboards that report it.
         stall: How much earlier [s] the event may have happened, because the reader was delayed.
@@ -75,6 +75,10 @@ MOVES = {
     "<": Direction(-1, 0, 0, 0),
     ">": Direction(-1, -1, 0, 0),
     "M": Direction(-1, 1, 0, 0),
+    "up": Direction(1, 0, 0, 0),
+    "down": Direction(-1, 0, 0, 0),
+    "left": Direction(0, 0, 0, 1),
+    "right": Direction(0, 0, 0, -1),
     "t": Direction(0, 0, 1, 0),
     "b": Direction(0, 0, -1, 0),
 }
@@ -93,6 +97,7 @@ KEY_TABLE = """\
    move        with shift: sideways      u i o      U I O
                                          j k l      J K L
                                          m , .      M < >
+   up down left right (arrows): ahead, back and turn, as turtle_teleop_key
    t/b         up, down
    q/z         speed and turn 10 % up, down
    w/x         speed alone

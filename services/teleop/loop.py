@@ -98,5 +98,6 @@ def run_keyboard(
             odometry_twist=monitor.odometry_twist,
             base_status=monitor.base_status,
             error=monitor.error,
+            turtle=monitor.turtle,
         )
         screen.update(view, wall)

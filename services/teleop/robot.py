@@ -9,7 +9,7 @@ from messages.elea import BaseStatus
 from messages.geometry import Twist, TwistStamped, Vector3
 from messages.names import BadName, absolute_namespace
 from messages.std import Header, Time
-from messages.topics import BASE_STATUS, CLOCK, CMD_VEL, ODOM, Quality, Topic
+from messages.topics import BASE_STATUS, CLOCK, CMD_VEL, ODOM, TURTLE_POSE, Quality, Topic
 from services.driving.command_repeater import CommandRepeater
 from services.runtime.context import Context
 from services.runtime.errors import BadInput, did_you_mean
@@ -85,6 +85,9 @@ class RobotMonitor:
 
     def __init__(self, ctx: Context[Any], wall: float) -> None:
         self._ctx = ctx
+        own = {each.name: each.record for each in snapshot(ctx.node.transport) if each.kind == "pub"}
+        pose = ctx.node.identity.resolve(TURTLE_POSE.name)
+        self._pose = ctx.latest(TURTLE_POSE) if own.get(pose) == TURTLE_POSE.record.ROS_TYPE else None
         self._clock, self._status, self._odom = ctx.latest(CLOCK), ctx.latest(BASE_STATUS), ctx.latest(ODOM)
         self._origins: list[SampleInfo | None] = [None, None, None]
         self._last_received = [wall, wall, wall]
@@ -96,6 +99,8 @@ class RobotMonitor:
         self._wall = wall
         self._ctx.node.update_subscribers()
         views: tuple[Latest[Any], ...] = self._clock, self._status, self._odom
+        if self._pose is not None:
+            self._pose.refresh()
         for index, view in enumerate(views):
             view.refresh()
             if view.info != self._origins[index]:
@@ -134,8 +139,15 @@ class RobotMonitor:
         return None if self._is_silent(1) and self.state == "running" else self._status.value
 
     @property
+    def turtle(self) -> bool:
+        """Whether this is a turtle of turtlesim, which has a pose alone."""
+        return self._pose is not None
+
+    @property
     def odometry_twist(self) -> Twist | None:
-        """Velocity by odometry; None if there is none while time continues."""
+        """Velocity by odometry, or of a turtle; None if there is none while time continues."""
+        if self._pose is not None and self._pose.value is not None:
+            return Twist.planar(self._pose.value.linear_velocity, self._pose.value.angular_velocity)
         if self._odom.value is None or (self._is_silent(2) and self.state == "running"):
             return None
         return self._odom.value.twist.twist

@@ -14,13 +14,15 @@ from services.teleop.keys import KEY_TABLE, Velocity
 REFRESH_PERIOD_S = 0.1
 """Wall time [s] between updates."""
 STDOUT = 1
+TURTLE_TEXT = "a turtle: obeys its last command for a second"
 
 
 @dataclass(frozen=True)
 class View:
     """The contents of the screen: set speeds, the command sent, and the state of the robot.
 
-    ``sent`` is None while nothing is sent; ``error`` describes a problem with the network or the clock.
+    ``sent`` is None while nothing is sent; ``error`` describes a problem with the network or the clock. A ``turtle``
+    has no status.
     """
 
     node: str
@@ -31,6 +33,7 @@ class View:
     odometry_twist: Twist | None
     base_status: BaseStatus | None
     error: str = ""
+    turtle: bool = False
 
 
 def header_text(topic: str) -> str:
@@ -45,7 +48,7 @@ def render_lines(view: View) -> tuple[str, ...]:
         f"   set     speed {view.speed:.2f} m/s   turn {view.turn:.2f} rad/s{limit}",
         f"   sends   {_command_text(view.sent)}",
         f"   robot   {_odometry_text(view.odometry_twist)}",
-        f"   base    {view.error or _base_text(view.base_status, view.node)}",
+        f"   base    {view.error or (TURTLE_TEXT if view.turtle else _base_text(view.base_status, view.node))}",
     )
 
 

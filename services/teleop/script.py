@@ -15,7 +15,7 @@ MAX_EVENTS = 100_000
 """Most events of a script, repeats included."""
 
 _ROUNDING_S = 1e-6
-_ENTRY = re.compile(r"(?P<key>space|[!-~])@(?P<start>\d+(?:\.\d+)?)(?:-(?P<end>\d+(?:\.\d+)?))?")
+_ENTRY = re.compile(r"(?P<key>space|up|down|left|right|[!-~])@(?P<start>\d+(?:\.\d+)?)(?:-(?P<end>\d+(?:\.\d+)?))?")
 
 
 def script_events(p: TeleopParameters) -> tuple[KeyEvent, ...]:
@@ -43,7 +43,8 @@ def _hold(entry: str) -> tuple[float, float, str]:
     found = _ENTRY.fullmatch(entry)
     if found is None:
         raise BadInput(
-            f"keys: {entry!r} is not KEY@TIME or KEY@FROM-TO, as in i@0.5 or i@0.5-2 (s; space is a key too)"
+            f"keys: {entry!r} is not KEY@TIME or KEY@FROM-TO, as in i@0.5 or i@0.5-2 (s); "
+            "space, up, down, left and right are keys, too"
         )
     start = float(found["start"])
     end = float(found["end"] or start)

@@ -16,14 +16,17 @@ from services.teleop.keys import KeyEvent
 ESCAPE_TIMEOUT_S = 0.05
 """Time [s] after an escape byte beyond which a byte does not belong to its sequence."""
 OTHER_KEY = "other"
-"""Stands for every key without a printable ASCII character: arrows, function keys, letters with accents."""
+"""Stands for every key without a printable ASCII character, but for arrows: function keys, letters with accents."""
+ARROWS = {0x41: "up", 0x42: "down", 0x43: "right", 0x44: "left"}
+"""Arrow keys by the final byte of their sequences ESC [ A and ESC O A."""
 
 
 class KeyDecoder:
     """Decodes a terminal's bytes into keys.
 
-    An escape sequence is one key without a binding, however it is split: the O in the sequence of F1 or an arrow key
-    must not drive the robot. It takes effect at its first byte, since it stops the robot.
+    An arrow key whose sequence comes whole is that key. Any other escape sequence is one key without a binding, however
+    it is split: the O in the sequence of F1 must not drive the robot. It takes effect at its first byte, since it stops
+    the robot.
     """
 
     def __init__(self) -> None:
@@ -35,7 +38,15 @@ class KeyDecoder:
         if self._state and at - self._last_time > ESCAPE_TIMEOUT_S:
             self._state = ""
         self._last_time = at
-        return [KeyEvent(key, at, stall=stall) for byte in data if (key := self._key(byte))]
+        found, rest = list[str](), data
+        while rest:
+            if not self._state and (arrow := _arrow(rest)):
+                found.append(arrow)
+                rest = rest[3:]
+                continue
+            found.append(self._key(rest[0]))
+            rest = rest[1:]
+        return [KeyEvent(key, at, stall=stall) for key in found if key]
 
     def _key(self, byte: int) -> str:
         """Return the key that a byte is or starts; empty within a sequence."""
@@ -55,6 +66,11 @@ class KeyDecoder:
                 self._state = ""
                 return ""
         return chr(byte) if 0x20 <= byte <= 0x7E else OTHER_KEY
+
+
+def _arrow(data: bytes) -> str:
+    """The arrow key whose sequence ``data`` begins with; empty if it does not."""
+    return ARROWS.get(data[2], "") if data[:2] in (b"\x1b[", b"\x1bO") and len(data) > 2 else ""
 
 
 STDIN = 0

@@ -1,55 +1,16 @@
-"""The waypoint controller: the plan, the stop-and-turn control law and the tutorial's."""
+"""The waypoint controller: the stop-and-turn control law and the tutorial's."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import Enum, auto
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from messages.se2 import ZERO_TWIST, Pose2, Twist2, wrap
 from services.driving.guidance import Segment, limit_slew, line_of_sight_heading, stopping_speed, turn_rate
+from services.driving.plan import Goal, Plan, Progress, State
 from services.waypoint import WaypointParameters
-
-
-@dataclass(frozen=True, slots=True)
-class Goal:
-    """A point [m] to stop at, and the final heading [rad]; None for any heading."""
-
-    x: float
-    y: float
-    yaw: float | None = None
-
-
-NO_GOAL = Goal(0.0, 0.0)
-"""Placeholder when there is no goal."""
-
-
-@dataclass(frozen=True, slots=True)
-class Plan:
-    """Goals to reach in order; an endless plan starts again after the last."""
-
-    goals: tuple[Goal, ...] = ()
-    endless: bool = False
-
-    @classmethod
-    def from_parameters(cls, p: WaypointParameters) -> Plan:
-        """Return the plan of the parameters: all laps in full, with the final heading on the last goal."""
-        goals = tuple(Goal(x, y) for x, y in p.goals) * max(1, p.laps)
-        if goals and p.final_yaw is not None and p.laps:
-            goals = (*goals[:-1], Goal(goals[-1].x, goals[-1].y, p.final_yaw))
-        return cls(goals, endless=p.laps == 0)
-
-    def next_index(self, index: int) -> int | None:
-        """Index of the goal after ``index``; None after the last."""
-        if index + 1 < len(self.goals):
-            return index + 1
-        return 0 if self.endless else None
-
-    def previous_goal(self, index: int) -> Goal | None:
-        """The goal before ``index``; None for the first."""
-        return self.goals[index - 1] if index > 0 or self.endless else None
-
 
 TUTORIAL_SWITCH_DISTANCE = 0.3
 """Distance [m] at which the tutorial switches to the next point."""
@@ -163,19 +124,9 @@ def _heading_error(now: GoalState, here: Pose2, p: WaypointParameters) -> float:
     return wrap(line_of_sight_heading(now.segment, here, max(p.lookahead, 4 * p.lag * p.max_linear)) - here.yaw)
 
 
-State = Literal["idle", "driving", "reached", "finished", "waiting"]
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """Result of one tick. ``command`` is None without a plan: an idle controller leaves the base to others."""
-
-    state: State
-    command: Twist2 | None
-    index: int = 0
-    count: int = 0
-    goal: Goal = NO_GOAL
-    distance: float = 0.0
+def plan_of(p: WaypointParameters) -> Plan:
+    """The plan of the parameters."""
+    return Plan.through(p.goals, p.laps, p.final_yaw)
 
 
 class WaypointController:
@@ -183,7 +134,7 @@ class WaypointController:
 
     def __init__(self, parameters: WaypointParameters) -> None:
         self._params = parameters
-        self.plan = Plan.from_parameters(parameters)
+        self.plan = plan_of(parameters)
         self._index = 0
         self._done = False
         self._goal_state: GoalState | None = None

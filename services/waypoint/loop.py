@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from messages.elea import GoalStatus
-from messages.geometry import STOP, Pose, PoseStamped, Twist
-from messages.nav import Odometry, Path
-from messages.se2 import Pose2, Twist2
+from messages.geometry import STOP, Twist
 from messages.std import Header, Time
 from messages.topics import CMD_VEL, GOAL_POSE, ODOM, PLAN, STATUS
+from services.driving.plan import Plan, goal_from_pose, path_message, pose_and_twist, status_message
 from services.runtime.context import Context
 from services.waypoint import PLAN_LEVEL, WaypointParameters
-from services.waypoint.controller import Goal, Plan, Progress, WaypointController
+from services.waypoint.controller import WaypointController, plan_of
 
 
 def run(ctx: Context[WaypointParameters]) -> None:
@@ -36,7 +34,7 @@ def run(ctx: Context[WaypointParameters]) -> None:
             elif ctx.params_changed:
                 controller.reconfigure(ctx.params)
                 if ctx.params_changed & PLAN_LEVEL:
-                    controller.set_plan(Plan.from_parameters(ctx.params))
+                    controller.set_plan(plan_of(ctx.params))
             for asked in goals.drain():
                 if asked.header.frame_id in ("", "world", frame):
                     controller.set_plan(Plan((goal_from_pose(asked),)))
@@ -63,34 +61,3 @@ def run(ctx: Context[WaypointParameters]) -> None:
     finally:
         if controller.plan.goals:
             commands.publish(STOP)
-
-
-def pose_and_twist(odometry: Odometry) -> tuple[Pose2, Twist2]:
-    """The planar pose and velocity in an odometry message."""
-    return Pose2.from_msg(odometry.pose.pose), Twist2.from_msg(odometry.twist.twist)
-
-
-def goal_from_pose(asked: PoseStamped) -> Goal:
-    """Return a pose message as a goal with a heading."""
-    return Goal(asked.pose.position.x, asked.pose.position.y, asked.pose.orientation.yaw)
-
-
-def path_message(plan: Plan, header: Header) -> Path:
-    """Return the plan as a message; goals with any heading have yaw 0."""
-    return Path(header=header, poses=tuple(PoseStamped(header=header, pose=_pose(goal)) for goal in plan.goals))
-
-
-def status_message(progress: Progress, header: Header) -> GoalStatus:
-    """Return the progress as a message."""
-    return GoalStatus(
-        header=header,
-        state=progress.state,
-        index=progress.index,
-        count=progress.count,
-        goal=_pose(progress.goal),
-        distance=progress.distance,
-    )
-
-
-def _pose(goal: Goal) -> Pose:
-    return Pose.planar(goal.x, goal.y, goal.yaw or 0.0)

@@ -25,6 +25,7 @@ COMMANDS = "Nothing below the command line imports it"
 VOCABULARY = "Messages import no network, physics, viewer or arrays"
 NETWORK = "Zenoh stands behind the transport alone"
 PHYSICS = "PyBullet stands behind the world of the simulation alone"
+MUJOCO = "MuJoCo stands behind the world of the simulation alone"
 VIEWER = "Rerun stands behind the logger alone"
 BAGS = "MCAP stands behind the bags alone"
 WEB = "The web server stands behind the panel alone"
@@ -50,6 +51,7 @@ PLANTED = [
     (PHYSICS, "services/grader/loop.py", "import pybullet"),
     (PHYSICS, "services/sim/robot.py", "import pybullet"),
     (PHYSICS, "models/world.py", "import pybullet_data"),
+    (MUJOCO, "services/sim/engines.py", "import mujoco"),
     (VIEWER, "services/sim/loop.py", "import rerun"),
     (VIEWER, "deploy/report/picture.py", "import rerun_cli"),
     (SERVICES, "services/bag/info.py", "from services.recorder import SERVICE"),

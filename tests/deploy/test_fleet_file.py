@@ -90,7 +90,8 @@ def test_wrong_name(old: str, new: str, place: int, hint: str) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "place", "what"),
     [
-        ('mode = "real"', 'mode = "reel"', 3, "run.mode"),
+        ('mode = "real"', 'mode = "reel"', 3, "run.mode: 'reel' is none of lockstep, real; did you mean 'real'?"),
+        ('when = "always"', 'when = "alway"', 27, "restart.when: 'alway' is none of always, never, on-failure"),
         ('mode = "real"', 'mode = "free"', 3, "Use lockstep: it runs as fast as the machine can"),
         ("factor = 2", "factor = 0", 4, "run.factor"),
         ("factor = 2", "factor = nan", 4, "run.factor"),
@@ -132,6 +133,7 @@ def test_wrong_value(old: str, new: str, place: int, what: str) -> None:
         ('kind = "logger"\n', 'kind = "sim"\nname = "world"\n', 25, "cannot be renamed"),
         ('mode = "real"', 'ends = "duration"', 3, "needs a duration"),
         ("factor = 2", "factor = ", 4, "not TOML"),
+        ("parameters = { cmd_vel_timeout = 0.5 }", 'reference = { topic = "wanted" }', 12, "is no arm"),
     ],
 )
 def test_contradiction(old: str, new: str, place: int, what: str) -> None:

@@ -18,7 +18,7 @@ from models.model import read_model
 from models.world import read_world
 from services.runtime.errors import BadInput
 from services.runtime.step import STEP_NS
-from services.sim.physics.bullet import BulletWorld
+from services.sim.engines import default_engine, open_world
 from services.sim.physics.world import Body, Motor
 
 FILE = """\
@@ -75,6 +75,13 @@ def test_what_cannot_be_set_is_told_with_the_assignment() -> None:
         with pytest.raises(BadInput) as caught:
             parsed(text)
         assert what in str(caught.value), text
+    for name, robots, what in (
+        ("lab", 3, "this fleet has no [[grid]] of robots; the fleet swarm has one"),
+        ("swarm", 0, "grid[0].robots: Expected `int` >= 1"),
+    ):
+        with pytest.raises(BadInput) as caught:
+            read_fleet(FLEETS / f"{name}.toml", (), robots)
+        assert str(caught.value) == f"--robots {robots}: {what}"
 
 
 def test_the_fleet_turtlebot3_has_plain_names_and_starts_where_its_world_says() -> None:
@@ -102,7 +109,7 @@ def test_every_start_is_clear_and_every_world_can_be_driven_in() -> None:
     for name in WORLDS:
         world = read_world(name)
         assert world.start is not None
-        with BulletWorld(world, STEP_NS) as physics:
+        with open_world(default_engine(), world, STEP_NS) as physics:
             start = Pose3.planar(world.start.x, world.start.y, world.start.yaw)
             body = physics.spawn(Body("robot", urdf_path("waffle_pi"), start, motors))
             body.set_speeds((-5.0, 5.0))

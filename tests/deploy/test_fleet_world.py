@@ -6,6 +6,7 @@ import pytest
 
 from deploy.fleet_file import parse_fleet
 from deploy.service_parameters import NodeGroups, RunOptions, service_parameters
+from models.world import read_world
 from services.runtime.errors import BadInput
 
 FLEET = 'name = "mine"\nworld = "WORLD"\n[[robot]]\nname = "r"\nmodel = "burger"\n'
@@ -52,9 +53,12 @@ def test_models_of_a_world_are_found_in_the_packages_of_the_fleet(tmp_path: Path
         '<sdf version="1.7"><world name="w">\n<include><uri>model://stone</uri></include></world></sdf>'
     )
     text = FLEET.replace("WORLD", "yard.sdf")
-    with pytest.raises(BadInput, match=r"fleet\.toml:2: .*yard\.sdf:2: there is no model 'stone'"):
-        world_of_sim(tmp_path / "fleet", text)
-    assert world_of_sim(tmp_path / "fleet", text + '[run]\npackages = ["../elsewhere"]\n').endswith("yard.sdf")
+    bare = read_world(world_of_sim(tmp_path / "fleet", text))
+    assert ([each.name for each in bare.bodies], len(bare.missing)) == ([], 1)
+    assert "yard.sdf:2: left out: there is no model 'stone'" in bare.missing[0]
+    with_stone = text + '[run]\npackages = ["../elsewhere"]\n'
+    found = read_world(world_of_sim(tmp_path / "fleet", with_stone), packages=[tmp_path / "elsewhere"])
+    assert ([each.name for each in found.bodies], found.missing) == (["stone"], ())
 
 
 def test_a_wrong_world_is_told_with_the_line_of_the_fleet_file_and_its_own(tmp_path: Path) -> None:

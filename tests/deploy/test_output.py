@@ -14,7 +14,7 @@ import pytest
 
 from deploy.detach import start_detached
 from deploy.run_folder import MIN_FREE_BYTES, make_run_folder
-from deploy.supervisor.log_file import MAX_QUEUED_CHUNKS, start_log_writer
+from deploy.supervisor.log_file import MAX_QUEUED_CHUNKS, MAX_SHOWN_LINES, start_log_writer
 from services.grader.results import write_atomic
 from services.runtime.errors import BadInput
 from tests.deploy.test_run import FleetCommandLine
@@ -118,3 +118,18 @@ def test_planted_links_lead_nowhere(tmp_path: Path) -> None:
     assert precious.read_text() == "mine"
     assert not list(folder.glob("tmp*"))
     assert sum(each.stat().st_size for each in folder.rglob("*") if each.is_file()) < MIN_FREE_BYTES
+
+
+def test_lines_of_a_process_are_shown_whole_and_not_without_end(tmp_path: Path) -> None:
+    out, into = os.pipe()
+    shown: list[str] = []
+    writer = start_log_writer(out, tmp_path / "a.log", show=shown.append)
+    os.write(into, b"one\ntw")
+    wait_until(lambda: shown == ["one"])
+    os.write(into, b"o \xff\n" + b"many\n" * (MAX_SHOWN_LINES + 9))
+    os.close(into)
+    wait_until(lambda: not writer.is_alive())
+    assert shown[:3] == ["one", "two \ufffd", "many"]
+    assert len(shown) <= 2 * MAX_SHOWN_LINES
+    assert shown[-1] == "(10 lines more in the log)"
+    assert (tmp_path / "a.log").read_bytes().count(b"many") == MAX_SHOWN_LINES + 9

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import pytest
 
 from deploy.fleet import ChangeConfig, Fleet, RobotConfig, RunConfig, ServiceConfig
 from deploy.fleet_file import find_fleet, fleet_names, read_fleet
-from deploy.processes import SUPERVISOR, ProcessSpec, plan_processes
+from deploy.processes import MOST_DIRECT, SUPERVISOR, ProcessSpec, plan_processes
 from deploy.restart_policy import RestartPolicy
 from deploy.service_parameters import RunOptions
 from services.catalog import load_service
@@ -25,13 +28,17 @@ def expand(fleet: Fleet) -> dict[str, ProcessSpec]:
 
 def options(process: ProcessSpec, name: str) -> list[str]:
     """The values of an option on a command line."""
-    return [value for option, value in zip(process.argv, process.argv[1:], strict=False) if option == name]
+    return _values(process.argv, name)
+
+
+def _values(words: Sequence[str], name: str) -> list[str]:
+    return [value for option, value in pairwise(words) if option == name]
 
 
 @pytest.mark.parametrize("name", fleet_names())
 def test_every_service_accepts_its_parameters(name: str) -> None:
-    for process in expand(read_fleet(find_fleet(name))).values():
-        build(load_service(process.kind).parameters, read_assignments(options(process, "--fleet-param")))
+    for node in (each for process in expand(read_fleet(find_fleet(name))).values() for each in process.nodes):
+        build(load_service(node.kind).parameters, read_assignments(_values(node.arguments, "--fleet-param")))
 
 
 def test_lab_is_the_tutorial_shifted_by_each_start() -> None:
@@ -72,8 +79,9 @@ def test_lab_starts_in_order_and_steps_together() -> None:
     assert all(plan[each].depends_on == ("router", "sim") for each in (*drivers, "logger", "grader"))
     members = read_assignments(options(plan["sim"], "--fleet-param"))["members"]
     assert {"/grader", "/params", *(f"/{each}" for each in drivers)} <= set(members)
-    assert {each.node for each in plan.values() if "--lockstep" in each.argv} == {*members, "/sim"}
-    assert {each.node for each in plan.values() if each.awaited} == {*members, "/sim"}
+    reliable = {name for each in plan.values() for name in each.names if "--lockstep" in each.argv}
+    assert reliable == {*members, "/sim", "/router"}
+    assert {name for each in plan.values() for name in each.names if each.awaited} == {*members, "/sim"}
 
 
 def test_losses_of_every_process_count_but_for_the_panel() -> None:
@@ -82,7 +90,21 @@ def test_losses_of_every_process_count_but_for_the_panel() -> None:
     plan = expand(recorded)
     assert {"panel", "recorder", "logger", "tb3_0/waypoint"} <= set(plan)
     readers = read_assignments(options(plan["grader"], "--fleet-param"))["readers"]
-    assert set(readers) == {each.node for each in plan.values()} - {"/panel"} | {SUPERVISOR}
+    assert set(readers) == {name for each in plan.values() for name in each.names} - {"/panel"} | {SUPERVISOR}
+
+
+def test_a_script_that_steps_gets_the_seed_of_its_hashes_from_the_fleet(tmp_path: Path) -> None:
+    script = tmp_path / "mine.py"
+    script.write_text("import rospy\n")
+    file = tmp_path / "mine.toml"
+    for mode, wanted in (("lockstep", {"COLOUR": "red", "PYTHONHASHSEED": "7"}), ("real", {"COLOUR": "red"})):
+        file.write_text(
+            f'name = "mine"\n[run]\nmode = "{mode}"\nseed = 7\n[[service]]\nkind = "{script}"\n'
+            'environment = { COLOUR = "red" }\n'
+        )
+        plan = expand(read_fleet(file))
+        assert plan["mine"].environment == wanted
+        assert not plan["sim"].environment
 
 
 def test_nobody_steps_together_on_the_wall_clock() -> None:
@@ -109,10 +131,10 @@ def test_in_every_mode_time_begins_with_all_but_onlookers() -> None:
     for mode in ("real", "lockstep"):
         plan = expand(msgspec.structs.replace(fleet, service=service, run=RunConfig(mode=mode)))
         told = read_assignments(options(plan["sim"], "--fleet-param"))
-        everybody = {each.node for each in plan.values()} - {"/router", "/sim", "/panel"}
+        everybody = {name for each in plan.values() for name in each.names} - {"/router", "/sim", "/panel"}
         assert {*told["members"], *told["awaits"]} == everybody
         assert set(told["requires"]) == {"/params", "/grader", "/needed"}
-        assert {each.node for each in plan.values() if each.awaited} == {*everybody, "/sim"}
+        assert {name for each in plan.values() for name in each.names if each.awaited} == {*everybody, "/sim"}
 
 
 def test_what_the_end_of_each_means() -> None:
@@ -236,7 +258,7 @@ def test_a_robot_in_the_root_namespace_has_its_services_there(tmp_path: Path) ->
     )
     plan = expand(read_fleet(file))
     assert {"waypoint", "left/b/waypoint", "state"} <= plan.keys()
-    assert plan["waypoint"].node == "/waypoint"
+    assert plan["waypoint"].names == ("/waypoint",)
     told = read_assignments(options(plan["sim"], "--fleet-param"))["robots"]
     assert (told[0]["namespace"], told[0]["frame_prefix"], told[1]["namespace"]) == ("/", "", "left/b")
     assert "frame_prefix" not in told[1]
@@ -245,3 +267,22 @@ def test_a_robot_in_the_root_namespace_has_its_services_there(tmp_path: Path) ->
         assert (told["robots"], told["namespaces"]) == (["tb3", "b"], ["/", "/left/b"])
     assert told["frame_prefixes"] == ["", "b/"]
     assert read_assignments(options(plan["state"], "--fleet-param"))["frame_prefix"] == ""
+
+
+def test_a_fleet_of_many_nodes_joins_the_router_alone_unless_it_states_a_topology() -> None:
+    def topology(robots: int, share: int | None = None, **stated: Any) -> set[str]:
+        fleet = Fleet(
+            name="many",
+            run=RunConfig(**stated),
+            robot=tuple(RobotConfig(name=f"r{number}", model="burger") for number in range(robots)),
+            every_robot=(ServiceConfig(kind="waypoint", share=share),),
+        )
+        return {each for spec in expand(fleet).values() for each in options(spec, "--topology")}
+
+    few = MOST_DIRECT - 4  # beside router, parameters, simulation and grader
+    assert topology(few) == {"direct"}
+    assert topology(few + 1) == {"star"}
+    assert topology(few + 1, topology="direct") == {"direct"}
+    assert topology(1, topology="star") == {"star"}
+    assert topology(few, share=4) == {"direct"}
+    assert topology(few + 1, share=4) == {"star"}, "nodes count, whether or not they share a process"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -11,6 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 import pytest
+from packaging.markers import Marker
 
 from services.runtime.process import ROOT
 from tests.harness.waiting import wait_until
@@ -18,12 +20,13 @@ from tests.harness.waiting import wait_until
 TOOLS = ("sh", "cat", "chmod", "cksum", "dirname", "flock", "mkdir", "mv", "readlink", "rm", "sleep", "uname")
 
 PYTHON = """#!/bin/sh
-# Stands for python3.11: makes an environment whose python says what it is asked.
+# Stands for a Python: makes an environment whose python says what it is asked.
 case "$*" in
     *version_info*) exit ${OLD_PYTHON:-0} ;;
     *ensurepip*) exit ${NO_VENV:-0} ;;
     "-m venv "*)
         echo "venv" >>"$COUNT"
+        [ -z "${WHO:-}" ] || echo "${0##*/}" >>"$WHO"
         mkdir -p "$3/bin"
         cat >"$3/bin/python" <<'END'
 #!/bin/sh
@@ -32,6 +35,7 @@ case "$*" in
         echo "pip" >>"$COUNT"
         [ -z "${HANG:-}" ] || { echo "half" >"$HANG"; sleep 60; }
         exit ${PIP_STATUS:-0} ;;
+    *find_spec*) exit ${NO_PYBULLET:-0} ;;
     *)
         echo "python $*"; echo "path $PYTHONPATH"
         [ -z "${PYTHONPYCACHEPREFIX:-}" ] ||
@@ -205,8 +209,8 @@ def test_pip_helps_where_uv_fails(copy: ProjectCopy) -> None:
 @pytest.mark.parametrize(
     ("lacking", "message"),
     [
-        ({"OLD_PYTHON": "1"}, "needs Python 3.11: on Debian 12, apt install python3.11 python3.11-venv"),
-        ({"NO_VENV": "1"}, "cannot make virtual environments: on Debian, apt install python3.11-venv"),
+        ({"OLD_PYTHON": "1"}, "needs Python 3.11, 3.12 or 3.13: on Debian, apt install python3 python3-venv"),
+        ({"NO_VENV": "1"}, "cannot make virtual environments: on Debian, apt install python3-venv"),
     ],
 )
 def test_what_is_missing_is_told(copy: ProjectCopy, lacking: dict[str, str], message: str) -> None:
@@ -220,3 +224,58 @@ def test_no_python_at_all(tmp_path: Path) -> None:
     done = ProjectCopy(tmp_path).start("up")
     assert done.returncode == 2
     assert "needs Python 3.11" in done.stderr
+
+
+def test_python_311_comes_first_then_any_that_the_lock_holds_for(tmp_path: Path) -> None:
+    for number, (there, chosen) in enumerate(
+        {
+            ("python3.11", "python3.13", "python3"): "python3.11",
+            ("python3.12", "python3.13"): "python3.12",
+            ("python3.13", "python3"): "python3.13",
+            ("python3",): "python3",
+        }.items()
+    ):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        copy = ProjectCopy(folder)
+        for name in there:
+            copy.provide(name, PYTHON)
+        assert copy.start("up", extra={"WHO": str(folder / "who")}).returncode == 0
+        assert (folder / "who").read_text() == f"{chosen}\n", there
+
+
+def test_a_python_without_a_package_of_pybullet_is_told_once(copy: ProjectCopy) -> None:
+    line = "elea: the physics engine is MuJoCo: PyBullet has packages for Python 3.11 on x86_64 alone\n"
+    assert copy.start("up", extra={"NO_PYBULLET": "1"}).stderr.endswith(line)
+    assert copy.start("up", extra={"NO_PYBULLET": "1"}).stderr == ""
+
+
+def test_uv_takes_another_python_where_it_can_bring_no_311(copy: ProjectCopy) -> None:
+    copy.provide(
+        "uv",
+        """#!/bin/sh
+case "$*" in
+    "venv "*" 3.11 "*) exit 1 ;;
+    "venv "*">=3.11,<3.14"*) for target; do :; done; echo "any" >>"$COUNT"; python3.11 -m venv "$target" ;;
+esac
+""",
+    )
+    assert copy.start("up").returncode == 0
+    assert copy.installs() == ["any", "venv"]
+
+
+def installed_packages(python: str, machine: str) -> set[str]:
+    """The names that the lock installs on Linux, by its markers."""
+    system = {"sys_platform": "linux", "platform_system": "Linux", "platform_machine": machine}
+    own = {**system, "python_version": python, "python_full_version": f"{python}.1"}
+    lock = (ROOT / "requirements.lock").read_text()
+    pinned = re.findall(r"^([\w.-]+)==[^\s;]+(?: ; (.+?))? \\$", lock, re.MULTILINE)
+    return {name for name, marker in pinned if not marker or Marker(marker).evaluate(own)}
+
+
+def test_the_lock_holds_for_every_python_and_machine() -> None:
+    machines = [(f"3.{minor}", machine) for minor in (11, 12, 13) for machine in ("x86_64", "aarch64")]
+    found = {each: installed_packages(*each) for each in machines}
+    everywhere = set.intersection(*map(set, found.values()))
+    assert {"eclipse-zenoh", "mujoco-core", "rerun-sdk", "numpy", "msgspec", "fissix"} <= everywhere
+    assert [each for each in machines if "pybullet" in found[each]] == [("3.11", "x86_64")]

@@ -1,6 +1,6 @@
 """The tables of docs/ that list what the code has, made from the code.
 
-``PYTHONPATH=. .venv/bin/python -P -m tests.docs.tables`` writes them into the pages.
+``./elea python -m tests.docs.tables`` writes them into the pages.
 """
 
 from __future__ import annotations

@@ -11,13 +11,14 @@ from deploy.commands.cli import COMMANDS, elea
 from deploy.commands.lazy_group import LazyGroup
 from deploy.fleet_file import fleet_names
 from services.catalog import service_kinds
+from services.runtime.container_main import NAME as CONTAINER
 from services.runtime.process import ROOT
 from tests.harness.cases import case
 from tests.harness.project_files import project_files
 
-LINE = re.compile(r"\./elea ([^`\n#|]+)")
+LINE = re.compile(r"\./elea ([^`\n#|)]+)")
 OF_SERVICES = {"--namespace", "--name", "--remap", "--param", "--connect", "--domain", "--topology", "--lockstep"}
-OF_SERVICES |= {"--fleet-param", "--await-params", "--log-level", "--print-config", "--help"}
+OF_SERVICES |= {"--fleet-param", "--await-params", "--log-level", "--print-config", "--help", "--node"}
 
 
 def lines() -> list[tuple[str, str]]:
@@ -53,11 +54,11 @@ def _check_command(line: str) -> None:
     if verb == "--help":
         return
     assert verb in COMMANDS
-    if verb == "test":
-        return  # the words are pytest's
+    if verb in ("test", "python"):
+        return  # the words are pytest's, or Python's
     assert {word for word in words if word.startswith("-")} <= options(verb, words)
     target = words[0] if words and not words[0].startswith("-") else ""
-    known = {"up": fleet_names(), "run": service_kinds()}.get(verb)
+    known = {"up": fleet_names(), "run": (*service_kinds(), CONTAINER)}.get(verb)
     if known and target and not target.isupper() and not target.endswith((".toml", ".py")):
         assert target in known
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from messages import requests, topics
+from messages import gazebo_services, requests, topics
 from messages.requests import REQUESTS, Request
-from messages.topics import TOPICS, Topic
+from messages.topics import TOPICS, TURTLE_TOPICS, Topic
 from tests.docs.readme import DOCS
 from tests.docs.tables import TABLES, with_table
 
-MAKE = "PYTHONPATH=. .venv/bin/python -P -m tests.docs.tables"
+MAKE = "./elea python -m tests.docs.tables"
 
 
 def test_the_tables_are_those_of_the_code() -> None:
@@ -39,5 +39,7 @@ def test_a_table_that_is_not_there_or_not_alone_is_an_error(head: str) -> None:
 
 
 def test_every_request_and_topic_is_listed() -> None:
-    assert {each for each in vars(requests).values() if isinstance(each, Request)} == set(REQUESTS)
-    assert {each for each in vars(topics).values() if isinstance(each, Topic)} == set(TOPICS)
+    assert {
+        each for each in (*vars(requests).values(), *vars(gazebo_services).values()) if isinstance(each, Request)
+    } == set(REQUESTS)
+    assert {each for each in vars(topics).values() if isinstance(each, Topic)} == {*TOPICS, *TURTLE_TOPICS}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Self
 
@@ -33,6 +33,8 @@ START_S = 60.0
 """Wall time that a fleet has to start, on a machine that is busy."""
 WITHIN_S = 20.0
 """Wall time for what takes one or two seconds on a machine that is not busy."""
+FORKER_S = 5.0
+"""Wall time in which the process that forked for a supervisor is gone after it."""
 
 
 class SupervisedFleet:
@@ -167,10 +169,13 @@ class SupervisedFleet:
         return [each for each in self.descendants if _runs(each)]
 
     def _assert_no_survivors(self) -> None:
+        """None is left; what forked for the supervisor is killed as that ends, and may need a moment for its end."""
+        with suppress(AssertionError):
+            wait_until(lambda: not self.survivors(), FORKER_S)
         left = self.survivors()
         for each in left:
             each.kill()
-        assert left == [], self.supervisor.text
+        assert left == [], f"{left}\n{self.supervisor.text}"
 
 
 def send_signal(pid: int, number: signal.Signals) -> int:

@@ -11,8 +11,8 @@ from tests.faults.supervised_fleet import START_S, WITHIN_S, SupervisedFleet
 from tests.harness.waiting import wait_until
 
 NODES = ("router", "params", "sim", "grader", "parent", "tb3_0/waypoint")
-FAMILY_SIZE = len(NODES) + 3
-"""The processes of the nodes, the child of one of them, the supervisor and its warden."""
+FAMILY_SIZE = len(NODES) + 4
+"""The processes of the nodes, the child of one of them, the supervisor, its reaper and what forks for it."""
 
 
 @pytest.mark.usefixtures("only_fleet")

@@ -48,6 +48,7 @@ def asked_fleet(fleet_slot: FleetSlot, tmp_path_factory: pytest.TempPathFactory)
     fleet_slot.stop()
     with SupervisedFleet(FLEET, 1, tmp_path_factory.mktemp("asked")) as fleet:
         fleet.wait_ready(within=START_S)
+        fleet.wait(lambda: fleet.recorder.health.keys() >= set(NODES), "heartbeats", START_S)
         yield fleet
 
 

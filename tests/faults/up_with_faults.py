@@ -22,7 +22,7 @@ def with_faults(fleet: Fleet, terms: RunOptions) -> tuple[ProcessSpec, ...]:
 
 
 def _replaced(process: ProcessSpec) -> ProcessSpec:
-    name = process.node.rpartition("/")[2]
+    name = process.nodes[0].name.rpartition("/")[2]
     if not (FAULTY / f"{name}.py").is_file():
         return process
     place = process.argv.index("services")

@@ -1,12 +1,14 @@
 """Runs verbs and services as processes that need not load the project first: they are forked from one that has.
 
-A verb takes a fifth of a second to start Python and to import, and most of them do little else. All but that is as with
-``python -m deploy``: a process of its own, with its environment, folder, streams, signals and exit status. How long the
-imports take is measured elsewhere.
+A verb takes a fifth of a second to start Python and to import, a service up to half a second, and most of them do
+little else. All but that is as with ``python -m deploy``: a process of its own, with its environment, folder, streams,
+signals and exit status. What a forked verb starts of the project is forked, too; ``tests.harness.fork_children`` has
+how. How long the imports take is measured elsewhere.
 """
 
 from __future__ import annotations
 
+import gc
 import importlib
 import json
 import os
@@ -24,18 +26,26 @@ from functools import cache
 from pathlib import Path
 from typing import IO, Any
 
+from services.catalog import service_kinds
 from services.runtime.process import PARENT, ROOT
+from tests.harness.fork_children import HASHES, fork_children
 
 STREAMS = (0, 1, 2)
-_LOOPS = ("arm", "grader", "params", "player", "recorder", "reference", "router", "sim", "square", "state", "waypoint")
+_OTHERS = ("logger",)
+"""Services that cannot be loaded before a fork: what they import starts threads."""
 _LOADED = (
-    *("deploy.run_fleet", "deploy.detach", "deploy.doctor.checks", "services.runtime.main", "services.runtime.start"),
-    *(f"services.{each}.loop" for each in _LOOPS),
+    "deploy.run_fleet",
+    "deploy.detach",
+    "deploy.doctor.checks",
+    "services.runtime.start",
+    "services.script.command_line",
+    "services.script.run",
 )
+_SINGLE = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
 
 class ForkedProcess(subprocess.Popen[str]):
-    """``python -m MODULE`` with some arguments, for ``deploy`` and ``services``; its standard input is empty.
+    """``python -m MODULE`` with some arguments, for modules that ``is_forkable``; its standard input is empty.
 
     Its parent is the server, which dies with this process. Without ``log``, its output and errors are pipes.
     """
@@ -120,11 +130,11 @@ def run_verb(
 @cache
 def _server() -> tuple[str, int]:
     """Where the server listens, and its process id; it ends with this process, by the end of its standard input."""
-    path = str(Path(tempfile.mkdtemp(prefix="elea-fork-")) / "socket")
+    folder = os.environ.get("XDG_RUNTIME_DIR")  # that of this test run, which ends with it
+    path = str(Path(tempfile.mkdtemp(prefix="fork-", dir=folder)) / "socket")
     command = [sys.executable, "-P", "-m", "tests.harness.fork_server", path]
-    server = subprocess.Popen(
-        command, env={**os.environ, "PYTHONPATH": str(ROOT)}, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
+    env = {**os.environ, **_SINGLE, HASHES: "0", "PYTHONPATH": str(ROOT)}
+    server = subprocess.Popen(command, env=env, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert server.stdout is not None
     assert "ready\n" in server.stdout, "the server of forks did not start"  # behind what libraries say
     _server.process = server  # type: ignore[attr-defined]
@@ -139,8 +149,11 @@ def _serve(path: str) -> None:
     for package in (deploy.commands, deploy.live):
         for each in pkgutil.iter_modules(package.__path__, f"{package.__name__}."):
             importlib.import_module(each.name)
-    for name in _LOADED:
+    for name in (*_LOADED, *(f"services.{each}.loop" for each in service_kinds() if each not in _OTHERS)):
         importlib.import_module(name)
+    assert len(os.listdir("/proc/self/task")) == 1, "a fork has only one of the threads"
+    gc.collect()
+    gc.freeze()
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     signal.set_wakeup_fd(writing)
@@ -178,10 +191,11 @@ def _fork(listener: socket.socket, links: dict[int, socket.socket]) -> None:
     for target, each in zip(STREAMS, streams, strict=True):
         os.dup2(each, target)
     os.closerange(max(STREAMS) + 1, 1024)
-    _become(json.loads(message))
+    become(json.loads(message))
 
 
-def _become(asked: dict[str, Any]) -> None:
+def become(asked: dict[str, Any]) -> None:
+    """Be the process that was asked for, to its end; its streams are in place."""
     signal.set_wakeup_fd(-1)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -192,6 +206,7 @@ def _become(asked: dict[str, Any]) -> None:
     os.environ.update(asked["env"])
     module, *arguments = asked["arguments"]
     sys.argv = [str(ROOT / module / "__main__.py"), *arguments]
+    fork_children(become, arguments)
     status = 1
     try:
         runpy.run_module(module, run_name="__main__", alter_sys=True)

@@ -17,9 +17,9 @@ from services.runtime.publisher import Publisher
 from services.runtime.step import STEP_NS
 from services.runtime.subscriber import Subscriber
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
+from services.sim.engines import default_engine, open_world
 from services.sim.joints.motors import JointMotors
-from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import Body, Motor
+from services.sim.physics.world import Body, Motor, World
 from services.sim.transit_delay import TransitDelayEstimator
 
 URDF = Path(__file__).with_name("two_links.urdf")
@@ -29,7 +29,7 @@ JOINTS = parse_urdf(URDF.read_text()).joints
 class JointRig:
     """The arm ``arm`` with its base held; ``now`` is simulation time in ns."""
 
-    def __init__(self, world: BulletWorld, motors: tuple[Motor, ...] = ()) -> None:
+    def __init__(self, world: World, motors: tuple[Motor, ...] = ()) -> None:
         self.world, self.now = world, 0
         self.body = world.spawn(Body("arm", URDF, motors=motors, fixed=True))
         self.log = io.StringIO()
@@ -71,5 +71,5 @@ class JointRig:
 @contextmanager
 def joint_rig(*motors: Motor) -> Iterator[JointRig]:
     """The arm in a world of its own; ``motors`` are those of a base."""
-    with BulletWorld(WorldDescription(), STEP_NS) as world:
+    with open_world(default_engine(), WorldDescription(), STEP_NS) as world:
         yield JointRig(world, motors)

@@ -18,6 +18,7 @@ from services.runtime.process import PARENT, ROOT
 from services.runtime.transport.unix_sockets import is_listening, router_endpoint
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import configuration
+from tests.harness.fork_children import is_forkable
 from tests.harness.fork_server import ForkedProcess
 from tests.harness.ports import free_port
 from tests.harness.waiting import wait_until
@@ -46,7 +47,7 @@ class Process:
         environment = {**os.environ, "PYTHONPATH": str(ROOT), PARENT: str(os.getpid()), **(env or {})}
         self.log = log
         with log.open("ab") as out:
-            if not through and arguments[:1] == ["-m"] and arguments[1] in ("deploy", "services"):
+            if not through and arguments[:1] == ["-m"] and is_forkable(arguments[1]):
                 self._child = ForkedProcess(arguments[1], arguments[2:], log.parent, environment, out, True)
                 self.pid = self._child.pid
                 return

@@ -109,6 +109,7 @@ def test_keys_and_chunks_lead_back_to_the_name(name: str) -> None:
     assert "/" not in mangle(name)
 
 
+@pytest.mark.slow
 @DETERMINISTIC
 @given(ABSOLUTE, ABSOLUTE)
 def test_different_names_have_different_keys_and_chunks(one: str, other: str) -> None:

@@ -27,6 +27,7 @@ def packed(array: np.ndarray) -> msgpack.ExtType:
     return msgpack.ExtType(1, msgpack.packb([array.dtype.str, list(array.shape), array.tobytes()]))
 
 
+@pytest.mark.slow
 @given(VALUES)
 def test_what_messagepack_holds_is_shown(value: Any) -> None:
     assert plain(msgpack.packb(value)) == value

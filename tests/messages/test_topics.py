@@ -2,11 +2,11 @@
 
 import pytest
 
-from messages import requests, topics
+from messages import gazebo_services, requests, topics
 from messages.names import BadName, key, resolve
 from messages.records import RECORDS
 from messages.requests import REQUESTS, Request
-from messages.topics import TOPICS, Quality, Topic
+from messages.topics import TOPICS, TURTLE_TOPICS, Quality, Topic
 
 
 def test_topics_have_legal_names_each_its_own() -> None:
@@ -37,8 +37,10 @@ def test_requests_have_legal_names_each_its_own_and_known_records() -> None:
 
 
 def test_the_tables_have_all_that_is_declared() -> None:
-    assert [each for each in vars(topics).values() if isinstance(each, Topic)] == list(TOPICS)
-    assert [each for each in vars(requests).values() if isinstance(each, Request)] == list(REQUESTS)
+    assert [each for each in vars(topics).values() if isinstance(each, Topic)] == [*TOPICS, *TURTLE_TOPICS]
+    assert [
+        each for each in (*vars(requests).values(), *vars(gazebo_services).values()) if isinstance(each, Request)
+    ] == list(REQUESTS)
 
 
 def test_a_topic_of_another_namespace() -> None:

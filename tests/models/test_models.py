@@ -18,7 +18,7 @@ from models.model import LaserConfig, read_model
 from models.robot_source import resolve_robot
 from models.urdf import link_offset, read_joints
 from models.world import WorldDescription, read_world
-from services.sim.physics.bullet import BulletWorld
+from services.sim.engines import default_engine, open_world
 from services.sim.physics.world import Body, Motor
 from tests.models import sample_robots as samples
 
@@ -112,7 +112,7 @@ def test_shaken_for_a_second_it_stays_upright_and_whole(name: str) -> None:
     motors = tuple(Motor(joint, model.wheels.torque) for joint in (model.wheels.left_joint, model.wheels.right_joint))
     chance = random.Random(7)
     top = model.wheels.max_linear / model.wheels.radius
-    with BulletWorld(WorldDescription(), 5_000_000) as world:
+    with open_world(default_engine(), WorldDescription(), 5_000_000) as world:
         world.spawn(Body("robot", urdf_path(name), motors=motors))
         for step in range(200):
             if step % 20 == 0:
@@ -134,7 +134,7 @@ def test_shaken_for_a_second_it_stays_upright_and_whole(name: str) -> None:
 
 @pytest.mark.parametrize("name", WORLDS)
 def test_every_world_can_be_entered(name: str) -> None:
-    with BulletWorld(read_world(name), 5_000_000) as world:
+    with open_world(default_engine(), read_world(name), 5_000_000) as world:
         world.spawn(Body("robot", urdf_path("burger")))
         world.step()
 
@@ -146,9 +146,10 @@ def test_a_joint_turns_its_child_as_urdf_says() -> None:
     assert wheel.rotation(math.pi / 2) == pytest.approx((0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MODELS)
 def test_link_offsets_are_where_the_engine_has_the_links(name: str) -> None:
-    with BulletWorld(WorldDescription(), 5_000_000) as world:
+    with open_world(default_engine(), WorldDescription(), 5_000_000) as world:
         world.spawn(Body("robot", urdf_path(name)))
         for link in {joint.child for joint in read_joints(name)}:
             assert link_offset(name, link) == pytest.approx(world.body("robot").link_pose(link).position, abs=1e-6)

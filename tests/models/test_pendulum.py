@@ -20,6 +20,7 @@ def test_the_figures_of_the_tutorial() -> None:
     assert weight.inertia == pytest.approx(3.8655, abs=0.0001)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ARMS)
 @pytest.mark.parametrize("degrees", [-60.0, 0.0, 30.0, 85.0])
 def test_the_holding_torque_holds(model: Literal["arm", "arm_corrected"], degrees: float) -> None:

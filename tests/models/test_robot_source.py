@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 
@@ -162,6 +163,23 @@ def test_requests_read_in_their_folders_alone_and_run_nothing(tmp_path: Path) ->
 
 
 @pytest.mark.process
+def test_a_xacro_of_older_releases_needs_no_prefix(tmp_path: Path) -> None:
+    (tmp_path / "wheels.xacro").write_text(
+        '<robot xmlns:xacro="http://ros.org/wiki/xacro"><property name="width" value="0.2"/>'
+        '<macro name="wheel" params="side *place"><link name="${side}"><visual><insert_block name="place"/>'
+        '<geometry><cylinder radius="0.1" length="${width / 2}"/></geometry></visual></link></macro>'
+        '<xacro:macro name="cylinder" params="side"><link name="${side}"/></xacro:macro></robot>'
+    )
+    (tmp_path / "cart.xacro").write_text(
+        '<robot name="cart" xmlns:xacro="http://ros.org/wiki/xacro"><include filename="wheels.xacro"/>'
+        '<wheel side="left"><origin xyz="0 1 0"/></wheel><if value="0"><wheel side="none"/></if></robot>'
+    )
+    urdf = expand_xacro(tmp_path / "cart.xacro", {})
+    assert [each.get("name") for each in ElementTree.fromstring(urdf).iter("link")] == ["left"]
+    assert ('<origin xyz="0 1 0"/>' in urdf, 'length="0.1"' in urdf) == (True, True)
+
+
+@pytest.mark.process
 def test_a_xacro_is_expanded_without_ros(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     package = write_package(tmp_path / "pkg", "my_description")
     head = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
@@ -302,6 +320,7 @@ def test_what_urdfs_in_the_wild_lack_is_assumed_and_told(tmp_path: Path) -> None
     assert "Prüfung" in found.urdf.read_text()
 
 
+@pytest.mark.slow
 def test_a_folder_with_a_model_file_has_its_figures(tmp_path: Path) -> None:
     folder = tmp_path / "rover"
     write(folder / "robot.urdf", rolling())

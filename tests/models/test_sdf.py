@@ -192,9 +192,7 @@ def test_what_cannot_be_read_is_refused_with_file_and_line(package: Path) -> Non
         (model("<box><size>1 nan 1</size></box>"), ":2: <size> '1 nan 1': expected 3 numbers up to 10000"),
         (model("<sphere><radius>\n-1</radius></sphere>"), ":2: <radius> '-1' of <sphere> is not positive"),
         (model("<sphere><radius>inf</radius></sphere>"), ":2: <radius> 'inf' of <sphere> is not a number up to"),
-        (model("<mesh><uri>model://box/none.stl</uri></mesh>"), ":2: model://box/none.stl: there is no "),
         (model("<mesh><uri>model://box/../../secret.obj</uri></mesh>"), ":2: model://box/../../secret.obj leads out"),
-        (model("<mesh><uri>model://bix/a.stl</uri></mesh>"), "did you mean 'box'?"),
         (model("<mesh/>"), ":2: <mesh> has no <uri>"),
         (model("<polyline><point>0 0</point><height>1</height></polyline>"), ":2: a polyline has 3 to 1000 corners"),
         (
@@ -223,6 +221,29 @@ def test_what_cannot_be_read_is_refused_with_file_and_line(package: Path) -> Non
         read(package, f"<sdf>{many}</link></model></sdf>")
 
 
+def test_a_world_is_read_without_the_files_that_are_not_there(package: Path) -> None:
+    mesh = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+    (package / "models" / "wedge.obj").write_text(mesh)
+    part = '<collision name="c"><geometry>\n<mesh><uri>model://{}</uri></mesh></geometry></collision>'
+    text = (
+        '<sdf version="1.6"><world name="w"><model name="m"><static>1</static><link name="l">{}</link></model>\n'
+        "<include><uri>model://bix</uri></include></world></sdf>"
+    )
+    parts = "".join(part.format(each) for each in ("box/none.stl", "far/a.stl", "wedge.obj"))
+    world = read(package, text.format(parts))
+    assert len(only(world).parts) == 1
+    told = [each.partition(": left out: ") for each in world.missing]
+    assert [(place.rpartition(":")[2], text.partition(":")[0]) for place, _, text in told] == [
+        ("1", "model"),
+        ("2", "there is no model 'far'"),
+        ("5", "there is no model 'bix'"),
+    ]
+    assert "did you mean 'box'?" in world.missing[2]
+    assert set(world.missing) <= set(world.notes)
+    with pytest.raises(BadWorld, match="there is no model 'far'"):
+        bodies_of_sdf_model('<sdf><model name="m"><link name="l">' + part.format("far/a.stl") + "</link></model></sdf>")
+
+
 def test_a_model_as_text_becomes_bodies_where_it_is_put(package: Path) -> None:
     found = bodies_of_sdf_model(BOX, "mine", Pose3.planar(1.0, 2.0, math.pi / 2))
     (body,) = found.bodies
@@ -230,3 +251,12 @@ def test_a_model_as_text_becomes_bodies_where_it_is_put(package: Path) -> None:
     assert body.pose.position == (1.0, 2.0, 0.25)
     with pytest.raises(BadWorld, match="the text has 0 models, not one"):
         bodies_of_sdf_model("<sdf/>")
+
+
+def test_a_world_of_gazebo_may_have_any_name(tmp_path: Path) -> None:
+    for name in ("yard", "yard.xml"):
+        (tmp_path / name).write_text(WORLD)
+        assert read_world(str(tmp_path / name)).bodies == read_world(str(tmp_path / "yard")).bodies
+    (tmp_path / "notes").write_text("a yard")
+    with pytest.raises(BadWorld, match="not one without ending"):
+        read_world(str(tmp_path / "notes"))

@@ -23,7 +23,7 @@ class Run:
 
     def __init__(self, terminal: CommandLine, fleet: str | Path, name: str) -> None:
         self.results = terminal.folder / name
-        self.ended: CommandResult = terminal.run_fleet(fleet, self.results, "--json", picture=True)
+        self.ended: CommandResult = terminal.run_fleet(fleet, self.results, "--json", picture=name == "first")
         assert self.ended.out, self.ended.err
         self.report: dict[str, Any] = json.loads(self.ended.out)
         self.arm: dict[str, Any] = self.report["robots"]["arm"]

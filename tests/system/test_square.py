@@ -37,7 +37,7 @@ class Run:
 
     def __init__(self, terminal: CommandLine, fleet: str, name: str, *options: str) -> None:
         self.results = terminal.folder / name
-        self.ended: CommandResult = terminal.run_fleet(fleet, self.results, "--json", *options, picture=True)
+        self.ended: CommandResult = terminal.run_fleet(fleet, self.results, "--json", *options, picture=name == "first")
         assert self.ended.out, self.ended.err
         self.report: dict[str, Any] = json.loads(self.ended.out)
         self.robot: dict[str, Any] = self.report["robots"]["RosAria"]
@@ -77,6 +77,12 @@ def test_it_closes_on_ground_truth(square: Run) -> None:
         assert abs(corner["true_m"] - corner["odometry_m"]) < 0.001
     assert (robot["points_reached"], robot["collisions"], robot["commands_timed_out"]) == (4, 0, 0)
     assert 3.9 < robot["path_length_m"] < 4.1
+
+
+def test_it_closes_in_mujoco_as_well(terminal: CommandLine) -> None:
+    run = Run(terminal, "square", "mujoco", "--engine", "mujoco")
+    assert run.report["run"]["engine"] == "mujoco"
+    test_it_closes_on_ground_truth(run)
 
 
 def test_its_report_fits_the_schema_and_has_a_picture(square: Run) -> None:

@@ -17,6 +17,7 @@ from messages.elea import LockstepState
 from messages.names import key as key_of
 from messages.topics import HEALTH, Quality
 from services.runtime.graph import Entity, token_pattern
+from services.runtime.lockstep.held_requests import HeldRequests
 from services.runtime.lockstep.member_state import MemberState
 from services.runtime.lockstep.protocol import (
     ENCODING,
@@ -34,6 +35,7 @@ from services.runtime.lockstep.protocol import (
 from services.runtime.lockstep.watermarks import Numbers, Watermarks, merge_numbers
 from services.runtime.log import Log
 from services.runtime.publisher import Publisher, SendBuffer
+from services.runtime.subscription_tokens import SubscriptionTokens
 from services.runtime.transport.api import RawSubscriber, Transport
 from services.runtime.transport.sequences import RefusalCounter
 from services.runtime.transport.wire import member_id, publisher_id, unpack_attachment
@@ -50,8 +52,13 @@ MAX_WAIT_S = 300.0
 """The same for one that beats: it is slow, and not dead."""
 LOOK_S = 0.25
 """Wall time [s] between two requests to late members, of which a flood may have pushed out the first."""
+TOKEN_S = 30.0
+"""Wall time [s] that the token of a new subscription may take to arrive, while its process is there."""
 MAX_LOOK_S = 0.5
 """One look counts as this much waiting at most: a machine that is too busy to look has not waited."""
+MAX_IDLE_NS = 100_000_000
+"""Simulation time that a member without anything to do is left alone: what does not come by messages, as the end of its
+process, waits for its next step."""
 MAX_SESSIONS = 16
 """Sessions that may show readiness in the name of one node; all but one can only be about to go or to come."""
 MAX_SUBSCRIPTIONS = 1 << 17
@@ -74,7 +81,8 @@ class Barrier:
     """Waits for the members of lockstep at each tick.
 
     ``idle`` is called with the subscriber to wait on; ``now`` gives the simulation's time and tick. The member of an
-    expected node is the session that declares readiness under its name and holds its token. A Done counts only with
+    expected node is the session that declares readiness under its name and holds its token; nodes that share a process
+    are one member. A Done counts only with
     the token that this barrier sent to its member. ``refusals`` counts refused messages.
     """
 
@@ -86,6 +94,7 @@ class Barrier:
         log: Log,
         idle: Callable[[RawSubscriber], None],
         now: Callable[[], StepGrant],
+        subscriptions: SubscriptionTokens | None = None,
     ) -> None:
         self.watermarks = Watermarks()
         self.refusals = RefusalCounter("lockstep: Done")
@@ -94,15 +103,24 @@ class Barrier:
         self._key = report_key(transport.session)
         self._raw = transport.subscribe(self._key, QUEUE_SIZE)
         self._beats = transport.subscribe(_HEALTH_KEY, QUEUE_SIZE)
-        self._reads_watch = transport.watch(token_pattern("sub"))
+        self._subscriptions = subscriptions or SubscriptionTokens(transport)
+        self._subscriptions.listener = self._note_reader
         self._watch = transport.watch(token_pattern("step"))
         self._nodes_watch = transport.watch(token_pattern("node"))
         # A token that differs in its last chunks says the same, and may come and go beside the true one: all count.
         self._readers: dict[str, Counter[str]] = {}
         """The sessions of the roster's nodes that read a key."""
+        self._declared: dict[str, dict[str, None]] = {}
+        """The sessions that have reported that they read a key, whether their tokens have arrived or not."""
+        self._beginning: list[tuple[str, tuple[str, ...]]] = []
+        """The sessions that report new keys in this step, and the keys; they count once the step is complete."""
+        self._latching: set[bytes] = set()
+        """The publishers of latched topics."""
         self._reads = 0
         self._ready: Counter[tuple[str, str]] = Counter()
         """Nodes of the roster, and the sessions that show readiness in their names."""
+        self._sharing: dict[tuple[str, str], int] = {}
+        """Of these, how many nodes the session says to have."""
         self._holders: Counter[tuple[str, str]] = Counter()
         """Nodes of the roster, and the sessions that hold their names."""
         self._not_before: dict[str, float] = {}
@@ -110,9 +128,15 @@ class Barrier:
         self._members: dict[str, MemberState] = {}
         self._gone: deque[MemberState] = deque(maxlen=QUEUE_SIZE)
         """The members whose processes disappeared without leaving, since the last look."""
+        self._joining: list[MemberState] = []
+        """The members that have not answered their join."""
         self._pending: dict[str, tuple[int, int]] = {}
+        self._answers: dict[str, None] = {}
+        """Of those pending, the sessions whose answers have come."""
+        self._held = HeldRequests()
         self._sent: Numbers = {}
         """The simulation's own samples."""
+        self._outputs: Iterable[Publisher[Any]] = ()
         self._lost: dict[str, None] = {}
         self._left: dict[str, None] = {}
         self.version = 0
@@ -127,7 +151,7 @@ class Barrier:
     def state(self) -> LockstepState:
         """The members, those lost, and those that left, since time began."""
         return LockstepState(
-            members=tuple(sorted(member.node for member in self._members.values() if member.active)),
+            members=tuple(sorted(self._active())),
             lost=tuple(self._lost),
             left=tuple(self._left),
         )
@@ -151,10 +175,10 @@ class Barrier:
             last, waited, without = now, waited + passed, without + passed
             if now - looked > RETRY_S:
                 looked = now
-                for watch in (self._nodes_watch, self._watch, self._reads_watch):
+                for watch in (self._nodes_watch, self._watch, self._subscriptions):
                     watch.refresh()
             self.update()
-            active = {member.node for member in self._members.values() if member.active}
+            active = self._active()
             missing = [node for node in self._roster if node not in active | self._absent]
             if not missing:
                 break
@@ -180,9 +204,7 @@ class Barrier:
         """
         tokens = list(iter(self._watch.poll, None))
         self._receive()
-        for token in iter(self._reads_watch.poll, None):
-            if (entity := Entity.parse(token.key)) is not None and entity.node in self._roster:
-                self._note_reader(entity, token.alive)
+        self._subscriptions.update()
         for token in iter(self._nodes_watch.poll, None):
             if (entity := Entity.parse(token.key)) is not None and entity.node in self._roster:
                 _count(self._holders, (entity.node, entity.session), token.alive)
@@ -190,8 +212,8 @@ class Barrier:
             if (entity := Entity.parse(token.key)) is not None and entity.node in self._roster:
                 self._note_readiness(entity, token.alive)
         self._admit()
-        for member in self._members.values():
-            if not member.active and self._all_here():
+        if self._joining and self._all_here():
+            for member in self._joining:
                 self._send_join(member)
 
     def due(self, time_ns: int) -> bool:
@@ -201,18 +223,27 @@ class Barrier:
         )
 
     def grant(self, go: StepGrant, outputs: Iterable[Publisher[Any]]) -> None:
-        """Let the members that are due at ``go.time`` take their step, unless they were let before: none takes a tick
-        twice.
+        """Let the members that are due at ``go.time`` and have something to do take their step, unless they were let
+        before: none takes a tick twice.
         """
+        self._outputs = outputs
         news = sequence_numbers(outputs)
         merge_numbers(self._sent, news)
         self._broadcast(news, "sequence_numbers")
         if go.epoch > self._epoch >= 0:
             self.watermarks.epoch_changed = True
+            for member in self._members.values():
+                member.idle_until = 0
         self._epoch = go.epoch
         for session, member in self._members.items():
-            if member.active and go.time % member.period_ns == 0 and member.last != (go.epoch, go.tick):
+            if (
+                member.active
+                and go.time % member.period_ns == 0
+                and member.last != (go.epoch, go.tick)
+                and member.has_work(go.time, self._generation)
+            ):
                 self._pending[session] = member.last = go.epoch, go.tick
+                member.stepped_at = go.time
                 self._step(member, go)
 
     def collect_reports(self, time_ns: int, interrupted: Callable[[], bool] = _never) -> bool:
@@ -226,31 +257,90 @@ class Barrier:
         """
         self._receive()
         last = time.monotonic()
-        while due := [session for session in self._pending if time_ns % self._members[session].period_ns == 0]:
-            late: list[MemberState] = []
-            for session in due:
-                member = self._members[session]
-                if (answer := member.answer) is None:
-                    late.append(member)
-                else:
-                    del self._pending[session]
-                    member.answer = None
-                    self._receive_report(answer)
-            if late:
-                if interrupted():
-                    return False
-                if (now := time.monotonic()) - last > LOOK_S:
-                    self._retry(late, now - last)
-                    last = now
-                self._idle(self._raw)
-                self.update()
+        late = {session for session in self._pending if time_ns % self._members[session].period_ns == 0}
+        while True:
+            for session in [each for each in self._answers if each in late]:
+                self._take_answer(self._members[session])
+            late &= self._pending.keys()
+            if not late:
+                break
+            if interrupted():
+                return False
+            if (now := time.monotonic()) - last > LOOK_S:
+                self._retry([self._members[each] for each in self._pending if each in late], now - last)
+                last = now
+            self._idle(self._raw)
+            self.update()
+        self._begin_reading()
         return True
+
+    def _take_answer(self, member: MemberState) -> None:
+        """A due member has finished its step."""
+        answer, member.answer = member.answer, None
+        del self._answers[member.session], self._pending[member.session]
+        assert answer is not None
+        self._receive_report(answer)
+        member.idle_until = min(answer.idle_until, member.stepped_at + MAX_IDLE_NS)
+        if answer.leaving:
+            self._leave(member)
+        elif answer.left:
+            self._release(member, answer.left)
+
+    def hold(self, sender: bytes, carry_out: Callable[[], None]) -> bool:
+        """Keep a request that a member makes within its step; False for one of anybody else."""
+        for session in self._pending:
+            if sender in (member := self._members[session]).ids.values():
+                return member.answer is None and self._held.hold(member, carry_out)
+        return False
+
+    def release(self) -> None:
+        """Carry out the requests within steps that nothing is awaited for any more."""
+        if not self._held:
+            return
+        now = self._now()
+        unfinished = [each for each in map(self._members.__getitem__, self._pending) if each.answer is None]
+        due = [each for each in unfinished if now.paused or now.time % each.period_ns == 0]
+        self._held.release(due, [each for each in unfinished if each not in due])
 
     def announce(self, go: StepGrant) -> None:
         """Send every member a message that grants no step: a pause."""
         for member in self._members.values():
             if member.active:
                 self._pause(member, go)
+
+    def _begin_reading(self) -> None:
+        """Let the members that have begun to read keys get what is sent on them from now on.
+
+        What was sent before, they skip, but for the last sample of each latched topic. So it makes no difference when
+        their subscriptions became known. The subscriptions' tokens are waited for: what is sent next reaches them.
+        """
+        if not self._beginning:
+            return
+        beginning, self._beginning = self._beginning, []
+        latching = self._latching | {each.publisher for each in self._outputs if each.topic.quality is Quality.LATCHED}
+        for session, keys in beginning:
+            if (member := self._members.get(session)) is None:
+                continue
+            for key in keys:
+                self._declared.setdefault(key, {})[session] = None
+                member.sequence_numbers.pop(key, None)
+                member.announced.pop(key, None)
+                reached = {**self.watermarks.admitted_upto.get(key, {}), **self._sent.get(key, {})}
+                skipped: dict[bytes, int] = {}
+                for publisher, number in reached.items():
+                    if member.owns(publisher):
+                        continue
+                    latched = publisher in latching
+                    skipped[publisher] = number - latched
+                    if latched:
+                        member.sequence_numbers.setdefault(key, {})[publisher] = number
+                member.skipped[key] = skipped
+            deadline = time.monotonic() + TOKEN_S
+            while any(session not in self._readers.get(key, ()) for key in keys) and time.monotonic() < deadline:
+                self._idle(self._raw)
+                self.update()
+                if session not in self._members:
+                    break
 
     def _retry(self, late: list[MemberState], passed: float) -> None:
         """Send the request to silent members again, name them in the log, and give up those without a sign of life.
@@ -266,14 +356,16 @@ class Barrier:
             passed = min(passed, MAX_LOOK_S)
             member.waited += passed
             member.unresponsive += passed
-            if member.unresponsive > 1.0 and publisher_id(member.node, member.session, _HEALTH_KEY) in beats:
+            if member.unresponsive > 1.0 and any(
+                publisher_id(node, member.session, _HEALTH_KEY) in beats for node in member.ids
+            ):
                 member.unresponsive = 0.0
             if now - member.asked_at > LOOK_S:
                 member.asked_at = now
                 self._outbox.put(member.raw.put, member.asked, b"")
         slow = [member for member in late if member.waited > REPORT_S]
         if slow:
-            listed = ", ".join(f"{member.node} since {member.waited:.0f} s" for member in slow)
+            listed = ", ".join(f"{member.name} since {member.waited:.0f} s" for member in slow)
             self._log.warn(f"the simulation waits for {listed}: does it compute, or does it hang?", every=REPORT_S)
         for member in slow:
             if member.unresponsive > SILENT_S or member.waited > MAX_WAIT_S:
@@ -288,23 +380,28 @@ class Barrier:
 
     def _lose(self, member: MemberState, why: str) -> None:
         """A member is gone without having taken leave; its commands go with it."""
-        self.watermarks.lost_members.add(member.id)
+        self.watermarks.lost_members.update(member.ids.values())
         if self._begun and member.active:
-            self._lost[member.node] = None
+            self._lost |= dict.fromkeys(member.ids)
             self.version += 1
-            self._log.warn(f"{member.node} is lost, the others go on without it: {why}")
+            self._log.warn(f"{member.name} is lost, the others go on without it: {why}")
 
     def _present(self) -> tuple[str, ...]:
-        return tuple(sorted(member.node for member in self._members.values()))
+        return tuple(sorted(node for member in self._members.values() for node in member.ids))
+
+    def _active(self) -> set[str]:
+        return {node for member in self._members.values() if member.active for node in member.ids}
 
     def _all_here(self) -> bool:
         """Greetings wait for the whole roster at the start; later ones go out at once."""
         if not self._generation:
             return False
         begun = self._begun or any(member.active for member in self._members.values())
-        return begun or self._roster.keys() <= {*(member.node for member in self._members.values()), *self._absent}
+        return begun or self._roster.keys() <= {*self._present(), *self._absent}
 
     def _note_reader(self, entity: Entity, alive: bool) -> None:
+        if entity.node not in self._roster:
+            return
         key = key_of(entity.name)
         readers = self._readers.get(key, Counter())
         if alive and self._reads >= MAX_SUBSCRIPTIONS:
@@ -325,32 +422,42 @@ class Barrier:
             self.refusals.reject(f"more than {MAX_SESSIONS} sessions show readiness as {entity.node}")
             return
         _count(self._ready, claim, alive)
+        if alive:
+            self._sharing[claim] = entity.sharing
         if claim not in self._ready:
+            self._sharing.pop(claim, None)
             self._not_before.pop(entity.session, None)
             member = self._members.get(entity.session)
-            if member is not None and member.node == entity.node:
+            if member is not None and entity.node in member.ids:
                 self._drop(member)
                 self._gone.append(member)
                 self._lose(member, "its process is gone")
 
     def _admit(self) -> None:
-        """Add ready nodes as members: for each name without a member, the first session that holds it."""
-        if len(self._ready) == len(self._members):
+        """Add ready sessions as members: for each name without a member, the first session that holds it.
+
+        One with several nodes is ready when all of them are.
+        """
+        if len(self._ready) == sum(len(member.ids) for member in self._members.values()):
             return
+        claims: dict[tuple[str, int], list[str]] = {}
+        for claim in self._ready:
+            node, session = claim
+            if session not in self._members and claim in self._holders:
+                claims.setdefault((session, self._sharing[claim]), []).append(node)
         now = time.monotonic()
-        taken = {member.node: member for member in self._members.values()}
-        for node, session in self._ready:
-            if session in self._members or (node, session) not in self._holders:
+        taken = {node: member for member in self._members.values() for node in member.ids}
+        for (session, size), nodes in claims.items():
+            if len(nodes) != size or session in self._members or now < self._not_before.get(session, 0.0):
                 continue
-            if now < self._not_before.get(session, 0.0):
+            holders = {taken[node].session: taken[node] for node in nodes if node in taken}
+            # A member that never answered its join is replaced by the next session of its name.
+            if any(each.active or not each.asked or each.waited < SILENT_S for each in holders.values()):
                 continue
-            if (holder := taken.get(node)) is not None:
-                # A member that never answered its join is replaced by the next session of its name.
-                if holder.active or not holder.asked or holder.waited < SILENT_S:
-                    continue
+            for holder in holders.values():
                 self._drop(holder)
                 self._not_before[holder.session] = now + SILENT_S
-            taken[node] = self._add(node, session)
+            taken |= dict.fromkeys(nodes, self._add(nodes, session))
 
     def _send_join(self, member: MemberState) -> None:
         """Greet a member, and again while it does not answer: either may be lost while links come up."""
@@ -365,10 +472,11 @@ class Barrier:
         member.asked_at = now
         self._outbox.put(member.raw.put, member.asked, b"")
 
-    def _add(self, node: str, session: str) -> MemberState:
+    def _add(self, nodes: Iterable[str], session: str) -> MemberState:
         self._generation += 1
         outlet = self._transport.advertise(grant_key(session), ENCODING, Quality.EVENT)
-        member = MemberState(node, session, member_id(node, session), outlet, secrets.token_bytes(TOKEN_BYTES))
+        ids = {node: member_id(node, session) for node in sorted(nodes)}
+        member = MemberState(ids, session, outlet, secrets.token_bytes(TOKEN_BYTES))
         self._members[session] = member
         self._regroup()
         return member
@@ -378,6 +486,11 @@ class Barrier:
         self._generation += 1
         del self._members[member.session]
         self._pending.pop(member.session, None)
+        self._answers.pop(member.session, None)
+        for key, sessions in list(self._declared.items()):
+            if sessions.pop(member.session, self) is None and not sessions:
+                del self._declared[key]
+        self._latching = {each for each in self._latching if not member.owns(each)}
         self._regroup()
         self._outbox.flush()
         member.raw.close()
@@ -385,7 +498,8 @@ class Barrier:
     def _regroup(self) -> None:
         """Members came, began or went. All their steps fall on multiples of the stride."""
         self.version += 1
-        self.watermarks.regroup({member.id for member in self._members.values()})
+        self._joining = [member for member in self._members.values() if not member.active]
+        self.watermarks.regroup({each for member in self._members.values() for each in member.ids.values()})
         self._stride = math.gcd(*(member.period_ns for member in self._members.values())) or 1
 
     def _step(self, member: MemberState, go: StepGrant) -> None:
@@ -396,10 +510,12 @@ class Barrier:
         if member.generation_sent != self._generation:
             member.generation_sent = self._generation
             own = member_id(SIMULATION, self._transport.session)
-            members = (*(each.id for each in self._members.values() if each is not member), own)
+            others = (each for each in self._members.values() if each is not member)
+            members = (*(number for each in others for number in each.ids.values()), own)
         marks, known, member.sequence_numbers, member.announced = member.sequence_numbers, member.announced, {}, {}
+        skipped, member.skipped = member.skipped, {}
         leave = msgspec.structs.replace(
-            go, members=members, marks=marks, known=known, token=member.token, nonce=member.nonce
+            go, members=members, marks=marks, known=known, token=member.token, nonce=member.nonce, skipped=skipped
         )
         member.asked, member.asked_at = encode(leave), time.monotonic()
         member.waited = member.unresponsive = 0.0
@@ -409,7 +525,7 @@ class Barrier:
         """Admit the samples sent before a member joined, without waiting for them: latched ones may be old."""
         for reached in (self.watermarks.admitted_upto, self._sent):
             for key, numbers in reached.items():
-                if member.session in self._readers.get(key, ()):
+                if member.session in self._readers.get(key, ()) or member.session in self._declared.get(key, ()):
                     merge_numbers(member.announced, {key: numbers})
 
     def _pause(self, member: MemberState, go: StepGrant) -> None:
@@ -439,14 +555,9 @@ class Barrier:
         if member is None:
             return f"from {done.session}, which is no member"
         if done.token != member.token:
-            return f"for {member.node}, without the token that was sent to it: it is forged"
-        if done.leaving:
-            self._drop(member)
-            self._not_before[done.session] = time.monotonic() + SILENT_S
-            if self._begun and member.active:
-                self._left[member.node] = None
-                self.version += 1
-            self._log.info(f"{member.node} has finished")
+            return f"for {member.name}, without the token that was sent to it: it is forged"
+        if done.leaving and done.tick < 0:
+            self._leave(member)
         elif done.greets:
             if not member.active:
                 if fault := member.account(done):
@@ -460,20 +571,41 @@ class Barrier:
             if member.answer is None:
                 if fault := member.account(done):
                     return fault
-                member.answer = done
+                member.answer, self._answers[member.session] = done, None
         elif (done.epoch, done.tick) > member.last:
-            return f"{member.node} has finished tick {done.tick} of epoch {done.epoch}, which it was not let take"
+            return f"{member.name} has finished tick {done.tick} of epoch {done.epoch}, which it was not let take"
         return ""
+
+    def _leave(self, member: MemberState) -> None:
+        """A member takes no more steps; with its last report, its commands go in the same tick of every run."""
+        self._drop(member)
+        self._not_before[member.session] = time.monotonic() + SILENT_S
+        self._note_leave(member, tuple(member.ids))
+
+    def _note_leave(self, member: MemberState, nodes: Iterable[str]) -> None:
+        self.watermarks.lost_members.update(member.ids[node] for node in nodes)
+        if self._begun and member.active:
+            self._left |= dict.fromkeys(nodes)
+            self.version += 1
+        self._log.info(f"{', '.join(nodes)} has finished")
+
+    def _release(self, member: MemberState, nodes: Iterable[str]) -> None:
+        """Some nodes of a member have ended; its others go on."""
+        if gone := [node for node in nodes if node in member.ids]:
+            self._note_leave(member, gone)
+            member.ids = {node: number for node, number in member.ids.items() if node not in gone}
+            self._generation += 1
+            self._regroup()
 
     def _had_left(self, done: StepReport) -> bool:
         """Whether a member whose token has disappeared leaves: on a busy machine its token overtakes its report."""
         for member in self._gone:
             if member.session == done.session and member.token == done.token:
                 self._gone.remove(member)
-                if self._lost.pop(member.node, self) is None:
-                    self._left[member.node] = None
+                if were := [node for node in member.ids if self._lost.pop(node, self) is None]:
+                    self._left |= dict.fromkeys(were)
                     self.version += 1
-                    self._log.info(f"{member.node} had finished")
+                    self._log.info(f"{', '.join(were)} had finished")
                 return True
         return False
 
@@ -486,11 +618,19 @@ class Barrier:
         self._broadcast(done.marks, "sequence_numbers", done.session)
         self._broadcast(done.known, "announced", done.session)
         self.watermarks.advance(done.marks, done.known)
+        if done.latches:
+            member = self._members.get(done.session)
+            self._latching |= {each for each in done.latches if member and member.owns(each)}
+        if done.reads:
+            self._beginning.append((done.session, done.reads))
 
     def _broadcast(self, news: Numbers, kind: str, sender: str = "") -> None:
         """Keep the numbers for every member that reads the key."""
         for key, reached in news.items():
-            for session in self._readers.get(key, ()):
+            readers: Iterable[str] = self._readers.get(key, ())
+            if (declared := self._declared.get(key)) is not None:
+                readers = {**declared, **dict.fromkeys(readers)}
+            for session in readers:
                 if session != sender and (member := self._members.get(session)) is not None:
                     kept: Numbers = getattr(member, kind)
                     kept.setdefault(key, {}).update(reached)

@@ -1,11 +1,11 @@
-"""A member's side of lockstep."""
+"""A member's side of lockstep: a process with one node, or with several."""
 
 from __future__ import annotations
 
 import hashlib
 import secrets
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import islice
 
 from messages.base import WrongPayload, encode
@@ -29,8 +29,9 @@ from services.runtime.lockstep.protocol import (
 from services.runtime.lockstep.watermarks import MAX_JUMP, Numbers, Watermarks
 from services.runtime.transport.api import RawPublisher, RawSubscriber, Token, Transport
 from services.runtime.transport.sequences import RefusalCounter
+from services.runtime.transport.wire import member_id
 
-LINK_S = 10.0
+LINK_S = 30.0
 """Wall time that a member may take to see its fellows before it goes on without them."""
 _MAX_CANDIDATES = 8
 """Sessions that are answered as a simulation; one holds the name, others can only be about to go or to come."""
@@ -44,10 +45,17 @@ class LockstepMember:
     A join counts only from a session that holds the node ``/sim``; a Go only from the simulation that is followed, with
     the nonce that this member sent it, and never with an older epoch or tick than the last. Another simulation is
     followed only when the node token of the last one is gone. ``refusals`` counts refused messages.
+
+    Several ``nodes`` are one member. What they send each other in a tick, they see in the next, as from others.
     """
 
-    def __init__(self, transport: Transport, node: str, period_ns: int) -> None:
-        self._transport, self._node, self._period_ns = transport, node, period_ns
+    def __init__(self, transport: Transport, nodes: Sequence[str], period_ns: int) -> None:
+        self._transport, self._nodes, self._period_ns = transport, nodes, period_ns
+        self._own = {member_id(node, transport.session) for node in nodes} if len(nodes) > 1 else set[bytes]()
+        """Nodes whose samples wait for the next tick; those of a single node reach none before it."""
+        self._left: tuple[str, ...] = ()
+        self._sent: list[tuple[Numbers, Numbers]] = []
+        """The numbers reported since the last Go, of samples among its own nodes."""
         self._key = grant_key(transport.session)
         self.raw: RawSubscriber = transport.subscribe(self._key, QUEUE_SIZE)
         self.watermarks = Watermarks()
@@ -62,12 +70,16 @@ class LockstepMember:
         self._last = -1, -1
         self._go: StepGrant | None = None
         self._done: StepReport | None = None
-        self._token: Token | None = None
+        self._tokens: list[Token] = []
 
     def join(self) -> None:
         """Declare readiness, after all subscriptions: a node that sees this token can reach them."""
-        entity = Entity(self._transport.session, "step", self._node, detail=str(self._period_ns))
-        self._token = self._transport.declare_token(entity.key)
+        former, sharing = self._tokens, str(len(self._nodes)) if len(self._nodes) > 1 else "-"
+        session, period = self._transport.session, str(self._period_ns)
+        steps = [Entity(session, "step", node, record=sharing, detail=period) for node in self._nodes]
+        self._tokens = [self._transport.declare_token(each.key) for each in steps]
+        for token in former:
+            token.close()
 
     def poll(self) -> StepGrant | None:
         """The next Go or join, or None; messages of other senders are counted and dropped."""
@@ -94,8 +106,19 @@ class LockstepMember:
         """The peers that are not visible; a put reaches every node whose token is visible."""
         return missing_nodes(self._transport, roster)
 
-    def finish(self, tick: int, marks: Numbers, known: Numbers) -> None:
-        """Report the step as taken."""
+    def finish(
+        self,
+        tick: int,
+        marks: Numbers,
+        known: Numbers,
+        reads: tuple[str, ...] = (),
+        latches: tuple[bytes, ...] = (),
+        leaving: bool = False,
+        left: tuple[str, ...] = (),
+        idle_until: int = 0,
+    ) -> None:
+        """Report the step as taken, with the keys read and the latched topics published since the last one, and the
+        nodes that have ``left``, if others have not. Before ``idle_until`` [ns], only messages need another step."""
         assert self._go is not None
         self._done = StepReport(
             session=self._transport.session,
@@ -104,10 +127,17 @@ class LockstepMember:
             known=known,
             epoch=self._go.epoch,
             token=self._go.token,
+            reads=reads,
+            latches=latches,
+            leaving=leaving,
+            left=left,
+            idle_until=idle_until,
         )
+        self._note_sent(marks, known)
+        self._left += left
         self._report(self._go.simulation, self._done)
 
-    def send_join(self, greeting: StepGrant, marks: Numbers, known: Numbers) -> None:
+    def send_join(self, greeting: StepGrant, marks: Numbers, known: Numbers, latches: tuple[bytes, ...] = ()) -> None:
         """Answer a greeting; one that comes again, as the answer was lost, is answered again."""
         session = greeting.simulation
         done = StepReport(
@@ -119,7 +149,9 @@ class LockstepMember:
             token=greeting.token,
             nonce=self._nonce_for(session),
             period=self._period_ns,
+            latches=latches,
         )
+        self._note_sent(marks, known)
         self._report(session, done)
 
     def close(self) -> None:
@@ -150,7 +182,7 @@ class LockstepMember:
         session = go.simulation
         if session != self._simulation and self._simulation in self._candidates:
             self.refusals.reject(f"greeted by {session}; the simulation is {self._simulation}")
-        elif self._node not in go.roster or not _names(go.roster):
+        elif not set(self._nodes) <= set(go.roster) or not _names(go.roster):
             self.refusals.reject("greeted with a roster without this node, or with what are no names")
         elif session not in self._candidates:
             # Its token may appear a moment later: then it counts.
@@ -182,8 +214,16 @@ class LockstepMember:
         self.watermarks.epoch_changed = go.epoch > self._last[0] >= 0
         self._go, self._last, self._done = go, here, None
         if go.members:
-            self.watermarks.regroup(set(go.members))
+            self.watermarks.regroup({*go.members, *self._own})
         self.watermarks.advance(go.marks, go.known)
+        for sent in self._sent:
+            self.watermarks.advance(*sent)
+        self._sent.clear()
+        if self._left:  # the simulation knows: their tokens may go, and a later one expects the others alone
+            self._nodes = [node for node in self._nodes if node not in self._left]
+            self._left = ()
+            self.join()
+        self.watermarks.skipped.update(go.skipped)
         return go
 
     def _change(self, simulation: str) -> None:
@@ -211,6 +251,10 @@ class LockstepMember:
         if epoch >= 0 and (go.epoch - epoch > MAX_JUMP or (go.epoch == epoch and go.tick - tick > MAX_JUMP)):
             return f"tick {go.tick} of epoch {go.epoch} after tick {tick} of epoch {epoch}: too far"
         return self.watermarks.implausible(go.marks)
+
+    def _note_sent(self, marks: Numbers, known: Numbers) -> None:
+        if self._own:
+            self._sent.append((marks, known))
 
     def _nonce_for(self, session: str) -> bytes:
         """The key on which this member reports to one simulation."""

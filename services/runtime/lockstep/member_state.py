@@ -13,16 +13,17 @@ from services.runtime.transport.wire import MEMBER_BYTES
 
 @dataclass
 class MemberState:
-    """One member; ``sequence_numbers`` and ``announced`` are the numbers still to be sent to it.
+    """One member: a session and its nodes, several if they share a process.
 
+    ``sequence_numbers``, ``announced`` and ``skipped`` are the numbers still to be sent to it.
     ``generation_sent`` is the generation of the member list sent to it last, ``answer`` its Done for the pending step.
     ``asked`` is the last Go or join that it has to answer, sent at ``asked_at`` (wall time). ``waited`` and
     ``unresponsive`` [s of wall time] are how long its step has been awaited, in all and since its last sign of life.
     """
 
-    node: str
+    ids: dict[str, bytes]
+    """The ids of its nodes, by name."""
     session: str
-    id: bytes
     raw: RawPublisher
     token: bytes
     nonce: bytes = b""
@@ -35,23 +36,45 @@ class MemberState:
     generation_sent: int = -1
     last: tuple[int, int] = (-1, -1)
     """Epoch and tick of the last step granted to it."""
+    stepped_at: int = 0
+    """Simulation time [ns] of that step."""
     answer: StepReport | None = None
+    idle_until: int = 0
+    """Simulation time [ns] before which it needs no step unless something is sent to it."""
     sequence_numbers: Numbers = field(default_factory=dict)
     announced: Numbers = field(default_factory=dict)
+    skipped: Numbers = field(default_factory=dict)
     sent: dict[bytes, int] = field(default_factory=dict)
     """By publisher, the last number that this member has reported."""
+
+    @property
+    def name(self) -> str:
+        """Its nodes, for people."""
+        return ", ".join(self.ids)
+
+    def has_work(self, time_ns: int, generation: int) -> bool:
+        """Whether it needs its step at this time: something was sent to it, members came or went, or its time came."""
+        return (
+            time_ns >= self.idle_until
+            or bool(self.sequence_numbers or self.announced)
+            or self.generation_sent != generation
+        )
+
+    def owns(self, publisher: bytes) -> bool:
+        """Whether a publisher is one of its nodes'."""
+        return publisher[:MEMBER_BYTES] in self.ids.values()
 
     def account(self, done: StepReport) -> str:
         """Record the numbers of a report; returns why they cannot be its own, empty if they can."""
         if done.greets and (done.period <= 0 or done.period % STEP_NS):
-            return f"{self.node} asks to step every {done.period} ns, which is not a whole number of physics steps"
+            return f"{self.name} asks to step every {done.period} ns, which is not a whole number of physics steps"
         numbers = {each: number for news in (done.marks, done.known) for each, number in _flat(news)}
         for publisher, number in numbers.items():
-            if publisher[:MEMBER_BYTES] != self.id:
-                return f"{self.node} reports the numbers of another node's publisher"
+            if not self.owns(publisher):
+                return f"{self.name} reports the numbers of another node's publisher"
             last = self.sent.get(publisher, number if done.greets else 0)
             if not last <= number <= last + MAX_JUMP:
-                return f"{self.node} reports number {number} of a publisher after {last}"
+                return f"{self.name} reports number {number} of a publisher after {last}"
         self.sent.update(numbers)
         return ""
 

@@ -3,7 +3,8 @@
 The simulation sends each due member a Go with the time and the numbers of all samples sent up to the previous tick on
 the keys that the member reads; the member waits for exactly these, steps, and answers Done with the numbers of what it
 sent. So every member sees the same messages at the same tick, whatever the load or the network's timing, and a member
-costs nothing at the ticks at which it is not due. ``member`` is the member's side, ``barrier`` the simulation's.
+costs nothing at the ticks at which it is not due. One that has said how long it has nothing to do is not due until then
+either, unless something is sent to it. ``member`` is the member's side, ``barrier`` the simulation's.
 
 Sessions are public, so both sides prove that they received each other's messages. A join carries a random ``token`` of
 the simulation for the member, the answer a random ``nonce`` of the member for the simulation; from then on each Go
@@ -42,7 +43,10 @@ _Token = Annotated[bytes, Meta(max_length=TOKEN_BYTES)]
 
 
 class StepGrant(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
-    """Leave to take one step. With ``roster`` it is a greeting: see these nodes first, answer, take no step."""
+    """Leave to take one step. With ``roster`` it is a greeting: see these nodes first, answer, take no step.
+
+    ``skipped`` has the last numbers from before the member read a key: it drops samples up to these.
+    """
 
     simulation: Session
     tick: _Instant
@@ -55,13 +59,19 @@ class StepGrant(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     known: Numbers = {}
     token: _Token = b""
     nonce: _Token = b""
+    skipped: Numbers = {}
 
 
 class StepReport(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     """A step is done; ``known`` has the numbers of samples sent before the peers were certain to receive them.
 
-    A member that is ``leaving`` takes no more steps. A report that ``greets`` answers a join instead of a step, and has
-    the ``period`` [ns] of the member's steps.
+    A member that is ``leaving`` takes no more steps; a ``tick`` is then its last one.
+    A report that ``greets`` answers a join instead of a step, and has
+    the ``period`` [ns] of the member's steps. ``reads`` are the keys that it has begun to read in this step: it gets
+    what is sent on them from the next one on. ``latches`` are its new publishers of latched topics, whose last sample
+    such a reader gets. ``left`` are the nodes of a process with several that take no more steps, while others do.
+    Before ``idle_until`` [ns of simulation time] the member has nothing to do unless something is sent to it: until
+    then, the simulation may leave out its steps.
     """
 
     session: Session
@@ -74,6 +84,10 @@ class StepReport(msgspec.Struct, frozen=True, kw_only=True, array_like=True):
     token: _Token = b""
     nonce: _Token = b""
     period: _Instant = 0
+    reads: Annotated[tuple[str, ...], Meta(max_length=1 << 14)] = ()
+    latches: Annotated[tuple[Annotated[bytes, Meta(min_length=16, max_length=16)], ...], Meta(max_length=1 << 14)] = ()
+    left: Annotated[tuple[str, ...], Meta(max_length=1 << 14)] = ()
+    idle_until: _Instant = 0
 
 
 decode_grant = decoder(StepGrant)

@@ -20,7 +20,8 @@ class Watermarks:
     """The last admitted number of each publisher of a lockstep member, by key.
 
     ``died`` are the members dropped since the last time the caller cleared this set. ``epoch_changed`` means that
-    simulation time was reset: all samples sent before have been reported.
+    simulation time was reset: all samples sent before have been reported. ``skipped`` are the numbers up to which
+    samples were sent before this member read their keys.
     """
 
     def __init__(self) -> None:
@@ -29,6 +30,7 @@ class Watermarks:
         self.epoch_changed = False
         self.admitted_upto: Numbers = {}
         self.required: Numbers = {}
+        self.skipped: Numbers = {}
 
     def advance(self, news: Numbers, known: Numbers | None = None) -> None:
         """Admit all samples up to these numbers; those in ``news`` are also required, until ``clear_required``.

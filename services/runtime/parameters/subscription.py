@@ -67,7 +67,7 @@ class ParameterSubscription(Generic[P]):
         self._live = {each.name: each.level for each in self.described if each.live}
         self._kept = {leaf.name.partition(".")[0] for leaf in fields_of(type(params)) if leaf.structured}
         self._subscriber: Subscriber[ParameterValues] = node.subscribe(
-            UPDATES, f"{name}/{UPDATES.name.removeprefix('~')}"
+            UPDATES, f"{name}/{UPDATES.name.removeprefix('~')}", rare=True
         )
         self._queued: list[tuple[ParameterValues, bytes]] = []
         self._revision, self._source = -1, b""

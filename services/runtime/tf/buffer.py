@@ -115,6 +115,12 @@ class TransformBuffer:
         history = self._moving.get(frame)
         return (history.oldest, history.newest) if history is not None else None
 
+    def samples(self, frame: str) -> int:
+        """How many transforms of a frame are kept; 1 of a fixed one, 0 of a root."""
+        if (history := self._moving.get(frame)) is not None:
+            return len(history)
+        return int(frame in self._static)
+
     def conflicts(self) -> dict[str, str]:
         """The frames with several publishers, each with a sentence for the log."""
         return self._claims.conflicts()

@@ -29,6 +29,9 @@ class TimeCache:
         self._stamps: list[int] = []
         self._links: list[StampedTransform] = []
 
+    def __len__(self) -> int:
+        return len(self._stamps)
+
     @property
     def newest(self) -> int:
         """The last stamp, ns."""

@@ -8,7 +8,7 @@ round trip a third shorter.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, NamedTuple, Protocol, Self
 
 from messages.requests import MAX_REQUEST_BYTES
@@ -55,6 +55,18 @@ class RawSubscriber(Protocol):
         ...
 
 
+class ThreadedSubscriber(RawSubscriber, Protocol):
+    """A subscription that belongs to a thread of its own."""
+
+    def wait(self) -> bool:
+        """Block until a sample waits, or ``wake`` is called; False when the subscription has ended."""
+        ...
+
+    def wake(self) -> None:
+        """End the wait; from any thread."""
+        ...
+
+
 class RawPublisher(Protocol):
     """A publication."""
 
@@ -73,10 +85,13 @@ class RawPublisher(Protocol):
 
 
 class Query(Protocol):
-    """A query that waits for its reply; ``key`` is the queried key expression."""
+    """A query that waits for its reply; ``key`` is the queried key expression, ``attachment`` what its sender put
+    beside the payload, or empty.
+    """
 
     key: str
     payload: bytes
+    attachment: bytes
 
     def reply(self, payload: bytes) -> None:
         """Answer."""
@@ -95,6 +110,10 @@ class QueryServer(Protocol):
 
     def recv(self) -> Query | None:
         """The oldest request waiting, or None."""
+        ...
+
+    def close(self) -> None:
+        """Receive no more."""
         ...
 
 
@@ -148,8 +167,17 @@ class Transport(Protocol):
 
     def __exit__(self, *exception: object) -> None: ...
 
-    def subscribe(self, key: str, capacity: int, latched: bool = False) -> RawSubscriber:
-        """Receive the samples on ``key`` (wildcards allowed); keep ``capacity`` of them."""
+    def subscribe(
+        self, key: str, capacity: int, latched: bool = False, notify: Callable[[], None] | None = None
+    ) -> RawSubscriber:
+        """Receive the samples on ``key`` (wildcards allowed); keep ``capacity`` of them.
+
+        With ``notify``, which a thread of the network calls at each sample, ``wait`` does not take it.
+        """
+        ...
+
+    def subscribe_threaded(self, key: str, capacity: int, latched: bool = False) -> ThreadedSubscriber:
+        """As ``subscribe``, for a thread that waits for these samples alone."""
         ...
 
     def advertise(self, key: str, encoding: str, quality: Quality) -> RawPublisher:
@@ -168,8 +196,18 @@ class Transport(Protocol):
         """
         ...
 
-    def query_async(self, key: str, payload: bytes, timeout: float) -> PendingReplies:
-        """As ``query``, without waiting: the caller looks for the replies again and again."""
+    def query_async(
+        self,
+        key: str,
+        payload: bytes,
+        timeout: float,
+        attachment: bytes = b"",
+        notify: Callable[[], None] | None = None,
+    ) -> PendingReplies:
+        """As ``query``, without waiting: the caller looks for the replies again and again.
+
+        ``notify`` is called once all have come, or time is up; by a thread of the network, or by this one.
+        """
         ...
 
     def declare_token(self, key: str) -> Token:
@@ -177,7 +215,12 @@ class Transport(Protocol):
         ...
 
     def tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
-        """The visible tokens; on a new connection, those whose links are up."""
+        """The visible tokens, as far as they are known after ``timeout`` [s] of wall time; on a new connection, those
+        whose links are up."""
+        ...
+
+    def all_tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
+        """The same; raises TryAgain if the network has not named all of them in time."""
         ...
 
     def watch(self, pattern: str) -> TokenWatch:

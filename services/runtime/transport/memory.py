@@ -6,7 +6,8 @@ import itertools
 import threading
 import time
 from collections import deque
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
+from functools import lru_cache
 from typing import Any, Self
 
 from messages.requests import MAX_REQUEST_BYTES
@@ -16,6 +17,7 @@ from services.runtime.transport.api import TICKER_S, TIMEOUT, RawSubscriber, Rep
 from services.runtime.transport.request_queue import Refusals, RequestQueue
 
 
+@lru_cache(1 << 14)
 def matches(pattern: str, key: str) -> bool:
     """Whether ``key`` matches an expression with ``*`` and ``**`` chunks, which match no chunk with a leading @."""
     return _match(pattern.split("/"), key.split("/"))
@@ -54,9 +56,10 @@ class MemoryBus:
 class MemorySubscriber:
     """A subscription on a bounded queue."""
 
-    def __init__(self, bus: MemoryBus, key: str, capacity: int) -> None:
-        self._bus, self.pattern = bus, key
+    def __init__(self, bus: MemoryBus, key: str, capacity: int, notify: Callable[[], None] | None = None) -> None:
+        self._bus, self.pattern, self.notify = bus, key, notify
         self.samples: deque[Sample] = deque(maxlen=capacity)
+        self._woken, self._open = False, True
 
     def recv(self) -> Sample | None:
         with self._bus.changed:
@@ -68,10 +71,23 @@ class MemorySubscriber:
     def key(self, source: Any) -> str:
         return str(source[1])
 
+    def wait(self) -> bool:
+        with self._bus.changed:
+            self._bus.changed.wait_for(lambda: bool(self.samples) or self._woken or not self._open)
+            self._woken = False
+            return self._open
+
+    def wake(self) -> None:
+        with self._bus.changed:
+            self._woken = True
+            self._bus.changed.notify_all()
+
     def close(self) -> None:
         with self._bus.changed:
+            self._open = False
             if self in self._bus.subscribers:
                 self._bus.subscribers.remove(self)
+            self._bus.changed.notify_all()
 
 
 class MemoryPublisher:
@@ -87,6 +103,8 @@ class MemoryPublisher:
             for inlet in self._bus.subscribers:
                 if matches(inlet.pattern, self._key):
                     inlet.samples.append(sample)
+                    if inlet.notify is not None:
+                        inlet.notify()
             if self._number is not None:
                 self._bus.latched[self._key, self._number] = sample
             self._bus.changed.notify_all()
@@ -105,8 +123,17 @@ class MemoryPublisher:
 class MemoryQuery:
     """A request and the place for its answer."""
 
-    def __init__(self, bus: MemoryBus, key: str, payload: bytes, session: str) -> None:
-        self._bus, self.key, self.payload, self._session = bus, key, payload, session
+    def __init__(
+        self,
+        bus: MemoryBus,
+        key: str,
+        payload: bytes,
+        session: str,
+        attachment: bytes = b"",
+        notify: Callable[[], None] | None = None,
+    ) -> None:
+        self._bus, self.key, self.payload, self._session, self._notify = bus, key, payload, session, notify
+        self.attachment = attachment
         self.answer: Reply | None = None
 
     def reply(self, payload: bytes) -> None:
@@ -118,6 +145,8 @@ class MemoryQuery:
     def _answer(self, reply: Reply) -> None:
         with self._bus.changed:
             self.answer = reply
+            if self._notify is not None:
+                self._notify()
             self._bus.changed.notify_all()
 
 
@@ -143,13 +172,18 @@ class MemoryServer:
 
     def on_query(self, query: MemoryQuery) -> None:
         """Queue a query; called by the client."""
-        if (refusal := self._backlog.offer(query, len(query.payload))) is None:
+        if (refusal := self._backlog.offer(query, len(query.payload) + len(query.attachment))) is None:
             self.owner.wake()
         else:
             query.refuse(refusal)
 
     def recv(self) -> MemoryQuery | None:
         return self._backlog.pop()
+
+    def close(self) -> None:
+        with self.owner.bus.changed:
+            if self in self.owner.bus.servers:
+                self.owner.bus.servers.remove(self)
 
 
 class MemoryTokenWatch:
@@ -187,7 +221,7 @@ class MemoryTransport:
     settle_s = 0.0
 
     def __init__(self, bus: MemoryBus) -> None:
-        self._bus = bus
+        self.bus = self._bus = bus
         self.session = f"{next(bus.numbers):032x}"
         self.open = True
         self._woken = False
@@ -201,11 +235,18 @@ class MemoryTransport:
     def __exit__(self, *exception: object) -> None:
         self.close()
 
-    def subscribe(self, key: str, capacity: int, latched: bool = False) -> MemorySubscriber:
-        inlet = MemorySubscriber(self._bus, key, capacity)
+    def subscribe_threaded(self, key: str, capacity: int, latched: bool = False) -> MemorySubscriber:
+        return self.subscribe(key, capacity, latched)
+
+    def subscribe(
+        self, key: str, capacity: int, latched: bool = False, notify: Callable[[], None] | None = None
+    ) -> MemorySubscriber:
+        inlet = MemorySubscriber(self._bus, key, capacity, notify)
         with self._bus.changed:
             if latched:
                 inlet.samples.extend(each for each in self._bus.latched.values() if matches(key, each[2][1]))
+                if inlet.samples and notify is not None:
+                    notify()
             self._bus.subscribers.append(inlet)
         self._owned.append(inlet)
         return inlet
@@ -230,9 +271,16 @@ class MemoryTransport:
             self._bus.changed.wait_for(lambda: all(each.answer for each in asked), timeout)
         return [each.answer or Reply(False, TIMEOUT) for each in asked]
 
-    def query_async(self, key: str, payload: bytes, timeout: float) -> MemoryPendingReplies:
+    def query_async(
+        self,
+        key: str,
+        payload: bytes,
+        timeout: float,
+        attachment: bytes = b"",
+        notify: Callable[[], None] | None = None,
+    ) -> MemoryPendingReplies:
         with self._bus.changed:
-            return MemoryPendingReplies(self._send_query(key, payload), timeout)
+            return MemoryPendingReplies(self._send_query(key, payload, attachment, notify), timeout)
 
     def declare_token(self, key: str) -> MemoryToken:
         token = MemoryToken(self._bus, key)
@@ -245,6 +293,9 @@ class MemoryTransport:
     def tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
         with self._bus.changed:
             return sorted(key for key in self._bus.tokens if matches(pattern, key))
+
+    def all_tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
+        return self.tokens(pattern)
 
     def watch(self, pattern: str) -> MemoryTokenWatch:
         with self._bus.changed:
@@ -284,11 +335,13 @@ class MemoryTransport:
         with self._bus.changed:
             self._bus.servers = [each for each in self._bus.servers if each not in self._servers]
 
-    def _send_query(self, key: str, payload: bytes) -> list[MemoryQuery]:
+    def _send_query(
+        self, key: str, payload: bytes, attachment: bytes = b"", notify: Callable[[], None] | None = None
+    ) -> list[MemoryQuery]:
         asked = []
         for server in self._bus.servers:
             if matches(server.key, key):
-                query = MemoryQuery(self._bus, key, payload, server.owner.session)
+                query = MemoryQuery(self._bus, key, payload, server.owner.session, attachment, notify)
                 asked.append(query)
                 server.on_query(query)
         return asked

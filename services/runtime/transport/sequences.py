@@ -78,10 +78,15 @@ class SequenceTracker:
         self.stamps[publisher] = origin.source_ns
 
     def pass_over(self, publisher: bytes, sequence: int) -> None:
-        """Record the next number of a known publisher whose payload was refused, so that it is not lost as well.
+        """Record the number of a sample whose payload was refused, so that it is neither lost as well nor waited for:
+        the next one of its publisher, or its first.
 
         Its source time is not recorded, so that a forged sample does not prevent the true one of the same number.
         """
+        if publisher not in self.last:
+            if len(self.last) >= MAX_PUBLISHERS:
+                self._forget_one()
+            self.stamps[publisher] = 0
         self.last[publisher] = sequence
 
     def give_up(self, publisher: bytes, sequence: int) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
@@ -17,52 +18,157 @@ from messages.requests import MAX_REQUEST_BYTES
 from messages.topics import Quality
 from services.runtime.errors import TryAgain
 from services.runtime.transport import unix_sockets
-from services.runtime.transport.api import ADMIN_SPACE, TICKER_S, TIMEOUT, RawSubscriber, Reply, Sample, TokenEvent
+from services.runtime.transport.api import (
+    ADMIN_SPACE,
+    TICKER_S,
+    TIMEOUT,
+    PendingReplies,
+    RawPublisher,
+    RawSubscriber,
+    Reply,
+    Sample,
+    TokenEvent,
+)
+from services.runtime.transport.latching import LatchedPast, Latching
 from services.runtime.transport.request_queue import Refusals, RequestQueue
 
 WAKE = zenoh.Encoding("elea/nudge")
 """Marks a sample that only wakes the loop."""
+_RELEASE_S = 1.0
+"""Wall time [s] within which a thread that is woken has left its wait for a sample."""
 
 
 class ZenohSubscriber:
     """A subscription on a ring: the publisher is never blocked by a reader that is slow."""
 
-    def __init__(self, key: str, subscriber: Any, session: str) -> None:
+    def __init__(self, key: str, subscriber: Any, session: str, past: LatchedPast | None = None) -> None:
         self.wake_key = key.replace("**", session).replace("*", session)
         self.held: Any = None
         self.subscriber = subscriber
+        self._past = past
 
     def recv(self) -> Sample | None:
+        sample = self._take() if self._past is None else self._past.next(self._take)
+        return None if sample is None else _unpack(sample)
+
+    def _take(self) -> Any | None:
+        """The next sample that was sent."""
         sample, self.held = self.held, None
         while sample is not None or (sample := self.subscriber.try_recv()) is not None:
-            if (attachment := sample.attachment) is not None:
-                return sample.payload.to_bytes(), attachment.to_bytes(), sample
-            if sample.encoding != WAKE:
-                return sample.payload.to_bytes(), b"", sample
+            if sample.attachment is not None or sample.encoding != WAKE:
+                return sample
             sample = None
         return None
 
     def encoding(self, source: Any) -> str:
-        name = str(source.encoding)
-        return "" if name == "zenoh/bytes" else name
+        return _encoding_of(source)
 
     def key(self, source: Any) -> str:
         return str(source.key_expr)
 
     def close(self) -> None:
+        if self._past is not None:
+            self._past.close()
         self.subscriber.undeclare()
 
 
-class ZenohPublisher:
-    """A publication. A listener tracks whether it has subscribers (asking takes 8 us); a latched one is always sent."""
+class ZenohNotifyingSubscriber:
+    """A subscription whose samples arrive in a thread of Zenoh, which calls ``notify``."""
 
-    def __init__(self, publisher: Any, latched: bool = False) -> None:
+    def __init__(self, capacity: int, notify: Callable[[], None], past: LatchedPast | None = None) -> None:
+        self.subscriber: Any = None
+        self._past = past
+        self._samples: deque[Any] = deque(maxlen=capacity)
+        self._notify = notify
+
+    def on_sample(self, sample: Any) -> None:
+        """Called by Zenoh, in its own thread."""
+        self._samples.append(sample)
+        self._notify()
+
+    def recv(self) -> Sample | None:
+        sample = self._take() if self._past is None else self._past.next(self._take)
+        return None if sample is None else _unpack(sample)
+
+    def _take(self) -> Any | None:
+        return self._samples.popleft() if self._samples else None
+
+    def encoding(self, source: Any) -> str:
+        return _encoding_of(source)
+
+    def key(self, source: Any) -> str:
+        return str(source.key_expr)
+
+    def close(self) -> None:
+        if self._past is not None:
+            self._past.close()
+        self.subscriber.undeclare()
+
+
+class ZenohThreadedSubscriber(ZenohSubscriber):
+    """A subscription on a ring, on whose channel a thread waits: no Python runs in the network's threads for it.
+
+    A callback that hands samples over costs a round trip a quarter more, and its process 1.4 times the processor time.
+    """
+
+    def __init__(
+        self, key: str, subscriber: Any, session: str, put: Callable[..., None], past: LatchedPast | None = None
+    ) -> None:
+        super().__init__(key, subscriber, session, past)
+        self._put = put
+
+    def _take(self) -> Any | None:
+        try:
+            return super()._take()
+        except zenoh.ZError:  # the session has closed, as ``wait`` says next
+            return None
+
+    def wait(self) -> bool:
+        if self.held is None and (self._past is None or self._past.held is None):
+            try:
+                self.held = self.subscriber.recv()
+            except zenoh.ZError:
+                return False
+        return True
+
+    def close(self) -> None:
+        """Wake the thread until it has left ``recv``, which borrows the subscriber, and end the subscription."""
+        if self._past is not None:
+            self._past.close()
+        deadline = time.monotonic() + _RELEASE_S
+        while True:
+            try:
+                self.subscriber.undeclare()
+                return
+            except RuntimeError:  # "Already borrowed"
+                if time.monotonic() > deadline:
+                    raise
+            self.wake()
+            time.sleep(_RELEASE_S / 1000)
+
+    def wake(self) -> None:
+        with suppress(zenoh.ZError):  # the session has closed, and with it ended the wait
+            self._put(self.wake_key, b"", encoding=WAKE, allowed_destination=zenoh.Locality.SESSION_LOCAL)
+
+
+def _unpack(sample: Any) -> Sample:
+    attachment = sample.attachment
+    return sample.payload.to_bytes(), b"" if attachment is None else attachment.to_bytes(), sample
+
+
+def _encoding_of(sample: Any) -> str:
+    name = str(sample.encoding)
+    return "" if name == "zenoh/bytes" else name
+
+
+class ZenohPublisher:
+    """A publication. A listener tracks whether it has subscribers: asking takes 8 us."""
+
+    def __init__(self, publisher: Any) -> None:
         self._publisher = publisher
         self.put: Any = publisher.put  # no wrapper: this is called for every message
-        self._wanted = latched
-        if not latched:
-            self._listener = publisher.declare_matching_listener(Callback(self._match, indirect=False))
-            self._wanted = bool(publisher.matching_status.matching)
+        self._listener = publisher.declare_matching_listener(Callback(self._match, indirect=False))
+        self._wanted = bool(publisher.matching_status.matching)
 
     @property
     def has_subscribers(self) -> bool:
@@ -82,6 +188,7 @@ class ZenohQuery:
         self._query = query
         self.key = str(query.key_expr)
         self.payload: bytes = query.payload.to_bytes() if query.payload is not None else b""
+        self.attachment: bytes = query.attachment.to_bytes() if query.attachment is not None else b""
 
     def reply(self, payload: bytes) -> None:
         with self._query:
@@ -113,6 +220,9 @@ class ZenohServer:
     def recv(self) -> ZenohQuery | None:
         query = self._backlog.pop()
         return None if query is None else ZenohQuery(query)
+
+    def close(self) -> None:
+        self.handle.undeclare()
 
 
 class ZenohTokenWatch:
@@ -147,19 +257,39 @@ class LivelinessCache:
     """A cache of the tokens that are visible to a peer, kept from the start of its session.
 
     A query of a peer gets the answer of whichever process is first: with nine peers, 4 of 324 tokens in 37 of 40 tries.
-    A subscription is complete within 0.4 s of its opening.
+    A subscription is complete within 0.4 s of its opening. News wait in a channel for ``update``: a call for each of
+    the thousands of a large fleet would hold up the thread that receives whenever another one computes.
     """
 
     def __init__(self) -> None:
-        self._alive: set[str] = set()
-        self.handle: Any = None
+        self.news: Any = None
+        self._alive: dict[str, set[str]] = {}
+        """By the chunk of a token that has its kind."""
+        self._lock = threading.Lock()
 
-    def on_sample(self, sample: Any) -> None:
-        (self._alive.add if sample.kind == zenoh.SampleKind.PUT else self._alive.discard)(str(sample.key_expr))
+    def update(self) -> None:
+        """Take in the news."""
+        if self.news is None:
+            return
+        with self._lock:
+            while (sample := self.news.try_recv()) is not None:
+                key = str(sample.key_expr)
+                alive = self._alive.setdefault(_kind(key), set())
+                (alive.add if sample.kind == zenoh.SampleKind.PUT else alive.discard)(key)
 
     def matching(self, pattern: str) -> set[str]:
-        wanted = zenoh.KeyExpr(pattern)
-        return {key for key in self._alive.copy() if wanted.includes(zenoh.KeyExpr(key))}
+        """The visible tokens of a pattern."""
+        self.update()
+        wanted, kind = zenoh.KeyExpr(pattern), _kind(pattern)
+        with self._lock:
+            tokens = [key for each, keys in self._alive.items() if kind in (each, "", "*", "**") for key in keys]
+        return {key for key in tokens if wanted.includes(zenoh.KeyExpr(key))}
+
+
+def _kind(token: str) -> str:
+    """The third chunk of a token or a pattern, or nothing."""
+    chunks = token.split("/", 3)
+    return chunks[2] if len(chunks) > 2 and "**" not in chunks[:2] else ""
 
 
 class ZenohPendingReplies:
@@ -176,6 +306,27 @@ class ZenohPendingReplies:
         except zenoh.ZError:
             return self._answers
         return None
+
+
+class ZenohNotifyingReplies:
+    """The same, collected in a thread of Zenoh, which then calls ``notify``."""
+
+    def __init__(self, notify: Callable[[], None]) -> None:
+        self._answers: list[Reply] = []
+        self._complete = False
+        self._notify = notify
+
+    def on_reply(self, reply: Any) -> None:
+        """Called by Zenoh, in its own thread."""
+        self._answers += answers(reply)
+
+    def on_end(self) -> None:
+        """Called by Zenoh, in its own thread, after the last."""
+        self._complete = True
+        self._notify()
+
+    def poll(self) -> list[Reply] | None:
+        return self._answers if self._complete else None
 
 
 def answers(reply: Any) -> list[Reply]:
@@ -202,9 +353,15 @@ class ZenohToken:
         self._token.undeclare()
 
 
-# One thread receives (by default one wakes another for each message), another sends while that one waits for room. A
-# router keeps to the defaults: it forwards messages, and lost large ones under load with one thread.
-_THREADS = "(rx: (worker_threads: 1), acc: (handover: rx), net: (handover: rx))"
+# One thread receives (by default one wakes another for each message), another sends while that one waits for room. In a
+# client, what else there is has a third: it ends questions that nobody answered in time, and waits for room to do so.
+# In the receiving thread, this held up a simulation, its router that had 100 nodes to tell it of, and so the whole
+# fleet. A peer does without: ``lab`` is a tenth slower with it. A router keeps to the defaults: it forwards messages,
+# and lost large ones under load with one thread.
+_THREADS = {
+    "peer": "(rx: (worker_threads: 1), net: (handover: rx), acc: (handover: rx))",
+    "client": "(rx: (worker_threads: 1), net: (worker_threads: 1), acc: (handover: net))",
+}
 
 _OPENING = threading.Lock()
 """Held while a session opens: the environment belongs to all threads."""
@@ -231,7 +388,7 @@ _QUALITIES: dict[Quality, dict[str, Any]] = {
 
 
 class ZenohTransport:
-    """One Zenoh session. A single small thread nudges the loop; no other Python thread exists."""
+    """One Zenoh session. A small thread nudges the loop; with latched topics, another asks and answers."""
 
     def __init__(self, configuration: dict[str, Any], settle_s: float = 0.7) -> None:
         self._configuration, self.settle_s = configuration, settle_s
@@ -250,10 +407,11 @@ class ZenohTransport:
         except zenoh.ZError as error:
             raise TryAgain(f"cannot join the network (connect {wanted}, listen {listens}): {error}") from None
         self.session = str(self._zenoh.zid())
+        self._latching = Latching(self._zenoh)
         self._census = LivelinessCache()
         if self._configuration["mode"] != "client":  # the router answers a client, and whole
-            hear = Callback(self._census.on_sample, indirect=False)
-            self._census.handle = self._zenoh.liveliness().declare_subscriber(f"{ADMIN_SPACE}/**", hear, history=True)
+            news: Any = FifoChannel(_MOST_TOKENS)
+            self._census.news = self._zenoh.liveliness().declare_subscriber(f"{ADMIN_SPACE}/**", news, history=True)
         self._ticker = threading.Thread(target=self._run_ticker, name="nudge", daemon=True)
         self._ticker.start()
         return self
@@ -261,24 +419,35 @@ class ZenohTransport:
     def __exit__(self, *exception: object) -> None:
         self.close()
 
-    def subscribe(self, key: str, capacity: int, latched: bool = False) -> ZenohSubscriber:
-        handler: Any = RingChannel(capacity)
-        if latched:
-            past = zenoh.ext.HistoryConfig(detect_late_publishers=True)
-            subscriber: Any = zenoh.ext.declare_advanced_subscriber(self._zenoh, key, handler, history=past)
+    def subscribe(
+        self, key: str, capacity: int, latched: bool = False, notify: Callable[[], None] | None = None
+    ) -> RawSubscriber:
+        past = self._latching.past() if latched else None
+        made: ZenohSubscriber | ZenohNotifyingSubscriber
+        if notify is None:
+            declared = self._zenoh.declare_subscriber(key, RingChannel(capacity))
+            made = ZenohSubscriber(key, declared, self.session, past)
         else:
-            subscriber = self._zenoh.declare_subscriber(key, handler)
-        return ZenohSubscriber(key, subscriber, self.session)
+            made = ZenohNotifyingSubscriber(capacity, notify, past)
+            made.subscriber = self._zenoh.declare_subscriber(key, Callback(made.on_sample, indirect=False))
+        if past is not None:
+            past.follow(key, notify or self._awake.set)
+        return made
 
-    def advertise(self, key: str, encoding: str, quality: Quality) -> ZenohPublisher:
+    def subscribe_threaded(self, key: str, capacity: int, latched: bool = False) -> ZenohThreadedSubscriber:
+        past = self._latching.past() if latched else None
+        declared = self._zenoh.declare_subscriber(key, RingChannel(capacity))
+        made = ZenohThreadedSubscriber(key, declared, self.session, self._zenoh.put, past)
+        if past is not None:
+            past.follow(key, made.wake)
+        return made
+
+    def advertise(self, key: str, encoding: str, quality: Quality) -> RawPublisher:
         options = dict(_QUALITIES[quality], encoding=zenoh.Encoding(encoding))
+        publisher = self._zenoh.declare_publisher(key, **options)
         if quality is Quality.LATCHED:
-            cache = zenoh.ext.CacheConfig(1)
-            publisher = zenoh.ext.declare_advanced_publisher(
-                self._zenoh, key, cache=cache, publisher_detection=True, **options
-            )
-            return ZenohPublisher(publisher, latched=True)
-        return ZenohPublisher(self._zenoh.declare_publisher(key, **options))
+            return self._latching.publisher(publisher)
+        return ZenohPublisher(publisher)
 
     def serve(self, key: str, largest: int = MAX_REQUEST_BYTES, refusals: Refusals | None = None) -> ZenohServer:
         server = ZenohServer(RequestQueue(largest, refusals), self._awake.set)
@@ -289,17 +458,43 @@ class ZenohTransport:
         replies = self._zenoh.get(key, payload=payload, timeout=timeout, **_EVERYBODY)
         return [each for reply in replies for each in answers(reply)]
 
-    def query_async(self, key: str, payload: bytes, timeout: float) -> ZenohPendingReplies:
-        return ZenohPendingReplies(self._zenoh.get(key, payload=payload, timeout=timeout, **_EVERYBODY))
+    def query_async(
+        self,
+        key: str,
+        payload: bytes,
+        timeout: float,
+        attachment: bytes = b"",
+        notify: Callable[[], None] | None = None,
+    ) -> PendingReplies:
+        terms = {"payload": payload, "timeout": timeout, "attachment": attachment or None, **_EVERYBODY}
+        if notify is None:
+            return ZenohPendingReplies(self._zenoh.get(key, **terms))
+        made = ZenohNotifyingReplies(notify)
+        self._zenoh.get(key, Callback(made.on_reply, made.on_end, indirect=False), **terms)
+        return made
 
     def declare_token(self, key: str) -> ZenohToken:
         return ZenohToken(self._zenoh.liveliness().declare_token(key))
 
     def tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
+        return self._ask_for_tokens(pattern, timeout)[0]
+
+    def all_tokens(self, pattern: str, timeout: float = 1.0) -> list[str]:
+        found, complete = self._ask_for_tokens(pattern, timeout)
+        if not complete:
+            raise TryAgain(
+                f"the network has not said within {timeout:g} s who is there: is its router stopped, or the machine "
+                "overloaded?"
+            )
+        return found
+
+    def _ask_for_tokens(self, pattern: str, timeout: float) -> tuple[list[str], bool]:
+        """The tokens that are known in time, and whether they are all."""
         # With Zenoh's own FIFO, 256 deep, a get that more tokens answer than fit never returns.
-        replies = self._zenoh.liveliness().get(pattern, FifoChannel(_MOST_TOKENS), timeout=timeout)
+        replies = [*self._zenoh.liveliness().get(pattern, FifoChannel(_MOST_TOKENS), timeout=timeout)]
         found = {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
-        return sorted(found | self._census.matching(pattern))
+        late = any(reply.err is not None and reply.err.payload.to_bytes() == TIMEOUT for reply in replies)
+        return sorted(found | self._census.matching(pattern)), not late
 
     def watch(self, pattern: str) -> ZenohTokenWatch:
         watch = ZenohTokenWatch(lambda: self.tokens(pattern))
@@ -331,9 +526,10 @@ class ZenohTransport:
             self._ticker.join()  # a nudge into a session that closes fails, and the thread with it
             with suppress(zenoh.ZError):  # the link was gone already
                 run_with_timeout(self._close_session, CLOSE_S)
+            self._latching.close(CLOSE_S)
 
     def _open(self) -> None:
-        with limit_threads(self._configuration["mode"] != "router"):
+        with limit_threads(self._configuration["mode"]):
             self._zenoh = zenoh.open(zenoh.Config.from_json5(json.dumps(self._configuration)))
 
     def _close_session(self) -> None:
@@ -344,6 +540,7 @@ class ZenohTransport:
         while self.open:
             asked = self._awake.wait(TICKER_S)
             self._awake.clear()
+            self._census.update()
             if (inlet := self._waiting) is None:
                 self._wake_pending = self._wake_pending or asked
             elif self.open:
@@ -371,12 +568,12 @@ def run_with_timeout(work: Callable[[], None], seconds: float | None = None) -> 
 
 
 @contextmanager
-def limit_threads(wanted: bool = True) -> Iterator[None]:
-    """Let Zenoh start with _THREADS, unless the user's environment says otherwise; children do not inherit it."""
+def limit_threads(mode: str = "peer") -> Iterator[None]:
+    """Let Zenoh start with a mode's threads, unless the user's environment states them; children do not inherit it."""
     with _OPENING:
-        ours = wanted and "ZENOH_RUNTIME" not in os.environ
+        ours = mode in _THREADS and "ZENOH_RUNTIME" not in os.environ
         if ours:
-            os.environ["ZENOH_RUNTIME"] = _THREADS
+            os.environ["ZENOH_RUNTIME"] = _THREADS[mode]
         try:
             yield
         finally:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from math import inf
 from typing import NamedTuple
 
@@ -27,8 +26,7 @@ class Decision(NamedTuple):
 BRAKE = Decision(0.0, 0.0, True, None)
 
 
-@dataclass(frozen=True)
-class _Command:
+class _Command(NamedTuple):
     """The last good command of a source, made at ``made`` and dead after ``until`` [ns]; ``turn`` grows with each."""
 
     priority: int
@@ -50,13 +48,13 @@ class Arbiter:
     is refused; ``contested`` tells of it.
     ``commands``, ``refused`` and ``stale_dropped`` count what was offered; ``commands_timed_out`` counts how often a
     base that had been told to move was left without a live command. ``last_command`` [ns] is when the newest of the
-    accepted was made.
+    accepted was made. ``decision`` holds until ``until`` [ns], unless something comes.
     """
 
     def __init__(self, timeout: float = 0.25, exclusive: bool = False) -> None:
         self._exclusive, self._timeout = exclusive, _timeout_ns(timeout)
         self._active: dict[bytes, _Command] = {}
-        self._decision, self._until = BRAKE, inf
+        self.decision, self.until = BRAKE, inf
         self.e_stopped = False
         self.timed_out = self.conflict = False
         self.commands = self.refused = self.stale_dropped = self.commands_timed_out = 0
@@ -80,7 +78,9 @@ class Arbiter:
         if not 0 <= now_ns - made <= self._timeout:
             self.stale_dropped += 1
             return False
-        v, w, vy = (each if abs(each) >= STANDSTILL else 0.0 for each in (v, w, vy))
+        v = v if abs(v) >= STANDSTILL else 0.0
+        w = w if abs(w) >= STANDSTILL else 0.0
+        vy = vy if abs(vy) >= STANDSTILL else 0.0
         if not self.e_stopped:
             order = self.commands + self.refused
             self._active[source] = _Command(priority, v, w, made, made + self._timeout, order, vy)
@@ -103,7 +103,7 @@ class Arbiter:
             return
         self._exclusive, self._timeout = exclusive, _timeout_ns(timeout)
         self._active = {
-            source: replace(each, until=each.stamp + self._timeout) for source, each in self._active.items()
+            source: each._replace(until=each.stamp + self._timeout) for source, each in self._active.items()
         }
         self._choose(now_ns)
 
@@ -116,30 +116,30 @@ class Arbiter:
     def clear(self) -> None:
         """Forget all commands, as when simulation time starts anew; an emergency stop and the counts stay."""
         self._active.clear()
-        self._decision, self._until = BRAKE, inf
+        self.decision, self.until = BRAKE, inf
         self.timed_out = self.conflict = False
 
     def decide(self, now_ns: int) -> Decision:
-        """What the base does at ``now_ns``; 0.2 us while the answer stays the same."""
-        if now_ns > self._until:
+        """What the base does at ``now_ns``."""
+        if now_ns > self.until:
             self._choose(now_ns)
-        return self._decision
+        return self.decision
 
     def _choose(self, now_ns: int) -> None:
-        before = self._decision
+        before = self.decision
         self._active = {source: command for source, command in self._active.items() if now_ns <= command.until}
         self.conflict = self._exclusive and len(self._active) > 1
         if self.conflict:
-            self._decision, self._until = BRAKE, min(each.until for each in self._active.values())
+            self.decision, self.until = BRAKE, min(each.until for each in self._active.values())
             return
         if not self._active:
             self.timed_out = self.timed_out or not before.braking
             if before.v or before.w or before.vy:
                 self.commands_timed_out += 1
-            self._decision, self._until = BRAKE, inf
+            self.decision, self.until = BRAKE, inf
             return
         source, best = max(self._active.items(), key=lambda item: (item[1].priority, item[1].order))
-        self._decision, self._until = Decision(best.v, best.w, False, source, best.vy), best.until
+        self.decision, self.until = Decision(best.v, best.w, False, source, best.vy), best.until
         self.timed_out = False
 
 

@@ -92,9 +92,10 @@ class DiffDriveController:
 
     def step(self, now: int) -> tuple[float, float] | None:
         """The wheels' new target speeds [rad/s] for the step that begins at ``now``; None when they stay."""
-        decision = self.arbiter.decide(now)
-        if self._settled and decision is self._last_decision:
+        arbiter = self.arbiter
+        if self._settled and arbiter.decision is self._last_decision and now <= arbiter.until:
             return None
+        decision = arbiter.decide(now)
         before = self._state
         state = step_drive(self.drive, before, decision.v, decision.w, decision.braking, STEP_S, decision.vy)
         self._last_decision, self._settled = decision, state is before

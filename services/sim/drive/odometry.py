@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from messages.base import Packed36, covariance
 from messages.geometry import (
+    Point,
     Pose,
     PoseWithCovariance,
+    Quaternion,
     Twist,
     TwistWithCovariance,
     Vector3,
@@ -20,8 +23,10 @@ from messages.std import Header
 from services.runtime.errors import BadInput
 from services.sim.drive.config import OdometryConfig
 from services.sim.drive.controller import STEP_S, DiffDriveController
+from services.sim.drive.driver import Drive
 from services.sim.drive.kinematics import WheelGeometry
 from services.sim.drive.odometry_error import assumed_geometry, draw_errors, odometry_error
+from services.sim.moment import Moment
 from services.sim.physics.world import BodyHandle, BodyState
 
 MIN_INTERVAL_S = 1e-4
@@ -74,8 +79,11 @@ def integrate_encoders(
         return OdometryState(x, y, heading, odometry.v, odometry.w, left, right, odometry.recent)
     recent = (*odometry.recent[max(0, len(odometry.recent) + 1 - window) :], (length / dt, turn / dt))
     count = len(recent)
-    v, w = sum(each[0] for each in recent) / count, sum(each[1] for each in recent) / count
-    return OdometryState(x, y, heading, v, w, left, right, recent)
+    v = w = 0.0
+    for speed, rate in recent:  # sum() rounds otherwise from Python 3.12 on
+        v += speed
+        w += rate
+    return OdometryState(x, y, heading, v / count, w / count, left, right, recent)
 
 
 def integrate_commands(odometry: OdometryState, v: float, w: float, dt: float) -> OdometryState:
@@ -116,38 +124,55 @@ def body_twist(state: BodyState) -> Twist:
     return Twist(linear=Vector3(x=vx, y=vy, z=vz), angular=Vector3(x=wx, y=wy, z=wz))
 
 
-def world_odometry(
-    state: BodyState,
-    header: Header,
-    child: str,
-    pose_covariance: Packed36 = ZERO_COVARIANCE,
-    twist_covariance: Packed36 = ZERO_COVARIANCE,
-) -> Odometry:
-    """The true motion of a base: pose in the world, twist in the frame ``child``.
+Motion = tuple[float, ...]
+"""Thirteen numbers of an ``Odometry``: position [m], orientation, velocity [m/s] and turn rate [rad/s]."""
+
+
+def world_motion(state: BodyState) -> Motion:
+    """The true motion of a base: pose in the world, twist in its own axes.
 
     With ``PLANAR_COVARIANCE`` it is what the TurtleBot3's plugin calls odometry: not relative to the place of spawning.
     """
-    return Odometry(
-        header=header,
-        child_frame_id=child,
-        pose=PoseWithCovariance(pose=body_pose(state), packed=pose_covariance),
-        twist=TwistWithCovariance(twist=body_twist(state), packed=twist_covariance),
-    )
+    turn = state.orientation
+    return *state.position, *turn, *rotate_inverse(turn, state.linear), *rotate_inverse(turn, state.angular)
 
 
-def encoder_odometry(
-    odometry: OdometryState,
-    header: Header,
-    child: str,
-    pose_covariance: Packed36 = PLANAR_COVARIANCE,
-    twist_covariance: Packed36 = ZERO_COVARIANCE,
-) -> Odometry:
+def counted_motion(odometry: OdometryState) -> Motion:
     """What the wheels tell, on a level ground."""
+    x, y, heading, v, w, *_ = odometry
+    return x, y, 0.0, 0.0, 0.0, math.sin(heading / 2), math.cos(heading / 2), v, 0.0, 0.0, 0.0, 0.0, w
+
+
+class OdometrySample(NamedTuple):
+    """Odometry at one instant: what was counted, or where the body is; nothing is computed until it is asked for."""
+
+    state: OdometryState | BodyState
+
+    @property
+    def motion(self) -> Motion:
+        """As it is published."""
+        return world_motion(self.state) if isinstance(self.state, BodyState) else counted_motion(self.state)
+
+    @property
+    def pose(self) -> tuple[float, ...]:
+        """Position and orientation alone, seven numbers."""
+        if isinstance(self.state, BodyState):
+            return *self.state.position, *self.state.orientation
+        return counted_motion(self.state)[:7]
+
+
+def odometry_message(
+    header: Header, child: str, motion: Sequence[float], pose_covariance: Packed36, twist_covariance: Packed36
+) -> Odometry:
+    """A motion as a message; the twist is in the frame ``child``."""
+    x, y, z, i, j, k, w, vx, vy, vz, wx, wy, wz = motion
+    pose = Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=i, y=j, z=k, w=w))
+    twist = Twist(linear=Vector3(x=vx, y=vy, z=vz), angular=Vector3(x=wx, y=wy, z=wz))
     return Odometry(
         header=header,
         child_frame_id=child,
-        pose=PoseWithCovariance(pose=Pose.planar(odometry.x, odometry.y, odometry.heading), packed=pose_covariance),
-        twist=TwistWithCovariance(twist=Twist.planar(odometry.v, odometry.w), packed=twist_covariance),
+        pose=PoseWithCovariance(pose=pose, packed=pose_covariance),
+        twist=TwistWithCovariance(twist=twist, packed=twist_covariance),
     )
 
 
@@ -172,6 +197,8 @@ class Odometer:
     ) -> None:
         self._body, self._name, self._controller = body, name, controller
         self._draws = draw_errors(seed, name)
+        self._assumed: tuple[Drive, WheelGeometry] | None = None
+        """A drive, and what its wheels are taken for."""
         self.reconfigure(settings)
         if controller is not None:
             sides = controller.config.left_joints, controller.config.right_joints
@@ -194,15 +221,22 @@ class Odometer:
         if self.state is not None and self._controller is not None and self.config.source == "open loop":
             self.state = integrate_commands(self.state, *self._controller.commanded_velocity, STEP_S)
 
-    def update_from_encoders(self, now: int) -> None:
-        """Follow the wheels until ``now`` [ns]."""
-        if self.state is None or self._controller is None or self.config.source != "encoder":
-            return
+    @property
+    def follows_encoders(self) -> bool:
+        """Whether it counts the turns of wheels."""
+        return self.state is not None and self._controller is not None and self.config.source == "encoder"
+
+    def update_from_encoders(self, now: int, angles: tuple[float, ...]) -> None:
+        """Follow the wheels until ``now`` [ns], where the joints stand at ``angles`` [rad]."""
         if 0 <= self._last_update < now:
-            geometry = assumed_geometry(self._controller.drive.geometry, self.error)
-            self.state = integrate_encoders(
-                self.state, *self._angles(), (now - self._last_update) / 1e9, geometry, self.config.window
-            )
+            assert self.state is not None
+            assert self._controller is not None
+            drive = self._controller.drive
+            if self._assumed is None or self._assumed[0] is not drive:
+                self._assumed = drive, assumed_geometry(drive.geometry, self.error)
+            left, right = _mean(angles, self._left), _mean(angles, self._right)
+            dt = (now - self._last_update) / 1e9
+            self.state = integrate_encoders(self.state, left, right, dt, self._assumed[1], self.config.window)
         self._last_update = now
 
     def due(self, now: int, rate: float) -> bool:
@@ -219,12 +253,9 @@ class Odometer:
         before, self._slot = self._slot, int(periods + ROUNDING)
         return self._slot > before
 
-    def to_message(self, header: Header, child: str, state: BodyState) -> Odometry:
-        """Odometry as it is published; ``state`` is where the body is."""
-        covariances = self.pose_covariance, self.twist_covariance
-        if self.state is None:
-            return world_odometry(state, header, child, *covariances)
-        return encoder_odometry(self.state, header, child, *covariances)
+    def sample(self, moment: Moment) -> OdometrySample:
+        """Odometry as it is at this moment."""
+        return OdometrySample(moment.state(self._name) if self.state is None else self.state)
 
     def set_pose(self, x: float, y: float, heading: float) -> None:
         """Count from (x [m], y [m], heading [rad]) on; raises BadInput where odometry is the true pose."""
@@ -241,6 +272,7 @@ class Odometer:
         """Tell it with other covariances, over another window, with another error; the source stays what it was."""
         self.config = settings
         self.error = odometry_error(settings.error, settings.error_multiple, self._draws)
+        self._assumed = None
         self.pose_covariance: Packed36 = PLANAR_COVARIANCE if settings.pose is None else settings.pose
         self.twist_covariance: Packed36 = ZERO_COVARIANCE if settings.twist is None else settings.twist
 
@@ -254,4 +286,7 @@ class Odometer:
 
 
 def _mean(values: tuple[float, ...], chosen: tuple[int, ...]) -> float:
-    return sum(values[each] for each in chosen) / len(chosen)
+    total = 0.0
+    for each in chosen:  # sum() rounds otherwise from Python 3.12 on
+        total += values[each]
+    return total / len(chosen)

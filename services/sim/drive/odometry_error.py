@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from models.model import OdometryErrorConfig
 from services.sim.drive.kinematics import WheelGeometry
-from services.sim.sensors import noise_generator
+from services.sim.noise import noise_generator
 
 MOST_DEVIATIONS = 2.0
 """Standard deviations at which a draw is cut off: a robot that is further off would be sent back."""

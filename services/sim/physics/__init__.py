@@ -1,1 +1,1 @@
-"""The physics engine: ``World``, a Protocol, and its implementation in PyBullet."""
+"""The physics engine: ``World``, a Protocol, and its implementations in PyBullet and in MuJoCo."""

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import groupby
 from math import inf
+from operator import itemgetter
 from types import TracebackType
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from messages.se3 import Pose3, rotated_axes
+from messages.se3 import IDENTITY, Pose3, rotated_axes
 from models.bodies import Light
 from models.world import WorldDescription
 from services.runtime.errors import BadInput, unknown_name
@@ -25,6 +27,7 @@ from services.sim.physics.world import (
     CameraModel,
     Configuration,
     Contact,
+    JointReadings,
 )
 from services.sim.physics.world_bodies import ground_height
 
@@ -32,6 +35,9 @@ SECOND = 1_000_000_000
 
 STANDING = 0.7
 """Least vertical part of a contact's normal on a ramp or height map, the cosine of 45 degrees, that is no collision."""
+
+MOST_RAYS = 16_000
+"""Rays that the engine casts in one call."""
 
 _AROUND = 12
 """Directions in which the ground about a place is looked at."""
@@ -156,6 +162,23 @@ class BulletWorld:
         self._check(name, Configuration(pose, {**joints, **positions}))
         body.set_joints(positions)
 
+    def states(self) -> list[BodyState]:
+        return [body.state() for body in self._bodies.values()]
+
+    def joint_readings(self) -> list[JointReadings]:
+        return [body.joint_readings() for body in self._bodies.values()]
+
+    def link_poses(self, links: Sequence[tuple[str, str]]) -> list[Pose3]:
+        return [self.body(body).link_pose(link) for body, link in links]
+
+    def link_states(self, links: Sequence[tuple[str, str]]) -> NDArray[np.float64]:
+        rows = [
+            (*each.position, *each.orientation, *each.linear, *each.angular)
+            for body, own in groupby(links, itemgetter(0))
+            for each in self.body(body).link_states([link for _, link in own])
+        ]
+        return np.array(rows).reshape(-1, 13)
+
     def contacts(self) -> tuple[Contact, ...]:
         """The pairs that touched in the last step; who stands on a ramp, say, does not touch it."""
         grounds = self._world.grounds
@@ -177,8 +200,24 @@ class BulletWorld:
 
     def cast_rays(self, origins: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
         """How far rays get, as a fraction of their length; inf where nothing is hit. 360 rays take about 1 ms."""
-        hits = pybullet.rayTestBatch(origins, ends, physicsClientId=self._client)
-        return np.fromiter((hit[2] if hit[0] >= 0 else inf for hit in hits), np.float64, len(hits))
+        fractions = np.empty(len(origins))
+        for first in range(0, len(origins), MOST_RAYS):
+            part = slice(first, first + MOST_RAYS)
+            hits = pybullet.rayTestBatch(origins[part], ends[part], physicsClientId=self._client)
+            fractions[part] = [hit[2] if hit[0] >= 0 else inf for hit in hits]
+        return fractions
+
+    def cast_fans(
+        self, links: Sequence[tuple[str, str]], mount: Pose3, rays: NDArray[np.float64], near: float, far: float
+    ) -> NDArray[np.float64]:
+        """How far the rays of equal sensors get; those of one with 360 take about 1 ms."""
+        poses = self.link_poses(links)
+        eyes = poses if mount == IDENTITY else [pose @ mount for pose in poses]
+        turned = rays @ np.array([rotated_axes(each.orientation) for each in eyes])
+        origins = np.array([each.position for each in eyes])[:, None, :]
+        starts, ends = origins + near * turned, origins + far * turned
+        fractions = self.cast_rays(starts.reshape(-1, 3), ends.reshape(-1, 3)).reshape(len(eyes), len(rays))
+        return near + (far - near) * fractions
 
     def render(self, eye: Pose3, camera: CameraModel) -> bytes:
         """A picture, drawn in software: 320 by 240 pixels take about 30 ms."""

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from messages.se3 import IDENTITY, Pose3, Rotation, Vector, rotate, rotate_inverse
+from models.urdf import parse_urdf, read_urdf
 from services.runtime.errors import unknown_name
 from services.sim.physics._pybullet import pybullet
 from services.sim.physics.engine import load_urdf
+from services.sim.physics.inertia import principal_inertia
 from services.sim.physics.world import (
     SLIDING_SHARE,
     Body,
@@ -22,6 +25,8 @@ from services.sim.physics.world import (
     JointReadings,
     MotorTarget,
 )
+
+NO_JOINTS = JointReadings((), (), ())
 
 
 class BulletBody:
@@ -34,6 +39,7 @@ class BulletBody:
         self.limited_damping: dict[str, float] = {}
         self._joints: dict[str, int] = {}
         self._motors: tuple[int, ...] = ()
+        self._joint_indices: tuple[int, ...] = ()
         self._links: dict[str, int] = {}
         """Indices; that of the root is -1."""
         self._centre: Pose3 | None = None
@@ -49,6 +55,7 @@ class BulletBody:
         count = pybullet.getNumJoints(self.body_id, client)
         rows = [pybullet.getJointInfo(self.body_id, index, client) for index in range(count)]
         self._joints = {row[1].decode(): row[0] for row in rows if row[2] != pybullet.JOINT_FIXED}
+        self._joint_indices = tuple(self._joints.values())
         self._set_damping({row[1].decode(): row[6] for row in rows if row[6] > 0})
         named = [(each.joint, "motor") for each in description.motors]
         named += [(joint, "initial position") for joint, _ in description.initial_positions]
@@ -132,10 +139,11 @@ class BulletBody:
         return self._joints[joint]
 
     def joint_readings(self) -> JointReadings:
-        rows = pybullet.getJointStates(self.body_id, tuple(self._joints.values()), self._client)
-        return JointReadings(
-            tuple(row[0] for row in rows), tuple(row[1] for row in rows), tuple(row[3] for row in rows)
-        )
+        rows = pybullet.getJointStates(self.body_id, self._joint_indices, self._client)
+        if not rows:
+            return NO_JOINTS
+        positions, velocities, _, torques = zip(*rows, strict=True)
+        return JointReadings(positions, velocities, torques)
 
     def set_efforts(self, efforts: Mapping[str, float]) -> None:
         indices = [self.joint_index(joint) for joint in efforts]
@@ -203,7 +211,7 @@ class BulletBody:
         and half of it counts.
         """
         step = pybullet.getPhysicsEngineParameters(self._client)["fixedTimeStep"]
-        rows = pybullet.getJointStates(self.body_id, tuple(self._joints.values()), self._client)
+        rows = pybullet.getJointStates(self.body_id, self._joint_indices, self._client) or ()  # None for none
         matrix = pybullet.calculateMassMatrix(self.body_id, [row[0] for row in rows], physicsClientId=self._client)
         felt = 1 / np.diag(np.linalg.pinv(np.array(matrix), hermitian=True))[-len(self._joints) :]
         share = 1.0 if len(self._joints) == 1 else 0.5
@@ -215,15 +223,20 @@ class BulletBody:
             pybullet.resetJointState(self.body_id, index, position, 0.0, physicsClientId=self._client)
 
     def link_state(self, link: str) -> BodyState:
-        if (index := self._link_index(link)) < 0:
-            return self.state()
-        row = pybullet.getLinkState(
-            self.body_id, index, computeLinkVelocity=1, computeForwardKinematics=1, physicsClientId=self._client
+        return self.link_states([link])[0]
+
+    def link_states(self, links: Sequence[str]) -> list[BodyState]:
+        """The states of several links, in little more time than that of one takes."""
+        indices = [self._link_index(link) for link in links]
+        below = [index for index in indices if index >= 0]
+        rows: Iterator[Any] = iter(
+            pybullet.getLinkStates(
+                self.body_id, below, computeLinkVelocity=1, computeForwardKinematics=1, physicsClientId=self._client
+            )
+            if below
+            else ()
         )
-        (cx, cy, cz), (x, y, z) = row[0], row[4]
-        # PyBullet gives the velocity of the centre of mass.
-        linear = _velocity_at(row[6], row[7], (x - cx, y - cy, z - cz), 1.0)
-        return BodyState(row[4], _normalized(row[5]), linear, row[7])
+        return [self.state() if index < 0 else _link_state(next(rows)) for index in indices]
 
     def link_pose(self, link: str) -> Pose3:
         if (index := self._link_index(link)) < 0:
@@ -232,9 +245,12 @@ class BulletBody:
         return Pose3(row[4], _normalized(row[5]))
 
     def inertia(self, link: str) -> Inertia:
-        mass, friction, moments, place, turn, *_ = pybullet.getDynamicsInfo(
-            self.body_id, self._link_index(link), self._client
-        )
+        index = self._link_index(link)
+        mass, friction, moments, place, turn, *_ = pybullet.getDynamicsInfo(self.body_id, index, self._client)
+        if index < 0 and self.description.fixed:
+            # PyBullet counts what it holds as without mass.
+            robot = parse_urdf(read_urdf(self.description.urdf))
+            return principal_inertia(next(each for each in robot.links if each.name == link).inertia, friction)
         return Inertia(mass, Pose3(place, turn), moments, friction)
 
     def apply_wrench(self, link: str, force: Vector, torque: Vector, point: Vector) -> None:
@@ -250,6 +266,13 @@ class BulletBody:
         if link not in self._links:
             raise unknown_name("link", link, self._links, self.description.name)
         return self._links[link]
+
+
+def _link_state(row: Any) -> BodyState:
+    (cx, cy, cz), (x, y, z) = row[0], row[4]
+    # PyBullet gives the velocity of the centre of mass.
+    linear = _velocity_at(row[6], row[7], (x - cx, y - cy, z - cz), 1.0)
+    return BodyState(row[4], _normalized(row[5]), linear, row[7])
 
 
 def _velocity_at(linear: Vector, angular: Vector, offset: Vector, sign: float) -> Vector:

@@ -199,6 +199,9 @@ class World(Protocol):
     def world_bodies(self) -> tuple[str, ...]:
         """The world's own bodies that are movable or moving, in the order of its file."""
 
+    def overlaps_at_start(self) -> tuple[str, ...]:
+        """Movable bodies that the world's file puts into something else: the first step throws them out."""
+
     def world_body_state(self, name: str) -> BodyState:
         """Pose and velocity of one of ``world_bodies``."""
 
@@ -228,12 +231,38 @@ class World(Protocol):
     def set_joints(self, name: str, positions: Mapping[str, float]) -> None:
         """Put joints at positions, at rest; the others stay as they are. Refused where the body would overlap then."""
 
+    def states(self) -> list[BodyState]:
+        """Pose and velocity of the root frames of all bodies, in the order of ``names``."""
+
+    def joint_readings(self) -> list[JointReadings]:
+        """The joints of all bodies, in the order of ``names``."""
+
+    def link_poses(self, links: Sequence[tuple[str, str]]) -> list[Pose3]:
+        """Where the frames of links are, each given by its body and its own name."""
+
+    def link_states(self, links: Sequence[tuple[str, str]]) -> NDArray[np.float64]:
+        """Where these are and how they move in the world, shape (n, 13): position [m], orientation (x, y, z, w),
+        velocity [m/s] of the origin, turn rate [rad/s]."""
+
     def contacts(self) -> tuple[Contact, ...]:
         """The pairs that touched in the last step, each once, sorted; the ground does not count."""
 
     def cast_rays(self, origins: NDArray[np.float64], ends: NDArray[np.float64]) -> NDArray[np.float64]:
         """How far rays get, shape (n,), as a fraction of their length, from ``origins`` to ``ends`` [m], shape (n, 3);
         inf where nothing is hit."""
+
+    def cast_fans(
+        self, links: Sequence[tuple[str, str]], mount: Pose3, rays: NDArray[np.float64], near: float, far: float
+    ) -> NDArray[np.float64]:
+        """How far the rays of equal sensors get, m, shape (sensors, n), from where these are; inf beyond ``far``.
+
+        Args:
+            links: The link of each sensor, by its body and its own name.
+            mount: Where the sensor is in its link.
+            rays: Directions in the sensor's frame, of length 1, shape (n, 3).
+            near: Where the rays begin, m from the sensor: what is nearer is not met.
+            far: Where they end, m.
+        """
 
     def render(self, eye: Pose3, camera: CameraModel) -> bytes:
         """A picture from ``eye`` (z forward, x right, y down): rows from the top, three bytes RGB per pixel."""

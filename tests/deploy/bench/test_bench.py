@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -10,14 +13,21 @@ from xml.sax.saxutils import quoteattr
 import pytest
 
 import deploy.bench
-from deploy.bench import fleet, lockstep, wire
+from deploy.bench import fleet, lockstep, ros1, scale, wire
 from deploy.bench.figures import FIGURE_PROPERTY, Figure, ratios, read_figures
 from deploy.bench.lockstep import Span, build_schedule, lab_robots, raw_factor
 from messages.geometry import Twist
 from messages.joints import JointEffort
+from services.runtime.process import ROOT
 from services.runtime.step import STEP_NS
+from tests.harness.fork_server import ForkedProcess
 
 SPAN = Span(1.0, 2.0)
+ROS1 = {
+    *("ros1_start_s", "ros1_memory_mib", "ros1_busy_cpu_percent", "ros1_decode_us"),
+    *("ros1_trip_ratio", "ros1_trip_us", "ros1_lockstep_ratio", "ros1_lockstep_factor"),
+}
+SCALE = ("ratio", "factor", "start_s", "memory_mib", "cpu_ms")
 MEASURED_BY_TESTS = ("help_cpu_s", "panel_cpu_percent", "page_drawings_per_s", "supervisor_cpu_percent")
 
 
@@ -56,12 +66,36 @@ def short_measurements(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(wire, "MESSAGES", 500)
     monkeypatch.setattr(wire, "TRIES", 2)
     monkeypatch.setattr(lockstep, "SPAN", SPAN)
+    monkeypatch.setattr(deploy.bench, "DEFAULT_SIZES", (2,))
+    monkeypatch.setattr(scale, "ENGINES", ("mujoco",))
+    monkeypatch.setattr(scale, "LENGTH_S", 1.0)
     monkeypatch.setattr(fleet, "FROM_S", 1.0)
     monkeypatch.setattr(fleet, "TO_S", 2.0)
+    monkeypatch.setattr(ros1, "TRIPS", 20)
+    monkeypatch.setattr(ros1, "BUSY_S", 0.5)
+    for name in ("OURS", "THEIRS"):
+        monkeypatch.setattr(ros1, name, getattr(ros1, name).replace("duration = 20", "duration = 2"))
+
+
+class ForkedFleet(ForkedProcess):
+    """The command of a fleet, forked with all its services: how long Python takes to start is measured elsewhere."""
+
+    def __init__(self, command: Sequence[str], stdout: int, stderr: int) -> None:
+        super().__init__(command[3], command[4:], ROOT, os.environ, log=subprocess.DEVNULL)
+
+
+@pytest.fixture
+def forked_fleets(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fleets whose start costs little."""
+
+    class Popen:
+        Popen, DEVNULL = ForkedFleet, subprocess.DEVNULL
+
+    monkeypatch.setattr(fleet, "subprocess", Popen)
 
 
 @pytest.mark.fleet
-@pytest.mark.usefixtures("short_measurements")
+@pytest.mark.usefixtures("short_measurements", "forked_fleets")
 def test_every_promised_figure_is_there(capsys: pytest.CaptureFixture[str]) -> None:
     measured = deploy.bench.measure(1)
     status = deploy.bench.report(measured, as_json=True)
@@ -71,9 +105,24 @@ def test_every_promised_figure_is_there(capsys: pytest.CaptureFixture[str]) -> N
     assert {"scan_encode_us", "scan_decode_us", "scan_list_us", "odometry_decode_us"} <= figures.keys()
     assert {"lockstep_cpu_sim_ms", "lockstep_cpu_waypoint_ms", "lockstep_cpu_logger_ms"} <= figures.keys()
     assert {"idle_cpu_sim_percent", "memory_sim_mib", "memory_router_mib"} <= figures.keys()
+    assert figures.keys() >= ROS1
+    assert figures.keys() >= {f"swarm_mujoco_2_{how}_{name}" for how in scale.SHARED for name in SCALE}
+    assert figures["swarm_mujoco_2_raw_factor"] > 0
     assert all(value >= 0 for value in figures.values())
     assert list(figures) == [each.name for each in measured]
     assert status == (0 if all(each.ok for each in measured) else 1)
+
+
+@pytest.mark.process
+def test_only_the_parts_that_are_named_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[int, ...]] = []
+    monkeypatch.setattr(scale, "measure_scale", lambda rounds, sizes, port, say: asked.append(tuple(sizes)) or [])
+    assert deploy.bench.measure(1, ["scale"]) == []
+    assert deploy.bench.measure(1, ["scale"], [7]) == []
+    assert asked == [scale.SIZES, (7,)]
+    monkeypatch.setattr(deploy.bench, "PARTS", ("scale",))
+    assert deploy.bench.bench(1, True) == 0
+    assert asked[2:] == [deploy.bench.DEFAULT_SIZES]
 
 
 def test_a_missed_bound_fails_the_bench(capsys: pytest.CaptureFixture[str]) -> None:
@@ -103,7 +152,8 @@ def test_the_readme_describes_every_figure() -> None:
     told = (Path(deploy.bench.__file__).parent / "README.md").read_text()
     for name in ("echo_p50_ratio", "throughput_ratio", "lockstep_ratio", "barrier_ratio", "loop_cpu_ms", "start_s"):
         assert f"| `{name}` |" in told
-    for name in ("scans_ratio", "scan_encode_us", "scan_decode_us", *MEASURED_BY_TESTS):
+    for name in ("scans_ratio", "scan_encode_us", "scan_decode_us", *MEASURED_BY_TESTS, *ROS1):
         assert f"| `{name}` |" in told
-    for family in ("lockstep_cpu_NAME_ms", "idle_cpu_NAME_percent", "memory_NAME_mib"):
+    families = [f"swarm_ENGINE_N_HOW_{name}" for name in SCALE]
+    for family in ("lockstep_cpu_NAME_ms", "idle_cpu_NAME_percent", "memory_NAME_mib", *families):
         assert f"| `{family}` |" in told

@@ -96,14 +96,13 @@ def test_record_on_a_full_disk_tells_what_is_missing(network: Network, node: Nod
 def test_info_and_export(bags: Path, tmp_path: Path) -> None:
     terminal = CommandLine(tmp_path)
     shown = terminal.run("bag", "info", str(bags / "foreign")).out
-    assert "cannot be played: its type sensor_msgs/BatteryState is not one of this project\n" in shown, (
-        "no line is cut in a pipe"
-    )
+    assert "sensor_msgs/msg/BatteryState" in shown
+    assert "cannot be played" not in shown
     told = {
         each["topic"]: each
         for each in json.loads(terminal.run("bag", "info", str(bags / "foreign"), "--json").out)["topics"]
     }
-    assert "is not one of this project" in told["/battery"]["reason"]
+    assert told["/battery"]["playable"]
     tables = json.loads(terminal.run("bag", "export", str(bags / "ours"), "-o", "tables", "--json").out)
     assert tables == {"output": str(tmp_path / "tables"), "troubles": []}
     assert len((tmp_path / "tables" / "r__odom.csv").read_text().splitlines()) == 12

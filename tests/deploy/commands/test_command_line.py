@@ -28,10 +28,11 @@ def elea(environment: dict[str, str], *arguments: str, cwd: Path = ROOT) -> subp
     [
         (["upp"], "unknown verb 'upp'; did you mean 'up'"),
         (["up", "lap"], "unknown fleet 'lap'; did you mean 'lab'"),
+        (["up", "--robots", "3"], "--robots 3: this fleet has no [[grid]]"),
         (["up", "--mode", "reel"], "'reel' is not one of"),
-        (["up", "--factor", "0"], "--factor: Expected `float` > 0"),
-        (["up", "--duration", "nan"], "--duration"),
-        (["up", "--port", "0"], "--port: Expected `int` >= 1"),
+        (["up", "--factor", "0"], "--factor 0.0: Expected `float` > 0"),
+        (["up", "--duration", "nan"], "--duration nan: Expected"),
+        (["up", "--port", "0"], "--port 0: Expected `int` >= 1"),
         (["up", "--connect", "nowhere"], "'nowhere' is not an endpoint"),
         (["up", "--listen", "tls/127.0.0.1:7447"], "it needs certificates, which Elea does not have yet"),
         (["up", "--listen", "0.0.0.0:7447"], "drive the robots, without a password. Listen on 127.0.0.1"),
@@ -41,7 +42,7 @@ def elea(environment: dict[str, str], *arguments: str, cwd: Path = ROOT) -> subp
         (["run", "nowhere.py"], "there is no file nowhere.py"),
         (["down"], "no fleet is running"),
         (["restart", "sim"], "no fleet is running"),
-        (["graph", "--port", "1"], "no router at unixsock-stream/"),
+        (["graph", "--port", "1"], "is a fleet up? ./elea ps lists those that run"),
     ],
 )
 def test_bad_input(arguments: list[str], hint: str, state: dict[str, str]) -> None:

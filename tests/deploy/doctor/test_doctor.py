@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from deploy.doctor import fleet, installation, machine, network
+from deploy.doctor import checks, fleet, installation, machine, network
 from messages.base import encode
 from messages.elea import Health, InputHealth
 from messages.topics import ODOM, Quality
@@ -168,3 +168,15 @@ def test_a_process_that_lost_its_supervisor_is_found(tmp_path: Path) -> None:
         assert next(fleet.orphans()).state == "warn"
     finally:
         os.kill(pid, 9)
+
+
+def test_what_many_nodes_have_in_common_is_said_once() -> None:
+    beats = {f"/tb3_{i}/nav": Health(node=f"/tb3_{i}/nav", state="waiting", note="no clock") for i in range(100)}
+    lossy = tuple(InputHealth(topic=f"/tb3_{i}/odom", received=9, lost=1) for i in range(5))
+    [loss, _] = network.nodes([], {"/grader": Health(node="/grader", state="running", inputs=lossy, lost=5)})
+    assert loss.why == (
+        "5 topics, /tb3_0/odom, /tb3_1/odom, /tb3_2/odom and 2 more: 5 of 50 messages were lost on the way"
+    )
+    several = checks.merge_alike([*network.nodes([], beats), *network.nodes([], {"/sim": beats["/tb3_0/nav"]})])
+    assert [each.name for each in several] == ["101 nodes", "nodes", "nodes"]
+    assert several[0].why == "it waits: no clock: /tb3_0/nav, /tb3_1/nav, /tb3_10/nav and 98 more"

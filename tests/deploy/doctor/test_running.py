@@ -68,9 +68,8 @@ def test_no_rate_is_judged_while_time_stands_still() -> None:
     assert found(FleetObservation(2.0, 0.0, counts=counts)) == []
 
 
-def test_a_flood_is_counted_by_its_sender_over_the_network(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_flood_is_counted_by_its_sender_over_the_network(tmp_path: Path) -> None:
     """The numbers of the samples tell how many were sent, however many the onlooker got."""
-    monkeypatch.setattr(doctor_fleet, "OBSERVATION_S", 1.0)
     with Network(tmp_path) as net, net.node("flooder") as node, net.node("eye") as eye:
         clock, flood = node.advertise(CLOCK), node.advertise(CMD_VEL, "/tb3_0/cmd_vel")
         base, fleet = node.advertise(BASE_STATUS, "/tb3_0/base_status"), node.advertise(FLEET_STATE)

@@ -23,7 +23,7 @@ def test_no_other_user_comes_in(running: BackgroundFleet) -> None:
     unix = {each.laddr for one in family for each in one.net_connections("unix") if each.laddr}
     listening = {line.split()[-1] for line in _unix() if line.split()[-1] in unix}
     assert str(router) in listening
-    assert len(listening) == len(family) - 1, "each, but for the warden"
+    assert len(listening) == len(fleet["processes"]) + 1, "each of the fleet, and the supervisor"
     assert {Path(each).parent for each in listening} == {router.parent}
 
     tcp = f"tcp/127.0.0.1:{running.command_line.port}"

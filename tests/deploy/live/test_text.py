@@ -23,6 +23,7 @@ VALUES = st.recursive(
 ODOMETRY = plain_record(Odometry())
 
 
+@pytest.mark.slow
 @settings(deadline=None)  # the first example imports yaml
 @given(VALUES)
 def test_both_styles_read_back(value: Any) -> None:

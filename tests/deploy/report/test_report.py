@@ -10,15 +10,22 @@ from pathlib import Path
 
 import jsonschema
 import msgspec
+import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from deploy.commands.report import command
 from deploy.fleet import ChangeConfig
-from deploy.report.checks import Bound, Bounds, check_bounds
-from deploy.report.picture import draw_figure, shorten_name
+from deploy.report.axes import shorten_name
+from deploy.report.checks import Bound, Bounds, check_bounds, service_checks
+from deploy.report.picture import draw_figure
+from deploy.report.picture_many import LINES, sample_trail
+from deploy.report.ranking import robot_of_check, worst_first
 from deploy.report.record import PICTURE_FILE, REPORT_FILE, SCHEMA_FILE, Report, RunFacts, report_schema, schema_text
-from deploy.report.table import format_fixed, format_number, print_report
+from deploy.report.table import SHOWN, format_fixed, format_number, print_report
 from deploy.report.write import build_report, read_measurements, to_json, write_report
 from deploy.supervisor.node import RunMonitor
+from messages.elea import Check as Stated
 from messages.elea import LockstepState
 from messages.geometry import Pose, Vector3
 from messages.parameters import ScheduledChange, ScheduledChanges
@@ -27,13 +34,13 @@ from messages.std import ColorRGBA, Time
 from messages.visualization import Marker, MarkerArray
 from models.palette import colour, hexadecimal
 from services.driving.world_bodies import world_bodies
-from services.grader.records import EndReason, Measurements
+from services.grader.records import TRAJECTORIES_FILE, EndReason, Measurements
 from services.grader.results import prepare_folder, world_arrays, write_atomic, write_results
 from services.runtime.errors import BadInput
 from tests.services.grader.simulated_run import measure_all, robot_messages
 
 NAMES = ("tb3_0", "tb3_1")
-FACTS = RunFacts(fleet="lab", mode="lockstep", seed=1, version="0.1.0", wall_seconds=50.0, restarts=0)
+FACTS = RunFacts(fleet="lab", mode="lockstep", seed=1, version="0.1.0", wall_seconds=50.0, restarts=0, topology="star")
 ISSUED_RUN = "fleet mode sim_seconds wall_seconds real_time_factor seed version trajectory_hash messages_lost restarts"
 ISSUED_ROBOT = (
     "points points_reached cross_track_rms_m cross_track_max_m odometry_error_max_m path_length_m min_distance_m "
@@ -61,6 +68,7 @@ def measured(folder: Path) -> Measurements:
     return read_measurements(folder)
 
 
+@pytest.mark.slow
 def test_the_report_of_a_run_fits_its_schema_and_holds_the_promised_keys(folder: Path) -> None:
     report = write_report(folder, FACTS, {})
     tree = json.loads((folder / REPORT_FILE).read_text())
@@ -99,6 +107,7 @@ def test_the_schema_file_is_that_of_the_records_and_every_key_is_documented() ->
             assert re.search(rf"`{re.escape(prefix + key)}[`.]", text), prefix + key
 
 
+@pytest.mark.slow
 def test_the_picture_is_a_png_of_a_readable_size(folder: Path) -> None:
     write_report(folder, FACTS, {})
     head = (folder / PICTURE_FILE).read_bytes()[:24]
@@ -125,6 +134,7 @@ def test_everything_drawn_has_data_units_and_a_look_of_its_own(folder: Path, mea
     assert shorten_name("tb3_0", 20) == "tb3_0"
 
 
+@pytest.mark.slow
 def test_the_picture_has_the_world_around_what_was_driven(tmp_path: Path) -> None:
     """The robots drive within 1 m; a box stands beside, one moves along, a third is far off, a wall goes far away."""
     run = measure_all(list(robot_messages("tb3_0", 0.0)), ("tb3_0",))
@@ -340,6 +350,7 @@ def test_a_bound_on_nothing_is_refused_with_the_nearest_name() -> None:
     check_bounds({"collisions": 0, "real_time_factor": Bound(min=1)}, "fleet.toml")
 
 
+@pytest.mark.slow
 def test_a_run_stopped_half_way_gives_a_partial_report(tmp_path: Path) -> None:
     report = write_report(put_run(tmp_path, end=5.0, ended="stopped"), FACTS, {})
     assert report.run.ended == "stopped"
@@ -408,3 +419,95 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_run(tmp_path: Pat
 def test_the_report_can_be_read_back(measured: Measurements) -> None:
     report = build_report(measured, FACTS, {})
     assert msgspec.json.decode(to_json(report), type=Report) == report
+
+
+MANY = 100
+STUCK, LATE = "tb3_17", "tb3_88"
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory: pytest.TempPathFactory, folder: Path, measured: Measurements) -> tuple[Path, Report]:
+    """A hundred robots of which one hit another and did not reach its goals, and one left its path far."""
+    made = tmp_path_factory.mktemp("many")
+    with np.load(folder / TRAJECTORIES_FILE) as stored:
+        arrays = dict(stored)
+    trail, path = arrays.pop("tb3_0.trail"), arrays.pop("tb3_0.path")
+    arrays = {name: each for name, each in arrays.items() if name.startswith("world.")}
+    robots = {}
+    for number in range(MANY):
+        shift, name = np.array([number % 10, number // 10]), f"tb3_{number}"
+        moved = trail.copy()
+        moved[:, 1:3] += shift
+        arrays[f"{name}.trail"], arrays[f"{name}.path"] = moved, path + shift
+        robots[name] = msgspec.structs.replace(measured.robots["tb3_0"], cross_track_max_m=0.001 + 1e-5 * number)
+    robots[STUCK] = msgspec.structs.replace(robots[STUCK], points_reached=1, collisions=1)
+    robots[LATE] = msgspec.structs.replace(robots[LATE], cross_track_max_m=0.5)
+    np.savez(made / TRAJECTORIES_FILE, allow_pickle=False, **arrays)
+    run = msgspec.structs.replace(measured, robots=robots)
+    return made, build_report(run, FACTS, {"cross_track_max_m": 0.1, "path_length_m": 0.0})
+
+
+def test_the_table_of_a_hundred_robots_is_a_screenful_with_the_worst_first(many: tuple[Path, Report]) -> None:
+    _, report = many
+    out = Terminal()
+    print_report(report, out)
+    lines = re.sub(r"\x1b\[[\d;]*m", "", out.getvalue()).splitlines()
+    assert len(lines) <= 30
+    rows = [line.split()[0] for line in lines if re.match(r"tb3_\d+ +\d+/\d+ ", line)]
+    assert rows[:3] == [STUCK, LATE, "tb3_99"], "by checks missed, then by the figures"
+    assert len(rows) == SHOWN
+    assert "all 100  298/300 " in "\n".join(lines), lines
+    assert any("90 more miss checks: ./elea report --all shows each" in line for line in lines)
+    text = " ".join(lines)
+    assert "missed by 100 of 100 robots: path_length_m, should be at most 0: tb3_0 " in text
+    assert "and 97 more" in text
+    assert f"missed: {STUCK}.collisions is 1, should be at most 0" in text, "what few miss is told of each"
+    every = io.StringIO()
+    print_report(report, every, every=True)
+    assert len(re.findall(r"^tb3_\d+ ", every.getvalue(), re.MULTILINE)) == MANY
+    assert len(re.findall(r"^missed: ", every.getvalue(), re.MULTILINE)) == MANY + 3
+
+
+def test_checks_of_services_belong_to_their_robots_and_are_told_together(many: tuple[Path, Report]) -> None:
+    _, report = many
+    stated = {
+        f"/tb3_{number}/judge": [Stated(name="farthest_m", value=float(number), max=98.5)] for number in range(MANY)
+    }
+    checks = service_checks(stated)
+    told = msgspec.structs.replace(report, checks=checks, ok=False)
+    assert [robot_of_check(each.name, told) for each in checks] == [each.split("/")[1] for each in sorted(stated)]
+    assert worst_first(told)[0] == "tb3_99"
+    out = io.StringIO()
+    print_report(told, out)
+    held = "holds for 99 of 100 robots: judge.farthest_m, should be at most 98.5: tb3_98 98, tb3_97 97, tb3_96 96 and"
+    assert held in out.getvalue()
+    assert "missed: /tb3_99/judge.farthest_m is 99, should be at most 98.5\n" in out.getvalue()
+
+
+def test_the_picture_of_a_hundred_robots_has_percentiles_and_names_the_worst(many: tuple[Path, Report]) -> None:
+    folder, report = many
+    figure = draw_figure(report, folder / TRAJECTORIES_FILE)
+    above, along, across, *small = figure.axes
+    assert len(above.collections[0].get_paths()) == MANY
+    assert [each.get_text() for each in above.texts][:2] == [STUCK, LATE]
+    for axes in (along, across):
+        labels = [each.get_text() for each in axes.get_legend().get_texts()]
+        assert labels[:4] == ["5 to 95 %", "25 to 75 %", "median", "largest"]
+        assert labels[4:6] == [STUCK, LATE]
+        assert len(axes.lines) == 2 + LINES, "no line for each of the others"
+    assert len(small) == 4
+    assert all(len(np.concatenate([each.get_offsets() for each in axes.collections])) == MANY for axes in small)
+    half = np.array([[0.0, 0, 0, 0, 0, 0, 0, 1.0], [1.0, 0, 0, 0, 0, 0, 0, 2.0]])
+    assert np.array_equal(
+        sample_trail(half, "speed", np.array([-1.0, 0.5, 2.0])), [np.nan, 1.5, np.nan], equal_nan=True
+    )
+    figure.canvas.draw()
+
+
+def test_the_report_of_a_run_is_shown_again(tmp_path: Path, many: tuple[Path, Report]) -> None:
+    (tmp_path / REPORT_FILE).write_bytes(to_json(many[1]))
+    shown = CliRunner().invoke(command, [str(tmp_path), "--all"])
+    assert shown.exit_code == 1
+    assert shown.output.count("tb3_99 ") >= 1
+    with pytest.raises(BadInput, match="has ended"):
+        CliRunner().invoke(command, [str(tmp_path / "none")], catch_exceptions=False)

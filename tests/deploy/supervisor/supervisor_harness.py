@@ -12,7 +12,7 @@ from typing import Any
 
 import psutil
 
-from deploy.processes import ProcessSpec
+from deploy.processes import NodeSpec, ProcessSpec
 from deploy.restart_policy import RestartPolicy
 from deploy.supervisor.managed_process import ManagedProcess
 from deploy.supervisor.reaper import Reaper
@@ -25,7 +25,8 @@ from tests.deploy.supervisor.fake_bus import FakeBus
 def faulty_process(script: str, node: str, *arguments: str, **options: Any) -> ProcessSpec:
     """A faulty child as a process of a fleet."""
     argv = (sys.executable, "-P", "-m", f"tests.deploy.supervisor.faulty.{script}", node, *arguments)
-    return ProcessSpec(name=node.strip("/"), node=node, kind=options.pop("kind", script), argv=argv, **options)
+    kind = options.pop("kind", script)
+    return ProcessSpec(name=node.strip("/"), nodes=(NodeSpec(name=node, kind=kind),), kind=kind, argv=argv, **options)
 
 
 class SupervisorHarness:

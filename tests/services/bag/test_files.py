@@ -162,9 +162,12 @@ def test_a_bag_leaves_room_on_the_disk_and_goes_on_when_there_is_more(
     assert ([each.publish_time for each in read], told.problems) == ([0, 0, 9, 9], [])
 
 
-def test_an_index_that_has_grown_long_ends_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("limit", "most"), [("MAX_CHUNKS", 4), ("MAX_INDEX_SIZE", 310)])
+def test_an_index_that_has_grown_long_ends_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, limit: str, most: int
+) -> None:
     """The index of a file is kept in memory until its end: that of a week would be too much for both."""
-    monkeypatch.setattr(mcap_writer, "MAX_CHUNKS", 4)
+    monkeypatch.setattr(mcap_writer, limit, most)
     with BagWriter(tmp_path / "bag") as bag:
         for tick in range(10):
             write_messages(bag, [("/clock", Clock(), tick)])

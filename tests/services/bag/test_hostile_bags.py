@@ -222,6 +222,7 @@ def test_types_of_requests_keep_their_names(tmp_path: Path) -> None:
     assert Channel("/t", "").ros_type == ""
 
 
+@pytest.mark.slow
 def test_what_metadata_names_and_is_missing_is_told(tmp_path: Path) -> None:
     """What is there is read all the same; ``bag_info`` and ``play`` end with status 1 for any trouble."""
     with BagWriter(tmp_path / "bag", max_duration=0.1) as made:

@@ -166,6 +166,7 @@ def test_the_hash_tells_one_motion_from_another() -> None:
     assert measured(played())[0].trajectory_hash != measured(played(seconds=4.9))[0].trajectory_hash
 
 
+@pytest.mark.slow
 def test_the_report_of_an_arm_fits_the_schema_and_is_drawn(tmp_path: Path) -> None:
     run = played()
     write_results(tmp_path, run.measurements("goals", LockstepState()), run.robots)

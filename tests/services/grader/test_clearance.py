@@ -20,9 +20,9 @@ from services.grader import SizeSpec
 from services.grader.clearance import ClearanceMeter
 from services.grader.results import world_arrays
 from services.runtime.step import STEP_NS
-from services.sim.physics.bullet import BulletWorld
+from services.sim.engines import default_engine, open_world
 from services.sim.physics.world import Body
-from services.sim.sensors import laser_scan
+from services.sim.sensors import laser_ranges, laser_scan
 from services.sim.world_markers import world_markers
 
 SECOND = 10**9
@@ -139,11 +139,11 @@ def test_the_clearance_is_what_the_laser_sees_of_the_nearest_wall(model: str) ->
     assert figures.laser is not None
     bottom, top = vertical_extent(model)
     world = [(body, body.footprints()) for body in world_bodies(world_markers(arena))]
-    with BulletWorld(arena, STEP_NS) as physics:
+    with open_world(default_engine(), arena, STEP_NS) as physics:
         for number, (x, y, yaw) in enumerate([(3.5, 0.3, 0.2), (-3.4, 3.2, 2.0), (2.0, 1.2, -1.0), (1.45, -2.6, 0.4)]):
             name = f"robot{number}"
             handle = physics.spawn(Body(name=name, urdf=urdf_path(model), pose=Pose3.planar(x, y, yaw)))
-            scan = laser_scan(physics, name, figures.laser, Header())
+            scan = laser_scan(figures.laser, laser_ranges(physics, [name], figures.laser, [None])[0], Header())
             turn = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
             ranges = scan.ranges.numpy().astype(float)
             seen = np.isfinite(ranges)

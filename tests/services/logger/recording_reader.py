@@ -21,8 +21,9 @@ def columns(file: Path, entity: str, component: str, timeline: str = "sim_time")
     for chunk in chunks(file):
         if chunk.entity_path == entity and not chunk.is_static and timeline in chunk.timeline_names:
             batch = chunk.to_record_batch()
-            times += batch.column(timeline).cast("int64").to_pylist()
-            cells += batch.column(component).to_pylist()
+            if component in batch.schema.names:
+                times += batch.column(timeline).cast("int64").to_pylist()
+                cells += batch.column(component).to_pylist()
     order = np.argsort(np.array(times, np.int64), kind="stable")
     return np.array(times, np.int64)[order], [cells[i] for i in order]
 

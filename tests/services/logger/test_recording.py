@@ -27,6 +27,7 @@ ROWS = round(LENGTH_S * 50)
 ROBOTS = tuple(f"tb3_{k}" for k in range(4))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_every_pose_is_there_at_its_time(driven: RecordedDrive, robot: str) -> None:
     times, found = poses(driven.file, robot, "base_footprint")
@@ -39,6 +40,7 @@ def test_every_pose_is_there_at_its_time(driven: RecordedDrive, robot: str) -> N
     assert np.allclose(np.cos(yaw - np.array(wanted)[:, 2]), 1.0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_wheels_stand_on_their_axles_and_turn(driven: RecordedDrive) -> None:
     times, found = poses(driven.file, "tb3_2", "wheel_left_link")
     assert len(times) == ROWS

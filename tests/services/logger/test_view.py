@@ -117,6 +117,12 @@ def test_bad_wishes_are_refused(run: Path, tmp_path: Path, options: tuple[str, s
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_run_without_a_recording_is_told_from_a_folder_of_another_kind(tmp_path: Path) -> None:
+    assert "is not a bag" in str(view(tmp_path).exception)
+    (tmp_path / "processes.json").touch()
+    assert "give its fleet a [[service]] of kind logger" in str(view(tmp_path).exception)
+
+
 def test_where_a_robot_is_is_read_from_the_recording(run: Path) -> None:
     assert robot_position(run / "run.rrd", "arm", "sim_time", UP) == pytest.approx((*PLACE, 0.0))
     assert robot_position(run / "run.rrd", "tb3_3", "sim_time", 1.0)[1] == pytest.approx(1.5, abs=0.01)

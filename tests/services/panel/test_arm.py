@@ -87,7 +87,7 @@ def test_a_slider_changes_the_gain_and_the_plot_shows_it(pages: PageOpener) -> N
     expect(box).to_have_value("21")
     wait_until(lambda: stands(page, left(21.0)), WITHIN_S, "what was refused has moved nothing for good")
 
-    page.click(f"{gain} button[title='Take back what was set']")
+    page.click(f"{gain} button[title='Return to the value of the fleet file or the default']")
     expect(box).to_have_value("37.5")
     expect(page.locator(f"{gain} .reason")).to_be_hidden()
     wait_until(lambda: stands(page, left(37.5)), WITHIN_S, "it is as it was")

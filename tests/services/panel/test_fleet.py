@@ -102,12 +102,13 @@ def test_a_page_whose_words_stop_lets_the_robot_go(fleet: PanelFleet) -> None:
     fleet.reset_world()
     with page_client(fleet.address) as at:
         send(at, k="subscribe", channels=["robots"])
-        began = time.monotonic()
-        while time.monotonic() - began < 1.5:
+
+        def driven() -> bool:
             send(at, k="drive", robot="/tb3_1", v=0.2)
-            time.sleep(0.05)
-        fleet.wait(lambda: fleet.is_moving("/tb3_1"), 2.0)
-        fleet.wait(lambda: fleet.is_standing("/tb3_1"), 3.0, "it stands, with the page still there")
+            return fleet.is_moving("/tb3_1")
+
+        fleet.wait(driven, WITHIN_S, "it moves while the page drives")
+        fleet.wait(lambda: fleet.is_standing("/tb3_1"), WITHIN_S, "it stands, with the page still there")
         send(at, k="drive", robot="/tb3_1", v=0.2)
         send(at, k="drive", robot="/tb3_1", v=40.0)
         assert "no page drives faster" in wait_message(at, "error")["reason"]

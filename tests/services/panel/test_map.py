@@ -100,3 +100,21 @@ def test_the_laser_of_the_chosen_robot_is_shown_while_it_is_wanted(fleet: PanelF
     assert page.evaluate(scan) is None
     page.click("#laser")
     wait_until(lambda: page.evaluate(f"{scan}?.ns") == "/tb3_2", WITHIN_S, "and again")
+
+
+def test_what_programs_draw_is_on_the_map(fleet: PanelFleet, pages: PageOpener) -> None:
+    page = pages.open("robots")
+    wait_until(
+        lambda: page.evaluate("Object.keys(window.elea.map.poses).length === 3"), WITHIN_S, "the robots are there"
+    )
+    page.click("button:has-text('Fit')")
+    ground = pixel(page, -2.37, 0.63)
+    area = {"id": "/a area 0", "kind": "area", "colour": "#00ff00ff", "outlines": [[-3, 0, -2, 0, -2, 1, -3, 1]]}
+    line = {"id": "/a line 0", "kind": "line", "colour": "#ff0000ff", "width": 0.2, "outlines": [[-3, 0.63, -2, 0.63]]}
+    emit(page, "markers", {"first": True, "shapes": [line, area], "gone": []})
+    assert pixel(page, -2.37, 0.63) == [255, 0, 0], "lines lie above areas"
+    assert pixel(page, -2.37, 0.3) == [0, 255, 0]
+    emit(page, "markers", {"first": False, "shapes": [], "gone": ["/a line 0"]})
+    assert pixel(page, -2.37, 0.63) == [0, 255, 0]
+    emit(page, "markers", {"first": True, "shapes": [], "gone": []})
+    assert pixel(page, -2.37, 0.63) == ground

@@ -46,7 +46,7 @@ def test_a_slider_changes_the_speed_and_the_plot_shows_it_on_both_pages(fleet: P
         expect(each.locator(f"{speed} input[type=number]")).to_have_value("0.22")
     set_slider(other, speed, 0.15)
     expect(page.locator(f"{speed} input[type=number]")).to_have_value("0.15")
-    page.click(f"{speed} button[title='Take back what was set']")
+    page.click(f"{speed} button[title='Return to the value of the fleet file or the default']")
     expect(other.locator(f"{speed} input[type=number]")).to_have_value("0.22")
 
 

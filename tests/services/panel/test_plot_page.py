@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
+import pytest
 from playwright.sync_api import Locator, Page, expect
 
+from tests.harness.processes import Process
 from tests.harness.waiting import wait_until
 from tests.services.panel.conftest import WITHIN_S, PageOpener, PanelFleet
 from tests.services.panel.page_actions import exported_csv
@@ -79,3 +82,67 @@ def test_plots_come_back_but_not_those_of_another_fleet(fleet: PanelFleet, pages
     page.evaluate(remember, json.dumps([[["/robot_control/reference", "data"]]]))
     page.reload()
     wait_until(lambda: page.evaluate(SHOWN) == [3, 3], WITHIN_S, "those that fit this fleet")
+
+
+SCRIPT = """#!/usr/bin/env python
+import math
+import rospy
+from probe_msgs.msg import Reading
+from geometry_msgs.msg import Point
+
+rospy.init_node("probe")
+out, rate = rospy.Publisher("/probe/reading", Reading, queue_size=10), rospy.Rate(20)
+while not rospy.is_shutdown():
+    level = math.sin(rospy.get_time())
+    out.publish(Reading(None, level, [1, 2 * level], [Point(), Point(x=3)], [7, 8, 9], True, rospy.Time(2), "full"))
+    rate.sleep()
+"""
+READING = """std_msgs/Header header
+float64 level
+float32[] cells
+geometry_msgs/Point[] corners
+uint8[3] raw
+bool full
+time due
+string note
+"""
+DRAWN = """plot => {
+  const [r, g, b] = getComputedStyle(plot.querySelector(".swatch")).backgroundColor.match(/\\d+/g).map(Number);
+  const canvas = plot.querySelector("canvas");
+  const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+  const rows = new Set();
+  for (let i = 0; i < data.length; i += 4)
+    if (Math.abs(data[i] - r) + Math.abs(data[i + 1] - g) + Math.abs(data[i + 2] - b) < 24 && data[i + 3] > 200)
+      rows.add(Math.floor(i / 4 / canvas.width));
+  return rows.size;
+}"""
+"""How many rows of the picture have a pixel in the colour of the plot's first line."""
+
+
+def test_numbers_that_only_a_script_has_a_type_for_are_drawn(
+    fleet: PanelFleet, pages: PageOpener, tmp_path: Path
+) -> None:
+    package = tmp_path / "probe_msgs"
+    (package / "msg").mkdir(parents=True)
+    (package / "package.xml").write_text("<package><name>probe_msgs</name></package>")
+    (package / "msg/Reading.msg").write_text(READING)
+    (package / "probe.py").write_text(SCRIPT)
+    script = ["-m", "services.script", "--connect", fleet.endpoint, str(package / "probe.py")]
+    with Process(script, tmp_path / "probe.log"):
+        page = pages.open("plots")
+        page.click("#add-plot")
+        page.fill("input[placeholder='Filter topics']", "probe/reading")
+        page.click("button.topic:has-text('reading')")
+        fields = ("level", "cells[1]", "corners[1].x", "raw[2]", "full", "due.sec")
+        for field in fields:
+            page.click(f"button.leaf:has(span:text-is('{field}'))")
+        plot = page.locator(".plot").last
+        expect(plot.locator(".chip")).to_have_count(len(fields))
+        wait_until(lambda: plot.evaluate(DRAWN) > 20, WITHIN_S, "a curve, which takes many rows of the picture")
+        header, *rows = exported_csv(page, plot)
+    assert header == ",".join(["time [s]", *(f"/probe/reading {field}" for field in fields)])
+    found = [[float(cell) for cell in row.split(",")[1:]] for row in rows if "" not in row.split(",")]
+    assert found
+    for level, second, *constant in found:
+        assert second == pytest.approx(2 * level, abs=1e-5)
+        assert constant == [3, 9, 1, 2]

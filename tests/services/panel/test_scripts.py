@@ -39,6 +39,16 @@ def test_a_history_is_bounded_and_rises(page: Page) -> None:
     assert got["anew"] == [1, 0.5]
 
 
+def test_what_rounds_to_zero_has_no_sign(page: Page) -> None:
+    got = page.evaluate(
+        """async () => {
+          const { twoDecimals } = await import("/static/js/dom.js");
+          return [-0.0049, 0, -2.004, 0.996].map(twoDecimals);
+        }"""
+    )
+    assert got == ["0.00", "0.00", "-2.00", "1.00"]
+
+
 def test_lines_with_times_of_their_own_share_an_axis(page: Page) -> None:
     data, table = page.evaluate(
         """async () => {

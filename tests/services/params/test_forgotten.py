@@ -96,7 +96,7 @@ def test_there_is_room_for_so_many_and_the_dead_give_way(monkeypatch: pytest.Mon
         at.server.announce(leaving(SET, "/arm"))
         for number in range(20):
             at.server.announce(arm_announcement(f"/r{number}/base", f"/killed{number}"))
-        assert len(at.server.announced_sets) <= 4
+        assert len([each for each in at.server.announced_sets if each.endswith("/base")]) <= 4
         for number in range(4):
             at.server.announce(arm_announcement(f"/s{number}/base", "/sim"))
         at.alive.add("/sim")
@@ -168,6 +168,7 @@ def test_what_its_readers_would_refuse_is_not_set(at: ServerHarness) -> None:
     assert len(at.published) == 4
 
 
+@pytest.mark.slow
 def test_the_most_work_that_announcements_and_changes_can_make_is_bounded(at: ServerHarness) -> None:
     """Counted in pairs of characters compared and sentences written, not in time."""
     names = [f"{'ab' * 40}{number:04}" for number in range(1000)]

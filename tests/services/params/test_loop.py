@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from messages.parameters import ParameterSet
-from messages.requests import PARAMS_ANNOUNCE, PARAMS_GET
+from messages.requests import PARAMS_ANNOUNCE, PARAMS_GET, PARAMS_REQUESTS
 from messages.topics import DESCRIPTIONS, UPDATES
 from services.params import ParamsParameters, Scheduled
 from services.params.loop import run
@@ -71,7 +71,7 @@ def running_service(
         thread = threading.Thread(target=work)
         thread.start()
         try:
-            wait_until(lambda: len(service.request_handlers) == 7, what="the service")
+            wait_until(lambda: len(service.request_handlers) == len(PARAMS_REQUESTS), what="the service")
             yield LoopHarness(bus, clock, beside, out)
         finally:
             service.stopping = True

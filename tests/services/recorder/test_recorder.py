@@ -9,11 +9,13 @@ from pathlib import Path
 import pytest
 from rosbags.highlevel import AnyReader
 
+from messages.base import encode
+from messages.elea import InterfaceDefinition, InterfaceDefinitions
 from messages.geometry import Twist
 from messages.records import unknown_record
 from messages.rosgraph import Clock
 from messages.std import String, Time
-from messages.topics import CLOCK, CMD_VEL, ODOM, ROBOT_DESCRIPTION, Quality, Topic
+from messages.topics import CLOCK, CMD_VEL, INTERFACES, ODOM, ROBOT_DESCRIPTION, Quality, Topic
 from services.bag.reader import Entry, MessageDecoder, open_bag
 from services.recorder import RecorderParameters
 from services.recorder.bag_recorder import PublishTimes, receive_time
@@ -79,27 +81,37 @@ def test_it_takes_up_all_that_there_is_and_what_comes_later(network: Network, no
     clock, early = node.advertise(CLOCK), node.advertise(ROBOT_DESCRIPTION, "/r/robot_description")
     early.publish(String(data="<robot/>"))
     raw = node.advertise(strange, "/strange")
+    told = node.advertise(INTERFACES)
+    told.publish(InterfaceDefinitions(definitions=(InterfaceDefinition(type="walk/Step", text="float32 length\n"),)))
+    step = node.advertise(Topic("/step", unknown_record("walk/Step"), 0, Quality.EVENT, ""))
     with record(network, node, tmp_path / "bag", "--param", "exclude=(health|rosout)$") as process:
-        wait_until(lambda: heard(node, "/clock", "/strange"))
+        wait_until(lambda: heard(node, "/clock", "/strange", "/step", "/interfaces"))
         late = node.advertise(CMD_VEL, "/r/cmd_vel")
         wait_until(lambda: late.has_subscribers)
         for tick in range(1, 51):
             clock.publish(Clock(clock=Time.of(tick * 20_000_000), tick=tick * 4))
             late.publish(Twist.planar(tick / 100, 0.0))
             raw.publish_encoded(b"\x81\xa1a" + bytes([tick]))
+            step.publish_encoded(encode({"length": tick / 2}))
             time.sleep(0.002)
         assert process.stop() == 0, process.text
     found, typed = read(tmp_path / "bag"), MessageDecoder()
     of = {each.channel.topic: [e for e in found if e.channel == each.channel] for each in found}
-    assert set(of) == {"/clock", "/clock/_elea", "/r/robot_description", "/r/cmd_vel", "/strange"}
+    others = {"/r/robot_description", "/r/cmd_vel", "/strange", "/step", "/interfaces"}
+    assert set(of) == {"/clock", "/clock/_elea", *others}
     assert [typed.decode(each) for each in of["/r/cmd_vel"]] == [Twist.planar(k / 100, 0.0) for k in range(1, 51)]
     assert [each.publish_time for each in of["/r/cmd_vel"]] == [k * 20_000_000 for k in range(1, 51)]
     assert [each.data[-1] for each in of["/strange"]] == list(range(1, 51))
+    with AnyReader([tmp_path / "bag"]) as reader:  # a type that was announced has its own schema and CDR
+        [channel] = [each for each in reader.connections if each.topic == "/step"]
+        lengths = [reader.deserialize(data, channel.msgtype).length for _, _, data in reader.messages([channel])]
+    assert (channel.msgtype, lengths) == ("walk/msg/Step", [tick / 2 for tick in range(1, 51)])
+    assert getattr(typed.decode(of["/step"][1]), "length") == 1.0  # noqa: B009 - a record of its own schema
     assert of["/r/robot_description"][0].channel.quality is Quality.LATCHED
     assert "/strange is my_msgs/Thing, which is unknown here" in process.text
     times = [each.log_time for each in found]
     assert times == sorted(times)
-    node.unregister(clock, early, raw, late)
+    node.unregister(clock, early, raw, late, told, step)
 
 
 def test_a_killed_recorder_has_lost_a_second_at_most(network: Network, node: Node, tmp_path: Path) -> None:

@@ -46,8 +46,8 @@ from services.runtime.node import Node
 from services.runtime.step import STEP_NS
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
+from services.sim.engines import default_engine, open_world
 from services.sim.parameters import RobotEntry
-from services.sim.physics.bullet import BulletWorld
 from services.sim.services import SimulationServices
 from services.sim.simulation import TF_STEPS, Simulation
 from tests.harness.memory_node import memory_node
@@ -94,7 +94,10 @@ def network() -> Network:
 @pytest.fixture(scope="module")
 def simulation_and_node(network: Network) -> Iterator[tuple[Simulation, Node]]:
     """Three hundred burgers that stand, two metres apart."""
-    with memory_node(network.bus, "sim") as simulation, BulletWorld(WorldDescription(), STEP_NS) as world:
+    with (
+        memory_node(network.bus, "sim") as simulation,
+        open_world(default_engine(), WorldDescription(), STEP_NS) as world,
+    ):
         made = Simulation(simulation, world, 0)
         tell, made.publish_static_tf = made.publish_static_tf, lambda: None  # type: ignore[method-assign]
         for number, name in enumerate(NAMES):

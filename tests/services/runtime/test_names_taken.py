@@ -12,7 +12,7 @@ import pytest
 from messages.names import Identity
 from services.runtime.discovery import DIRECTORY_KEY, known_nodes
 from services.runtime.errors import TryAgain
-from services.runtime.graph import snapshot
+from services.runtime.graph import REPLACED, snapshot
 from services.runtime.log import Log
 from services.runtime.node import Node
 from services.runtime.transport.zenoh import ZenohTransport
@@ -93,3 +93,20 @@ def test_what_else_answers_for_the_register_is_not_believed(network: Network) ->
         finally:
             stop.set()
             liar.join()
+
+
+def test_a_node_that_may_be_replaced_is_told_so_and_makes_room(network: Network) -> None:
+    asked: list[str] = []
+    with transport(network) as first, transport(network) as second, ExitStack() as stack:
+        old, new = node(first, "talker"), node(second, "talker")
+        old.on_asked_to_end, old.replaceable, new.replaceable = asked.append, True, True
+        entered = stack.enter_context(old)
+        taken = threading.Thread(target=lambda: stack.enter_context(new))
+        taken.start()
+        while taken.is_alive():
+            entered.spin_once()
+            taken.join(0.01)
+        assert asked == [REPLACED]
+        assert {each.session for each in snapshot(second) if each.node == "/talker"} >= {second.session}
+        with transport(network) as third, pytest.raises(TryAgain, match="already there"), node(third, "talker"):
+            pass  # one of another kind is refused as ever

@@ -7,13 +7,15 @@ import threading
 
 import pytest
 
+from messages.base import decoder
+from messages.elea import Health
 from messages.nav import Odometry
 from messages.records import unknown_record
 from messages.requests import GET_STATE, STEP, Name
 from messages.simulation import SimTime, Steps
 from messages.topics import CMD_VEL, HEALTH, ODOM, ROSOUT, Quality, Topic
 from services.runtime.errors import BadInput, CallFailed
-from services.runtime.graph import Entity, snapshot
+from services.runtime.graph import ASKS_HEALTH, Entity, ping_key, snapshot
 from services.runtime.log import Log
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from tests.harness.memory_node import memory_node, spinning
@@ -109,7 +111,7 @@ def test_a_call_that_is_not_answered_fails_at_its_deadline(bus: MemoryBus) -> No
 
 
 def test_the_second_node_of_a_name_is_refused(bus: MemoryBus, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("services.runtime.node.TAKEOVER_S", 0.2)
+    monkeypatch.setattr("services.runtime.name_claim.TAKEOVER_S", 0.2)
     with memory_node(bus, "a"), pytest.raises(BadInput, match="a node /a is already there"), memory_node(bus, "a"):
         pass
 
@@ -135,6 +137,15 @@ def test_the_loop_beats_and_tells_its_counts(bus: MemoryBus) -> None:
             wait_until(heard)
     beat = health.messages[-1][0]
     assert (beat.node, beat.inputs[0].topic, beat.outputs[0].topic) == ("/a", "/odom", "/rosout")
+
+
+def test_a_ping_may_ask_for_the_health(bus: MemoryBus) -> None:
+    with memory_node(bus, "a", "/tb3_0") as asked, spinning(asked), MemoryTransport(bus) as other:
+        key = ping_key(asked.transport.session, "/tb3_0/a")
+        [plain] = other.query(key, b"", 5.0)
+        [told] = other.query(key, ASKS_HEALTH, 5.0)
+    assert (plain.ok, plain.payload) == (True, b"")
+    assert decoder(Health)(told.payload).node == "/tb3_0/a"
 
 
 def test_the_log_goes_to_its_stream_and_to_rosout(bus: MemoryBus) -> None:

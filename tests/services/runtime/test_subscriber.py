@@ -8,6 +8,7 @@ import time
 import pytest
 
 from messages.base import encode
+from messages.elea import Health
 from messages.geometry import Twist
 from messages.std import String
 from messages.topics import CMD_VEL, HEALTH, Quality
@@ -153,6 +154,33 @@ def test_lockstep_counts_what_never_comes_as_lost(
     assert (_speeds(source), source.lost) == ([1.0], 2)
 
 
+def test_lockstep_does_not_wait_for_what_came_and_was_refused(
+    bus: MemoryBus, source: Subscriber[Twist], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("services.runtime.subscriber.WAIT_BUDGET_S", -1.0)
+    member = Sender(bus, "/member")
+    marks = Watermarks()
+    marks.members = {member.id[:10]}
+    for number, payload in enumerate((b"x" * 70_000, b"\xc1" * 50, encode(Twist.planar(1.0, 0.0))), start=1):
+        member.put(payload, number)
+        marks.advance({KEY: {member.id: number}})
+        source.update(marks)
+        marks.clear_required()
+        assert (source.lost, source.refused) == (0, min(number, 2))
+    assert _speeds(source) == [1.0]
+
+
+def test_lockstep_takes_heartbeats_as_they_come(bus: MemoryBus) -> None:
+    source: Subscriber[Health] = Subscriber(HEALTH, HEALTH.name, KEY, MemoryTransport(bus))
+    member = Sender(bus, "/member", kind=encoding(Health.ROS_TYPE))
+    marks = Watermarks()
+    marks.members = {member.id[:10]}
+    for beat in range(1, 4):
+        member.put(encode(Health(node="/member", beat=beat)), beat)
+        source.update(marks)
+        assert [each.beat for each, _ in source.messages] == [beat]
+
+
 def test_members_come_in_the_order_of_their_names_whoever_was_faster() -> None:
     orders = []
     for first, second in (("/a", "/b"), ("/b", "/a")):
@@ -183,10 +211,11 @@ def test_what_no_member_told_of_is_held_within_bounds_and_never_blocks_its_true_
     assert source.received + source.refused == 5 * QUEUE_SIZE // 2 - 1
     assert "has reported 0" in source.reason
     other = MemoryTransport(bus).advertise(KEY, TWIST, Quality.COMMAND)
-    other.put(encode(Twist.planar(9, 0)), attachment=pack_attachment(1, member.id[:10] + b"forged"))
-    refused = source.refused
+    for number in (1, 2, 10**6):
+        other.put(encode(Twist.planar(9, 0)), attachment=pack_attachment(number, member.id[:10] + b"forged"))
+    refused, lost = source.refused, source.lost
     source.update(marks)
-    assert (source.refused, "does not publish this topic" in source.reason) == (refused + 1, True)
+    assert (source.refused, source.lost, "does not publish this topic" in source.reason) == (refused + 3, lost, True)
     marks.epoch_changed = True
     source.update(marks)
     marks.clear_required()

@@ -20,8 +20,9 @@ from services.runtime.node import Node
 from services.runtime.step import STEP_NS
 from services.runtime.transport.api import PendingReplies, idle_subscriber
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
+from services.sim.engines import default_engine, open_world
 from services.sim.loop import SimulationLoop
-from services.sim.physics.bullet import BulletWorld
+from services.sim.physics.world import World
 from services.sim.services import SimulationServices
 from services.sim.simulation import CONTROL_STEPS, Simulation
 from services.sim.time_modes import Lockstep
@@ -32,7 +33,7 @@ from tests.harness.waiting import wait_until
 class LockstepHarness:
     """A simulation's loop in a thread, in lockstep with one member that the test plays, due at each control tick."""
 
-    def __init__(self, bus: MemoryBus, node: Node, member: LockstepMember, world: BulletWorld, latency: int) -> None:
+    def __init__(self, bus: MemoryBus, node: Node, member: LockstepMember, world: World, latency: int) -> None:
         self.node, self.member = node, member
         self.simulation = Simulation(node, world, 0, real_time=False)
         self.grants: list[tuple[int, int]] = []
@@ -112,11 +113,11 @@ def refusal(pending: PendingReplies) -> str:
 def lockstep(latency: int = 0) -> Iterator[LockstepHarness]:
     bus = MemoryBus()
     with (
-        BulletWorld(WorldDescription(), STEP_NS) as world,
+        open_world(default_engine(), WorldDescription(), STEP_NS) as world,
         memory_node(bus, "sim") as node,
         memory_node(bus, "m") as other,
     ):
-        member = LockstepMember(other.transport, "/m", CONTROL_STEPS * STEP_NS)
+        member = LockstepMember(other.transport, ["/m"], CONTROL_STEPS * STEP_NS)
         made = LockstepHarness(bus, node, member, world, latency)
         try:
             made.join()

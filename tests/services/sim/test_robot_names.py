@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,6 +17,7 @@ from messages.simulation import SpawnModel
 from messages.std import Bool, Empty
 from messages.tf import TFMessage
 from messages.topics import BASE_STATUS, CMD_VEL, E_STOP, GROUND_TRUTH, IMU, ODOM, SCAN, TF, TF_STATIC, Topic
+from models.robot_source import resolve_robot
 from services.runtime.errors import BadInput, CallFailed
 from services.runtime.subscriber import Subscriber
 from services.sim.parameters import RobotEntry
@@ -23,6 +25,12 @@ from services.sim.robot_names import check_robot_names, robot_frames
 from tests.services.sim.joints.joint_simulation import JointSimulation, robot_entry, run_joint_simulation
 
 TURTLEBOT = robot_entry("tb3", "burger", namespace="/", frame_prefix="")
+_BAR = """<inertial><mass value="1"/><inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+  <collision><geometry><box size="0.1 0.1 1"/></geometry></collision>"""
+ARM = f"""<robot name="arm"><link name="world"/><link name="post">{_BAR}</link><link name="bar">{_BAR}</link>
+  <joint name="stand" type="fixed"><parent link="world"/><child link="post"/><origin xyz="0 0 0.5"/></joint>
+  <joint name="turn" type="revolute"><parent link="post"/><child link="bar"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="10" velocity="2"/></joint></robot>"""
 
 
 def newest(world: JointSimulation, topic: Topic[Any], name: str, act: Any) -> Any:
@@ -105,6 +113,21 @@ def test_spawned_in_the_root_namespace_and_again() -> None:
         world.simulation.delete("tb3")
         world.call(SPAWN, asked)
         assert [robot.name for robot in world.simulation.robots] == ["arm", "tb3"]
+
+
+def test_an_arm_that_stands_by_a_link_named_world(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text(ARM)
+    made = resolve_robot("arm.urdf", tmp_path).model
+    arm, again = (RobotEntry(name=name, model=made, frame_prefix="") for name in ("a", "b"))
+    check_robot_names(arm, [RobotEntry(name="one", model="burger", frame_prefix="")])
+    with pytest.raises(BadInput, match="b: a has the frame bar already"):
+        check_robot_names(again, [arm])
+    with run_joint_simulation(robot_entry("a", arm.model, namespace="/", frame_prefix="")) as world:
+        told = world.subscribe(TF_STATIC, TF_STATIC.name)
+        world.simulation.publish_static_tf()
+        told.update()
+        frames = [(each.header.frame_id, each.child_frame_id) for each in told.messages[-1][0].transforms]
+        assert frames == [("world", "post")]
 
 
 def test_frames_that_robots_share() -> None:

@@ -21,7 +21,7 @@ from models.urdf import parse_urdf
 from models.world import WorldDescription
 from services.runtime.errors import CallFailed
 from services.runtime.step import STEP_NS
-from services.sim.physics.bullet import BulletWorld
+from services.sim.engines import default_engine, open_world
 from services.sim.physics.world import Body, BodyState
 from services.sim.robot_loader import on_the_ground
 from tests.models.sample_robots import inertial, joint, link, robot, shape, write, write_meshes
@@ -123,7 +123,7 @@ def test_a_root_whose_mass_is_elsewhere_is_where_it_is_put(tmp_path: Path) -> No
     model = resolve_robot(str(path), tmp_path).model
     pose = on_the_ground(model, Pose3.planar(1.0, 2.0, math.pi / 2))
     assert pose.position[2] == 0.05
-    with BulletWorld(WorldDescription(), STEP_NS) as world:
+    with open_world(default_engine(), WorldDescription(), STEP_NS) as world:
         body = world.spawn(Body("r", Path(model) / "physics.urdf", pose))
         assert body.state().position == pytest.approx(pose.position, abs=1e-9)
         assert body.link_pose("base_link").orientation == pytest.approx(pose.orientation, abs=1e-6)
@@ -142,7 +142,7 @@ def test_a_root_whose_mass_is_elsewhere_is_where_it_is_put(tmp_path: Path) -> No
 def test_damping_beyond_what_a_step_carries_drives_nothing(tmp_path: Path) -> None:
     path = write(tmp_path / "r.urdf", ARMED.replace("</joint>", '<dynamics damping="50"/></joint>'))
     model = resolve_robot(str(path), tmp_path).model
-    with BulletWorld(WorldDescription(), STEP_NS) as world:
+    with open_world(default_engine(), WorldDescription(), STEP_NS) as world:
         body = world.spawn(
             Body("r", Path(model) / "physics.urdf", Pose3((0.0, 0.0, 1.0), IDENTITY.orientation), fixed=True)
         )

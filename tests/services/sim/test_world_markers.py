@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from messages.base import decoder, encode
 from messages.se3 import Pose3
@@ -87,6 +88,7 @@ def test_bodies_of_every_shape_are_drawn_by_few_markers() -> None:
     assert len(encode(array)) < WORLD_MARKERS.largest
 
 
+@pytest.mark.slow
 def test_the_largest_worlds_fit_into_a_message() -> None:
     part = BodyPart(BoxShape((1.23456789, 1.23456789, 1.23456789)), Pose3((0.123456789, 0.1, 0.1)))
     fixed = [WorldBody(f"a_wall_with_a_long_name_{n}", (part,), Pose3((n / 7, n / 3, 0.1))) for n in range(MAX_PARTS)]

@@ -8,9 +8,10 @@ from messages.requests import GET_STATE, RESET, SET_STATE, WORLD_PROPERTIES
 from messages.se3 import Pose3
 from messages.simulation import GetModelState, SetModelState
 from messages.std import Empty
-from messages.topics import MODEL_STATES, WORLD_STATES
+from messages.topics import LINK_STATES, MODEL_STATES, WORLD_STATES
 from models.bodies import BodyPart, BodyPath, BoxShape, SphereShape, WorldBody, WorldDescription
 from services.runtime.errors import CallFailed
+from services.sim.parameters import RobotEntry
 from tests.services.sim.joints.joint_simulation import robot_entry, run_joint_simulation
 
 CART = BodyPath(((-2.0, 0.0, 0.25), (-1.0, 0.0, 0.25)), 0.5, "loop")
@@ -42,6 +43,25 @@ def test_states_of_what_moves_are_published_ten_times_a_second() -> None:
         states.update()
         again = [message for message, _ in states.messages]
         assert again[:6] == told[:6]
+
+
+def test_states_for_gazebo_s_programs_follow_the_robots_that_come_and_go() -> None:
+    with run_joint_simulation(robot_entry("tb3", "burger", y=3.0), scene=SCENE) as on:
+        on.simulation.delete("tb3")
+        models = on.subscribe(MODEL_STATES, "/gazebo/model_states")
+        links = on.subscribe(LINK_STATES, "/gazebo/link_states")
+        on.run(0.1)
+        on.simulation.spawn(RobotEntry(name="late", model="burger"), Pose3.planar(0.0, 1.0))
+        on.run(0.1)
+        for each in (models, links):
+            each.update()
+        told = [message for message, _ in models.messages]
+        assert (told[0].name, told[-1].name) == (("ball", "cart"), ("late", "ball", "cart"))
+        assert told[-1].pose[0].position.y == pytest.approx(1.0, abs=1e-3)
+        told = [message for message, _ in links.messages]
+        assert (told[0].name, told[0].pose, told[0].twist) == ((), (), ())
+        assert told[-1].name[0].startswith("late::")
+        assert len(told[-1].pose) == len(told[-1].twist) == len(told[-1].name)
 
 
 def test_a_movable_body_is_asked_for_and_moved_as_a_model_is() -> None:

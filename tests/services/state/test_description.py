@@ -130,6 +130,7 @@ def test_what_ros_takes_is_taken_and_what_does_nothing_is_told() -> None:
     assert parse_urdf(odd).root == "a"
 
 
+@pytest.mark.slow
 def test_a_long_chain_is_read_in_no_time() -> None:
     chain = [
         joint_urdf(f"j{n}", "continuous", f"l{n}", f"l{n + 1}", f'<mimic joint="j{n + 1}"/>' if n < 998 else "")

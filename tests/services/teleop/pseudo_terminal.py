@@ -64,6 +64,11 @@ class PseudoTerminal:
         return self._said.decode(errors="replace")
 
     @property
+    def ended(self) -> bool:
+        """Whether the program has ended."""
+        return self._child.poll() is not None
+
+    @property
     def attributes(self) -> list[Any]:
         """What the terminal is set to."""
         return termios.tcgetattr(self._slave)

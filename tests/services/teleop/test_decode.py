@@ -7,12 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from services.teleop.keys import MOVES, SCALES
-from services.teleop.terminal import ESCAPE_TIMEOUT_S, KeyDecoder
+from services.teleop.terminal import ARROWS, ESCAPE_TIMEOUT_S, KeyDecoder
 
 SPECIAL = {
-    "up": b"\x1b[A",
-    "up, application mode": b"\x1bOA",
-    "left": b"\x1b[D",
     "F1": b"\x1bOP",
     "F5": b"\x1b[15~",
     "shift up": b"\x1b[1;2A",
@@ -49,6 +46,14 @@ def test_however_a_special_key_is_cut_it_is_one_other_key(name: str) -> None:
     assert keys(*(bytes([byte]) for byte in SPECIAL[name])) == ["other"]
 
 
+def test_an_arrow_key_that_comes_whole_is_that_key_and_one_that_is_cut_stops() -> None:
+    assert keys(b"\x1b[A\x1b[B\x1b[C\x1b[Di") == ["up", "down", "right", "left", "i"]
+    assert keys(b"\x1bOA\x1bOB\x1bOC\x1bOD") == ["up", "down", "right", "left"]
+    for cut in (1, 2):
+        assert keys(b"\x1b[A"[:cut], b"\x1b[A"[cut:]) == ["other"]
+    assert keys(b"\x1b[1;2A") == ["other"], "with shift"
+
+
 def test_an_escape_stops_at_once_and_what_is_typed_later_is_not_part_of_it() -> None:
     assert keys(b"\x1b", b"O", pause=2 * ESCAPE_TIMEOUT_S) == ["other", "O"]
 
@@ -68,5 +73,5 @@ def test_no_cut_of_special_keys_drives(names: list[str], data: st.DataObject) ->
 
 @given(st.binary(max_size=200))
 def test_any_bytes_are_taken(noise: bytes) -> None:
-    assert all(len(key) == 1 or key == "other" for key in keys(noise))
+    assert all(len(key) == 1 or key in ("other", *ARROWS.values()) for key in keys(noise))
     assert not {*MOVES, *SCALES} & {"other"}

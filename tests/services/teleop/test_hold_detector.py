@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from services.teleop.hold_detector import DELAY_MARGIN_S, MAX_DELAY_S, HoldDetector, pressed, reset
@@ -136,6 +136,7 @@ def test_the_fixed_time_out_is_that_of_teleop_twist_keyboard() -> None:
 def test_any_keyboard_is_smooth_while_held_and_soon_over(
     delay: float, interval: float, jitter: float, seconds: float, seed: int
 ) -> None:
+    assume(delay + jitter * interval < FIRST_TIMEOUT_S)  # the second event comes that late
     times = key_repeat(0.0, seconds, delay, interval, jitter, seed)
     man, let_go = timeouts(FRESH, times)
     assert let_go == []

@@ -27,6 +27,7 @@ def test_a_held_key_repeats_after_its_delay() -> None:
 
 
 def test_a_key_repeats_no_more_once_another_is_struck() -> None:
+    assert [each.key for each in script_events(TeleopParameters(keys="up@1 left@2"))] == ["up", "left"]
     found = script_events(TeleopParameters(keys="i@0-10 l@0.55"))
     assert [(each.key, round(each.time, 2)) for each in found] == [("i", 0), ("i", 0.5), ("i", 0.53), ("l", 0.55)]
 

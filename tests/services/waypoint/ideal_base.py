@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from messages.se2 import ZERO_TWIST, Pose2, Twist2
-from services.waypoint.controller import Progress, WaypointController
+from services.driving.plan import Progress
+from services.waypoint.controller import WaypointController
 
 PHYSICS_S = 0.005
 CONTROL_S = 0.04

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from messages.se2 import ZERO_TWIST, Pose2, wrap
 from services.driving.guidance import Segment
+from services.driving.plan import Goal, Plan
 from services.waypoint import WaypointParameters
-from services.waypoint.controller import Goal, Plan, WaypointController
+from services.waypoint.controller import WaypointController
 from tests.services.waypoint.ideal_base import CONTROL_S, IdealBase, SimulatedStep, drive
 
 TEN = ((5, 0), (1, -4), (2.5, 2.5), (4, -4), (0, 0), (0, 2.5), (5, 2.5), (5, -4), (0, -4), (0, 0))
@@ -47,6 +48,7 @@ def test_a_lap_stops_on_every_point_within_a_millimetre_and_in_time(four_runs: l
     assert run[-1].time < 300
 
 
+@pytest.mark.slow
 def test_the_lap_keeps_to_its_legs(four_runs: list[list[SimulatedStep]]) -> None:
     corners = [(0.0, 0.0), *TEN]
     offsets = [
@@ -201,6 +203,7 @@ def bound(*values: float) -> st.SearchStrategy[float]:
     return st.sampled_from(values)
 
 
+@pytest.mark.slow
 @settings(max_examples=16, deadline=None, derandomize=True)
 @given(
     max_linear=bound(0.02, 0.22, 2.0),

@@ -11,7 +11,7 @@ from models.model import read_model
 from models.world import WorldDescription
 from services.driving.guidance import Segment
 from services.sim.drive.driver import Drive
-from services.sim.physics.bullet import BulletWorld
+from services.sim.engines import default_engine, open_world
 from services.waypoint import WaypointParameters
 from services.waypoint.controller import WaypointController
 from tests.services.sim.physics.driven_robot import STEP_NS, DrivenRobot, placement_at, robot_body, wheels_of, yaw_of
@@ -25,7 +25,7 @@ def test_a_burger_keeps_to_its_legs_stops_on_its_points_and_takes_the_final_head
     pilot = WaypointController(WaypointParameters(goals=CORNERS[1:], final_yaw=-1.0))
     stops: list[float] = []
     offsets: list[float] = []
-    with BulletWorld(WorldDescription(), STEP_NS) as world:
+    with open_world(default_engine(), WorldDescription(), STEP_NS) as world:
         world.spawn(robot_body("burger", "burger", placement_at(0, 0, 1.57)))
         base = DrivenRobot(world, "burger", Drive.of(wheels_of(read_model("burger"))))
         late = ZERO_TWIST

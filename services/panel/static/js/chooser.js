@@ -68,7 +68,7 @@ export function startChooser(link, plot) {
     const shown = el("span", { class: "num value" }, text(value));
     const numeric = typeof value === "number" || typeof value === "boolean";
     const row = numeric
-      ? el("button", { class: "leaf", "aria-pressed": String(plot.has(topic, path)), title: "Draw it, or take it away", onclick: () => plot.toggle(topic, path) }, el("span", {}, path), shown)
+      ? el("button", { class: "leaf", "aria-pressed": String(plot.has(topic, path)), title: "Add this field to the plot, or remove it", onclick: () => plot.toggle(topic, path) }, el("span", {}, path), shown)
       : el("div", { class: "leaf dull" }, el("span", {}, path), shown);
     known.fields.set(path, { row, value: shown });
     return row;

@@ -33,6 +33,11 @@ export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
+// A number with two decimals; what rounds to zero has no sign.
+export function twoDecimals(value) {
+  return (Math.round(value * 100) / 100 + 0).toFixed(2);
+}
+
 export function show(element, visible) {
   if (element.hidden === visible) element.hidden = !visible;
 }

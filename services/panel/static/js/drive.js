@@ -1,7 +1,7 @@
 // Driving: a stick on the screen and keys, each for as long as it is held. The panel stops the robot when this page
 // falls silent; here everything that could leave a key stuck lets go as well.
 
-import { el, notify, robotName, setText, show, storage } from "./dom.js";
+import { el, notify, robotName, setText, show, storage, twoDecimals } from "./dom.js";
 
 const PERIOD = 50; // ms between two commands while the stick or a key is held
 const KEYS = {
@@ -51,7 +51,7 @@ export function startDrive(link, chosen) {
     if (!share || !robot?.drives) { release(); return; }
     const v = share[0] * Number(speed.value), w = share[1] * Number(turn.value);
     link.send({ k: "drive", robot: robot.ns, v: Number(v.toFixed(3)), w: Number(w.toFixed(3)) });
-    setText(motion, `${v.toFixed(2)} m/s, ${w.toFixed(2)} rad/s`);
+    setText(motion, `${twoDecimals(v)} m/s, ${twoDecimals(w)} rad/s`);
     if (!timer) timer = setInterval(sendCommand, PERIOD);
   }
 

@@ -7,6 +7,8 @@ import { store } from "./store.js";
 
 const QUIET = /^\/(rosout|health|clock)$|\/parameter_(descriptions|updates)$/;
 
+const MOST = 150; // topics that are drawn; the filter finds the others
+
 export function startGraph(link) {
   const filter = el("input", { type: "search", placeholder: "Filter topics and nodes", "aria-label": "Filter the graph", oninput: () => draw() });
   const all = el("input", { type: "checkbox", checked: storage.get("housekeeping", false), onchange: () => { storage.set("housekeeping", all.checked); draw(); } });
@@ -27,8 +29,9 @@ export function startGraph(link) {
 
   function draw() {
     if (!visible) return;
-    const topics = shownTopics();
-    setText(count, `${store.nodes.length} nodes, ${topics.length} of ${store.topics.length} topics`);
+    const found = shownTopics(), topics = found.slice(0, MOST);
+    const more = found.length > MOST ? `, the first ${MOST} drawn: filter for the others` : "";
+    setText(count, `${store.nodes.length} nodes, ${found.length} of ${store.topics.length} topics${more}`);
     const { left, middle, right, height } = layout(topics);
     const width = Math.max(640, drawing.clientWidth - 20), side = width < 760 ? 140 : 170, wide = Math.min(380, width - 2 * side - 110);
     const from = (width - wide) / 2;

@@ -3,12 +3,16 @@
 import { Camera } from "./camera.js";
 import { el, robotName } from "./dom.js";
 import { drawGrid } from "./map_grid.js";
+import { MarkerLayer } from "./map_markers.js";
+import { TrailLayer } from "./map_trails.js";
+import { drawTurtle } from "./map_turtle.js";
 import { WorldLayer } from "./map_world.js";
 import { colour, onTheme, paint } from "./theme.js";
 
-const TRAIL = 4000; // points of a robot's trail
-const APART = 0.02; // m between two of them
+const FEW = 8; // robots of which every plan is drawn; of more, that of the selected robot, and where the others drive
+const LETTER = 6.6; // px, mean width of a letter of a name
 const SETTLE = 2000; // ms in which the first look may still widen
+const WIDE = 20; // m around the first robot in which markers belong to the first look
 const AROUND = 6; // m around robots and plans in which bodies of the world belong to the first look
 
 export class GroundMap {
@@ -17,9 +21,11 @@ export class GroundMap {
     this.actions = actions;
     this.camera = new Camera();
     this.world = new WorldLayer();
+    this.markers = new MarkerLayer();
     this.robots = [];
+    this.byNamespace = new Map();
     this.poses = {};
-    this.trails = new Map();
+    this.trails = new TrailLayer();
     this.selected = "";
     this.aim = null;
     this.fitted = this.touched = false;
@@ -42,21 +48,14 @@ export class GroundMap {
   setPoses(poses) {
     this.poses = poses;
     this.dirty = true;
-    for (const [ns, [x, y]] of Object.entries(poses)) {
-      let trail = this.trails.get(ns);
-      if (!trail) this.trails.set(ns, trail = []);
-      const n = trail.length;
-      const step = n ? Math.hypot(x - trail[n - 2], y - trail[n - 1]) : Infinity;
-      if (step > 1) trail.length = 0; // it was moved, or reset
-      if (step > APART) trail.push(x, y);
-      if (trail.length > 2 * TRAIL) trail.splice(0, TRAIL);
-    }
+    this.trails.add(poses);
     if (!this.fitted) this.fitAtStart();
   }
 
   setRobots(robots) {
     this.robots = robots;
-    for (const ns of this.trails.keys()) if (!robots.some((each) => each.ns === ns)) this.trails.delete(ns);
+    this.byNamespace = new Map(robots.map((each) => [each.ns, each]));
+    this.trails.keep(this.byNamespace);
     this.dirty = true;
     this.fitAtStart();
   }
@@ -70,6 +69,12 @@ export class GroundMap {
   setOutlines(outlines) {
     this.world.setOutlines(outlines);
     this.dirty = true;
+  }
+
+  setMarkers(message) {
+    this.markers.update(message);
+    this.dirty = true;
+    this.fitAtStart();
   }
 
   setScan(scan) {
@@ -91,7 +96,7 @@ export class GroundMap {
     this.fitted = true;
     const points = Object.values(this.poses).map(([x, y]) => [x, y]);
     for (const robot of this.robots) points.push(...robot.plan);
-    this.camera.fit([...points, ...this.world.cornersNear(points, AROUND)]);
+    this.camera.fit([...points, ...this.world.cornersNear(points, AROUND), ...near(points, this.markers.corners())]);
     this.dirty = true;
   }
 
@@ -106,7 +111,10 @@ export class GroundMap {
     this.draw();
   }
 
-  colourOf(ns) { return this.robots.find((each) => each.ns === ns)?.colour ?? paint(0); }
+  // A turtle draws its trail itself, by its pen.
+  isTurtle(ns) { return this.byNamespace.get(ns)?.model === "turtle"; }
+
+  colourOf(ns) { return this.byNamespace.get(ns)?.colour ?? paint(0); }
 
   draw() {
     if (!this.dirty || !this.canvas.width) return;
@@ -118,21 +126,14 @@ export class GroundMap {
     context.fillRect(0, 0, this.camera.width, this.camera.height);
     drawGrid(context, this.camera, this.colours);
     this.dirty = this.world.draw(context, this.camera, this.colours);
-    for (const [ns, trail] of this.trails) this.drawTrail(context, trail, this.colourOf(ns));
-    for (const robot of this.robots) if (robot.plan.length) this.drawPlan(context, robot);
+    this.markers.draw(context, this.camera);
+    this.dirty = this.trails.draw(context, this.camera, (ns) => (this.isTurtle(ns) ? null : this.colourOf(ns))) || this.dirty;
+    const all = this.robots.length <= FEW;
+    for (const robot of this.robots) if (robot.plan.length) (all || robot.ns === this.selected) ? this.drawPlan(context, robot) : this.drawGoal(context, robot);
     this.world.drawScan(context, this.camera, this.selected, this.colourOf(this.selected));
     for (const [ns, pose] of Object.entries(this.poses)) this.drawRobot(context, ns, pose);
+    this.drawNames(context);
     if (this.aim) this.drawAim(context);
-  }
-
-  drawTrail(context, trail, paint) {
-    context.strokeStyle = paint;
-    context.globalAlpha = 0.55;
-    context.lineWidth = 2;
-    context.beginPath();
-    for (let i = 0; i < trail.length; i += 2) context.lineTo(...this.camera.toScreen(trail[i], trail[i + 1]));
-    context.stroke();
-    context.globalAlpha = 1;
   }
 
   drawPlan(context, robot) {
@@ -163,7 +164,7 @@ export class GroundMap {
   }
 
   drawRobot(context, ns, [x, y, yaw, ex, ey, eyaw]) {
-    const robot = this.robots.find((each) => each.ns === ns), paint = this.colourOf(ns);
+    const robot = this.byNamespace.get(ns), paint = this.colourOf(ns);
     const size = Math.max(9, (robot?.radius || 0.13) * this.camera.scale);
     const apart = Math.hypot(ex - x, ey - y) * this.camera.scale > 3 || Math.abs(Math.atan2(Math.sin(eyaw - yaw), Math.cos(eyaw - yaw))) > 0.1;
     if (apart) {
@@ -175,12 +176,15 @@ export class GroundMap {
       context.setLineDash([]);
     }
     const [px, py] = this.camera.toScreen(x, y);
-    if (robot && !robot.drives) {
+    if (robot?.model === "turtle") drawTurtle(context, px, py, yaw, size, paint);
+    else if (robot && !robot.drives) {
       context.beginPath();
       context.rect(px - size * 0.8, py - size * 0.8, size * 1.6, size * 1.6);
     } else this.outline(context, x, y, yaw, size);
-    context.fillStyle = paint;
-    context.fill();
+    if (robot?.model !== "turtle") {
+      context.fillStyle = paint;
+      context.fill();
+    }
     if (robot?.stopped || robot?.colliding || ns === this.selected) {
       context.strokeStyle = robot?.stopped || robot?.colliding ? this.colours.bad : this.colours.text;
       context.lineWidth = 2;
@@ -188,9 +192,41 @@ export class GroundMap {
       context.arc(px, py, size + 6, 0, 2 * Math.PI);
       context.stroke();
     }
+  }
+
+  // The names, as far as they have room: that of the selected robot first, then of those that need a look.
+  drawNames(context) {
+    const { width, height } = this.camera, rows = new Map(), first = [], rest = [];
+    for (const ns of Object.keys(this.poses)) {
+      const robot = this.byNamespace.get(ns);
+      if (ns === this.selected) first.unshift(ns);
+      else (robot?.stopped || robot?.colliding ? first : rest).push(ns);
+    }
     context.fillStyle = this.colours.text;
     context.font = "12px system-ui, sans-serif";
-    context.fillText(robotName(ns), px + size + 6, py - size * 0.6);
+    this.named = 0;
+    for (const ns of [...first, ...rest]) {
+      const size = Math.max(9, (this.byNamespace.get(ns)?.radius || 0.13) * this.camera.scale), name = robotName(ns);
+      const [px, py] = this.camera.toScreen(this.poses[ns][0], this.poses[ns][1]);
+      const x = px + size + 6, y = py - size * 0.6, end = x + LETTER * name.length + 4;
+      if (end < 0 || x > width || y < 0 || y > height + 12) continue;
+      const row = Math.floor(y / 14);
+      if ([row - 1, row, row + 1].some((at) => rows.get(at)?.some(([a, b, base]) => a < end && b > x && Math.abs(base - y) < 13))) continue;
+      if (!rows.has(row)) rows.set(row, []);
+      rows.get(row).push([x, end, y]);
+      context.fillText(name, x, y);
+      this.named++;
+    }
+  }
+
+  // Where a robot of many drives.
+  drawGoal(context, robot) {
+    const goal = robot.state === "driving" && robot.plan[robot.index];
+    if (!goal) return;
+    const [px, py] = this.camera.toScreen(goal[0], goal[1]);
+    context.strokeStyle = robot.colour;
+    context.lineWidth = 1;
+    context.strokeRect(px - 2.5, py - 2.5, 5, 5);
   }
 
   // A drop that points where the robot looks.
@@ -269,4 +305,10 @@ export class GroundMap {
       .sort((a, b) => a[0] - b[0])[0];
     if (near && near[0] < 30) this.actions.select(near[1]);
   }
+}
+
+// Of some corners those that lie within WIDE metres of the first point, so that no far mark takes the look away.
+function near(points, corners) {
+  const [x, y] = points[0] ?? [0, 0];
+  return corners.filter(([cx, cy]) => Math.abs(cx - x) < WIDE && Math.abs(cy - y) < WIDE);
 }

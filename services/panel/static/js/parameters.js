@@ -42,8 +42,8 @@ export function startParameters(link) {
     set.element = el("details", { class: "set", open },
       el("summary", {}, el("span", { class: "name" }, schema.set), el("small", { class: "quiet" }, `${schema.parameters.length}`)),
       el("div", { class: "line tools" },
-        el("button", { class: "small", title: "Take the newest change back", onclick: ({ currentTarget }) => request({ k: "undo", set: schema.set }, currentTarget) }, "Undo"),
-        confirmButton("Reset all", (button) => unset(schema.set, [], button), { class: "small", title: "Fleet file and defaults count again" }),
+        el("button", { class: "small", title: "Undo the newest change", onclick: ({ currentTarget }) => request({ k: "undo", set: schema.set }, currentTarget) }, "Undo"),
+        confirmButton("Reset all", (button) => unset(schema.set, [], button), { class: "small", title: "Return to the values of the fleet file and the defaults" }),
         el("button", { class: "small", onclick: ({ currentTarget }) => showHistory(schema.set, history, currentTarget) }, "History")),
       set.note, history, ...[...set.widgets.values()].map((each) => each.element));
     return set;

@@ -63,7 +63,7 @@ export class Plot {
 
   add(topic, path) {
     if (this.has(topic, path)) return;
-    if (this.source.all.size >= 32 && !this.source.has(topic, path)) { notify("32 series are followed at once, no more", "bad"); return; }
+    if (this.source.all.size >= 32 && !this.source.has(topic, path)) { notify("At most 32 series are drawn at once: remove one first", "bad"); return; }
     const series = this.source.open(topic, path);
     const used = new Set(this.lines.map((line) => line.paint));
     let index = 0;

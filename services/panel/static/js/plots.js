@@ -83,7 +83,7 @@ export function startPlots(link) {
 
   function refresh() {
     pause.setAttribute("aria-pressed", String(paused));
-    setEnabled(follow, fixed === null ? "It follows the newest already" : "");
+    setEnabled(follow, fixed === null ? "It shows the newest samples already" : "");
     dirty = true;
   }
 

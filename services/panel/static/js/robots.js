@@ -1,20 +1,23 @@
 // The view of robots: the map, the list of robots with their stops, goals, and the stick.
 
-import { el, notify, robotName, setEnabled, setText, show, storage, whilePending } from "./dom.js";
+import { el, notify, robotName, setEnabled, setText, show, storage, twoDecimals, whilePending } from "./dom.js";
 import { startDrive } from "./drive.js";
 import { GroundMap } from "./map.js";
+
+const MANY = 8; // robots; a list of more has a filter, and a line for each
 
 export function startRobots(link) {
   let robots = [], selected = "", aiming = false, visible = false, epoch = null, poses = {};
 
   const ground = new GroundMap({ select, aims: () => aiming && Boolean(selected), goal });
-  const goalButton = el("button", { id: "goal-mode", title: "Then click where the robot is to go; drag to say which way it is to look (Esc ends it)", onclick: () => aim(!aiming) }, "Send goal");
+  const goalButton = el("button", { id: "goal-mode", title: "Then click where the robot should go; drag to set its final heading (Esc cancels)", onclick: () => aim(!aiming) }, "Send goal");
   const laserButton = el("button", { id: "laser", title: "Show what the laser of the chosen robot sees", onclick: () => {
     storage.set("laser", !storage.get("laser", true));
     subscribe();
   } }, "Laser");
   const hint = el("span", { class: "quiet hint-line" });
   const list = el("div", { class: "robots", id: "robots" });
+  const filter = el("input", { type: "search", class: "list-filter", placeholder: "Filter robots", "aria-label": "Filter robots", hidden: true, oninput: () => refresh() });
   const rows = new Map();
   const drive = startDrive(link, () => robots.find((each) => each.ns === selected));
   const element = el("div", { class: "view robots-view" },
@@ -23,14 +26,14 @@ export function startRobots(link) {
         el("button", { onclick: () => ground.fit() }, "Fit"),
         el("button", { onclick: () => ground.clear() }, "Clear trails"), laserButton, hint),
       ground.canvas),
-    el("aside", { class: "pane side" }, list, drive.element));
+    el("aside", { class: "pane side" }, filter, list, drive.element));
 
   // The laser is computed for those who look at it alone.
   function subscribe() {
     const laser = storage.get("laser", true);
     laserButton.setAttribute("aria-pressed", String(laser));
     if (!laser || ground.world.scan?.ns !== selected) ground.setScan(null);
-    link.subscribe("map", visible ? { channels: ["poses", "world", "bodies"], scan: laser ? selected : "" } : {});
+    link.subscribe("map", visible ? { channels: ["poses", "world", "bodies", "markers"], scan: laser ? selected : "" } : {});
   }
 
   function select(ns) {
@@ -63,7 +66,7 @@ export function startRobots(link) {
     parts.swatch = el("i", { class: "swatch" });
     parts.stop = el("button", { class: "stop small", title: ns === "/" ? "Stop all robots until they are reset: /e_stop is theirs, too" : "Stop this robot until it is reset", "aria-label": `Stop ${robotName(ns)}`, onclick: (event) => { event.stopPropagation(); setStop(ns, true); } }, "Stop");
     parts.reset = el("button", { class: "small", title: "Let this robot move again", "aria-label": `Reset ${robotName(ns)}`, onclick: (event) => { event.stopPropagation(); setStop(ns, false); } }, "Reset");
-    parts.name = el("button", { class: "bare pick", title: "Choose this robot to drive and to send" }, robotName(ns));
+    parts.name = el("button", { class: "bare pick", title: "Choose this robot, to drive it or send it to a goal" }, robotName(ns));
     parts.row = el("div", { class: "robot", onclick: () => select(ns) },
       el("div", { class: "line" }, parts.swatch, parts.name, parts.model = el("small", { class: "quiet" }), el("span", { class: "fill" }), parts.reset, parts.stop),
       el("div", { class: "line" }, parts.state, el("span", { class: "fill" }), parts.pose));
@@ -78,17 +81,22 @@ export function startRobots(link) {
     const gone = !robots.some((each) => each.ns === selected);
     if (gone) selected = ground.selected = (robots.find((each) => each.goals) ?? robots.find((each) => each.drives) ?? robots[0])?.ns ?? "";
     if (gone) subscribe();
-    for (const [ns, parts] of rows) if (!robots.some((each) => each.ns === ns)) { parts.row.remove(); rows.delete(ns); }
+    const there = new Set(robots.map((each) => each.ns));
+    for (const [ns, parts] of rows) if (!there.has(ns)) { parts.row.remove(); rows.delete(ns); }
+    const many = robots.length > MANY, wanted = many ? filter.value.trim().toLowerCase() : "";
+    show(filter, many);
+    list.classList.toggle("many", many);
     robots.forEach((robot, index) => {
       if (!rows.has(robot.ns)) rows.set(robot.ns, makeRow(robot.ns));
       const parts = rows.get(robot.ns);
       if (list.children[index] !== parts.row) list.insertBefore(parts.row, list.children[index] ?? null);
-      parts.swatch.style.background = robot.colour;
-      setText(parts.model, robot.model);
       const [text, kind] = stateText(robot);
+      show(parts.row, !wanted || `${robotName(robot.ns)} ${robot.model} ${text}`.toLowerCase().includes(wanted));
+      if (parts.colour !== robot.colour) parts.swatch.style.background = parts.colour = robot.colour;
+      setText(parts.model, robot.model);
       setText(parts.state, text);
-      parts.state.className = `state ${kind}`;
-      parts.name.setAttribute("aria-pressed", String(robot.ns === selected));
+      if (parts.kind !== kind) parts.state.className = `state ${parts.kind = kind}`;
+      if (parts.chosen !== (robot.ns === selected)) parts.name.setAttribute("aria-pressed", String(parts.chosen = robot.ns === selected));
       parts.row.classList.toggle("chosen", robot.ns === selected);
       parts.row.classList.toggle("is-stopped", robot.stopped);
       show(parts.reset, robot.stopped || robot.asked);
@@ -122,6 +130,7 @@ export function startRobots(link) {
   });
   link.on("world", ({ bodies }) => ground.setBodies(bodies));
   link.on("bodies", ({ outlines }) => ground.setOutlines(outlines));
+  link.on("markers", (message) => ground.setMarkers(message));
   link.on("scan", (scan) => { if (scan.ns === selected && storage.get("laser", true)) ground.setScan(scan); });
   link.on("clock", (clock) => { if (epoch !== null && clock.epoch !== epoch) { ground.clear(); ground.setScan(null); } epoch = clock.epoch; });
   window.addEventListener("keydown", (event) => { if (event.key === "Escape" && aiming) aim(false); });
@@ -133,8 +142,9 @@ export function startRobots(link) {
       if (now - lastText > 200) {
         lastText = now;
         for (const { ns, drives } of robots) {
+          if (robots.length > MANY && ns !== selected) continue; // the map shows where the others are
           const [x, y, , , , , speed] = poses[ns] ?? [];
-          if (x !== undefined) setText(rows.get(ns).pose, `${x.toFixed(2)}, ${y.toFixed(2)} m${drives ? ` · ${speed.toFixed(2)} m/s` : ""}`);
+          if (x !== undefined) setText(rows.get(ns).pose, `${twoDecimals(x)}, ${twoDecimals(y)} m${drives ? ` · ${twoDecimals(speed)} m/s` : ""}`);
         }
       }
     }

@@ -15,7 +15,7 @@ export class Widget {
     const d = description;
     this.origin = el("span", { class: "origin" });
     this.reason = el("p", { class: "reason bad", hidden: true });
-    this.back = el("button", { class: "bare", hidden: true, title: "Take back what was set", onclick: () => unset(d.name, this.back) }, "↺");
+    this.back = el("button", { class: "bare", hidden: true, title: "Return to the value of the fleet file or the default", onclick: () => unset(d.name, this.back) }, "↺");
     const control = this.make(d);
     this.element = el("div", { class: `parameter ${d.live ? "" : "fixed"}`, title: d.text },
       el("div", { class: "line" }, el("span", { class: "name" }, d.name), this.origin, this.back),

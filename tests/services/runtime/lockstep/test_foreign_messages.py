@@ -38,7 +38,7 @@ class LedMember:
     def __init__(self, bus: MemoryBus) -> None:
         self.simulation, self.transport = MemoryTransport(bus), MemoryTransport(bus)
         self.token = self.simulation.declare_token(Entity(self.simulation.session, "node", SIMULATION, "sim").key)
-        self.follower = LockstepMember(self.transport, "/m", STEP_NS)
+        self.follower = LockstepMember(self.transport, ["/m"], STEP_NS)
         self.answers = self.simulation.subscribe(report_key(self.simulation.session), 64)
         self._outlet = self.simulation.advertise(grant_key(self.transport.session), "", Quality.EVENT)
         self.greeting = self.go(roster=("/m",))
@@ -191,7 +191,7 @@ class SilentMember:
 
     def _run(self, transport: Transport, name: str, beats: bool) -> None:
         with transport, memory_node(MemoryBus(), name, transport=transport) as made:
-            follower = LockstepMember(transport, made.identity.node, STEP_NS)
+            follower = LockstepMember(transport, [made.identity.node], STEP_NS)
             follower.join()
             while not self.ended.is_set():
                 if beats:

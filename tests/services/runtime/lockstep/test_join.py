@@ -59,7 +59,7 @@ class WaitingMember:
 
 def test_a_lost_greeting_goes_again_and_a_lost_answer_is_given_again_the_same(connect: Callable[[], Transport]) -> None:
     with connect() as here, connect() as there, _node(here, "sim") as made, _node(there, "m") as member:
-        follower = LockstepMember(member.transport, "/m", STEP_NS)
+        follower = LockstepMember(member.transport, ["/m"], STEP_NS)
         sim = WaitingMember(made)
         truth, late = (publisher_id("/m", there.session, key) for key in ("truth", "late"))
         try:

@@ -19,6 +19,7 @@ from services.runtime.errors import BadInput, Stopped
 from services.runtime.lockstep.barrier import Barrier
 from services.runtime.lockstep.protocol import StepGrant
 from services.runtime.node import Node
+from services.runtime.pacing import LockstepPacer
 from services.runtime.parameters.base import Parameters
 from services.runtime.step import STEP_NS, period_of
 from services.runtime.transport.api import Transport
@@ -70,6 +71,27 @@ class Member:
             self.node.transport.wake()
         self.thread.join(10)
         assert not self.thread.is_alive()
+
+
+class Idler(Member):
+    """A member that says after each step how long it has nothing to do."""
+
+    def __init__(self, transport: Transport, name: str, idle_ns: int) -> None:
+        self._idle_ns = idle_ns
+        super().__init__(transport, name, 50.0, random.Random(0))
+
+    def _run(self, ctx: Context[Any]) -> None:
+        shared = ctx.node.subscribe(SHARED)
+        pacer = LockstepPacer(ctx.node, period_of(self._rate, True))
+        pacer.start()
+        while True:
+            ctx.node.spin_once()
+            if (instant := pacer.next()) is None:
+                ctx.node.wait(pacer.raw)
+                continue
+            ctx.node.update_subscribers(pacer.watermarks)
+            self.seen.append((instant.time, (), tuple(message.data for message, _ in shared.messages)))
+            pacer.finish(idle_until=instant.time + self._idle_ns)
 
 
 class Simulation:
@@ -142,6 +164,31 @@ def test_what_is_sent_in_a_tick_is_seen_in_the_next(connect: Callable[[], Transp
     heard = [len(truth) for _, truth, _ in seen["c"]]
     assert heard[0] == 1
     assert heard[1:] == [5] * 6
+
+
+@pytest.mark.parametrize(
+    ("idle_ms", "stepped_ms"),
+    [
+        (0, [*range(0, 500, 20)]),
+        (60, [0, 20, 80, 120, 180, 220, 280, 320, 380, 420, 480]),
+        (10**9, [0, 20, 120, 220, 320, 420]),
+    ],
+)
+def test_who_has_nothing_to_do_steps_at_messages_alone_and_ten_times_a_second(
+    connect: Callable[[], Transport], idle_ms: int, stepped_ms: list[int]
+) -> None:
+    with connect() as transport, memory_node(MemoryBus(), "sim", transport=transport) as made:
+        simulation = Simulation(made, ("/idle", "/c"))
+        members = [Idler(connect(), "idle", idle_ms * 1_000_000), Member(connect(), "c", 10.0, random.Random(1))]
+        try:
+            simulation.barrier.wait_for_members()
+            simulation.step(500_000_000 // STEP_NS)
+            seen = members[0].seen
+            assert [time_ns // 1_000_000 for time_ns, _, _ in seen] == stepped_ms
+            assert [time_ns // 1_000_000 for time_ns, _, said in seen if said] == [20, 120, 220, 320, 420]
+        finally:
+            for each in members:
+                each.stop()
 
 
 def test_what_is_sent_early_waits_for_its_tick(connect: Callable[[], Transport]) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from services.runtime.transport.api import ThreadedSubscriber
 from services.runtime.transport.zenoh import ZenohTransport
 from services.runtime.transport.zenoh_config import configuration
 from tests.harness.ports import free_port
@@ -50,3 +51,21 @@ def test_a_nudge_under_way_meets_no_closed_session(monkeypatch: pytest.MonkeyPat
         reader.join(10)
     assert not reader.is_alive()
     assert died == []
+
+
+def test_a_subscription_ends_while_a_thread_waits_on_it() -> None:
+    with ZenohTransport(configuration("router", listen=(f"tcp/127.0.0.1:{free_port()}",))) as transport:
+        for _ in range(20):
+            inlet = transport.subscribe_threaded("elea/test", 8)
+            ended = threading.Event()
+
+            def wait(inlet: ThreadedSubscriber = inlet, ended: threading.Event = ended) -> None:
+                while not ended.is_set() and inlet.wait():
+                    pass
+
+            reader = threading.Thread(target=wait)
+            reader.start()
+            ended.set()
+            inlet.close()
+            reader.join(10)
+            assert not reader.is_alive()

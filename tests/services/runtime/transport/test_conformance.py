@@ -159,7 +159,7 @@ def _answer(transport: Transport, key: str, done: threading.Event, refuse: bool 
                 if refuse:
                     query.refuse(b"no: " + query.payload)
                 else:
-                    query.reply(b"re: " + query.payload)
+                    query.reply(b"re: " + query.payload + query.attachment)
 
     thread = threading.Thread(target=loop)
     thread.start()
@@ -175,6 +175,9 @@ def test_a_query_is_answered_or_refused(connect: Connect, refuse: bool) -> None:
         _linked(client, server)
         (reply,) = client.query("ask", b"hello", 5.0)
         assert (reply.ok, reply.payload) == ((False, b"no: hello") if refuse else (True, b"re: hello"))
+        pending = client.query_async("ask", b"hello", 5.0, b" from me")
+        (reply,) = wait_until(pending.poll)
+        assert (reply.ok, reply.payload) == ((False, b"no: hello") if refuse else (True, b"re: hello from me"))
     finally:
         done.set()
         server.wake()

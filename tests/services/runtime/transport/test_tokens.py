@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import signal
 from collections.abc import Callable
+from pathlib import Path
 
+import pytest
+
+from services.runtime.errors import TryAgain
+from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh_config import configuration
+from tests.harness.processes import Network
 from tests.harness.waiting import wait_until
 from tests.services.runtime.transport.conftest import Connect
 
@@ -55,3 +64,19 @@ def test_a_crowd_of_tokens_is_seen_whole_by_everyone(connect: Connect) -> None:
     wait_until(lambda: not newcomer.tokens("@elea/3/*"), what="the end of them")
     mine.close()
     wait_until(lambda: not crowd[0].tokens("@elea/newcomer/*"), what="the end of one")
+
+
+def test_a_network_that_does_not_answer_is_told_from_one_without_tokens(tmp_path: Path) -> None:
+    with (
+        Network(tmp_path) as network,
+        ZenohTransport(configuration("star", (network.endpoint,), reliable=True)) as transport,
+    ):
+        assert transport.all_tokens("@elea/*/*", 20.0) == []
+        os.kill(network.router.pid, signal.SIGSTOP)
+        try:
+            assert transport.tokens("@elea/*/*", 0.1) == []
+            with pytest.raises(TryAgain, match=r"has not said within 0\.1 s who is there"):
+                transport.all_tokens("@elea/*/*", 0.1)
+        finally:
+            os.kill(network.router.pid, signal.SIGCONT)
+        assert transport.all_tokens("@elea/*/*", 20.0) == []

@@ -41,6 +41,15 @@ def test_zenoh_takes_every_key(role: Role, reliable: bool) -> None:
         assert _holds(made[path], value), path
 
 
+def test_in_lockstep_the_router_waits_for_room_as_long_as_the_nodes() -> None:
+    def patience(role: Role, reliable: bool) -> int:
+        queue = configuration(role, reliable=reliable)["transport"]["link"]["tx"]["queue"]
+        return int(queue["congestion_control"]["drop"]["wait_before_drop"])
+
+    assert {patience(role, reliable=True) for role in ROLES} == {2_000_000}
+    assert patience("router", reliable=False) == 10_000
+
+
 def test_an_unknown_key_would_be_noticed() -> None:
     with pytest.raises(zenoh.ZError):
         zenoh.Config.from_json5(json.dumps({"transport": {"link": {"tx": {"leese": 1}}}}))

@@ -28,9 +28,9 @@ from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.runtime.transport.wire import encoding
 from services.sim.actuation import BaseActuation
 from services.sim.drive.controller import DiffDriveController
+from services.sim.engines import Engine, default_engine, open_world
 from services.sim.loop import SimulationLoop
 from services.sim.parameters import BaseParameters, RobotEntry
-from services.sim.physics.bullet import BulletWorld
 from services.sim.robot import Robot
 from services.sim.services import SimulationServices
 from services.sim.simulation import CONTROL_STEPS, Simulation
@@ -148,12 +148,16 @@ class SimulationHarness:
 
 @contextmanager
 def run_simulation(
-    model: str = "p3dx", at: Pose3 | None = None, seed: int = 0, **parameters: object
+    model: str = "p3dx",
+    at: Pose3 | None = None,
+    seed: int = 0,
+    engine: Engine | None = None,
+    **parameters: object,
 ) -> Iterator[SimulationHarness]:
     """A robot ``p3dx`` of some model alone in an empty world."""
     bus, log, identity = MemoryBus(), io.StringIO(), Identity.of("sim", "/")
     with (
-        BulletWorld(WorldDescription(), STEP_NS) as world,
+        open_world(engine or default_engine(), WorldDescription(), STEP_NS) as world,
         Node(MemoryTransport(bus), identity, "sim", Log(identity.node, out=log)) as node,
     ):
         stage = Simulation(node, world, seed)

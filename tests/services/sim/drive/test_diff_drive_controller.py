@@ -30,6 +30,7 @@ def way(start: Odometry, end: Odometry) -> float:
     return math.hypot(b.x - a.x, b.y - a.y)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("odometry", ["encoder", "world"])
 def test_forward_a_metre(odometry: str) -> None:
     with run_simulation(odometry=odometry, **FREE) as world:
@@ -116,6 +117,7 @@ BAD = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("v", "w"), BAD)
 def test_bad_commands_never_reach_the_wheels(v: float, w: float) -> None:
     with run_simulation() as world:

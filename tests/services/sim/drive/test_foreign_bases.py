@@ -13,6 +13,7 @@ from messages.sensor import Imu, LaserScan
 from messages.topics import CMD_VEL, GROUND_TRUTH, IMU, ODOM, SCAN
 from models.robot_source import resolve_robot
 from services.runtime.errors import BadInput
+from services.sim.engines import ENGINES, Engine, has_engine
 from services.sim.robot_loader import on_the_ground
 from tests.models import robots
 from tests.services.sim.drive.simulation_harness import SimulationHarness, run_simulation
@@ -34,14 +35,16 @@ def position(on: SimulationHarness) -> tuple[float, float]:
     return place.x, place.y
 
 
-def test_a_holonomic_base_obeys_all_three_and_brakes_alone() -> None:
-    with run_simulation(model_of("glider")) as on:
+@pytest.mark.parametrize("engine", [each for each in ENGINES if has_engine(each)])
+def test_a_holonomic_base_obeys_all_three_and_brakes_alone(engine: Engine) -> None:
+    with run_simulation(model_of("glider"), engine=engine) as on:
         for _ in range(50):
             on.publish(CMD_VEL, Twist(linear=Vector3(x=0.2, y=-0.3), angular=Vector3(z=0.5)))
             on.run(0.04)
         moving = on.latest(ODOM).twist.twist
         assert (moving.linear.x, moving.linear.y, moving.angular.z) == pytest.approx((0.2, -0.3, 0.5), abs=2e-3)
         on.run(1.0)
+        assert on.latest(GROUND_TRUTH).pose.pose.position.z == pytest.approx(0.0, abs=1e-3), "on its wheels"
         twist = on.latest(GROUND_TRUTH).twist.twist
         assert (twist.linear.x, twist.linear.y, twist.angular.z) == pytest.approx((0, 0, 0), abs=1e-6)
         assert on.status().timed_out

@@ -89,6 +89,7 @@ def test_a_step_is_exact_however_it_is_divided(
     assert speed == pytest.approx(limit(axis, wanted, start, start, time), abs=1e-9)
 
 
+@pytest.mark.slow
 @given(axes, wishes, steps)
 def test_as_ros2_acceleration_grows_no_faster_than_the_jerk(axis: AxisLimits, series: list[float], dt: float) -> None:
     assume(not axis.ros1_jerk)

@@ -115,6 +115,7 @@ def test_gains_change_but_a_wheel_is_not_switched_to_torque() -> None:
         assert "only gains change" in params.undo_requests[0].who
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("values", "says"),
     [

@@ -54,6 +54,7 @@ def near(stop: StopPrediction, theory: StopPrediction) -> None:
     assert abs(stop.time - theory.time) <= 0.05 * theory.time + 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", SPEEDS)
 @pytest.mark.parametrize("timeout", [0.25, 0.5])
 def test_a_silent_commander(speed: float, timeout: float) -> None:
@@ -64,6 +65,7 @@ def test_a_silent_commander(speed: float, timeout: float) -> None:
         assert world.base.arbiter.commands_timed_out == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", SPEEDS)
 def test_an_emergency_stop(speed: float) -> None:
     with run_simulation() as world:
@@ -74,6 +76,7 @@ def test_an_emergency_stop(speed: float) -> None:
         assert abs(world.truth().twist.twist.linear.x) < STANDING, "it latches"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", SPEEDS)
 def test_a_commander_that_dies(speed: float) -> None:
     """Its liveliness goes, which the network tells at once: no time-out passes."""

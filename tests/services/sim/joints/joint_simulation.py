@@ -26,8 +26,9 @@ from services.runtime.step import STEP_NS
 from services.runtime.subscriber import Subscriber
 from services.runtime.transport.memory import MemoryBus, MemoryTransport
 from services.sim import SimParameters
+from services.sim.engines import default_engine, open_world
+from services.sim.gazebo import GazeboServices
 from services.sim.loop import SimulationLoop
-from services.sim.physics.bullet import BulletWorld
 from services.sim.robot_loader import RobotLoader, with_own_files
 from services.sim.services import JointServices, PropertyServices, SimulationServices
 from services.sim.simulation import Simulation
@@ -111,15 +112,16 @@ def run_joint_simulation(
     bus, log, identity = MemoryBus(), io.StringIO(), Identity.of("sim", "/")
     params = build(SimParameters, {"robots": [*robots] or [{"name": "arm", "model": "arm"}]})
     with (
-        BulletWorld(scene, STEP_NS) as world,
+        open_world(default_engine(), scene, STEP_NS) as world,
         Node(MemoryTransport(bus), identity, "sim", Log(identity.node, out=log)) as node,
     ):
         stage = Simulation(node, world, 0)
         timing = RealTime(stage, node, 1000)
         loop = SimulationLoop(stage, timing, node)
-        SimulationServices(stage, node, RobotLoader(folders, loop.answer_between_ticks))
-        JointServices(stage, node)
-        PropertyServices(stage, timing, node, params, scene)
+        models = SimulationServices(stage, node, RobotLoader(folders, loop.answer_between_ticks, node.log.info))
+        joints = JointServices(stage, node)
+        properties = PropertyServices(stage, timing, node, params, scene)
+        GazeboServices(stage, node, models, joints, properties, loop)
         for entry in params.robots:
             stage.spawn(with_own_files(entry), Pose3((entry.x, entry.y, 0.0)))
         yield JointSimulation(loop, bus, node, log)

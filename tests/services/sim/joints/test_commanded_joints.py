@@ -52,8 +52,8 @@ def drive(on: JointSimulation, seconds: float, **positions: float) -> None:
 
 
 def joints(on: JointSimulation) -> dict[str, float]:
-    readings = on.simulation.find("r").actuation.joint_readings
-    return dict(zip(on.simulation.world.body("r").joints, readings.position, strict=True))
+    body = on.simulation.world.body("r")
+    return dict(zip(body.joints, body.joint_readings().position, strict=True))
 
 
 def test_a_pan_tilt_and_the_wheels_of_one_robot_both_move(model: str) -> None:

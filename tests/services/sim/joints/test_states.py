@@ -7,6 +7,7 @@ import math
 import pytest
 
 from messages.gazebo import LinkName, SetConfiguration
+from messages.gazebo_services import GAZEBO_REQUESTS
 from messages.geometry import Point, Pose, Twist
 from messages.parameters import Assignment
 from messages.requests import (
@@ -149,7 +150,9 @@ def test_the_states_of_all_are_told_in_gazebo_s_words_while_somebody_listens() -
 
 def test_what_is_declared_is_served() -> None:
     with run_joint_simulation() as on:
-        assert {each.request.name for each in on.node.request_handlers} == {each.name for each in SIM_REQUESTS}
+        assert {each.request.name for each in on.node.request_handlers} == {
+            each.name for each in (*SIM_REQUESTS, *GAZEBO_REQUESTS)
+        }
 
 
 def test_properties_of_the_world_of_models_and_of_links() -> None:
@@ -160,7 +163,9 @@ def test_properties_of_the_world_of_models_and_of_links() -> None:
         assert (world.time_step, world.gravity.z, world.iterations, world.obstacles) == (0.005, -9.81, 50, ("crate",))
         arm, tb3 = (on.call(MODEL_PROPERTIES, Name(name=name)) for name in ("arm", "tb3"))
         assert (arm.links, arm.joints) == (("root", "bear_link", "end_link"), ("bear_link",))
-        assert (arm.mass, arm.is_static, arm.driven) == (pytest.approx(2.001), True, False)
+        assert (arm.mass, arm.is_static, arm.driven) == (pytest.approx(52.001), True, False), (
+            "what is held has its mass, too"
+        )
         assert (tb3.namespace, tb3.base_frame, tb3.driven) == ("/robots/tb3", "tb3/base_footprint", True)
         link = on.call(LINK_PROPERTIES, LinkName(link_name="arm::bear_link"))
         assert (link.mass, link.inertia.z, link.com.position.y) == pytest.approx((2.0, 0.03565, -1.38324))

@@ -36,6 +36,7 @@ def test_a_wrench_lifts_turns_and_ends() -> None:
         assert on.simulation.world.body("tb3").state().linear[2] == pytest.approx(up - 9.81 * 0.05, abs=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("link", ["base_footprint", "base_link"])
 @pytest.mark.parametrize(("frame", "axis"), [("", 0), ("world", 0), ("tb3", 1), ("tb3::base_scan", 1)])
 def test_a_wrench_is_in_the_axes_of_its_frame(link: str, frame: str, axis: int) -> None:

@@ -14,9 +14,9 @@ from models import urdf_path
 from models.urdf import read_joint_limits
 from models.world import WorldDescription
 from services.runtime.log import Log
+from services.sim.engines import Engine, default_engine, open_world
 from services.sim.joints.effort_controller import EffortRule, JointEffortController
-from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import Body, JointFriction
+from services.sim.physics.world import Body, JointFriction, World
 from services.sim.transit_delay import TransitDelayEstimator
 from tests.services.sim.physics.driven_robot import STEP_NS
 
@@ -60,7 +60,7 @@ def tracking_pid() -> TutorialPid:
 class ArmSimulation:
     """An arm that begins at rest at 0; ``angles`` [deg] and ``efforts`` [N m] are those after each step."""
 
-    world: BulletWorld
+    world: World
     actuators: JointEffortController
     step_ns: int = STEP_NS
     step: int = 0
@@ -110,9 +110,10 @@ def arm_simulation(
     friction: float = 0.0,
     start: float = 0.0,
     step_ns: int = STEP_NS,
+    engine: Engine | None = None,
 ) -> Iterator[ArmSimulation]:
     """An arm whose joint stands at ``start`` [deg]."""
-    with BulletWorld(WorldDescription(), step_ns) as world:
+    with open_world(engine or default_engine(), WorldDescription(), step_ns) as world:
         at = ((JOINT, math.radians(start)),)
         resists = ((JOINT, JointFriction(damping, friction)),)
         body = world.spawn(Body("arm", urdf_path(model), fixed=True, initial_positions=at, joint_friction=resists))

@@ -1,4 +1,4 @@
-"""An empty world in real PyBullet, and robots in it."""
+"""An empty world in each of the engines that there are, and robots in it."""
 
 from __future__ import annotations
 
@@ -10,18 +10,38 @@ from messages.se3 import Pose3
 from models.model import read_model
 from models.world import WorldDescription
 from services.sim.drive.driver import Drive
-from services.sim.physics.bullet import BulletWorld
-from tests.services.sim.physics.driven_robot import STEP_NS, DrivenRobot, Spawner, placement_at, robot_body, wheels_of
+from services.sim.engines import ENGINES, Engine, has_engine, open_world
+from services.sim.physics.world import World
+from tests.services.sim.physics.driven_robot import (
+    STEP_NS,
+    DrivenRobot,
+    NewWorld,
+    Spawner,
+    placement_at,
+    robot_body,
+    wheels_of,
+)
+
+
+@pytest.fixture(params=[each for each in ENGINES if has_engine(each)])
+def engine(request: pytest.FixtureRequest) -> Engine:
+    chosen: Engine = request.param
+    return chosen
 
 
 @pytest.fixture
-def world() -> Iterator[BulletWorld]:
-    with BulletWorld(WorldDescription(), STEP_NS) as opened:
+def new_world(engine: Engine) -> NewWorld:
+    return lambda description: open_world(engine, description, STEP_NS)
+
+
+@pytest.fixture
+def world(new_world: NewWorld) -> Iterator[World]:
+    with new_world(WorldDescription()) as opened:
         yield opened
 
 
 @pytest.fixture
-def spawn(world: BulletWorld) -> Spawner:
+def spawn(world: World) -> Spawner:
     def spawned(name: str = "robot", model: str = "burger", at: Pose3 | None = None, clamp: bool = True) -> DrivenRobot:
         world.spawn(robot_body(name, model, at or placement_at(0.0, 0.0)))
         return DrivenRobot(world, name, Drive.of(wheels_of(read_model(model)), clamp=clamp))

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 
 from messages.se3 import Pose3
 from models import urdf_path
 from models.model import RobotModel, WheelConfig, read_model
+from models.world import WorldDescription
 from services.runtime.step import STEP_NS
 from services.sim.driving_trial import DT, DrivenRobot, drive_robots, turned, yaw_of
-from services.sim.physics.world import Body, Motor
+from services.sim.physics.world import Body, Motor, World
 
-__all__ = ["DT", "STEP_NS", "DrivenRobot", "Spawner", "drive_robots", "turned", "yaw_of"]
+__all__ = ["DT", "STEP_NS", "DrivenRobot", "NewWorld", "Spawner", "drive_robots", "turned", "yaw_of"]
 
 
 def placement_at(x: float, y: float, yaw: float = 0.0, z: float = 0.0) -> Pose3:
@@ -32,3 +34,6 @@ def robot_body(name: str, model: str, placement: Pose3) -> Body:
 
 Spawner = Callable[..., DrivenRobot]
 """Puts a robot into the world of a test: name, model, placement, whether speeds are clamped."""
+
+NewWorld = Callable[[WorldDescription], AbstractContextManager[World]]
+"""Opens a world in the engine of a test."""

@@ -1,4 +1,4 @@
-"""The arm in real PyBullet: gravity, inertia and period against theory, its stops, and what its joint resists."""
+"""The arm in both engines: gravity, inertia and period against theory, its stops, and what its joint resists."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Literal
 import pytest
 
 from models import ARMS
+from services.sim.engines import Engine
 from tests.services.sim.physics.arm_simulation import JOINT, ArmSimulation, arm_simulation
 from tests.services.sim.physics.driven_robot import DT
 
@@ -51,9 +52,9 @@ def test_the_figures_of_the_tutorial_follow_from_its_urdf() -> None:
 
 
 @pytest.mark.parametrize("model", ARMS)
-def test_gravity_and_inertia(model: Literal["arm", "arm_corrected"]) -> None:
+def test_gravity_and_inertia(model: Literal["arm", "arm_corrected"], engine: Engine) -> None:
     theory = Theory(model)
-    with arm_simulation(model) as on:
+    with arm_simulation(model, engine=engine) as on:
         inertia = 10.0 / (acceleration(on, 20.0, 10.0) - acceleration(on, 20.0, 0.0))
         assert inertia == pytest.approx(theory.inertia, rel=1e-3)
         for degrees in (0.0, 30.0, -30.0, 85.0):
@@ -65,10 +66,12 @@ def test_gravity_and_inertia(model: Literal["arm", "arm_corrected"]) -> None:
 
 @pytest.mark.parametrize("model", ARMS)
 @pytest.mark.parametrize("degrees", [1.0, 30.0])
-def test_it_swings_for_ever_at_the_period_of_theory(model: Literal["arm", "arm_corrected"], degrees: float) -> None:
+def test_it_swings_for_ever_at_the_period_of_theory(
+    model: Literal["arm", "arm_corrected"], degrees: float, engine: Engine
+) -> None:
     theory = Theory(model)
     rest = -math.degrees(theory.offset)
-    with arm_simulation(model, start=rest + degrees) as on:
+    with arm_simulation(model, start=rest + degrees, engine=engine) as on:
         on.run(20.0)
     swings = [angle - rest for angle in on.angles]
     rising = [i + a / (a - b) for i, (a, b) in enumerate(pairwise(swings)) if a < 0 <= b]
@@ -77,19 +80,19 @@ def test_it_swings_for_ever_at_the_period_of_theory(model: Literal["arm", "arm_c
     assert max(swings[-1000:]) == pytest.approx(degrees, rel=2e-3), "nothing brakes it"
 
 
-def test_damping_takes_the_energy_at_its_rate() -> None:
+def test_damping_takes_the_energy_at_its_rate(engine: Engine) -> None:
     """Small swings about rest shrink by exp(-d t / 2 I)."""
     theory = Theory("arm")
     rest = -math.degrees(theory.offset)
-    with arm_simulation(damping=1.0, start=rest + 5.0) as on:
+    with arm_simulation(damping=1.0, start=rest + 5.0, engine=engine) as on:
         on.run(20.0)
     left = max(angle - rest for angle in on.angles[-500:])
     middle = 20.0 - 250 * DT
     assert left == pytest.approx(5.0 * math.exp(-middle / 2 / theory.inertia), rel=0.05)
 
 
-def test_dry_friction_holds_what_is_below_it() -> None:
-    with arm_simulation(friction=20.0, start=30.0) as on:
+def test_dry_friction_holds_what_is_below_it(engine: Engine) -> None:
+    with arm_simulation(friction=20.0, start=30.0, engine=engine) as on:
         on.run(2.0)
         assert on.angle == pytest.approx(30.0, abs=0.01), "gravity asks for 14 N m"
         on.apply_effort(-10.0, 1.0)
@@ -99,9 +102,9 @@ def test_dry_friction_holds_what_is_below_it() -> None:
 
 @pytest.mark.parametrize("effort", [100.0, 200.0, 1000.0])
 @pytest.mark.parametrize("model", ARMS)
-def test_the_stops_hold(model: Literal["arm", "arm_corrected"], effort: float) -> None:
+def test_the_stops_hold(model: Literal["arm", "arm_corrected"], effort: float, engine: Engine) -> None:
     """What is thrown past a stop within one step comes back to it under the same effort."""
-    with arm_simulation(model) as on:
+    with arm_simulation(model, engine=engine) as on:
         on.apply_effort(effort, 5.0)
         on.run(5.0)
         assert on.angles[-1] == pytest.approx(90.0, abs=0.01)

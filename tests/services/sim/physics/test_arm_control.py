@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import pytest
 
+from services.sim.engines import Engine
 from services.sim.joints.effort_controller import EffortRule
 from tests.services.sim.physics.arm_simulation import arm_simulation, set_point_pid, tracking_pid
 from tests.services.sim.physics.driven_robot import DT
@@ -22,9 +23,9 @@ def step(_: float) -> float:
 
 
 @pytest.mark.parametrize("rate", RATES)
-def test_a_step_with_one_job_at_a_time(rate: int) -> None:
+def test_a_step_with_one_job_at_a_time(rate: int, engine: Engine) -> None:
     """The PD is off by what gravity asks for: 14.02 N m over 37.5 N m per degree."""
-    with arm_simulation() as on:
+    with arm_simulation(engine=engine) as on:
         on.control(set_point_pid(), step, rate, 2.0)
     low, high = (next(i for i, angle in enumerate(on.angles) if angle >= share * 29.63) for share in (0.1, 0.9))
     assert 0.12 <= (high - low) * DT <= 0.15
@@ -34,8 +35,8 @@ def test_a_step_with_one_job_at_a_time(rate: int) -> None:
 
 
 @pytest.mark.parametrize("rate", RATES)
-def test_a_sine_with_one_job_at_a_time(rate: int) -> None:
-    with arm_simulation() as on:
+def test_a_sine_with_one_job_at_a_time(rate: int, engine: Engine) -> None:
+    with arm_simulation(engine=engine) as on:
         errors = on.control(tracking_pid(), lambda t: 30.0 * math.sin(math.tau * 0.2 * t), rate, 15.0)[5 * rate :]
     assert math.sqrt(sum(error**2 for error in errors) / len(errors)) == pytest.approx(0.192, abs=0.003)
     assert max(map(abs, errors)) == pytest.approx(0.28, abs=0.01)
@@ -43,8 +44,8 @@ def test_a_sine_with_one_job_at_a_time(rate: int) -> None:
 
 
 @pytest.mark.parametrize("rate", RATES)
-def test_jobs_that_add_up_never_settle(rate: int) -> None:
-    with arm_simulation(rule=SUM) as on:
+def test_jobs_that_add_up_never_settle(rate: int, engine: Engine) -> None:
+    with arm_simulation(rule=SUM, engine=engine) as on:
         on.control(set_point_pid(), step, rate, 8.0)
     last = on.angles[-400:]
     assert max(last) - min(last) > 100.0, "it slams from stop to stop"
@@ -52,8 +53,8 @@ def test_jobs_that_add_up_never_settle(rate: int) -> None:
 
 
 @pytest.mark.parametrize("rate", [50, 100])
-def test_they_settle_where_a_velocity_of_0_is_a_limit(rate: int) -> None:
-    with arm_simulation(rule=GAZEBO) as on:
+def test_they_settle_where_a_velocity_of_0_is_a_limit(rate: int, engine: Engine) -> None:
+    with arm_simulation(rule=GAZEBO, engine=engine) as on:
         on.control(set_point_pid(), step, rate, 8.0)
     assert max(map(abs, (angle - 29.9 for angle in on.angles[-400:]))) < 0.1
     assert max(on.angles) < 30.0
@@ -61,10 +62,10 @@ def test_they_settle_where_a_velocity_of_0_is_a_limit(rate: int) -> None:
     assert (last - first) * DT > 0.4, "slower than one job at a time"
 
 
-def test_they_ripple_where_each_physics_step_brings_another_job() -> None:
+def test_they_ripple_where_each_physics_step_brings_another_job(engine: Engine) -> None:
     """At 200 Hz and 5 ms the rule is asked once a job, and what brakes has turned the motion around when it is asked
     again. The ripple is held by each job's saturation: about the set-point, as wide after half a minute as before."""
-    with arm_simulation(rule=GAZEBO) as on:
+    with arm_simulation(rule=GAZEBO, engine=engine) as on:
         on.control(set_point_pid(), step, 200, 32.0)
     windows = [on.angles[begin : begin + 800] for begin in range(800, 6400, 800)]
     for window in windows:
@@ -77,22 +78,22 @@ def test_they_ripple_where_each_physics_step_brings_another_job() -> None:
 
 
 @pytest.mark.parametrize(("rate", "rests"), [(100, 29.927), (200, 29.963)])
-def test_they_do_not_ripple_at_the_step_of_gazebo(rate: int, rests: float) -> None:
+def test_they_do_not_ripple_at_the_step_of_gazebo(rate: int, rests: float, engine: Engine) -> None:
     """1 ms: what the original shows at 200 Hz, where a job meets five decisions of the rule."""
-    with arm_simulation(rule=GAZEBO, step_ns=1_000_000) as on:
+    with arm_simulation(rule=GAZEBO, step_ns=1_000_000, engine=engine) as on:
         on.control(set_point_pid(), step, rate, 8.0)
     assert max(abs(angle - rests) for angle in on.angles[-2000:]) < 0.01
 
 
-def test_the_clamp_on_the_total_does_not_make_the_sum_stable() -> None:
-    with arm_simulation(rule=EffortRule("sum", "total", "unspecified")) as on:
+def test_the_clamp_on_the_total_does_not_make_the_sum_stable(engine: Engine) -> None:
+    with arm_simulation(rule=EffortRule("sum", "total", "unspecified"), engine=engine) as on:
         on.control(set_point_pid(), step, 100, 8.0)
     assert max(map(abs, on.efforts)) == 1000.0
     assert max(on.angles[-400:]) - min(on.angles[-400:]) > 100.0
 
 
-def test_a_controller_that_falls_silent_lets_go_after_its_last_job() -> None:
-    with arm_simulation() as on:
+def test_a_controller_that_falls_silent_lets_go_after_its_last_job(engine: Engine) -> None:
+    with arm_simulation(engine=engine) as on:
         on.control(set_point_pid(), step, 100, 1.0)
         held = on.step - 2  # the last job began when the last turn did
         on.run(1.0)
@@ -101,8 +102,8 @@ def test_a_controller_that_falls_silent_lets_go_after_its_last_job() -> None:
     assert on.angles[-1] < 20.0
 
 
-def test_the_velocity_rule_alone_makes_one_job_at_a_time_slow() -> None:
-    with arm_simulation(rule=EffortRule("replace", "total", "gazebo")) as on:
+def test_the_velocity_rule_alone_makes_one_job_at_a_time_slow(engine: Engine) -> None:
+    with arm_simulation(rule=EffortRule("replace", "total", "gazebo"), engine=engine) as on:
         on.control(set_point_pid(), step, 100, 6.0)
     assert not [angle for angle in on.angles[: round(2.0 / DT)] if angle >= 27.0]
     assert on.angles[-1] == pytest.approx(29.2, abs=0.3)

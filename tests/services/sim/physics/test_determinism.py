@@ -7,9 +7,8 @@ import pytest
 from models import urdf_path
 from models.world import WorldDescription
 from services.runtime.errors import BadInput
-from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import Body, BodyState
-from tests.services.sim.physics.driven_robot import STEP_NS, placement_at, robot_body
+from services.sim.physics.world import Body, BodyState, World
+from tests.services.sim.physics.driven_robot import NewWorld, placement_at, robot_body
 
 pytestmark = pytest.mark.slow
 
@@ -21,7 +20,7 @@ def _crowd() -> list[Body]:
     return [*burgers, robot_body("p3dx", "p3dx", placement_at(0.0, 1.9, -1.57))]
 
 
-def _run(world: BulletWorld, steps: int = 500) -> Trajectory:
+def _run(world: World, steps: int = 500) -> Trajectory:
     """Drive into each other, so that contacts count, too."""
     states = []
     for step in range(steps):
@@ -33,10 +32,10 @@ def _run(world: BulletWorld, steps: int = 500) -> Trajectory:
     return states
 
 
-def test_fresh_equals_fresh_equals_reset() -> None:
+def test_fresh_equals_fresh_equals_reset(new_world: NewWorld) -> None:
     runs = []
     for _ in range(2):
-        with BulletWorld(WorldDescription(), STEP_NS) as world:
+        with new_world(WorldDescription()) as world:
             for each in _crowd():
                 world.spawn(each)
             runs.append(_run(world))
@@ -46,8 +45,8 @@ def test_fresh_equals_fresh_equals_reset() -> None:
     assert runs[0][0] != runs[0][-1], "they moved"
 
 
-def test_a_reset_forgets_the_motors() -> None:
-    with BulletWorld(WorldDescription(), STEP_NS) as world:
+def test_a_reset_forgets_the_motors(new_world: NewWorld) -> None:
+    with new_world(WorldDescription()) as world:
         world.spawn(robot_body("a", "burger", placement_at(0.0, 0.0)))
         world.body("a").set_speeds((5.0, 5.0))
         for _ in range(100):
@@ -59,10 +58,10 @@ def test_a_reset_forgets_the_motors() -> None:
         assert max(abs(angle) for angle in world.body("a").joint_readings().position) < 1e-6
 
 
-def test_a_refused_spawn_leaves_no_trace() -> None:
+def test_a_refused_spawn_leaves_no_trace(new_world: NewWorld) -> None:
     runs = []
     for intrude in (False, True):
-        with BulletWorld(WorldDescription(), STEP_NS) as world:
+        with new_world(WorldDescription()) as world:
             for each in _crowd():
                 world.spawn(each)
                 if intrude:
@@ -72,10 +71,10 @@ def test_a_refused_spawn_leaves_no_trace() -> None:
     assert runs[0] == runs[1]
 
 
-def test_delete_and_spawn_is_repeatable_and_a_reset_starts_with_those_that_stay() -> None:
+def test_delete_and_spawn_is_repeatable_and_a_reset_starts_with_those_that_stay(new_world: NewWorld) -> None:
     after_reset, after_exchange = [], []
     for _ in range(2):
-        with BulletWorld(WorldDescription(), STEP_NS) as world:
+        with new_world(WorldDescription()) as world:
             for each in _crowd():
                 world.spawn(each)
             _run(world, 100)
@@ -85,7 +84,7 @@ def test_delete_and_spawn_is_repeatable_and_a_reset_starts_with_those_that_stay(
             after_exchange.append([_step_states(world) for _ in range(100)])
             world.reset()
             after_reset.append([_step_states(world) for _ in range(100)])
-    with BulletWorld(WorldDescription(), STEP_NS) as world:
+    with new_world(WorldDescription()) as world:
         for each in (*_crowd()[1:], Body("newcomer", urdf_path("waffle"), placement_at(3.0, 0.0))):
             world.spawn(each)
         fresh = [_step_states(world) for _ in range(100)]
@@ -93,6 +92,6 @@ def test_delete_and_spawn_is_repeatable_and_a_reset_starts_with_those_that_stay(
     assert after_reset[0] == after_reset[1] == fresh
 
 
-def _step_states(world: BulletWorld) -> tuple[BodyState, ...]:
+def _step_states(world: World) -> tuple[BodyState, ...]:
     world.step()
     return tuple(world.body(name).state() for name in world.names)

@@ -12,12 +12,11 @@ from models.model import read_model
 from models.world import Box, WorldDescription
 from services.sim.drive.driver import Drive
 from services.sim.drive.limiter import WheelRamp
-from services.sim.physics.bullet import BulletWorld
 from services.sim.physics.world import BodyState
 from tests.services.sim.physics.driven_robot import (
     DT,
-    STEP_NS,
     DrivenRobot,
+    NewWorld,
     Spawner,
     drive_robots,
     placement_at,
@@ -91,17 +90,19 @@ def test_a_dead_stop_does_not_tip_it(spawn: Spawner) -> None:
 @pytest.mark.parametrize("speed", [0.75, 1.2])
 @pytest.mark.parametrize("degrees", [0, 10, 30, 45, 60, 75, 80, 85, 88])
 @pytest.mark.parametrize("height", [1.0, 0.1])
-def test_a_wall_is_pushed_and_grazed_on_all_wheels(speed: float, degrees: float, height: float) -> None:
+def test_a_wall_is_pushed_and_grazed_on_all_wheels(
+    speed: float, degrees: float, height: float, new_world: NewWorld
+) -> None:
     """``degrees`` is the angle to the wall's normal: 0 runs into it, 88 slides along it."""
     angle = math.radians(degrees)
     reach = max(FRONT * math.cos(angle) + SIDE * math.sin(angle), SIDE)
-    states = _against_a_wall(placement_at(1.0 - reach - 1.2 * math.cos(angle), 0.0, angle), speed, height)
+    states = _against_a_wall(new_world, placement_at(1.0 - reach - 1.2 * math.cos(angle), 0.0, angle), speed, height)
     _bumps_and_stays_down(states)
     assert states[-1].position[0] == pytest.approx(1.0 - FRONT, abs=0.016), "it has turned to the wall and stays there"
 
 
-def test_backing_into_a_wall() -> None:
-    _bumps_and_stays_down(_against_a_wall(placement_at(0.0, 0.0, math.pi), -0.75, 1.0))
+def test_backing_into_a_wall(new_world: NewWorld) -> None:
+    _bumps_and_stays_down(_against_a_wall(new_world, placement_at(0.0, 0.0, math.pi), -0.75, 1.0))
 
 
 @pytest.mark.parametrize("beside", [0.0, 0.1, 0.2])
@@ -126,10 +127,10 @@ def _bumps_and_stays_down(states: list[BodyState]) -> None:
     assert lift(states[-100:]) < 1e-4
 
 
-def _against_a_wall(at: Pose3, speed: float, height: float) -> list[BodyState]:
+def _against_a_wall(new_world: NewWorld, at: Pose3, speed: float, height: float) -> list[BodyState]:
     """Six seconds of driving against a wall whose face is the plane x = 1 m."""
     wall = Box(name="wall", size=(0.2, 40.0, height), position=(1.1, 0.0, height / 2))
-    with BulletWorld(WorldDescription(boxes=(wall,)), STEP_NS) as world:
+    with new_world(WorldDescription(boxes=(wall,))) as world:
         world.spawn(robot_body("robot", "p3dx", at))
         driver = replace(Drive.of(WHEELS), ramp=WheelRamp(acceleration=1.0))
         states = drive_robots([DrivenRobot(world, "robot", driver)], speed, 0.0, 6.0)

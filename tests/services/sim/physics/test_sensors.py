@@ -1,4 +1,4 @@
-"""Lasers, inertial units and cameras in real PyBullet."""
+"""Lasers, inertial units and cameras in both engines."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ import math
 import numpy as np
 import pytest
 
+from messages.sensor import LaserScan
 from messages.std import Header
 from models import WHEELED
 from models.model import LaserConfig, read_model
 from models.world import Box, WorldDescription
-from services.sim.physics.bullet import BulletWorld
-from services.sim.sensors import camera_image, camera_info, imu_reading, joint_state, laser_scan, noise_generator
-from tests.services.sim.physics.driven_robot import DT, STEP_NS, Spawner, drive_robots, placement_at, robot_body
+from services.sim.noise import noise_generator
+from services.sim.physics.world import World
+from services.sim.sensors import camera_image, camera_info, imu_reading, joint_state, laser_ranges, laser_scan
+from tests.services.sim.physics.driven_robot import DT, NewWorld, Spawner, drive_robots, placement_at, robot_body
 
 WALL = Box(name="wall", size=(0.2, 8.0, 1.0), position=(2.1, 0.0, 0.5), colour=(1.0, 0.0, 0.0, 1.0))
 HEADER = Header(frame_id="base_scan")
@@ -25,23 +27,28 @@ def laser_of(model: str) -> LaserConfig:
     return laser
 
 
+def scan_of(world: World, robot: str, laser: LaserConfig, noise: np.random.Generator | None = None) -> LaserScan:
+    """A turn of the laser of one robot."""
+    return laser_scan(laser, laser_ranges(world, [robot], laser, [noise])[0], HEADER)
+
+
 @pytest.mark.parametrize("model", WHEELED)
-def test_a_laser_does_not_see_its_own_robot_or_the_ground(spawn: Spawner, world: BulletWorld, model: str) -> None:
+def test_a_laser_does_not_see_its_own_robot_or_the_ground(spawn: Spawner, world: World, model: str) -> None:
     robot = spawn(model=model)
     drive_robots([robot], 0.2, 1.0, 1.0)
     laser = laser_of(model)
-    ranges = laser_scan(world, "robot", laser, HEADER).ranges.numpy()
+    ranges = scan_of(world, "robot", laser).ranges.numpy()
     assert ranges.shape == (laser.samples,)
     assert np.isinf(ranges).all()
     assert (ranges > 0).all()
 
 
 @pytest.mark.parametrize("yaw", [0.0, 1.0, -2.5])
-def test_a_laser_measures_the_wall_in_every_direction(yaw: float) -> None:
-    with BulletWorld(WorldDescription(boxes=(WALL,)), STEP_NS) as world:
+def test_a_laser_measures_the_wall_in_every_direction(yaw: float, new_world: NewWorld) -> None:
+    with new_world(WorldDescription(boxes=(WALL,))) as world:
         world.spawn(robot_body("robot", "burger", placement_at(0.0, 0.0, yaw)))
         world.step()
-        turn = laser_scan(world, "robot", laser_of("burger"), HEADER)
+        turn = scan_of(world, "robot", laser_of("burger"))
     ahead = 2.0 + 0.032 * math.cos(yaw)
     angles = yaw + turn.angle_min + turn.angle_increment * np.arange(360)
     expected = np.full(360, np.inf)
@@ -55,11 +62,11 @@ def test_a_laser_measures_the_wall_in_every_direction(yaw: float) -> None:
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7, -1.2])
-def test_a_laser_with_a_field_of_view_looks_ahead_from_right_to_left(yaw: float) -> None:
-    with BulletWorld(WorldDescription(boxes=(WALL,)), STEP_NS) as world:
+def test_a_laser_with_a_field_of_view_looks_ahead_from_right_to_left(yaw: float, new_world: NewWorld) -> None:
+    with new_world(WorldDescription(boxes=(WALL,))) as world:
         world.spawn(robot_body("robot", "p3dx", placement_at(0.0, 0.0, yaw)))
         world.step()
-        turn = laser_scan(world, "robot", laser_of("p3dx"), HEADER)
+        turn = scan_of(world, "robot", laser_of("p3dx"))
     assert (turn.angle_min, turn.angle_max) == pytest.approx((-math.pi / 2, math.pi / 2))
     assert turn.angle_increment == pytest.approx(math.radians(1.0))
     angles = yaw + turn.angle_min + turn.angle_increment * np.arange(181)
@@ -78,26 +85,28 @@ def test_rays_see_the_body_of_a_pioneer_and_not_the_spheres_on_which_it_rolls(sp
     assert 2.0 - 2.0 * fraction == pytest.approx(0.13 if height > 0.14 else 0.19, abs=3e-3)
 
 
-def test_a_laser_sees_the_other_robot_and_marks_what_is_too_near(spawn: Spawner, world: BulletWorld) -> None:
+def test_a_laser_sees_the_other_robot_and_marks_what_is_too_near(
+    spawn: Spawner, world: World, new_world: NewWorld
+) -> None:
     spawn("robot")
     spawn("other", at=placement_at(0.5, 0.0))
     world.step()
-    ranges = laser_scan(world, "robot", laser_of("burger"), HEADER).ranges.numpy()
+    ranges = scan_of(world, "robot", laser_of("burger")).ranges.numpy()
     assert ranges[0] == pytest.approx(0.5 + 0.015 - 0.055, abs=3e-3)
     near = Box(name="near", size=(0.05, 0.05, 0.5), position=(0.075, 0.0, 0.25))
-    with BulletWorld(WorldDescription(boxes=(near,)), STEP_NS) as close:
+    with new_world(WorldDescription(boxes=(near,))) as close:
         close.spawn(robot_body("robot", "burger", placement_at(0.0, 0.0)))
-        assert laser_scan(close, "robot", laser_of("burger"), HEADER).ranges.numpy()[0] == -np.inf
+        assert scan_of(close, "robot", laser_of("burger")).ranges.numpy()[0] == -np.inf
 
 
-def test_noise_depends_on_seed_robot_and_tick_alone() -> None:
+def test_noise_depends_on_seed_robot_and_tick_alone(new_world: NewWorld) -> None:
     laser = laser_of("burger")
-    with BulletWorld(WorldDescription(boxes=(WALL,)), STEP_NS) as world:
+    with new_world(WorldDescription(boxes=(WALL,))) as world:
         world.spawn(robot_body("robot", "burger", placement_at(0.0, 0.0)))
-        clean = laser_scan(world, "robot", laser, HEADER).ranges.numpy()
+        clean = scan_of(world, "robot", laser).ranges.numpy()
 
         def noisy(*key: object) -> bytes:
-            return laser_scan(world, "robot", laser, HEADER, noise_generator(*key)).ranges.raw  # type: ignore[arg-type]
+            return scan_of(world, "robot", laser, noise_generator(*key)).ranges.raw  # type: ignore[arg-type]
 
         first = noisy(1, "robot", "scan", 40)
         assert first == noisy(1, "robot", "scan", 40)
@@ -108,29 +117,26 @@ def test_noise_depends_on_seed_robot_and_tick_alone() -> None:
         assert (np.isinf(np.frombuffer(first, "<f4")) == np.isinf(clean)).all()
 
 
-def test_an_inertial_unit_feels_gravity_the_ramp_and_the_turn(spawn: Spawner, world: BulletWorld) -> None:
+def test_an_inertial_unit_feels_gravity_the_ramp_and_the_turn(spawn: Spawner, world: World) -> None:
     unit = read_model("burger").imu
     assert unit is not None
     robot = spawn()
     offset = (-0.032, 0.0, 0.078)
     rest = drive_robots([robot], 0.0, 0.0, 0.5)
-    still = imu_reading(unit, offset, rest[-3], rest[-1], 2 * DT, HEADER)
-    assert still.linear_acceleration.z == pytest.approx(9.81, abs=0.02)
-    assert abs(still.linear_acceleration.x) < 0.02
+    still = imu_reading(unit, offset, rest[-3], rest[-1], 2 * DT)
+    assert still.force[2] == pytest.approx(9.81, abs=0.02)
+    assert abs(still.force[0]) < 0.02
     ramp = drive_robots([robot], 0.22, 0.0, 0.15)
-    feels = [
-        imu_reading(unit, offset, a, b, 2 * DT, HEADER).linear_acceleration.x
-        for a, b in zip(ramp, ramp[2:], strict=False)
-    ]
+    feels = [imu_reading(unit, offset, a, b, 2 * DT).force[0] for a, b in zip(ramp, ramp[2:], strict=False)]
     assert np.mean(feels) == pytest.approx(1.0, rel=0.1)
     drive_robots([robot], 0.0, 2.0, 2.0)
     spin = drive_robots([robot], 0.0, 2.0, 1.0)
-    turning = imu_reading(unit, offset, spin[-3], spin[-1], 2 * DT, HEADER)
-    assert turning.angular_velocity.z == pytest.approx(2.0, rel=0.004)
-    assert turning.linear_acceleration.x == pytest.approx(2.0**2 * 0.032, rel=0.1), "toward the centre"
+    turning = imu_reading(unit, offset, spin[-3], spin[-1], 2 * DT)
+    assert turning.rate[2] == pytest.approx(2.0, rel=0.004)
+    assert turning.force[0] == pytest.approx(2.0**2 * 0.032, rel=0.1), "toward the centre"
 
 
-def test_joint_states_carry_names_and_readings(spawn: Spawner, world: BulletWorld) -> None:
+def test_joint_states_carry_names_and_readings(spawn: Spawner, world: World) -> None:
     drive_robots([spawn()], 0.1, 0.0, 1.0)
     state = joint_state(world.body("robot").joints, world.body("robot").joint_readings(), HEADER)
     assert state.name == ("wheel_left_joint", "wheel_right_joint")
@@ -138,11 +144,11 @@ def test_joint_states_carry_names_and_readings(spawn: Spawner, world: BulletWorl
 
 
 @pytest.mark.parametrize("model", ["waffle", "waffle_pi"])
-def test_a_camera_sees_the_red_wall_upright(model: str) -> None:
+def test_a_camera_sees_the_red_wall_upright(model: str, new_world: NewWorld) -> None:
     camera = read_model(model).camera
     assert camera is not None
     low = Box(name="low", size=(0.2, 8.0, 0.2), position=(2.1, 0.0, 0.1), colour=(1.0, 0.0, 0.0, 1.0))
-    with BulletWorld(WorldDescription(boxes=(low,)), STEP_NS) as world:
+    with new_world(WorldDescription(boxes=(low,))) as world:
         world.spawn(robot_body("robot", model, placement_at(0.0, 0.0)))
         shot = camera_image(world, "robot", camera, HEADER)
     pixels = np.frombuffer(shot.data, np.uint8).reshape(shot.height, shot.width, 3).astype(int)

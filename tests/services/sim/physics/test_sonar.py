@@ -1,4 +1,4 @@
-"""Sonars in real PyBullet against distances worked out by hand, and what the simulation publishes of them."""
+"""Sonars in both engines against distances worked out by hand, and what the simulation publishes of them."""
 
 from __future__ import annotations
 
@@ -14,13 +14,12 @@ from messages.topics import RANGE, SCAN, SONAR, TF_STATIC
 from models.model import read_model
 from models.world import Box, WorldDescription, read_world
 from services.runtime.transport.memory import MemoryBus
+from services.sim.noise import noise_generator
 from services.sim.parameters import BaseParameters, RobotEntry
-from services.sim.physics.bullet import BulletWorld
 from services.sim.sensors import (
     Floats,
     SonarRing,
     cone_rays,
-    noise_generator,
     range_messages,
     sonar_cloud,
     sonar_ranges,
@@ -28,7 +27,7 @@ from services.sim.sensors import (
 )
 from services.sim.simulation import Simulation
 from tests.harness.memory_node import memory_node
-from tests.services.sim.physics.driven_robot import STEP_NS, placement_at, robot_body
+from tests.services.sim.physics.driven_robot import NewWorld, placement_at, robot_body
 
 pytestmark = pytest.mark.slow
 
@@ -40,8 +39,8 @@ BETWEEN = 1.0015
 """The nearest point of a surface lies up to 3 degrees from a ray: 1 / cos(3 deg)."""
 
 
-def heard(*boxes: Box, yaw: float = 0.0, x: float = 0.0, y: float = 0.0) -> Floats:
-    with BulletWorld(WorldDescription(boxes=boxes), STEP_NS) as world:
+def heard(new_world: NewWorld, *boxes: Box, yaw: float = 0.0, x: float = 0.0, y: float = 0.0) -> Floats:
+    with new_world(WorldDescription(boxes=boxes)) as world:
         world.spawn(robot_body("robot", "p3dx", placement_at(x, y, yaw)))
         world.step()
         return sonar_ranges(world, "robot", RING)
@@ -64,8 +63,8 @@ def to_the_wall(yaw: float, half: float = HALF) -> Floats:
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.3, -1.0, math.pi / 2, 2.5, math.pi])
-def test_a_wall_is_heard_where_it_is_nearest_in_the_cone(yaw: float) -> None:
-    expected, found = to_the_wall(yaw), heard(wall(), yaw=yaw)
+def test_a_wall_is_heard_where_it_is_nearest_in_the_cone(yaw: float, new_world: NewWorld) -> None:
+    expected, found = to_the_wall(yaw), heard(new_world, wall(), yaw=yaw)
     sure = np.isfinite(expected) & (expected < 4.9)
     assert sure.sum() >= 4
     assert (found[sure] >= expected[sure] - 1e-4).all()
@@ -73,36 +72,36 @@ def test_a_wall_is_heard_where_it_is_nearest_in_the_cone(yaw: float) -> None:
     assert np.isinf(found[np.isinf(expected)]).all()
 
 
-def test_nothing_is_heard_of_the_ground_and_of_the_robot_itself() -> None:
+def test_nothing_is_heard_of_the_ground_and_of_the_robot_itself(new_world: NewWorld) -> None:
     for yaw in (0.0, 1.0, -2.0):
-        assert (heard(yaw=yaw) == np.inf).all()
+        assert (heard(new_world, yaw=yaw) == np.inf).all()
 
 
-def test_what_is_lower_than_the_sonars_is_heard_once_the_cone_has_come_down_to_it() -> None:
+def test_what_is_lower_than_the_sonars_is_heard_once_the_cone_has_come_down_to_it(new_world: NewWorld) -> None:
     """A cone reaches down to 0.10 m at a distance of 0.1115 m / tan(15 deg)."""
     near = (HEIGHT - 0.10) / math.tan(HALF)
     low = Box(name="low", size=(0.2, 2.0, 0.10), position=(1.1, 0.0, 0.05))
-    far = heard(low, x=1.0 - 0.166 - near - 0.1)
+    far = heard(new_world, low, x=1.0 - 0.166 - near - 0.1)
     assert far[3:5] == pytest.approx([(near + 0.1) / math.cos(HALF)] * 2, rel=0.02)
-    above = heard(low, x=1.0 - 0.166 - near + 0.15)
+    above = heard(new_world, low, x=1.0 - 0.166 - near + 0.15)
     assert above[3:5] == pytest.approx([(HEIGHT - 0.10) / math.sin(HALF)] * 2, rel=0.02), "its top, not its front"
-    assert (heard(low, x=1.0 - 0.166 - near + 0.35)[3:5] == np.inf).all(), "all of it lies below the cone"
+    assert (heard(new_world, low, x=1.0 - 0.166 - near + 0.35)[3:5] == np.inf).all(), "all of it lies below the cone"
 
 
-def test_each_sonar_hears_the_post_before_it_and_no_other() -> None:
+def test_each_sonar_hears_the_post_before_it_and_no_other(new_world: NewWorld) -> None:
     for number in range(16):
         heading = math.atan2(RING.axes[number, 1], RING.axes[number, 0])
         x, y = RING.positions[number, :2] + 1.5 * RING.axes[number, :2]
         post = Box(name="post", size=(0.1, 0.1, 1.0), position=(float(x), float(y), 0.5), yaw=heading)
-        found = heard(post)
+        found = heard(new_world, post)
         assert found[number] == pytest.approx(1.45, abs=2e-3)
         off = [abs(math.remainder(heading - other, math.tau)) for other in np.arctan2(RING.axes[:, 1], RING.axes[:, 0])]
         assert all(math.isinf(found[other]) for other in range(16) if off[other] > math.radians(60)), number
 
 
-def test_the_boxes_of_the_arena_from_its_middle() -> None:
+def test_the_boxes_of_the_arena_from_its_middle(new_world: NewWorld) -> None:
     """Facing the north wall, whose face is y = 4 m, with the green box ahead on the left and the blue one behind."""
-    with BulletWorld(read_world("arena"), STEP_NS) as world:
+    with new_world(read_world("arena")) as world:
         world.spawn(robot_body("robot", "p3dx", placement_at(0.0, 0.0, math.pi / 2)))
         world.step()
         found = sonar_ranges(world, "robot", RING)
@@ -113,12 +112,12 @@ def test_the_boxes_of_the_arena_from_its_middle() -> None:
     assert found[11] == pytest.approx(math.hypot(1.0 - 0.027, blue - 0.255), rel=0.01), "a corner of the blue box"
 
 
-def test_too_near_and_too_far() -> None:
+def test_too_near_and_too_far(new_world: NewWorld) -> None:
     """Sonar 3 is 0.166 m ahead of the axle; PyBullet's ray from a body to a wall 0.06 m away."""
-    assert heard(wall(), x=2.0 - 0.166 - 0.06)[3] == -np.inf
-    assert heard(wall(), x=2.0 - 0.166 - 0.12)[3] == pytest.approx(0.12, abs=2e-3)
-    assert heard(wall(), x=2.0 - 0.166 - 4.9)[3] == pytest.approx(4.9, rel=2e-3)
-    assert heard(wall(), x=2.0 - 0.166 - 5.1)[3] == np.inf
+    assert heard(new_world, wall(), x=2.0 - 0.166 - 0.06)[3] == -np.inf
+    assert heard(new_world, wall(), x=2.0 - 0.166 - 0.12)[3] == pytest.approx(0.12, abs=2e-3)
+    assert heard(new_world, wall(), x=2.0 - 0.166 - 4.9)[3] == pytest.approx(4.9, rel=2e-3)
+    assert heard(new_world, wall(), x=2.0 - 0.166 - 5.1)[3] == np.inf
 
 
 def test_a_cone_is_sampled_evenly() -> None:
@@ -132,8 +131,8 @@ def test_a_cone_is_sampled_evenly() -> None:
     assert apart.min(axis=1) == pytest.approx(5.0, abs=0.2)
 
 
-def test_noise_spares_what_is_not_heard_and_repeats() -> None:
-    with BulletWorld(WorldDescription(boxes=(wall(),)), STEP_NS) as world:
+def test_noise_spares_what_is_not_heard_and_repeats(new_world: NewWorld) -> None:
+    with new_world(WorldDescription(boxes=(wall(),))) as world:
         world.spawn(robot_body("robot", "p3dx", placement_at(0.0, 0.0)))
         clean = sonar_ranges(world, "robot", RING)
         runs = [sonar_ranges(world, "robot", RING, noise_generator(1, "robot", "sonar", tick)) for tick in range(200)]
@@ -164,10 +163,10 @@ def test_readings_become_points_and_ranges() -> None:
     assert single[0].field_of_view == pytest.approx(math.radians(30))
 
 
-def test_nothing_is_measured_while_nobody_listens(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_measured_while_nobody_listens(monkeypatch: pytest.MonkeyPatch, new_world: NewWorld) -> None:
     bus, cast = MemoryBus(), []
     with (
-        BulletWorld(WorldDescription(), STEP_NS) as world,
+        new_world(WorldDescription()) as world,
         memory_node(bus, "sim") as sim,
         memory_node(bus, "other") as other,
     ):
@@ -186,10 +185,10 @@ def test_nothing_is_measured_while_nobody_listens(monkeypatch: pytest.MonkeyPatc
                 other.unregister(heard_by)
 
 
-def test_the_simulation_publishes_them_ten_times_a_second_to_who_listens() -> None:
+def test_the_simulation_publishes_them_ten_times_a_second_to_who_listens(new_world: NewWorld) -> None:
     bus = MemoryBus()
     with (
-        BulletWorld(WorldDescription(boxes=(wall(),)), STEP_NS) as world,
+        new_world(WorldDescription(boxes=(wall(),))) as world,
         memory_node(bus, "sim") as sim,
         memory_node(bus, "other") as other,
     ):

@@ -1,4 +1,4 @@
-"""Bodies of a world in PyBullet: seen, felt, pushed, moving by themselves, and repeatable."""
+"""Bodies of a world in both engines: seen, felt, pushed, moving by themselves, and repeatable."""
 
 import math
 
@@ -11,10 +11,9 @@ from models.bodies import BodyPart, BodyPath, BoxShape, CylinderShape, HeightMap
 from models.mesh import Mesh
 from models.world import WorldBody, WorldDescription
 from services.runtime.errors import BadInput
-from services.sim.physics.bullet import BulletWorld
-from services.sim.physics.world import Body, BodyState, CameraModel, Contact, Motor
+from services.sim.physics.world import Body, BodyState, CameraModel, Contact, Motor, World
 from services.sim.physics.world_bodies import MOST_TRIANGLES
-from tests.services.sim.physics.driven_robot import STEP_NS
+from tests.services.sim.physics.driven_robot import STEP_NS, NewWorld
 
 pytestmark = pytest.mark.slow
 
@@ -41,7 +40,7 @@ def slope(rows: int = 41) -> HeightMapShape:
     return HeightMapShape(np.tile(np.linspace(0, 0.4, rows), (rows, 1)), (4.0, 4.0))
 
 
-def test_rays_meet_every_shape_where_it_is() -> None:
+def test_rays_meet_every_shape_where_it_is(new_world: NewWorld) -> None:
     world = WorldDescription(
         bodies=(
             body("ball", SphereShape(0.3), 2, 0, 1),
@@ -52,7 +51,7 @@ def test_rays_meet_every_shape_where_it_is() -> None:
             WorldBody("shown", (BodyPart(BoxShape((1, 1, 1)), solid=False),), Pose3((8, 0, 0.5))),
         )
     )
-    with BulletWorld(world, STEP_NS) as on:
+    with new_world(world) as on:
 
         def distance(start: tuple[float, ...], end: tuple[float, ...]) -> float:
             fraction = float(on.cast_rays(np.array([start], float), np.array([end], float))[0])
@@ -68,7 +67,7 @@ def test_rays_meet_every_shape_where_it_is() -> None:
         assert distance((7, 0, 0.5), (9, 0, 0.5)) == math.inf
 
 
-def test_the_camera_sees_the_colours_of_bodies() -> None:
+def test_the_camera_sees_the_colours_of_bodies(new_world: NewWorld) -> None:
     green = BodyPart(slope(), colour=(0.0, 1.0, 0.0, 1.0), ground=True)
     blue = BodyPart(MeshShape(CORNER), colour=(0.0, 0.0, 1.0, 1.0))
     unseen = BodyPart(BoxShape((4.0, 4.0, 0.1)), Pose3((0.0, 0.0, 2.0)), visible=False)
@@ -78,20 +77,20 @@ def test_the_camera_sees_the_colours_of_bodies() -> None:
         Pose3((1.0, -3.0, 0.5), (-(0.5**0.5), 0.0, 0.0, 0.5**0.5)),
     )
     for part, eye in ((green, above), (blue, south)):
-        with BulletWorld(WorldDescription(bodies=(WorldBody("seen", (part, unseen)),)), STEP_NS) as on:
+        with new_world(WorldDescription(bodies=(WorldBody("seen", (part, unseen)),))) as on:
             pixels = np.frombuffer(on.render(eye, lens), np.uint8).reshape(12, 16, 3)
         middle = pixels[6, 8].astype(int)
         assert middle.argmax() == np.argmax(part.colour[:3])
         assert middle.max() > 2 * np.sort(middle)[1]
 
 
-def test_a_movable_body_is_pushed_and_comes_back_with_a_reset() -> None:
+def test_a_movable_body_is_pushed_and_comes_back_with_a_reset(new_world: NewWorld) -> None:
     legs = [BodyPart(BoxShape((0.05, 0.05, 0.4)), Pose3((x, y, 0.2))) for x in (-0.25, 0.25) for y in (-0.25, 0.25)]
     table = WorldBody("table", (BodyPart(BoxShape((0.6, 0.6, 0.05)), Pose3((0, 0, 0.425))), *legs), mass=2.0)
     world = WorldDescription(
         bodies=(body("crate", BoxShape((0.3, 0.3, 0.3)), 0.5, 3, 0.15, mass=0.2, friction=0.2), table)
     )
-    with BulletWorld(world, STEP_NS) as on:
+    with new_world(world) as on:
         assert on.world_bodies == ("crate", "table")
         robot = on.spawn(burger("robot", 0, 3, 0))
         for _ in range(3 * SECOND):
@@ -118,7 +117,7 @@ def test_a_movable_body_is_pushed_and_comes_back_with_a_reset() -> None:
             on.world_body_state("crat")
 
 
-def test_what_starts_inside_something_is_told() -> None:
+def test_what_starts_inside_something_is_told(new_world: NewWorld) -> None:
     crate = BoxShape((0.2, 0.2, 0.2))
     world = WorldDescription(
         bodies=(
@@ -128,18 +127,18 @@ def test_what_starts_inside_something_is_told() -> None:
             body("in_wall", crate, 0.1, 0, 0.1, mass=1.0),
         )
     )
-    with BulletWorld(world, STEP_NS) as on:
+    with new_world(world) as on:
         told = on.overlaps_at_start()
     assert [each.split(" ")[0] for each in told] == ["'sunk'", "'in_wall'"]
     assert "would overlap with the ground by 0.100 m" in told[0]
     assert "would overlap with wall by 0.050 m" in told[1]
 
 
-def test_a_thrown_body_of_several_parts_spins_about_its_centre_of_mass() -> None:
+def test_a_thrown_body_of_several_parts_spins_about_its_centre_of_mass(new_world: NewWorld) -> None:
     """A hammer: its heavy head lies 0.9 m from its origin; thrown without a spin of its own, its centre flies on."""
     parts = BodyPart(BoxShape((1.0, 0.1, 0.1))), BodyPart(BoxShape((0.2, 0.5, 0.5)), Pose3((0.9, 0.0, 0.0)))
     hammer = WorldBody("hammer", parts, Pose3((0.0, 0.0, 20.0)), mass=3.0)
-    with BulletWorld(WorldDescription(bodies=(hammer,)), STEP_NS) as on:
+    with new_world(WorldDescription(bodies=(hammer,))) as on:
         centre = 0.9 * 0.05 / 0.06  # by their volumes, 0.01 and 0.05 m3
         start = BodyState((0, 0, 20), (0, 0, 0, 1), (0, -2.0 * centre, 0), (0, 0, 2.0))
         on.set_state("hammer", start)
@@ -154,7 +153,7 @@ def test_a_thrown_body_of_several_parts_spins_about_its_centre_of_mass() -> None
         assert (x, y) == pytest.approx((centre, 0.0), abs=0.01)
 
 
-def test_a_moving_body_keeps_to_its_path_and_pushes_what_is_in_its_way() -> None:
+def test_a_moving_body_keeps_to_its_path_and_pushes_what_is_in_its_way(new_world: NewWorld) -> None:
     path = BodyPath(((0.0, 0.0, 0.3), (2.0, 0.0, 0.3)), 0.5, "there_and_back", pause=0.5)
     world = WorldDescription(
         bodies=(
@@ -162,7 +161,7 @@ def test_a_moving_body_keeps_to_its_path_and_pushes_what_is_in_its_way() -> None
             body("crate", BoxShape((0.2, 0.2, 0.2)), 1.0, 0, 0.1, mass=2.0),
         )
     )
-    with BulletWorld(world, STEP_NS) as on:
+    with new_world(world) as on:
         robot = on.spawn(burger("robot", -0.6, 0, 0))
         for step in range(1, 12 * SECOND):
             on.step()
@@ -183,7 +182,7 @@ def test_a_moving_body_keeps_to_its_path_and_pushes_what_is_in_its_way() -> None
             on.spawn(burger("late", *path.position_at(2.0)[:2], 0.0))
 
 
-def test_runs_with_bodies_repeat_bit_for_bit_also_after_a_reset() -> None:
+def test_runs_with_bodies_repeat_bit_for_bit_also_after_a_reset(new_world: NewWorld) -> None:
     path = BodyPath(((1.0, -1.0, 0.25), (1.0, 1.0, 0.25)), 0.7, "loop", pause=0.1)
     world = WorldDescription(
         bodies=(
@@ -194,7 +193,7 @@ def test_runs_with_bodies_repeat_bit_for_bit_also_after_a_reset() -> None:
         )
     )
 
-    def run(on: BulletWorld) -> list[BodyState]:
+    def run(on: World) -> list[BodyState]:
         states = []
         for _ in range(2 * SECOND):
             on.body("robot").set_speeds((6.0, 5.5))
@@ -204,7 +203,7 @@ def test_runs_with_bodies_repeat_bit_for_bit_also_after_a_reset() -> None:
 
     runs = []
     for _ in range(2):
-        with BulletWorld(world, STEP_NS) as on:
+        with new_world(world) as on:
             on.spawn(burger())
             runs.append(run(on))
             on.reset()
@@ -212,13 +211,13 @@ def test_runs_with_bodies_repeat_bit_for_bit_also_after_a_reset() -> None:
     assert runs[0] == runs[1] == runs[2] == runs[3]
 
 
-def test_a_robot_drives_up_ramps_and_height_maps_without_a_collision() -> None:
+def test_a_robot_drives_up_ramps_and_height_maps_without_a_collision(new_world: NewWorld) -> None:
     hill = slope()
     for world, start, rise in [
         (WorldDescription(bodies=(body("ramp", RampShape((3.0, 1.0, 0.3)), 2, 0, 0.15),)), 0.0, 0.1),
         (WorldDescription(bodies=(body("hill", hill, 2, 0, 0),)), 1.0, 0.1),
     ]:
-        with BulletWorld(world, STEP_NS) as on:
+        with new_world(world) as on:
             height = on.ground_height(start, 0.0, 0.1)
             robot = on.spawn(burger("robot", start, 0.0, height))
             touched = set()
@@ -233,15 +232,15 @@ def test_a_robot_drives_up_ramps_and_height_maps_without_a_collision() -> None:
             assert not touched
 
 
-def test_below_a_height_map_nothing_is_spawned() -> None:
-    with BulletWorld(WorldDescription(bodies=(body("hill", slope(), 0, 0, 0),)), STEP_NS) as on:
+def test_below_a_height_map_nothing_is_spawned(new_world: NewWorld) -> None:
+    with new_world(WorldDescription(bodies=(body("hill", slope(), 0, 0, 0),))) as on:
         with pytest.raises(BadInput, match=r"below the height map, whose ground is 0\.300 m high"):
             on.spawn(burger("robot", 1.0, 0.0, 0.0))
         assert on.ground_height(1.0, 0.0, 0.2) == pytest.approx(0.32, abs=1e-3)
         assert on.ground_height(9.0, 0.0, 0.2) == 0.0
 
 
-def test_a_mesh_of_many_triangles_is_loaded_in_pieces() -> None:
+def test_a_mesh_of_many_triangles_is_loaded_in_pieces(new_world: NewWorld) -> None:
     rows = 205
     grid = np.stack(np.meshgrid(np.linspace(-1, 1, rows), np.linspace(-1, 1, rows)), axis=-1).reshape(-1, 2)
     index = np.arange(rows * rows).reshape(rows, rows)
@@ -249,6 +248,6 @@ def test_a_mesh_of_many_triangles_is_loaded_in_pieces() -> None:
     triangles = np.concatenate([np.column_stack((a, b, c)), np.column_stack((a, c, d))]).astype(np.int32)
     mesh = Mesh(np.column_stack((grid, np.full(len(grid), 0.5))), triangles)
     assert len(triangles) > MOST_TRIANGLES
-    with BulletWorld(WorldDescription(bodies=(body("table", MeshShape(mesh), 0, 0, 0),)), STEP_NS) as on:
+    with new_world(WorldDescription(bodies=(body("table", MeshShape(mesh), 0, 0, 0),))) as on:
         places = np.array([(x, x / 2, 2.0) for x in np.linspace(-0.95, 0.95, 40)])
         assert on.cast_rays(places, places - (0, 0, 2)) == pytest.approx(0.75, abs=1e-3)

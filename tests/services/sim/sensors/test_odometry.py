@@ -10,9 +10,10 @@ from messages.std import Header, Time
 from services.sim.drive.odometry import (
     PLANAR_COVARIANCE,
     ZERO_COVARIANCE,
-    encoder_odometry,
+    counted_motion,
     initial_odometry,
-    world_odometry,
+    odometry_message,
+    world_motion,
 )
 from services.sim.physics.world import BodyState
 
@@ -21,7 +22,7 @@ def test_the_twist_of_the_world_is_turned_into_the_body() -> None:
     half = math.pi / 4
     state = BodyState((1.0, 2.0, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)), (0.0, 0.5, 0.0), (0.0, 0.0, 0.3))
     header = Header(stamp=Time.of(123), frame_id="world")
-    odometry = world_odometry(state, header, "tb3_0/base_footprint")
+    odometry = odometry_message(header, "tb3_0/base_footprint", world_motion(state), ZERO_COVARIANCE, ZERO_COVARIANCE)
     twist = odometry.twist.twist
     assert (twist.linear.x, twist.linear.y, twist.linear.z) == pytest.approx((0.5, 0.0, 0.0), abs=1e-12)
     assert twist.angular.z == pytest.approx(0.3)
@@ -31,7 +32,8 @@ def test_the_twist_of_the_world_is_turned_into_the_body() -> None:
 
 
 def test_the_covariance_is_the_plugin_s() -> None:
-    odometry = encoder_odometry(initial_odometry(0.0, 0.0, 1.0, 2.0, 4.0), Header(), "base")
+    motion = counted_motion(initial_odometry(0.0, 0.0, 1.0, 2.0, 4.0))
+    odometry = odometry_message(Header(), "base", motion, PLANAR_COVARIANCE, ZERO_COVARIANCE)
     assert odometry.pose.covariance[::7] == (1e-5, 1e-5, 1e12, 1e12, 1e12, 1e-3)
     assert odometry.pose.packed == PLANAR_COVARIANCE
     assert odometry.pose.pose.position.x == 1.0

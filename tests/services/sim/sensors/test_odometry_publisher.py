@@ -43,6 +43,7 @@ def same(one: tuple[float, float, float], other: tuple[float, float, float]) -> 
     return apart < 1e-3 and abs(math.remainder(one[2] - other[2], math.tau)) < 1.8e-3
 
 
+@pytest.mark.slow
 def test_a_square_drifts_by_less_than_a_millimetre_and_a_tenth_of_a_degree() -> None:
     with run_simulation(at=ELSEWHERE) as world:
         for _ in range(4):
@@ -90,6 +91,7 @@ def test_open_loop_integrates_the_limited_command() -> None:
         assert same(chained(world), true(world))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [50.0, 30.0, 10.0, 7.0, 0.0])
 def test_the_average_rate_is_exact(rate: float) -> None:
     with run_simulation(publish_rate=rate) as world:

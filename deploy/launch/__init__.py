@@ -1,0 +1,1 @@
+"""Launch files of ROS 1: read as roslaunch reads them, and made into fleets."""

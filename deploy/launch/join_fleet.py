@@ -1,0 +1,206 @@
+"""Runs the nodes of a launch file beside a fleet that runs already, as a second roslaunch joins the same master."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import select
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from deploy.fleet import Fleet, RobotConfig
+from deploy.processes import ProcessSpec, plan_processes
+from deploy.restart_policy import Failed, Finished, Restart, decide_after_exit
+from deploy.rosparam import fleet_parameter_tree
+from deploy.rosparam_tree import leaves
+from deploy.service_parameters import BUILTIN_SERVICES, RunOptions
+from messages.names import key as key_of
+from services.runtime.errors import EleaError
+from services.runtime.fleet_instances import FleetInstance
+from services.runtime.network_address import NetworkAddress, fleet_router
+from services.runtime.process import PARENT, ROOT
+
+ROSCORE = "roscore"
+"""The fleet of ``roscore``: a launch file that brings a world takes its place."""
+
+STOP_S = 5.0
+"""Wall time that a process has to end after SIGINT."""
+_POLL_S = 0.1
+_CALL_S = 5.0
+_SINGLE = ("logger", "panel", "recorder", "state", *BUILTIN_SERVICES)
+"""Services of which the running fleet has its own; the simulation publishes the states of its robots."""
+
+
+@dataclass
+class _Life:
+    """One process, its restarts, and when it is started next."""
+
+    spec: ProcessSpec
+    process: subprocess.Popen[bytes] | None = None
+    restarts: list[float] = field(default_factory=list)
+    due: float = 0.0
+    done: bool = False
+
+
+def join_fleet(fleet: Fleet, running: FleetInstance) -> int:
+    """Spawn the robots, set the parameters and run the services of a fleet beside the ``running`` one, until all have
+    ended or Ctrl-C; the exit status."""
+    place = NetworkAddress(fleet_router(running), running.domain)
+    sys.stderr.write(f"joining the fleet {running.fleet}\n")
+    _set_parameters(fleet, place)
+    for robot in fleet.robot:
+        _spawn(robot, fleet, place, alone=not _models(place))
+    run = replace(fleet.run, port=running.port, mode="real")
+    with tempfile.TemporaryDirectory(prefix="elea-launch-") as folder:
+        options = RunOptions(folder=Path(folder), domain=running.domain)
+        plan = plan_processes(replace(fleet, run=run, robot=()), options)
+        return Programs([_joined(each, place) for each in plan if each.kind not in _SINGLE]).run()
+
+
+def stop_fleet(running: FleetInstance) -> None:
+    """End a fleet that makes room, and wait for its end; raises EleaError."""
+    sys.stderr.write(f"the fleet {running.fleet} makes room\n")
+    handle = os.pidfd_open(running.pid)
+    try:
+        signal.pidfd_send_signal(handle, signal.SIGINT)
+        if not select.select([handle], [], [], 60.0)[0]:
+            raise EleaError(f"the fleet {running.fleet} does not stop: end it with ./elea down")
+    finally:
+        os.close(handle)
+
+
+def _models(place: NetworkAddress) -> int:
+    """How many models there are in the running simulation."""
+    from messages.requests import LIST
+    from messages.std import Empty
+    from services.runtime.light_node import open_transport
+    from services.runtime.requests import call
+
+    with open_transport(place.router, place.domain) as transport:
+        return len(call(transport, LIST, key_of(LIST.name), Empty(), _CALL_S).models)
+
+
+def _elea(*words: str) -> int:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.run([sys.executable, "-P", "-m", "deploy", *words], env=environment, check=False).returncode
+
+
+def _set_parameters(fleet: Fleet, place: NetworkAddress) -> None:
+    tree = fleet_parameter_tree(replace(fleet, robot=()))
+    if not tree:
+        return
+    from messages.requests import ROSPARAM_SET
+    from messages.rosparam import RosparamSet
+    from services.runtime.light_node import open_transport
+    from services.runtime.requests import call
+
+    with open_transport(place.router, place.domain) as transport:
+        for key, value in leaves(tree):
+            message = RosparamSet(key=key, value=json.dumps(value))
+            call(transport, ROSPARAM_SET, key_of(ROSPARAM_SET.name), message, _CALL_S)
+
+
+def _spawn(robot: RobotConfig, fleet: Fleet, place: NetworkAddress, alone: bool) -> None:
+    """Spawn a robot; only where it is ``alone`` its frames may be without a prefix."""
+    words = [robot.model, robot.name, "--connect", place.router, "--namespace", robot.namespace or f"/{robot.name}"]
+    words += ["--domain", place.domain] if place.domain else []
+    if robot.frame_prefix or (robot.frame_prefix == "" and alone):
+        words += ["--frame-prefix", robot.frame_prefix]
+    for axis, option in (("x", "-x"), ("y", "-y"), ("z", "-z"), ("yaw", "-Y")):
+        words += [option, f"{getattr(robot.pose, axis)}"] if getattr(robot.pose, axis) else []
+    for name, position in robot.joints.items():
+        words += ["-J", f"{name}={position}"]
+    for name, value in robot.parameters.items():
+        words += ["--param", f"{name}={json.dumps(value)}"]
+    for folder in fleet.run.packages:
+        words += ["--package", folder]
+    if _elea("sim", "spawn", *words) != 0:
+        raise EleaError(f"the robot {robot.name} was not spawned")
+
+
+def _joined(spec: ProcessSpec, place: NetworkAddress) -> ProcessSpec:
+    """A process with the running fleet's router in its command line, in place of that of its own fleet."""
+    argv = list(spec.argv)
+    if "--connect" in argv:
+        index = argv.index("--connect")
+        argv[index + 1] = place.router
+    return replace(spec, argv=tuple(argv))
+
+
+class Programs:
+    """The programs that were started, until all have ended, a required one has, or a signal comes."""
+
+    def __init__(self, specs: Sequence[ProcessSpec]) -> None:
+        self._lives = [_Life(each) for each in specs]
+        self._rng = random.Random(0)
+        self._status = 0
+
+    def run(self) -> int:
+        """Run them; the exit status: 1 if one has died, 130 for an interrupt."""
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, signal.default_int_handler)  # also where a shell has it ignored
+        try:
+            while any(not each.done for each in self._lives):
+                if any(self._look_at(each) for each in self._lives if not each.done):
+                    break
+                time.sleep(_POLL_S)
+        except KeyboardInterrupt:
+            self._status = 130
+        finally:
+            _stop([each.process for each in self._lives if each.process is not None])
+        return self._status
+
+    def _look_at(self, life: _Life) -> bool:
+        """Start a program, or see to its end; whether all must end with it."""
+        now, name = time.monotonic(), life.spec.name
+        if life.process is None:
+            life.process = _start(life.spec) if now >= life.due else None
+            return False
+        if (status := life.process.poll()) is None:
+            return False
+        life.process = None
+        match decide_after_exit(life.spec.policy, life.restarts, now, status, self._rng.random()):
+            case Restart(pause):
+                sys.stderr.write(f"{name} ended with status {status}; again in {pause:.1f} s\n")
+                life.restarts.append(now)
+                life.due = now + pause
+                return False
+            case Finished():
+                sys.stderr.write(f"{name} finished cleanly\n")
+            case Failed(reason):
+                sys.stderr.write(f"{name} has died: {reason}\n")
+                self._status = 1
+        life.done = True
+        if life.spec.required:
+            sys.stderr.write(f"{name} is required: all others end\n")
+        return life.spec.required
+
+
+def _start(spec: ProcessSpec) -> subprocess.Popen[bytes]:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1", PARENT: str(os.getpid())}
+    return subprocess.Popen(
+        spec.argv,
+        stdin=subprocess.DEVNULL,
+        env={**environment, **spec.environment},
+        cwd=spec.cwd or None,
+        start_new_session=True,
+    )
+
+
+def _stop(processes: list[subprocess.Popen[bytes]]) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+        left = [each for each in processes if each.poll() is None]
+        for each in left:
+            each.send_signal(number)
+        deadline = time.monotonic() + STOP_S
+        while any(each.poll() is None for each in left) and time.monotonic() < deadline:
+            time.sleep(0.02)

@@ -1,0 +1,573 @@
+"""Reads a launch file as roslaunch does, with all that it includes, into nodes, parameters and notes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from deploy.launch.launch_values import (
+    Description,
+    command_output,
+    convert_value,
+    plain,
+    read_parameters,
+    read_text,
+)
+from deploy.launch.launch_xml import LaunchElement, read_launch_xml
+from deploy.launch.packages import STAND_INS, LaunchPackages
+from deploy.launch.substitution import Substitution, truth
+from deploy.rosparam_tree import Tree, parameter_tree, set_parameter
+from messages.names import BadName, parse_remap
+from services.runtime.errors import BadInput, did_you_mean, unknown_name
+from services.script.inspect_script import legal_node_name
+
+MAX_INCLUDES = 500
+"""Files that one launch file may include, in all."""
+MAX_DEPTH = 40
+"""How deep includes may be nested."""
+
+_CONDITION = {"if": False, "unless": False}
+_FOUND = re.compile(r"\$\(find\s+([\w.-]+)\s*\)")
+"""A package that a path begins with."""
+TAGS = ("arg", "param", "rosparam", "node", "include", "group", "remap", "env", "machine", "test", "master")
+
+
+@dataclass(frozen=True)
+class LaunchNode:
+    """A ``<node>`` or ``<test>``: ``args`` are as written, ``where`` is its file and line."""
+
+    package: str
+    type: str
+    name: str
+    namespace: str
+    args: str
+    where: str
+    remaps: tuple[tuple[str, str], ...] = ()
+    environment: tuple[tuple[str, str], ...] = ()
+    respawn: bool = False
+    respawn_delay: float = 0.0
+    required: bool = False
+    cwd: str = ""
+    screen: bool = False
+    prefix: str = ""
+    test: str = ""
+    time_limit: float = 60.0
+
+    @property
+    def node(self) -> str:
+        """Its absolute name."""
+        return join_names(self.namespace, self.name)
+
+    @property
+    def what(self) -> str:
+        """``package/type``, as people call it."""
+        return f"{self.package}/{self.type}"
+
+
+@dataclass(frozen=True)
+class LoadedFile:
+    """A YAML file that was loaded below a namespace, with its content."""
+
+    namespace: str
+    file: Path
+    tree: Tree
+
+    def sets(self, name: str) -> bool:
+        """Whether it sets a parameter or a table of parameters, by its absolute name."""
+        value: Any = self.tree
+        prefix = self.namespace.rstrip("/") + "/"
+        if not name.startswith(prefix):
+            return False
+        for part in name.removeprefix(prefix).split("/"):
+            if not isinstance(value, dict) or part not in value:
+                return False
+            value = value[part]
+        return True
+
+
+@dataclass
+class Launch:
+    """What a launch file says. ``descriptions`` are parameters whose values robots' files give, by absolute name."""
+
+    path: Path
+    nodes: list[LaunchNode] = field(default_factory=list)
+    tests: list[LaunchNode] = field(default_factory=list)
+    parameters: Tree = field(default_factory=dict)
+    descriptions: dict[str, Description] = field(default_factory=dict)
+    loaded: list[LoadedFile] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)
+    """Why includes were left out: their packages are not here."""
+    notes: list[str] = field(default_factory=list)
+
+    def note(self, text: str) -> None:
+        """Add what the user should know, once."""
+        if text not in self.notes:
+            self.notes.append(text)
+
+    def search_parameter(self, namespace: str, key: str) -> Any:
+        """The value of the nearest parameter of this name from a namespace upwards; None if there is none."""
+        parts = [each for each in namespace.split("/") if each]
+        for count in range(len(parts), -1, -1):
+            here: Any = self.parameters
+            for part in (*parts[:count], key):
+                here = here.get(part) if isinstance(here, dict) else None
+            if here is not None:
+                return here
+        return None
+
+
+@dataclass(frozen=True)
+class Argument:
+    """An ``<arg>`` of a launch file: ``default`` is None where it must be given; ``value`` if it is fixed."""
+
+    name: str
+    default: str | None
+    value: str | None
+    doc: str
+    where: str
+
+
+@dataclass(frozen=True)
+class _Scope:
+    """What holds at a place of a launch file; a group has its own."""
+
+    namespace: str
+    remaps: list[tuple[str, str]]
+    environment: list[tuple[str, str]]
+    private: list[tuple[str, Any]]
+
+    def inner(self, namespace: str) -> _Scope:
+        return replace(
+            self,
+            namespace=namespace,
+            remaps=list(self.remaps),
+            environment=list(self.environment),
+            private=list(self.private),
+        )
+
+
+def read_launch(path: Path, arguments: Mapping[str, str], packages: LaunchPackages) -> Launch:
+    """Read a launch file with the arguments of the command line; raises BadInput, with file and line."""
+    launch = Launch(path)
+    reader = _Reader(launch, packages)
+    reader.file(path, _Scope("/", [], [], []), dict(arguments), depth=0)
+    for name in arguments:
+        if name not in reader.used:
+            known = [each.name for each in declared_arguments(path)]
+            launch.note(f"{name}:= is given, and {path.name} has no <arg> of this name{did_you_mean(name, known)}")
+    _check_names(launch)
+    return launch
+
+
+def declared_arguments(path: Path) -> list[Argument]:
+    """The arguments that a launch file declares, those of groups included; raises BadInput."""
+
+    def below(element: LaunchElement) -> Iterator[LaunchElement]:
+        for each in element.children:
+            if each.tag == "arg":
+                yield each
+            elif each.tag == "group":
+                yield from below(each)
+
+    found: dict[str, Argument] = {}
+    for each in below(read_launch_xml(path)):
+        has = each.attributes
+        name = has.get("name", "")
+        found.setdefault(name, Argument(name, has.get("default"), has.get("value"), has.get("doc", ""), each.where))
+    return list(found.values())
+
+
+def join_names(namespace: str, name: str) -> str:
+    """A name in a namespace; an absolute one stays."""
+    if name.startswith("/"):
+        return "/" + "/".join(part for part in name.split("/") if part)
+    return "/" + "/".join(part for part in (*namespace.split("/"), *name.split("/")) if part)
+
+
+def _check_names(launch: Launch) -> None:
+    places: dict[str, str] = {}
+    for each in launch.nodes:
+        if each.node in places:
+            raise BadInput(
+                f"{each.where}: a node {each.node} is already started at {places[each.node]}: names are unique"
+            )
+        places[each.node] = each.where
+
+
+class _Reader:
+    """The state of one reading: the launch that grows, and the files that are open."""
+
+    def __init__(self, launch: Launch, packages: LaunchPackages) -> None:
+        self.launch, self.packages = launch, packages
+        self.used: set[str] = set()
+        self._open: list[Path] = []
+        self._includes = 0
+        self._anonymous: dict[str, str] = {}
+
+    def file(self, path: Path, scope: _Scope, given: Mapping[str, str], depth: int) -> set[str]:
+        """Read a file with the arguments ``given`` to it; returns those that it declares.
+
+        An included file has what it is given also where it does not declare it, as in ROS.
+        """
+        root = read_launch_xml(path)
+        arguments: dict[str, str] = dict(given) if depth else {}
+        context = _File(
+            self,
+            Substitution(self.packages.find, path.parent, arguments, anonymous=self._anonymous),
+            arguments,
+            dict(given),
+            depth,
+        )
+        self._open.append(path)
+        context.children(root, scope)
+        self._open.pop()
+        if depth == 0:
+            self.used |= context.declared
+        return context.declared
+
+    def include(
+        self, element: LaunchElement, path: Path, scope: _Scope, given: Mapping[str, str], depth: int
+    ) -> set[str]:
+        """Read an included file."""
+        self._includes += 1
+        if depth > MAX_DEPTH or self._includes > MAX_INCLUDES:
+            chain = " -> ".join(each.name for each in self._open[-4:])
+            loop = (
+                f"{path.name} includes itself: {chain} -> {path.name}" if path in self._open else f"{chain} -> {path}"
+            )
+            element.fail(f"too many includes (at most {MAX_DEPTH} deep, {MAX_INCLUDES} in all): {loop}")
+        return self.file(path, scope, given, depth)
+
+
+class _File:
+    """One file being read: its arguments and substitutions."""
+
+    def __init__(
+        self, reader: _Reader, substitution: Substitution, arguments: dict[str, str], given: dict[str, str], depth: int
+    ) -> None:
+        self._reader, self._launch, self._substitution = reader, reader.launch, substitution
+        self._arguments, self._given, self._depth = arguments, given, depth
+        self._places: dict[str, str] = {}
+        self.declared: set[str] = set()
+
+    def children(self, parent: LaunchElement, scope: _Scope) -> None:
+        if parent.text.strip() and parent.tag in ("launch", "group", "include"):
+            said = " ".join(parent.text.split())[:60]
+            self._launch.note(f"{parent.where}: the text {said!r} in <{parent.tag}> is no element; it is left out")
+        for element in parent.children:
+            if self._holds(element):
+                self._element(element, scope)
+
+    def _element(self, element: LaunchElement, scope: _Scope) -> None:
+        match element.tag:
+            case "arg":
+                self._arg(element)
+            case "param":
+                self._param(element, scope.namespace, scope)
+            case "rosparam":
+                self._rosparam(element, scope.namespace)
+            case "node" | "test":
+                self._node(element, scope)
+            case "include":
+                self._include(element, scope)
+            case "group":
+                self._check(element, {**_CONDITION, "ns": False, "clear_params": False})
+                self.children(element, scope.inner(self._namespace(element, scope)))
+            case "remap":
+                scope.remaps.append(self._remap(element))
+            case "env":
+                scope.environment.append(self._env(element))
+            case "machine":
+                self._machine(element)
+            case "master":
+                pass
+            case _:
+                self._unknown(element, TAGS)
+
+    def _check(self, element: LaunchElement, known: Mapping[str, bool]) -> None:
+        for text in element.check_attributes(known):
+            self._launch.note(text)
+
+    def _unknown(self, element: LaunchElement, known: Sequence[str]) -> None:
+        """Note an element that roslaunch passes over."""
+        near = did_you_mean(element.tag, known)
+        self._launch.note(f"{element.where}: <{element.tag[:40]}> is no element here{near}; it is left out")
+
+    def _get(self, element: LaunchElement, name: str, default: str = "") -> str:
+        said = element.attributes.get(name)
+        return default if said is None else self._substitution.resolve(said, element.where)
+
+    def _flag(self, element: LaunchElement, name: str) -> bool:
+        said = self._get(element, name)
+        return truth(said, element.where, name) if said.strip() else False
+
+    def _holds(self, element: LaunchElement) -> bool:
+        has = element.attributes
+        if "if" in has and "unless" in has:
+            element.fail(f"<{element.tag}> has both if and unless: state one of them")
+        if "if" in has:
+            return self._condition(element, "if")
+        return not self._condition(element, "unless") if "unless" in has else True
+
+    def _condition(self, element: LaunchElement, name: str) -> bool:
+        said = self._get(element, name)
+        return truth(said, element.where, name)
+
+    def _namespace(self, element: LaunchElement, scope: _Scope) -> str:
+        return join_names(scope.namespace, self._name(element, "ns"))
+
+    def _name(self, element: LaunchElement, attribute: str) -> str:
+        """A namespace, with its odd characters replaced."""
+        said = self._get(element, attribute).strip()
+        parts = [legal_node_name(each) for each in said.split("/") if each]
+        made = ("/" if said.startswith("/") else "") + "/".join(parts)
+        if [each for each in said.split("/") if each] != parts:
+            self._launch.note(f"{element.where}: the name {said!r} is not legal; {made!r} is taken")
+        return made
+
+    def _arg(self, element: LaunchElement) -> None:
+        self._check(element, {**_CONDITION, "name": True, "default": False, "value": False, "doc": False})
+        name = self._get(element, "name")
+        if name in self._places:
+            element.fail(f"<arg> {name!r} is already declared at {self._places[name]}")
+        if {"default", "value"} <= set(element.attributes):
+            element.fail(f"<arg> {name!r} has both default and value: default may be overridden, value may not")
+        self._places[name] = element.where
+        self.declared.add(name)
+        if "value" in element.attributes:
+            if name in self._given:
+                self._launch.note(f"{element.where}: <arg> {name!r} has a fixed value: {name}:= does not change it")
+            self._arguments[name] = self._get(element, "value")
+        elif name in self._given:
+            self._arguments[name] = self._given[name]
+        elif "default" in element.attributes:
+            self._arguments[name] = self._get(element, "default")
+        else:
+            doc = f" ({element.attributes['doc']})" if element.attributes.get("doc") else ""
+            element.fail(f"<arg> {name!r}{doc} has no default and must be given: {name}:=VALUE")
+
+    def _param(self, element: LaunchElement, namespace: str, scope: _Scope | None) -> None:
+        known = ("value", "type", "textfile", "binfile", "command")
+        self._check(element, {**_CONDITION, "name": True, **dict.fromkeys(known, False)})
+        name = self._get(element, "name")
+        sources = [each for each in ("value", "textfile", "binfile", "command") if each in element.attributes]
+        if len(sources) != 1:
+            element.fail(
+                f"<param> {name!r} needs one of value, textfile and command, not {' and '.join(sources) or 'none'}"
+            )
+        where, value = element.where, self._value(element, name)
+        if name.startswith("~"):
+            if scope is None:
+                name = name[1:].lstrip("/")
+            else:
+                scope.private.append((name[1:].lstrip("/"), value))
+                return
+        self._set(join_names(namespace, name), value, where)
+
+    def _value(self, element: LaunchElement, name: str) -> Any:
+        kind, where = self._get(element, "type", "auto"), element.where
+        if "binfile" in element.attributes:
+            element.fail(f"<param> {name!r}: binfile is not supported: use textfile or value")
+        if "value" in element.attributes:
+            return convert_value(self._get(element, "value"), kind, where)
+        if "command" in element.attributes:
+            found = command_output(self._get(element, "command"), where)
+        else:
+            file = Path(self._get(element, "textfile"))
+            if file.suffix == ".urdf":
+                return Description(file)
+            try:
+                found = read_text(file)
+            except BadInput as error:
+                element.fail(f"<param> {name!r}: {error}")
+        if isinstance(found, Description):
+            return found
+        return convert_value(found, kind, where) if kind == "yaml" else found
+
+    def _set(self, key: str, value: Any, where: str) -> None:
+        if isinstance(value, Description):
+            self._launch.descriptions[key] = value
+            return
+        self._launch.descriptions.pop(key, None)
+        made = parameter_tree({"value": value}, where)["value"] if isinstance(value, dict) else value
+        set_parameter(self._launch.parameters, key, plain(made, where))
+
+    def _rosparam(self, element: LaunchElement, namespace: str) -> None:
+        known = ("command", "file", "param", "ns", "subst_value")
+        self._check(element, {**_CONDITION, **dict.fromkeys(known, False)})
+        command = self._get(element, "command", "load")
+        if command not in ("load", "dump", "delete"):
+            raise unknown_name("command of <rosparam>", command, ("load", "dump", "delete"), element.where)
+        if command == "dump":
+            self._launch.note(f'{element.where}: <rosparam command="dump"> is left out: ./elea up writes rosparam.json')
+            return
+        space = join_names(namespace, self._get(element, "ns"))
+        key = join_names(space, self._get(element, "param").lstrip("~"))
+        if command == "delete":
+            return  # the tree begins empty, and roslaunch deletes before it sets
+        text, where = element.text, element.where
+        file = self._get(element, "file")
+        if file:
+            if text.strip():
+                element.fail("<rosparam> has both a file and a text: state one of them")
+            try:
+                text = read_text(Path(file))
+            except BadInput as error:
+                element.fail(f"<rosparam>: {error}")
+            where = file
+        if self._flag(element, "subst_value") or (
+            not file and "$(" in text and "subst_value" not in element.attributes
+        ):
+            text = self._resolve_lines(text, element)
+        value = read_parameters(text, where)
+        if value in (None, ""):
+            return
+        if not isinstance(value, dict) and key == space:
+            element.fail(f"<rosparam> has a single value, {str(value)[:60]!r}: param names it")
+        if file and isinstance(value, dict):
+            self._launch.loaded.append(LoadedFile(key, Path(file), value))
+        self._set(key, value, where)
+
+    def _resolve_lines(self, text: str, element: LaunchElement) -> str:
+        return "\n".join(self._substitution.resolve(line, element.where) for line in text.split("\n"))
+
+    def _remap(self, element: LaunchElement) -> tuple[str, str]:
+        self._check(element, {**_CONDITION, "from": True, "to": True})
+        origin, target = self._get(element, "from").strip(), self._get(element, "to").strip()
+        try:
+            parse_remap(f"{_clean(origin)}:={_clean(target)}")
+        except BadName as error:
+            element.fail(f"<remap>: {error}")
+        return _clean(origin), _clean(target)
+
+    def _env(self, element: LaunchElement) -> tuple[str, str]:
+        self._check(element, {**_CONDITION, "name": True, "value": True})
+        return self._get(element, "name"), self._get(element, "value")
+
+    def _machine(self, element: LaunchElement) -> None:
+        address = self._get(element, "address", "localhost")
+        if address not in ("localhost", "127.0.0.1"):
+            element.fail(
+                f"<machine> {self._get(element, 'name')!r}: nodes are not started elsewhere ({address}): start "
+                "a fleet there, and join it with ./elea up --connect"
+            )
+
+    def _node(self, element: LaunchElement, scope: _Scope) -> None:
+        test = element.tag == "test"
+        own = ("test-name", "time-limit", "retry") if test else ("respawn", "respawn_delay", "required", "output")
+        known = (*own, "name", "args", "ns", "machine", "clear_params", "launch-prefix", "cwd", "output")
+        needed = {"pkg": True, "type": True, **({"test-name": True} if test else {"name": True})}
+        self._check(element, {**_CONDITION, **dict.fromkeys(known, False), **needed})
+        name = self._get(element, "name") or self._get(element, "test-name")
+        legal = legal_node_name(name)
+        if not legal:
+            element.fail(f"<{element.tag}>: {name!r} is no name of a node")
+        if legal != name:
+            self._launch.note(f"{element.where}: the node's name {name!r} is not legal; {legal!r} is taken")
+        namespace = self._namespace(element, scope)
+        if "machine" in element.attributes and self._get(element, "machine") not in ("", "localhost"):
+            self._launch.note(f"{element.where}: machine={self._get(element, 'machine')!r}: all nodes run on this one")
+        inside = scope.inner(namespace)
+        self._inside_node(element, inside, join_names(namespace, legal))
+        if self._flag(element, "respawn") and self._flag(element, "required"):
+            element.fail(f"<node> {name!r} cannot be both respawn and required")
+        node = LaunchNode(
+            package=self._get(element, "pkg").strip(),
+            type=self._get(element, "type").strip(),
+            name=legal,
+            namespace=namespace,
+            args=" ".join(self._get(element, "args").split()),
+            where=element.where,
+            remaps=tuple(dict(inside.remaps).items()),
+            environment=tuple(dict(inside.environment).items()),
+            respawn=self._flag(element, "respawn"),
+            respawn_delay=self._seconds(element, "respawn_delay", 0.0),
+            required=self._flag(element, "required"),
+            cwd=self._get(element, "cwd"),
+            screen=self._get(element, "output") == "screen",
+            prefix=self._get(element, "launch-prefix"),
+            test=self._get(element, "test-name"),
+            time_limit=self._seconds(element, "time-limit", 60.0),
+        )
+        (self._launch.tests if test else self._launch.nodes).append(node)
+
+    def _inside_node(self, element: LaunchElement, scope: _Scope, node: str) -> None:
+        for name, value in scope.private:
+            self._set(join_names(node, name), value, element.where)
+        for each in element.children:
+            if not self._holds(each):
+                continue
+            match each.tag:
+                case "param":
+                    self._param(each, node, None)
+                case "rosparam":
+                    self._rosparam(each, node)
+                case "remap":
+                    scope.remaps.append(self._remap(each))
+                case "env":
+                    scope.environment.append(self._env(each))
+                case _:
+                    self._unknown(each, ("param", "rosparam", "remap", "env"))
+
+    def _seconds(self, element: LaunchElement, name: str, default: float) -> float:
+        said = self._get(element, name)
+        try:
+            return float(said) if said else default
+        except ValueError:
+            element.fail(f"{name}={said[:40]!r} is no number of seconds")
+
+    def _include(self, element: LaunchElement, scope: _Scope) -> None:
+        known = ("ns", "clear_params", "pass_all_args")
+        self._check(element, {**_CONDITION, "file": True, **dict.fromkeys(known, False)})
+        if self._leave_out(element):
+            return
+        inner = scope.inner(self._namespace(element, scope))
+        everything = self._flag(element, "pass_all_args")
+        given, stated = (dict(self._arguments) if everything else {}), set()
+        for each in element.children:
+            if not self._holds(each):
+                continue
+            if each.tag == "env":
+                inner.environment.append(self._env(each))
+            elif each.tag == "arg":
+                self._check(each, {**_CONDITION, "name": True, "value": False, "default": False, "doc": False})
+                name = self._get(each, "name")
+                if not {"value", "default"} & set(each.attributes):
+                    each.fail(f"<arg> {name!r} of an include needs a value")
+                given[name] = self._get(each, "value" if "value" in each.attributes else "default")
+                stated.add(name)
+            else:
+                self._unknown(each, ("arg", "env"))
+        said = Path(self._get(element, "file").strip())
+        try:
+            path = self._reader.packages.included(said if said.is_absolute() else self._substitution.folder / said)
+        except BadInput as error:
+            element.fail(f"<include>: {error}")
+        declared = self._reader.include(element, path, inner, given, self._depth + 1)
+        unused = sorted(stated - declared)
+        if unused and not path.is_relative_to(STAND_INS):
+            near = did_you_mean(unused[0], declared)
+            element.fail(
+                f"<include>: {path.name} has no <arg> {unused[0]!r}{near} (it has {', '.join(sorted(declared))})"
+            )
+
+    def _leave_out(self, element: LaunchElement) -> bool:
+        """Leave out the include of a file whose package is not here, as its nodes would be; whether it is left out."""
+        for name in _FOUND.findall(element.attributes["file"]):
+            try:
+                self._reader.packages.find(name)
+            except BadInput as error:
+                self._launch.missing.append(f"{element.where}: {error}")
+                self._launch.note(f"{element.where}: the include of {element.attributes['file']} is left out: {error}")
+                return True
+        return False
+
+
+def _clean(name: str) -> str:
+    """A name without the double and final slashes that ROS takes away."""
+    private, rest = ("~", name[1:]) if name.startswith("~") else ("", name)
+    body = "/".join(part for part in rest.split("/") if part)
+    return f"{private}{'/' if rest.startswith('/') and body and not private else ''}{body}"

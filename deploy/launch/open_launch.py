@@ -1,0 +1,64 @@
+"""From the words of ``roslaunch`` to a launch file that is read, and to its fleet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from deploy.fleet import Fleet
+from deploy.fleet_file import parse_fleet
+from deploy.launch.fleet_of_launch import FleetOfLaunch, fleet_of_launch
+from deploy.launch.launch_file import Launch, read_launch
+from deploy.launch.packages import LaunchPackages
+from services.runtime.errors import BadInput
+from services.script.workspace import workspace_of
+
+ENDINGS = (".launch", ".test", ".xml")
+"""What the names of launch files end with."""
+
+
+def find_launch(words: Sequence[str], here: Path) -> tuple[Path, LaunchPackages]:
+    """The launch file that ``PACKAGE FILE`` or a path means, and the packages around it; raises BadInput."""
+    if len(words) == 1:
+        path = (here / Path(words[0]).expanduser()).absolute()
+        if not path.is_file():
+            hint = (
+                "" if words[0].endswith(ENDINGS) else f"; a file of a package is named by both: {words[0]} FILE.launch"
+            )
+            raise BadInput(f"there is no launch file {words[0]}{hint}")
+        return path, LaunchPackages(workspace_of(path))
+    if len(words) != 2:
+        raise BadInput("name a package and its launch file, as in turtlebot3_gazebo turtlebot3_world.launch, or a path")
+    package, name = words
+    packages = LaunchPackages(workspace_of(here))
+    path = packages.launch_file(package, name)
+    own = LaunchPackages(workspace_of(path))
+    return path, own if packages.on_disk(package) is not None else packages
+
+
+def split_words(words: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """Names and arguments ``x:=1`` of a command line."""
+    names = [each for each in words if ":=" not in each]
+    pairs = [each.partition(":=") for each in words if ":=" in each]
+    return names, {name: value for name, _, value in pairs}
+
+
+def open_launch(words: Sequence[str], here: Path) -> tuple[Launch, FleetOfLaunch]:
+    """The launch file that a command line names, and the fleet that it makes; raises BadInput."""
+    names, arguments = split_words(words)
+    path, packages = find_launch(names, here)
+    return make_fleet(path, arguments, packages)
+
+
+def make_fleet(path: Path, arguments: Mapping[str, str], packages: LaunchPackages) -> tuple[Launch, FleetOfLaunch]:
+    """A launch file, and the fleet that it makes; raises BadInput."""
+    launch = read_launch(path, arguments, packages)
+    return launch, fleet_of_launch(launch, packages)
+
+
+def checked_fleet(path: Path, made: FleetOfLaunch, overrides: Sequence[str] = ()) -> Fleet:
+    """The fleet of a launch file as ``./elea up`` would read it; raises BadInput."""
+    try:
+        return parse_fleet(path.with_suffix(".toml"), made.toml(), overrides)
+    except BadInput as error:
+        raise BadInput(f"{error} (in the fleet that {path.name} makes: --print shows it)") from None

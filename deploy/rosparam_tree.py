@@ -1,0 +1,76 @@
+"""A tree of ROS 1's parameters as nested dicts: made of tables, merged, searched."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from services.runtime.errors import BadInput
+
+Tree = dict[str, Any]
+
+
+def parameter_tree(table: Mapping[str, Any], where: str) -> Tree:
+    """A nested table as a tree: a key ``a/b`` is ``b`` in ``a``. Raises BadInput behind the place ``where``."""
+    tree: Tree = {}
+    for key, value in table.items():
+        if not key.strip("/"):
+            raise BadInput(f"{where}: {key!r} is no name of a parameter")
+        inner = parameter_tree(value, where) if isinstance(value, dict) else _checked(value, key, where)
+        set_parameter(tree, key, inner)
+    return tree
+
+
+def set_parameter(tree: Tree, key: str, value: Any) -> None:
+    """Set a value or, with a dict, merge a branch into the tree; a value in the way gives place."""
+    *above, last = [part for part in key.split("/") if part] or [""]
+    for part in above:
+        inner = tree.get(part)
+        if not isinstance(inner, dict):
+            inner = tree[part] = {}
+        tree = inner
+    if not last:
+        for name, each in value.items():
+            set_parameter(tree, name, each)
+    elif isinstance(value, dict) and isinstance(tree.get(last), dict):
+        for name, each in value.items():
+            set_parameter(tree[last], name, each)
+    else:
+        tree[last] = value
+
+
+def get_parameter(tree: Tree, key: str) -> Any:
+    """The value or branch of a key; raises KeyError."""
+    found: Any = tree
+    for part in filter(None, key.split("/")):
+        if not isinstance(found, dict):
+            raise KeyError(key)
+        found = found[part]
+    return found
+
+
+def delete_parameter(tree: Tree, key: str) -> None:
+    """Delete a value or branch; raises KeyError."""
+    above, _, last = key.rstrip("/").rpartition("/")
+    inner = get_parameter(tree, above)
+    if not isinstance(inner, dict) or last not in inner:
+        raise KeyError(key)
+    del inner[last]
+
+
+def leaves(tree: Tree, above: str = "") -> Iterator[tuple[str, Any]]:
+    """The values of a tree by their absolute names."""
+    for name, value in tree.items():
+        key = f"{above}/{name}"
+        if isinstance(value, dict) and value:
+            yield from leaves(value, key)
+        else:
+            yield key, value
+
+
+def _checked(value: Any, key: str, where: str) -> Any:
+    if isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, list):
+        return [parameter_tree(each, where) if isinstance(each, dict) else _checked(each, key, where) for each in value]
+    raise BadInput(f"{where}: {key}: a parameter is text, a number, true or false, a list or a table, not {value!r}")

@@ -1,0 +1,105 @@
+"""The plan of a robot: goals to reach in order, the progress on it, and both as messages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from messages.elea import GoalStatus
+from messages.geometry import Pose, PoseStamped
+from messages.nav import Odometry, Path
+from messages.se2 import Pose2, Twist2
+from messages.std import Header
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """A point [m] to stop at, and the final heading [rad]; None for any heading."""
+
+    x: float
+    y: float
+    yaw: float | None = None
+
+
+NO_GOAL = Goal(0.0, 0.0)
+"""Placeholder when there is no goal."""
+
+MAX_PUBLISHED = 20_000
+"""Goals of a plan that are published, which take 3 MB. A longer plan is driven to its end, and published up to here."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Goals to reach in order; an endless plan starts again after the last."""
+
+    goals: tuple[Goal, ...] = ()
+    endless: bool = False
+
+    @classmethod
+    def through(cls, points: Sequence[tuple[float, float]], laps: int = 1, final_yaw: float | None = None) -> Plan:
+        """Return the plan through ``points`` [m]: all laps in full, with the final heading [rad] on the last goal.
+
+        No laps stand for endlessly many.
+        """
+        goals = tuple(Goal(x, y) for x, y in points) * max(1, laps)
+        if goals and final_yaw is not None and laps:
+            goals = (*goals[:-1], Goal(goals[-1].x, goals[-1].y, final_yaw))
+        return cls(goals, endless=laps == 0)
+
+    def next_index(self, index: int) -> int | None:
+        """Index of the goal after ``index``; None after the last."""
+        if index + 1 < len(self.goals):
+            return index + 1
+        return 0 if self.endless else None
+
+    def previous_goal(self, index: int) -> Goal | None:
+        """The goal before ``index``; None for the first."""
+        return self.goals[index - 1] if index > 0 or self.endless else None
+
+
+State = Literal["idle", "driving", "reached", "finished", "waiting"]
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """Result of one tick. ``command`` is None without a plan: an idle controller leaves the base to others."""
+
+    state: State
+    command: Twist2 | None
+    index: int = 0
+    count: int = 0
+    goal: Goal = NO_GOAL
+    distance: float = 0.0
+
+
+def pose_and_twist(odometry: Odometry) -> tuple[Pose2, Twist2]:
+    """The planar pose and velocity in an odometry message."""
+    return Pose2.from_msg(odometry.pose.pose), Twist2.from_msg(odometry.twist.twist)
+
+
+def goal_from_pose(asked: PoseStamped) -> Goal:
+    """Return a pose message as a goal with a heading."""
+    return Goal(asked.pose.position.x, asked.pose.position.y, asked.pose.orientation.yaw)
+
+
+def path_message(plan: Plan, header: Header) -> Path:
+    """Return the plan as a message, of at most MAX_PUBLISHED goals; those with any heading have yaw 0."""
+    goals = plan.goals[:MAX_PUBLISHED]
+    return Path(header=header, poses=tuple(PoseStamped(header=header, pose=_pose(goal)) for goal in goals))
+
+
+def status_message(progress: Progress, header: Header) -> GoalStatus:
+    """Return the progress as a message."""
+    return GoalStatus(
+        header=header,
+        state=progress.state,
+        index=progress.index,
+        count=progress.count,
+        goal=_pose(progress.goal),
+        distance=progress.distance,
+    )
+
+
+def _pose(goal: Goal) -> Pose:
+    return Pose.planar(goal.x, goal.y, goal.yaw or 0.0)

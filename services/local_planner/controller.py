@@ -1,0 +1,157 @@
+"""The local planner's law: towards the goal, around others, and another way after a while without progress."""
+
+from __future__ import annotations
+
+import math
+from random import Random
+
+from messages.se2 import ZERO_TWIST, Pose2, Twist2, wrap
+from services.driving.guidance import limit_slew, stopping_speed, turn_rate
+from services.driving.plan import Goal, Plan, Progress, State
+from services.local_planner import LocalPlannerParameters
+from services.local_planner.avoidance import STILL, Velocity, choose_velocity, forward_limit
+from services.local_planner.tracking import Obstacles
+
+APPROACH_LAG_S = 0.2
+"""Time constant of the approach to a goal and to a heading."""
+PROGRESS = 0.1
+"""Metres by which a robot must have come nearer to its goal to have made progress."""
+DETOUR_ANGLES = -2.2, 0.5
+"""A detour's direction from the goal's [rad], drawn between these: most are to the right."""
+DETOUR_TIMES = 2.0, 4.0
+"""How long a detour takes [s], drawn between these."""
+
+
+def plan_of(p: LocalPlannerParameters) -> Plan:
+    """The plan of the parameters."""
+    return Plan.through(p.goals, p.laps, p.final_yaw)
+
+
+class Detour:
+    """Turns the direction to the goal for a while when a robot has made no progress for longer than its patience.
+
+    Robots that block each other stand only as long as none of them changes its mind. Each draws its own detours,
+    independently of the others, again and again: a jam that some choice of directions dissolves lasts with probability
+    0. What is drawn follows from ``seed``, so a run repeats.
+    """
+
+    def __init__(self, seed: str) -> None:
+        self._random = Random(seed)
+        self.angle = 0.0
+        self._left = 0.0
+        self._idle = 0.0
+        self._nearest = math.inf
+
+    def start(self) -> None:
+        """Start towards another goal."""
+        self.angle, self._left, self._idle, self._nearest = 0.0, 0.0, 0.0, math.inf
+
+    def update(self, distance: float, dt: float, patience: float) -> None:
+        """Take the distance to the goal [m] after ``dt`` [s]."""
+        if self._left > 0:
+            self._left -= dt
+            if self._left <= 0:
+                self.start()
+            return
+        self._idle += dt
+        if distance < self._nearest - PROGRESS:
+            self._nearest, self._idle = distance, 0.0
+        if self._idle > patience:
+            self.angle, self._left = self._random.uniform(*DETOUR_ANGLES), self._random.uniform(*DETOUR_TIMES)
+
+
+class LocalPlanner:
+    """Drives along a plan among obstacles. ``seed`` is what its detours follow from, such as its name."""
+
+    def __init__(self, parameters: LocalPlannerParameters, seed: str = "") -> None:
+        self._params = parameters
+        self.plan = plan_of(parameters)
+        self._index = 0
+        self._done = False
+        self._command = ZERO_TWIST
+        self._chosen = STILL
+        self._detour = Detour(seed)
+
+    def set_plan(self, plan: Plan) -> None:
+        """Replace the plan; the command continues from its current value, so that the robot does not jerk."""
+        self.plan, self._index, self._done = plan, 0, False
+        self._detour.start()
+
+    def reconfigure(self, parameters: LocalPlannerParameters) -> None:
+        """Change the parameters but keep the plan."""
+        self._params = parameters
+
+    def hold(self) -> Progress:
+        """Stand still while there is no odometry or no scan; afterwards, continue from where the robot is."""
+        self._command, self._chosen = ZERO_TWIST, STILL
+        if not self.plan.goals:
+            return Progress("idle", None)
+        return Progress("waiting", ZERO_TWIST, self._index, len(self.plan.goals), self._goal)
+
+    def step(self, here: Pose2, moving: Twist2, around: Obstacles, dt: float) -> Progress:
+        """Run one control tick.
+
+        Args:
+            here: Pose of the axle's middle now.
+            moving: Measured velocity.
+            around: What is there now.
+            dt: Time since the last tick [s].
+        """
+        if not self.plan.goals:
+            return Progress("idle", None)
+        if self._done:
+            self._command = ZERO_TWIST
+            return self._progress("finished", here)
+        if self._reached(here):
+            progress = self._progress("reached", here)
+            self._advance()
+            return progress
+        p, goal = self._params, self._goal
+        distance = self._distance(here)
+        if distance <= p.tolerance and goal.yaw is not None:
+            self._chosen = STILL
+            wanted = Twist2(0.0, self._turn(wrap(goal.yaw - here.yaw)))
+        else:
+            self._detour.update(distance, dt, p.patience)
+            wanted = self._drive(here, moving, around, distance)
+        self._command = limit_slew(
+            self._command, wanted, p.acceleration * dt, p.deceleration * dt, p.angular_acceleration * dt
+        )
+        return self._progress("driving", here)
+
+    def _drive(self, here: Pose2, moving: Twist2, around: Obstacles, distance: float) -> Twist2:
+        p, goal = self._params, self._goal
+        speed = stopping_speed(distance, p.max_linear, p.deceleration, APPROACH_LAG_S)
+        course = math.atan2(goal.y - here.y, goal.x - here.x) + self._detour.angle
+        towards = Velocity(speed * math.cos(course), speed * math.sin(course))
+        velocity = Velocity(moving.v * math.cos(here.yaw), moving.v * math.sin(here.yaw))
+        self._chosen = choose_velocity(towards, velocity, self._chosen, here, around, p)
+        error = wrap(math.atan2(self._chosen.y, self._chosen.x) - here.yaw)
+        ahead = max(0.0, math.cos(error)) ** 3  # off its course the robot rather turns than drives
+        return Twist2(min(math.hypot(*self._chosen) * ahead, forward_limit(here, around, p)), self._turn(error))
+
+    def _turn(self, error: float) -> float:
+        p = self._params
+        return turn_rate(error, p.max_angular, p.angular_acceleration, APPROACH_LAG_S)
+
+    def _reached(self, here: Pose2) -> bool:
+        p, goal = self._params, self._goal
+        if self._distance(here) > p.tolerance:
+            return False
+        return goal.yaw is None or abs(wrap(goal.yaw - here.yaw)) <= p.heading_tolerance
+
+    def _advance(self) -> None:
+        following = self.plan.next_index(self._index)
+        self._done = following is None
+        self._index = self._index if following is None else following
+        self._detour.start()
+
+    @property
+    def _goal(self) -> Goal:
+        return self.plan.goals[self._index]
+
+    def _distance(self, here: Pose2) -> float:
+        return math.hypot(self._goal.x - here.x, self._goal.y - here.y)
+
+    def _progress(self, state: State, here: Pose2) -> Progress:
+        return Progress(state, self._command, self._index, len(self.plan.goals), self._goal, self._distance(here))

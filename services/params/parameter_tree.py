@@ -1,0 +1,166 @@
+"""The tree of ROS 1's parameters: the requests that read and change it, and the topic that shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from messages.requests import Done
+from messages.rosparam import (
+    MAX_TREE_BYTES,
+    RosparamDelete,
+    RosparamGet,
+    RosparamKey,
+    RosparamNames,
+    RosparamSearch,
+    RosparamSet,
+    RosparamTree,
+    RosparamValue,
+    RosparamWriter,
+)
+from messages.std import Bool, Empty
+from services.runtime.errors import BadInput, did_you_mean
+from services.runtime.parameters.tree import ParameterTree, checked_value, parse_json, same_value, value_to_json
+
+MAX_WRITERS = 1000
+"""Nodes whose last change is remembered; the one that has changed nothing for the longest time is forgotten."""
+MAX_QUEUED = 10_000
+"""Changes that wait for a tick."""
+
+
+class _Change(NamedTuple):
+    """A change that waits for its tick; they are made in this order."""
+
+    time: int
+    writer: str
+    number: int
+    key: str
+    value: Any
+    deletes: bool
+
+
+class ParameterTreeServer:
+    """The one owner of the tree.
+
+    A change with a time waits for the first tick after it: the changes of a tick of lockstep come in any order, and are
+    made in that of their times and writers. Those of the time 0, from before time began, are made at the first tick.
+    All others count at once.
+
+    Args:
+        publish: Publishes the tree.
+        initial: The values at the start.
+    """
+
+    def __init__(self, publish: Callable[[RosparamTree], None], initial: ParameterTree | None = None) -> None:
+        self._publish, self._tree = publish, initial or ParameterTree()
+        self._revision = 1
+        self._dirty = True
+        self._writers: dict[str, int] = {}
+        self._queue: list[_Change] = []
+
+    def set(self, asked: RosparamSet) -> Done:
+        """Set a value or branch."""
+        value = checked_value(asked.key, parse_json(asked.key, asked.value))
+        if asked.key.strip("/") == "" and not isinstance(value, dict):
+            raise BadInput("/: the root of the tree takes a map of names to values alone")
+        self._check_room(asked.value)
+        return self._take(asked, value, f"{asked.key} is set", deletes=False)
+
+    def delete(self, asked: RosparamDelete) -> Done:
+        """Delete a value or branch."""
+        if not asked.key.strip("/"):
+            raise BadInput("/: the root of the tree cannot be deleted; set it to {} to empty it")
+        if asked.time is None:
+            self._find(asked.key)
+        return self._take(asked, None, f"{asked.key} is deleted", deletes=True)
+
+    def get(self, asked: RosparamGet) -> RosparamValue:
+        """A value or branch."""
+        return RosparamValue(
+            value=value_to_json(self._find(asked.key)),
+            revision=self._revision,
+            number=self._writers.get(asked.writer, 0),
+        )
+
+    def has(self, asked: RosparamKey) -> Bool:
+        """Whether there is a value or branch."""
+        return Bool(data=self._tree.has(asked.key))
+
+    def search(self, asked: RosparamSearch) -> RosparamKey:
+        """The nearest key from a namespace upwards."""
+        return RosparamKey(key=self._tree.search(asked.namespace, asked.key) or "")
+
+    def names(self, _: Empty) -> RosparamNames:
+        """The names of all values."""
+        return RosparamNames(names=tuple(self._tree.names()))
+
+    def tick(self, now: int, reset: bool) -> None:
+        """Make the changes of earlier times than ``now`` [ns]; after a reset of time, all that wait."""
+        before = max(now, 1)
+        due = sorted((each for each in self._queue if reset or each.time < before), key=lambda each: each[:3])
+        self._queue = [] if reset else [each for each in self._queue if each.time >= before]
+        for each in due:
+            self._make(each)
+        self.publish_changes()
+
+    def publish_changes(self) -> None:
+        """Publish the tree if it has changed since it was last published."""
+        if self._dirty:
+            self._dirty = False
+            writers = tuple(RosparamWriter(node=node, number=number) for node, number in self._writers.items())
+            self._publish(RosparamTree(revision=self._revision, tree=self._tree.to_json(), writers=writers))
+
+    def _find(self, key: str) -> Any:
+        try:
+            return self._tree.get(key)
+        except KeyError:
+            near = did_you_mean(key, self._tree.names())
+            raise BadInput(f"there is no parameter {key}{near}") from None
+
+    def _take(self, asked: RosparamSet | RosparamDelete, value: Any, text: str, *, deletes: bool) -> Done:
+        change = _Change(asked.time or 0, asked.writer, asked.number, asked.key, value, deletes)
+        if asked.time is None:
+            self._make(change)
+        elif len(self._queue) >= MAX_QUEUED:
+            raise BadInput(f"{MAX_QUEUED} changes of parameters wait for the next tick: does time stand still?")
+        else:
+            self._queue.append(change)
+        return Done(text=text)
+
+    def _make(self, change: _Change) -> None:
+        before = self._tree.get(change.key) if self._tree.has(change.key) else None
+        if change.deletes:
+            if before is not None:
+                self._tree.delete(change.key)
+        elif before is None or not same_value(before, change.value):
+            self._tree.set_checked(change.key, change.value)
+        if change.writer and change.number:
+            self._writers.pop(change.writer, None)
+            self._writers[change.writer] = change.number
+            if len(self._writers) > MAX_WRITERS:
+                del self._writers[next(iter(self._writers))]
+        self._revision += 1
+        self._dirty = True
+
+    def _check_room(self, text: str) -> None:
+        """Raise BadInput where a value would make the tree too large to be published."""
+        if (size := self._tree.size() + len(text)) > MAX_TREE_BYTES:
+            raise BadInput(
+                f"the tree of parameters would have {size} characters, {MAX_TREE_BYTES} is the most; "
+                "nothing was changed"
+            )
+
+
+def read_tree_file(file: str) -> ParameterTree:
+    """The tree in a JSON file, empty when none is named; raises BadInput."""
+    if not file:
+        return ParameterTree()
+    try:
+        text = Path(file).read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise BadInput(f"rosparam_file {file} cannot be read: {error}") from None
+    try:
+        return ParameterTree.from_json(text)
+    except BadInput as error:
+        raise BadInput(f"{file}: {error}") from None

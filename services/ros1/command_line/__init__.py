@@ -1,0 +1,1 @@
+"""Commands of ROS 1 as programs on our rospy: `./elea env ros1` gives them their names."""

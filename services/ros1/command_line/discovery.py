@@ -1,0 +1,19 @@
+# ruff: noqa: D103
+"""Waits until what runs on the network is known: a command asks at once, and the answers come one by one."""
+
+import time
+
+QUIET_S = 0.25
+LONGEST_S = 3.0
+
+
+def settle():
+    from services.script.process import kernel
+
+    running, deadline = kernel(), time.monotonic() + LONGEST_S
+    known, since = -1, time.monotonic()
+    while (now := time.monotonic()) < deadline and not (known > 0 and now - since > QUIET_S):
+        count = len(running.graph())
+        if count != known:
+            known, since = count, now
+        time.sleep(0.02)

@@ -1,0 +1,189 @@
+"""Lockstep of a container: its nodes are one member, which answers once for all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from services.runtime.errors import BadInput
+from services.runtime.heartbeat import Heartbeat, State
+from services.runtime.lockstep.watermarks import Watermarks
+from services.runtime.node import Node
+from services.runtime.pacing import Instant, LockstepPacer
+from services.runtime.publisher import Publisher, SendBuffer
+from services.runtime.subscriber import Subscriber
+from services.runtime.transport.api import RawSubscriber, Transport, idle_subscriber
+
+
+class LockstepGroup:
+    """The nodes of a container that step together.
+
+    The simulation's Go lets all of them take their step, in the order in which the container has them; the Done follows
+    the last. So what one publishes in a step, the others see in the next, as if each were a process of its own.
+    """
+
+    def __init__(self, transport: Transport, nodes: Sequence[Node]) -> None:
+        self._transport, self._nodes = transport, list(nodes)
+        self.send_buffer = SendBuffer()
+        self.command_buffer = SendBuffer()
+        """The commands of all nodes, which act in the same tick: they leave together, before the Done."""
+        self._views: dict[str, GroupedPacer] = {}
+        self._period_ns = 0
+        self._pacer: LockstepPacer | None = None
+        self._idle = idle_subscriber(transport)
+        self._busy: set[str] = set()
+        """The nodes that have not finished the present step."""
+        self._left: list[str] = []
+        """Those that have ended since the last report."""
+
+    @property
+    def raw(self) -> RawSubscriber | None:
+        """What the container waits for; None if that is nothing from the simulation: a node is not ready, or has not
+        finished its step."""
+        return None if self._pacer is None or self._busy else self._pacer.raw
+
+    def pacer(self, node: Node, period_ns: int, reports_reads: bool) -> GroupedPacer:
+        """The pacer of one of the nodes; raises BadInput for another period than that of the others."""
+        name = node.identity.node
+        if reports_reads:
+            raise BadInput(f"{name} subscribes to topics between its ticks: in lockstep it needs a process of its own")
+        if self._views and period_ns != self._period_ns:
+            other = next(iter(self._views))
+            raise BadInput(
+                f"{name} ticks at {1e9 / period_ns:g} Hz and {other} at {1e9 / self._period_ns:g} Hz: nodes that share "
+                "a process in lockstep have one rate"
+            )
+        self._period_ns = period_ns
+        made = self._views[name] = GroupedPacer(self, name, self._idle)
+        return made
+
+    def poll(self) -> None:
+        """Let the nodes take the step that the simulation has granted, if it has."""
+        if self._pacer is None or self._busy or (instant := self._pacer.next()) is None:
+            return
+        marks = self._pacer.watermarks
+        assert marks is not None
+        self.command_buffer.begin()
+        for name, view in self._views.items():
+            self._busy.add(name)
+            view.begin(instant, marks)
+        marks.clear_required()
+
+    def start(self, name: str) -> None:
+        """A node's inputs are declared."""
+        self._views[name].started = True
+        self._join()
+
+    def finish(self, name: str) -> None:
+        """A node has finished its step."""
+        self._busy.discard(name)
+        if not self._busy and self._pacer is not None:
+            self.command_buffer.flush()
+            self._pacer.finish(left=tuple(self._left))
+            self._left.clear()
+
+    def leave(self, node: Node) -> None:
+        """A node takes no more steps: its loop has ended."""
+        name = node.identity.node
+        self.command_buffer.flush()
+        self._nodes = [each for each in self._nodes if each is not node]
+        view = self._views.pop(name, None)
+        if self._pacer is None:
+            self._join()
+        elif not self._views:
+            self._pacer.close()
+        elif view is not None:
+            self._left.append(name)
+            if name in self._busy:
+                self.finish(name)
+
+    def _join(self) -> None:
+        """Become a member of lockstep once all nodes are ready."""
+        if (
+            self._pacer is None
+            and self._nodes
+            and all((view := self._views.get(each.identity.node)) is not None and view.started for each in self._nodes)
+        ):
+            self._pacer = LockstepPacer(_Together(self._transport, self._nodes, self.send_buffer), self._period_ns)
+            self._pacer.start()
+
+
+class GroupedPacer:
+    """The pacer of one node of a group."""
+
+    def __init__(self, group: LockstepGroup, name: str, idle: RawSubscriber) -> None:
+        self.raw = idle
+        self.watermarks: Watermarks | None = Watermarks()
+        self.started = False
+        self._group, self._name = group, name
+        self._instant: Instant | None = None
+
+    def start(self) -> None:
+        self._group.start(self._name)
+
+    def begin(self, instant: Instant, marks: Watermarks) -> None:
+        """Take a step with what the group has received; required samples are waited for by each node itself."""
+        self._instant = instant
+        own = self.watermarks
+        assert own is not None
+        own.members, own.admitted_upto, own.skipped = marks.members, marks.admitted_upto, marks.skipped
+        own.required, own.epoch_changed = marks.required, marks.epoch_changed
+
+    def next(self) -> Instant | None:
+        instant, self._instant = self._instant, None
+        return instant
+
+    def finish(self) -> None:
+        self._group.finish(self._name)
+
+    def close(self) -> None:
+        """The container takes it from the group when its loop has ended."""
+
+
+class _Together:
+    """The nodes of a group as the one member that they are."""
+
+    def __init__(self, transport: Transport, nodes: Sequence[Node], send_buffer: SendBuffer) -> None:
+        self.transport, self.send_buffer = transport, send_buffer
+        self.names = tuple(each.identity.node for each in nodes)
+        self.log, self.refusal_counters = nodes[0].log, nodes[0].refusal_counters
+        self.clock_patience_s = min(each.clock_patience_s for each in nodes)
+        self.heartbeat = _Heartbeats([each.heartbeat for each in nodes])
+        self._nodes = tuple(nodes)
+
+    @property
+    def subscribers(self) -> list[Subscriber[Any]]:
+        return [each for node in self._nodes for each in node.subscribers]
+
+    @property
+    def publishers(self) -> list[Publisher[Any]]:
+        return [each for node in self._nodes for each in node.publishers]
+
+    @property
+    def version(self) -> int:
+        return sum(node.version for node in self._nodes)
+
+
+class _Heartbeats:
+    """The heartbeats of several nodes, which wait, pause and run together."""
+
+    def __init__(self, heartbeats: Sequence[Heartbeat]) -> None:
+        self._heartbeats = heartbeats
+
+    @property
+    def state(self) -> State:
+        return self._heartbeats[0].state
+
+    @state.setter
+    def state(self, state: State) -> None:
+        for each in self._heartbeats:
+            each.state = state
+
+    @property
+    def detail(self) -> str:
+        return self._heartbeats[0].detail
+
+    @detail.setter
+    def detail(self, detail: str) -> None:
+        for each in self._heartbeats:
+            each.detail = detail

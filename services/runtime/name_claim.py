@@ -1,0 +1,95 @@
+"""Taking the names of a process's nodes: no two nodes of a network have one name.
+
+A new node's own token reaches the router before its query. So if two nodes of one name start at the same moment, at
+least one of them learns of the other.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+from services.runtime.discovery import known_nodes
+from services.runtime.errors import TryAgain
+from services.runtime.graph import REPLACED, Entity, Kind, shutdown_key, token_pattern
+from services.runtime.transport.api import Token, Transport
+
+TAKEOVER_S = 1.5
+"""Wall time in which the token of a predecessor that was killed must have gone."""
+ASK_S = 0.5
+"""Wall time [s] that a node has to answer that it goes."""
+
+
+def claim_names(transport: Transport, nodes: Sequence[Entity], replaces: bool = False) -> list[Token]:
+    """Take the names of ``nodes``, all of this session, with one wait for all; returns their tokens.
+
+    With ``replaces``, the present holders of a name are asked to go; those that may be replaced do.
+
+    Raises:
+        TryAgain: Another process holds one of the names and does not go.
+    """
+    tokens = [transport.declare_token(each.key) for each in nodes]
+    settle = transport.settle_s
+    if _sees_everybody(transport):
+        if not _others(transport, nodes):
+            return tokens
+        settle *= 2  # another node may start at the same moment, and need as long to see all others
+    started = seen = time.monotonic()
+    asked: set[str] = set()
+    going: set[str] = set()
+    while True:
+        rivals = {each.node: found for each in nodes if (found := _rivals(transport, each))}
+        for name in rivals if replaces else ():
+            new = _sessions(transport, "pub", name) - {transport.session} - asked
+            asked |= new
+            going |= {each for each in new if ask_to_end(transport, each, name, REPLACED)}
+        now = time.monotonic()
+        if now - started > TAKEOVER_S:  # one that goes may take a while for its last words
+            rivals = {name: left for name, found in rivals.items() if (left := sorted({*found} - going))}
+        # While links come up, an existing token may be invisible for a moment.
+        seen = now if rivals else seen
+        if not rivals and now - seen >= settle:
+            return tokens
+        if rivals and now - started > TAKEOVER_S:
+            name, sessions = next(iter(rivals.items()))
+            raise TryAgain(
+                f"a node {name} is already there (session {sessions[0]}): "
+                "give this one another --name or --namespace, or stop the other"
+            )
+        time.sleep(0.02)
+
+
+def ask_to_end(transport: Transport, session: str, node: str, reason: str) -> bool:
+    """Ask a node to end; whether it is one that others may end, and it will."""
+    return any(each.ok for each in transport.query(shutdown_key(session, node), reason.encode(), ASK_S))
+
+
+def _sees_everybody(transport: Transport) -> bool:
+    """Wait until all nodes that the router knows are visible; False if that is unknown or takes too long."""
+    deadline = time.monotonic() + transport.settle_s
+    while (expected := known_nodes(transport)) is not None and time.monotonic() < deadline:
+        if expected <= set(transport.tokens(token_pattern("node"))):
+            return True
+        time.sleep(0.01)
+    return False
+
+
+def _others(transport: Transport, nodes: Sequence[Entity]) -> bool:
+    """Whether any other session holds one of the names."""
+    if len(nodes) == 1:
+        return bool(_sessions(transport, "node", nodes[0].node) - {transport.session})
+    names = {each.node for each in nodes}
+    found = map(Entity.parse, transport.tokens(token_pattern("node")))
+    return any(each is not None and each.node in names and each.session != transport.session for each in found)
+
+
+def _rivals(transport: Transport, node: Entity) -> list[str]:
+    """Sessions with a better claim to the name: those at work under it, else those that ask at the same moment."""
+    mine = transport.session
+    at_work = _sessions(transport, "pub", node.node) - {mine}
+    return sorted(at_work) or sorted(each for each in _sessions(transport, "node", node.node) if each < mine)
+
+
+def _sessions(transport: Transport, kind: Kind, node: str) -> set[str]:
+    found = (Entity.parse(key) for key in transport.tokens(token_pattern(kind, node)))
+    return {each.session for each in found if each}

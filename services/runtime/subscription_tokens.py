@@ -1,0 +1,65 @@
+"""Who reads what, by the liveliness tokens of subscriptions: certain where the network's own hint may come late."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from messages.names import key as key_of
+from services.runtime.graph import Entity, token_pattern
+from services.runtime.publisher import Publisher
+from services.runtime.transport.api import Transport
+
+MAX_TOKENS = 1 << 18
+"""Subscriptions that are counted; whoever forges more fills no memory."""
+
+Listener = Callable[[Entity, bool], None]
+"""``listener(subscription, alive)``."""
+
+
+class SubscriptionTokens:
+    """Follows the subscriptions of all nodes of the network.
+
+    A node declares its subscriptions and then its readiness, so whoever has seen it ready knows all its subscriptions
+    here, and publishes for it from then on, the same in every run. ``listener`` hears of each change, for lockstep.
+    """
+
+    def __init__(self, transport: Transport) -> None:
+        self.listener: Listener | None = None
+        self._watch = transport.watch(token_pattern("sub"))
+        self._counts: Counter[str] = Counter()
+        self._total = 0
+        self._marked: tuple[int, int] | None = None
+        self._changes = 0
+
+    def refresh(self) -> None:
+        """Ask the network for tokens that were missed."""
+        self._watch.refresh()
+
+    def update(self) -> None:
+        """Take what has changed."""
+        while (event := self._watch.poll()) is not None:
+            if (entity := Entity.parse(event.key)) is None:
+                continue
+            self._count(key_of(entity.name), event.alive)
+            if self.listener is not None:
+                self.listener(entity, event.alive)
+
+    def mark(self, publishers: Iterable[Publisher[Any]], version: int) -> None:
+        """Tell publishers whether a node has announced that it reads them; ``version`` grows when they change."""
+        if self._marked != (marked := (self._changes, version)):
+            self._marked = marked
+            for each in publishers:
+                each.announced = each.key in self._counts
+
+    def _count(self, key: str, alive: bool) -> None:
+        if alive and self._total < MAX_TOKENS:
+            self._total, self._changes = self._total + 1, self._changes + (key not in self._counts)
+            self._counts[key] += 1
+        elif not alive and key in self._counts:
+            self._total -= 1
+            self._counts[key] -= 1
+            if not self._counts[key]:
+                del self._counts[key]
+                self._changes += 1

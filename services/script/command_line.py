@@ -1,0 +1,133 @@
+"""The command line of a script's process: Elea's options before the file, the script's own arguments behind it."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from services.runtime.errors import TRY_AGAIN, BadInput, EleaError, TryAgain
+
+
+def main() -> None:
+    """Run the script of the command line and end the process with its exit status."""
+    from services.runtime import process
+
+    process.install_signal_handlers(lambda: process.exit_now(0))  # until the script begins
+    process.lossy_stderr()
+    try:
+        process.check_import_roots()
+        options = _COMMAND.main(sys.argv[1:], "python -m services.script", standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(2)
+    except click.exceptions.Abort:
+        sys.exit(1)
+    except BadInput as error:
+        sys.stderr.write(f"script: {error}\n")
+        sys.exit(2)
+    if not isinstance(options, dict):
+        sys.exit(0)
+    _pin_hashes(options)
+    process.die_with_parent()
+    process.exit_now(_run(options))
+
+
+def _run(options: dict[str, Any]) -> int:
+    """The exit status of the script."""
+    try:
+        from services.script.run import run_script
+
+        return run_script(options)
+    except BadInput as error:
+        sys.stderr.write(f"{Path(options['file']).name}: {error}\n")
+        return TRY_AGAIN if isinstance(error, TryAgain) else 2
+    except EleaError as error:
+        sys.stderr.write(f"{Path(options['file']).name}: {error}\n")
+        return 1
+
+
+def hash_environment(seed: int) -> dict[str, str]:
+    """The environment of a script in lockstep: it fixes the order of sets by the seed of the run."""
+    return {"PYTHONHASHSEED": str(seed % 4294967296)}
+
+
+def _pin_hashes(options: dict[str, Any]) -> None:
+    """In lockstep, start again with a fixed order of sets, unless the fleet started it so: Python reads its seed before
+    anything runs.
+    """
+    wanted = hash_environment(options["seed"])
+    if options["lockstep"] and not wanted.items() <= os.environ.items():
+        os.environ.update(wanted)
+        os.execv(sys.executable, [sys.executable, "-P", "-m", "services.script", *sys.argv[1:]])
+
+
+def _check(**options: Any) -> dict[str, Any] | None:
+    from messages.names import BadName, Identity, parse_remap
+    from services.script.inspect_script import legal_node_name
+
+    if options["explain"]:
+        from services.script.budget import explain
+
+        click.echo(explain())
+        return None
+    if options["file"] is None:
+        raise click.UsageError("Missing the script's FILE.")
+    try:
+        for each in options["remap"]:
+            if not each.startswith("_"):
+                parse_remap(each)
+        Identity.of(options["name"] or "script", options["namespace"])
+    except BadName as error:
+        raise BadInput(str(error)) from None
+    file = Path(options["file"])
+    if not file.is_file():
+        raise BadInput(f"{file}: there is no such file" if not file.exists() else f"{file} is no file")
+    options["lockstep"] = options["lockstep"] and not options["wall_time"]
+    if options["lockstep"] and not options["name"]:
+        options["name"] = legal_node_name(file.stem) or "script"
+    if options["wall_time"] and "--lockstep" in sys.argv:
+        raise BadInput("--wall-time and --lockstep exclude each other")
+    return options
+
+
+_option = click.Option
+_COMMAND = click.Command(
+    "script",
+    callback=_check,
+    help="Run a script that was written for ROS 1. What follows FILE belongs to the script.",
+    context_settings={"ignore_unknown_options": False, "allow_interspersed_args": False},
+    params=[
+        _option(["--namespace"], default="/", help="Namespace of the node's relative names, as /tb3_0."),
+        _option(["--name"], default="", help="Name of the node, in place of the script's."),
+        _option(["--remap"], multiple=True, metavar="FROM:=TO", help="Use another name; _K:=V sets a parameter."),
+        _option(
+            ["--connect"], multiple=True, metavar="ENDPOINT", help="Router to join; yours, of port 7447, by default."
+        ),
+        _option(["--domain"], default="", help="Domain of the fleet; it keeps fleets of one network apart."),
+        _option(
+            ["--topology"],
+            type=click.Choice(["direct", "star"]),
+            default="direct",
+            help="Connect to nodes directly, or by the router alone.",
+        ),
+        _option(["--lockstep"], is_flag=True, help="Step with the simulation, which waits for this node."),
+        _option(["--await-params"], is_flag=True, help="Begin only once there is a parameter service."),
+        _option(
+            ["--log-level"],
+            type=click.Choice(["debug", "info", "warn", "error"]),
+            default="info",
+            help="Log this level and above.",
+        ),
+        _option(["--rate"], type=click.FloatRange(1, 200), default=100.0, help="Most steps per second in lockstep."),
+        _option(["--frame-prefix"], default="", help="What the frames of its robot begin with, as tb3_0/."),
+        _option(["--wall-time"], is_flag=True, help="Follow the wall clock; no simulation is needed."),
+        _option(["--seed"], type=click.IntRange(0), default=0, help="Seed of its random numbers in lockstep."),
+        _option(["--explain"], is_flag=True, help="Show what a turn of lockstep may spend, and end."),
+        click.Argument(["file"], required=False, type=click.Path()),
+        click.Argument(["args"], nargs=-1, type=click.UNPROCESSED),
+    ],
+)

@@ -1,0 +1,195 @@
+"""Tells from the text of a Python file whether it is a ROS program, of which ROS, and the name of its node.
+
+Nothing of the file is executed. Python 2 is no obstacle: what does not parse is searched line by line.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import tokenize
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from messages.errors import BadInput
+from messages.names import LONGEST_NODE
+from services.script.workspace import workspace_of
+
+Api = Literal["ros1", "ros2", ""]
+
+ROS1_MODULES = frozenset(
+    [
+        *("rospy", "roslib", "rospkg", "rosgraph", "rosparam", "rosnode", "rostopic", "rosservice", "rosbag", "genpy"),
+        *("actionlib", "cv_bridge", "dynamic_reconfigure", "message_filters", "tf", "tf_conversions"),
+    ]
+)
+"""Modules of ROS 1 that a file which imports them is written for; ``tf2_ros`` and message packages are of both."""
+ROS2_MODULES = frozenset(["ament_index_python", "launch", "launch_ros", "rclpy", "tf_transformations"])
+OWN_MODULES = frozenset(["services"])
+"""A file that imports these is a service of Elea, whatever else it imports."""
+
+MAX_SCRIPT = 8 << 20
+"""Bytes of a script."""
+MAX_IMPORTED = 40
+"""Files beside a script that are looked into for what it is written for."""
+
+_IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import\b|import[ \t]+([\w., \t]+))", re.MULTILINE)
+_INIT_NODE = re.compile(r"\binit_node\s*\(\s*[urUR]{0,2}(['\"])([^'\"\n]*)\1")
+
+
+@dataclass(frozen=True)
+class ScriptFacts:
+    """What a file is: ``api`` is "" for one that uses no ROS. ``node_name`` is legal, and empty where none is stated;
+    ``anonymous`` nodes get a name of their own each time."""
+
+    api: Api
+    node_name: str = ""
+    anonymous: bool = False
+
+
+def inspect_script(path: Path) -> ScriptFacts:
+    """The facts about a Python file, by its text and that of the modules beside it; raises BadInput."""
+    text = read_script(path)
+    tree = _parse(text)
+    name, anonymous = _node_in_tree(tree) if tree is not None else _node_in_text(text)
+    return ScriptFacts(_api(path, text, tree), legal_node_name(name), anonymous)
+
+
+def is_python(path: Path) -> bool:
+    """Whether a file is Python by its name or its first line."""
+    if path.suffix == ".py":
+        return True
+    try:
+        with path.open("rb") as file:
+            first = file.readline(200)
+    except OSError:
+        return False
+    return first.startswith(b"#!") and b"python" in first
+
+
+def read_script(path: Path) -> str:
+    """The text of a script in its own encoding; bytes that are not of it are replaced. Raises BadInput."""
+    try:
+        if path.is_dir() or not path.exists():
+            raise BadInput(f"there is no file {path}")
+        if path.stat().st_size > MAX_SCRIPT:
+            raise BadInput(f"{path} is larger than {MAX_SCRIPT >> 20} MB: is it a script?")
+        raw = path.read_bytes()
+    except OSError as error:
+        raise BadInput(f"{path} cannot be read: {error.strerror}") from None
+    try:
+        encoding, _ = tokenize.detect_encoding(iter(raw.splitlines(keepends=True)).__next__)
+    except SyntaxError:
+        encoding = "utf-8"
+    return raw.decode(encoding, "replace")
+
+
+def legal_node_name(name: str) -> str:
+    """A name with every character replaced that a node's must not have; empty for an empty one."""
+    name = re.sub(r"[^A-Za-z0-9_]", "_", name.strip().rpartition("/")[2])[:LONGEST_NODE]
+    return f"_{name}" if name[:1].isdigit() else name
+
+
+def imported_modules(text: str) -> set[str]:
+    """The dotted names of the modules that a text imports, those in functions included."""
+    return _imports(text, _parse(text))
+
+
+def _parse(text: str) -> ast.Module | None:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return ast.parse(text)
+    except (SyntaxError, ValueError, RecursionError):
+        return None
+
+
+def _imports(text: str, tree: ast.Module | None) -> set[str]:
+    if tree is None:
+        found = (match for match in _IMPORT.findall(text))
+        return {
+            name.split()[0] for origin, plain in found for name in (origin or plain).split(",") if name.strip(" \t.")
+        }
+    names: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names |= {each.name for each in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names.add(node.module)
+            names |= {f"{node.module}.{each.name}" for each in node.names}
+    return names
+
+
+def _api(path: Path, text: str, tree: ast.Module | None) -> Api:
+    """By its own imports; if they say nothing, by those of the modules that it finds in its folder or package.
+
+    A program of a package of ROS is one of ROS 1 even so: a launch file starts it as any other.
+    """
+    pending, seen = [(path, _imports(text, tree))], {path}
+    while pending:
+        here, names = pending.pop(0)
+        roots = {each.partition(".")[0] for each in names}
+        if roots & OWN_MODULES:
+            return ""
+        if roots & ROS2_MODULES:
+            return "ros2"
+        if roots & ROS1_MODULES:
+            return "ros1"
+        for file in _local_modules(here, names):
+            if file not in seen and len(seen) < MAX_IMPORTED:
+                seen.add(file)
+                try:
+                    pending.append((file, imported_modules(read_script(file))))
+                except BadInput:
+                    continue
+    return "ros1" if workspace_of(path, {}).own is not None else ""
+
+
+def _local_modules(path: Path, names: set[str]) -> Iterator[Path]:
+    folders = [path.parent, path.parent.parent / "src", path.parent.parent.parent / "src"]
+    for name in sorted(names):
+        inner = Path(*name.split("."))
+        for folder in folders:
+            for file in (folder / inner.with_suffix(".py"), folder / inner / "__init__.py"):
+                if file.is_file():
+                    yield file
+
+
+def _node_in_tree(tree: ast.Module) -> tuple[str, bool]:
+    """The name in the first call of ``init_node``, and whether it is anonymous; "" if it is computed."""
+    constants = {
+        target.id: node.value.value
+        for node in tree.body
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Constant)
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
+
+    def value(node: ast.expr | None) -> object:
+        if isinstance(node, ast.Name):
+            return constants.get(node.id)
+        return node.value if isinstance(node, ast.Constant) else None
+
+    calls = [
+        node
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call)
+        and (node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")) == "init_node"
+    ]
+    for call in sorted(calls, key=lambda each: each.lineno):
+        keywords = {each.arg: each.value for each in call.keywords}
+        name = value(call.args[0] if call.args else keywords.get("name"))
+        anonymous = value(call.args[2] if len(call.args) > 2 else keywords.get("anonymous"))
+        return (name if isinstance(name, str) else ""), bool(anonymous)
+    return "", False
+
+
+def _node_in_text(text: str) -> tuple[str, bool]:
+    found = _INIT_NODE.search(text)
+    if found is None:
+        return "", False
+    line = text[found.end() :].partition("\n")[0]
+    return found[2], bool(re.search(r"anonymous\s*=\s*(True|1)\b", line))

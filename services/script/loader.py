@@ -1,0 +1,240 @@
+"""Load a script and run it as ``__main__``; its own modules get loops with points, and time and threads of their own.
+
+Its own are the modules in its folder and in the packages of its workspace. Libraries are left as they are.
+"""
+
+from __future__ import annotations
+
+import builtins
+import functools
+import importlib
+import io
+import os
+import random
+import sys
+import time
+import zlib
+from collections.abc import Callable, Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from pathlib import Path
+from types import CodeType, ModuleType
+from typing import Any
+
+from services.runtime.process import ROOT
+from services.script import windows
+from services.script.budget import WHILE_PASSES
+from services.script.missing_modules import MODERN, explain_missing
+from services.script.source import DIVIDE, PASS, compile_script, divide
+from services.script.workspace import Workspace
+
+SITE_PACKAGES = ROOT / "services" / "ros1" / "site-packages"
+"""The imitated libraries of ROS 1."""
+
+
+class ScriptLoader:
+    """Runs one script.
+
+    Args:
+        folders: where the script's own modules are.
+        modules: what ``import`` gives these modules in place of Python's.
+        extras: builtins of these modules, beside Python's.
+        workspace: the packages around the script, for the text about a missing one.
+    """
+
+    def __init__(
+        self,
+        folders: Sequence[Path],
+        modules: dict[str, ModuleType],
+        extras: dict[str, Any],
+        workspace: Workspace | None = None,
+        imported: Callable[[str], None] = lambda name: None,
+    ) -> None:
+        self._folders = tuple(os.path.join(os.path.abspath(each), "") for each in folders)
+        self._modules, self._workspace, self._imported = modules, workspace, imported
+        self._windows_taken = False
+        self._builtins = {**builtins.__dict__, **extras, "__import__": self._import}
+
+    def run(self, file: Path) -> None:
+        """Run the file as the main program; raises what it raises."""
+        sys.meta_path.insert(0, _OwnModules(self))
+        module = ModuleType("__main__")
+        module.__dict__.update(__file__=sys.argv[0], __builtins__=self._builtins)
+        sys.modules["__main__"] = module
+        exec(compile_script(file), module.__dict__)
+
+    def owns(self, origin: str) -> bool:
+        """Whether a file is one of the script's own modules."""
+        path = os.path.abspath(origin)
+        inside = any(path.startswith(each) for each in self._folders)
+        return inside and "site-packages" not in path and not path.startswith(_NOT_OWN)
+
+    def prepare(self, module: ModuleType) -> None:
+        """Give a module of the script's own the builtins of such."""
+        module.__dict__["__builtins__"] = self._builtins
+
+    def _take_windows(self, cv2: ModuleType) -> None:
+        if not self._windows_taken:
+            self._windows_taken = True
+            windows.adapt(cv2, self._modules.get("time", time).sleep)
+
+    def _import(self, name: str, scope: Any = None, inner: Any = None, fromlist: Any = (), level: int = 0) -> Any:
+        if level == 0:
+            if (ours := self._modules.get(name)) is not None:
+                return ours
+            self._imported(name.partition(".")[0])
+        try:
+            found = builtins.__import__(name, scope, inner, fromlist, level)
+            if not level and name.partition(".")[0] == "cv2":
+                self._take_windows(sys.modules["cv2"])
+            return found
+        except ModuleNotFoundError as error:
+            if level or error.name is None or not (name == error.name or name.startswith(f"{error.name}.")):
+                raise
+            if (modern := MODERN.get(name)) is not None:
+                return self._modules.get(modern) or importlib.import_module(modern)
+            if (beside := _import_beside(name, scope, inner, fromlist)) is not None:
+                return beside
+            frame = sys._getframe(1)
+            place = f"{os.path.basename(frame.f_code.co_filename)}:{frame.f_lineno}"
+            text = explain_missing(name, place, self._workspace)
+            raise ModuleNotFoundError(text, name=error.name) from None
+
+
+def _import_beside(name: str, scope: Any, inner: Any, fromlist: Any) -> Any:
+    """The module that lies beside the importing one in its package: Python 2 looked there first; None if none does."""
+    package = (scope or {}).get("__package__")
+    if not package:
+        return None
+    try:
+        return builtins.__import__(name, scope, inner, fromlist, 1)
+    except ModuleNotFoundError as error:
+        if error.name != f"{package}.{name.partition('.')[0]}":
+            raise
+        return None
+
+
+_NOT_OWN = (str(ROOT / "services") + os.sep, str(ROOT / "messages") + os.sep, str(ROOT / "models") + os.sep)
+
+
+class _OwnModules(MetaPathFinder):
+    """Finds the script's own modules where Python does, and loads them by ``_OwnLoader``."""
+
+    def __init__(self, loader: ScriptLoader) -> None:
+        self._loader = loader
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        spec = PathFinder.find_spec(fullname, path, target)
+        if spec is None or type(spec.loader) is not SourceFileLoader or not spec.origin:
+            return None
+        if not self._loader.owns(spec.origin):
+            return None
+        spec.loader = _OwnLoader(fullname, spec.origin, self._loader)
+        return spec
+
+
+class _OwnLoader(SourceFileLoader):
+    """Compiles a module as the script itself; writes no cache beside it."""
+
+    def __init__(self, fullname: str, path: str, loader: ScriptLoader) -> None:
+        super().__init__(fullname, path)
+        self._script = loader
+
+    def get_code(self, fullname: str) -> CodeType:
+        return compile_script(Path(self.path))
+
+    def exec_module(self, module: ModuleType) -> None:
+        self._script.prepare(module)
+        super().exec_module(module)
+
+
+def loop_pass(point: Callable[[float], None]) -> Callable[[], None]:
+    """The function that the head of each loop calls: one point for WHILE_PASSES passes."""
+    left = WHILE_PASSES
+
+    def passed() -> None:
+        nonlocal left
+        left -= 1
+        if not left:
+            left = WHILE_PASSES
+            point(1.0)
+
+    return passed
+
+
+def python2_builtins(read_line: Callable[..., str]) -> dict[str, Any]:
+    """Builtins that Python 2 had; a text that needs no conversion may still use them."""
+
+    def cmp(one: Any, two: Any) -> int:
+        return int(one > two) - int(one < two)
+
+    def execfile(path: str, scope: Any = None, inner: Any = None) -> None:
+        frame = sys._getframe(1)
+        exec(compile_script(Path(path)), frame.f_globals if scope is None else scope, inner)
+
+    return {
+        "raw_input": read_line,
+        "xrange": range,
+        "unicode": str,
+        "basestring": str,
+        "long": int,
+        "unichr": chr,
+        "reduce": functools.reduce,
+        "reload": importlib.reload,
+        "intern": sys.intern,
+        "cmp": cmp,
+        "execfile": execfile,
+        PASS: lambda: None,
+        DIVIDE: divide,
+    }
+
+
+def pin_randomness(seed: int, node: str) -> Callable[[str], None]:
+    """Let unseeded random numbers of the script be the same in every run; returns what to call at its imports.
+
+    ``os.urandom`` is so for all but the runtime, which needs names that nobody else has.
+    """
+    number = (seed << 32) ^ zlib.crc32(node.encode())
+    source, true_urandom = random.Random(number), os.urandom
+
+    def urandom(size: int) -> bytes:
+        user = sys._getframe(1).f_globals.get("__name__", "")
+        return true_urandom(size) if user.startswith(("services.", "secrets")) else source.randbytes(size)
+
+    os.urandom = urandom
+    random._urandom = urandom  # type: ignore[attr-defined]
+    random.seed(number)
+    seeded = False
+
+    def imported(name: str) -> None:
+        nonlocal seeded
+        if not seeded and (name == "numpy" or "numpy.random" in sys.modules):
+            seeded = True
+            numpy_random = importlib.import_module("numpy.random")
+            numpy_random.seed(number % (1 << 32))
+
+    return imported
+
+
+class Keyboard(io.TextIOBase):
+    """Standard input of a script in lockstep: whoever reads it gives the baton away meanwhile."""
+
+    def __init__(self, stream: Any, outside: Callable[[str], Any]) -> None:
+        self._stream, self._outside = stream, outside
+
+    def read(self, size: int | None = -1, /) -> str:
+        with self._outside("standard input"):
+            return str(self._stream.read(size))
+
+    def readline(self, size: int = -1, /) -> str:  # type: ignore[override]
+        with self._outside("standard input"):
+            return str(self._stream.readline(size))
+
+    def fileno(self) -> int:
+        with self._outside("standard input"):
+            return int(self._stream.fileno())
+
+    def isatty(self) -> bool:
+        return bool(self._stream.isatty())

@@ -1,0 +1,243 @@
+"""The thread that serves the node of a script: heartbeat, requests, tokens and time."""
+
+from __future__ import annotations
+
+import threading
+import time
+from contextlib import AbstractContextManager, suppress
+from typing import Any, Protocol
+
+from messages.base import WrongPayload, decoder, encode
+from messages.gazebo import WorldProperties
+from messages.names import key as key_of
+from messages.requests import WORLD_PROPERTIES
+from messages.std import Empty
+from services.runtime.node import Node
+from services.runtime.pacing import ClockWatchdog, Instant, LockstepPacer
+from services.runtime.step import period_of
+from services.runtime.transport.api import PendingReplies, idle_subscriber
+from services.script.clock import ClockReader, ScriptClock
+from services.script.own_time import OwnTime
+from services.script.turns import TurnThreads
+
+_read_properties = decoder(WorldProperties)
+READY_S = 5.0
+"""Time [s] of the script's own after which one that has not waited for anything counts as ready: as on an idle machine,
+however long the others keep it from running."""
+STOP_S = 2.0
+"""Wall time [s] that the end of the loop may take."""
+PEERS_S = 20.0
+"""Wall time [s] that the tokens of the other members may take at the first tick; only one that has died has none."""
+_HURRY_S = 0.005
+
+
+class NodeOwner(Protocol):
+    """What the loop needs of the kernel that owns it."""
+
+    clock: ScriptClock
+    lock_node: AbstractContextManager[Any]
+    simulated: bool
+    rate: float
+
+    def spin(self) -> None:
+        """Answer requests and follow the network; called with the node locked."""
+        ...
+
+
+class SteppingOwner(NodeOwner, Protocol):
+    """What the loop of lockstep needs of the kernel."""
+
+    turns: TurnThreads
+
+    def roster_seen(self, roster: tuple[str, ...]) -> bool:
+        """Whether all that these nodes declared before they were ready is known."""
+        ...
+
+    def admit(self, reset: bool) -> None:
+        """Hand the messages, calls and changes of this tick to the threads that they are for."""
+        ...
+
+    def send_early(self) -> None:
+        """Send what was published before the first tick."""
+        ...
+
+    def idle_until(self) -> int:
+        """The time [ns] before which there is nothing to do unless a message comes; 0 if there may be at any tick."""
+        ...
+
+    def announce(self, final: bool = False) -> None:
+        """Tell the other scripts what this one publishes, reads and serves, if that has changed."""
+        ...
+
+
+class NodeLoop(Protocol):
+    """The thread of a script's node."""
+
+    def start(self) -> None:
+        """Start it."""
+        ...
+
+    def declare_ready(self) -> None:
+        """The script has declared what it declares at its start."""
+        ...
+
+    def stop(self) -> None:
+        """End it, and send what is still held back."""
+        ...
+
+
+class RealTimeLoop:
+    """Follows ``/clock``, or nothing with wall time; messages go straight to the threads of their topics."""
+
+    def __init__(self, kernel: NodeOwner, node: Node) -> None:
+        self._kernel, self._node = kernel, node
+        self._clock = ClockReader(node, kernel.clock) if kernel.simulated else None
+        self._raw = self._clock.raw if self._clock else idle_subscriber(node.transport)
+        self._watchdog = ClockWatchdog(node, node.log, "--wall-time runs a script without one")
+        self._properties: PendingReplies | None = None
+        self._thread = threading.Thread(target=self._run, name="node", daemon=True)
+        self._ready = self._stopping = self._factor_known = False
+        self._script_time = OwnTime(threading.main_thread())
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def declare_ready(self) -> None:
+        if not self._ready:
+            self._ready = True
+            with self._kernel.lock_node:
+                if self._kernel.simulated:
+                    self._node.declare_stepping(period_of(self._kernel.rate, False))
+                else:
+                    self._node.declare_ready()
+
+    def stop(self) -> None:
+        self._stopping = True
+        self._node.transport.wake()
+        self._thread.join(STOP_S)
+
+    def _run(self) -> None:
+        while not self._stopping:
+            with self._kernel.lock_node:
+                self._spin()
+            self._node.transport.wait(self._raw)
+            if self._clock is None:
+                self._raw.recv()
+                self._node.heartbeat.state = "running"
+            elif self._clock.update():
+                self._follow_factor()
+                self._node.heartbeat.ticks += 1
+                self._watchdog.note_sample(self._kernel.clock.paused)
+            else:
+                self._watchdog.check()
+
+    def _follow_factor(self) -> None:
+        """Ask the simulation, once, how fast its time goes."""
+        if self._properties is None:
+            key = key_of(WORLD_PROPERTIES.name)
+            self._properties = self._node.transport.query_async(key, encode(Empty()), STOP_S)
+        elif not self._factor_known and (replies := self._properties.poll()) is not None:
+            self._factor_known = True
+            for each in replies:
+                if each.ok:
+                    with suppress(WrongPayload):
+                        self._kernel.clock.factor = _read_properties(each.payload).factor
+
+    def _spin(self) -> None:
+        self._node.spin_once()
+        self._kernel.spin()
+        if not self._ready and self._script_time.exceeds(READY_S):
+            self.declare_ready()
+
+
+class LockstepLoop:
+    """Steps with the simulation: at each of its ticks the script's threads take their turns.
+
+    It joins when the script waits for the first time, or ends: by then it has declared its inputs.
+    """
+
+    def __init__(self, kernel: SteppingOwner, node: Node) -> None:
+        self._kernel, self._node, self._turns = kernel, node, kernel.turns
+        self._thread = threading.Thread(target=self._run, name="node", daemon=True)
+        self._last: Instant | None = None
+        self._epoch = 0
+        self._stopping = self._hurried = self._left = False
+        self._pacer: LockstepPacer | None = None
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def declare_ready(self) -> None:
+        pass
+
+    def stop(self) -> None:
+        self._stopping = True
+        self._turns.retire_main()
+        self._node.transport.wake()
+        while self._thread.is_alive():
+            self._thread.join(0.1)
+
+    def hurry(self) -> None:
+        """Wait for no further tick: the process was asked to end."""
+        self._hurried = True
+        self._node.transport.wake()
+
+    def _run(self) -> None:
+        self._turns.adopt()
+        self._turns.wait_for_turn(self._spin)
+        with self._kernel.lock_node:
+            self._kernel.announce()
+            pacer = LockstepPacer(self._node, period_of(self._kernel.rate, True), reports_reads=True)
+            pacer.start()
+        self._pacer = pacer  # kept: with it goes the token that makes this node a member
+        try:
+            while not self._done():
+                self._spin()
+                if (instant := pacer.next()) is not None:
+                    self._tick(pacer, instant)
+                elif self._hurried:
+                    self._turns.run(self._spin)
+                    time.sleep(_HURRY_S)
+                else:
+                    self._node.transport.wait(pacer.raw)
+        finally:
+            with self._kernel.lock_node:
+                self._kernel.send_early()
+                self._kernel.announce(final=True)
+                self._node.send_buffer.flush()
+                if not self._left:
+                    pacer.close()
+
+    def _done(self) -> bool:
+        """Whether the script has ended; what it sent counts once a tick has reported it."""
+        return self._left or (self._stopping and self._hurried)
+
+    def _tick(self, pacer: LockstepPacer, instant: Instant) -> None:
+        last = self._last
+        reset = last is not None and (instant.epoch, instant.simulation) != (last.epoch, last.simulation)
+        if last is None:
+            self._await_peers(pacer.roster)
+        self._last = instant
+        self._epoch += reset
+        with self._kernel.lock_node:
+            self._kernel.clock.set(instant.time, self._epoch)
+            self._node.update_subscribers(pacer.watermarks)
+            self._kernel.admit(reset)
+        self._turns.run(self._spin)
+        with self._kernel.lock_node:
+            self._node.heartbeat.ticks += 1
+            self._left = self._stopping
+            self._kernel.announce(final=self._left)
+            pacer.finish(leaving=self._left, idle_until=0 if self._stopping else self._kernel.idle_until())
+
+    def _await_peers(self, roster: tuple[str, ...]) -> None:
+        """See everything that the other members declared before they were ready; it comes a moment later at most."""
+        deadline = time.monotonic() + PEERS_S
+        while not self._kernel.roster_seen(roster) and time.monotonic() < deadline:
+            self._spin()
+            time.sleep(0.005)
+
+    def _spin(self) -> None:
+        with self._kernel.lock_node:
+            self._node.spin_once()
+            self._kernel.spin()

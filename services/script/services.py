@@ -1,0 +1,94 @@
+"""The services of a script, as ROS calls them: served by a worker thread each, called from any thread."""
+
+from __future__ import annotations
+
+import traceback
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from messages.base import WrongPayload, decoder, encode
+from messages.requests import Refusal
+from services.runtime.transport.api import TIMEOUT, QueryServer, Reply
+from services.runtime.transport.request_queue import Refusals
+from services.script.api import ServiceRefused, ServiceUnavailable
+from services.script.threads import Threads, Worker
+
+FOREVER_S = 86400.0
+"""Wall time [s] that a call waits without a timeout of its own; one of ROS waits for ever."""
+
+_read_refusal = decoder(Refusal)
+
+
+class Owner(Protocol):
+    """What a service needs of the kernel that owns it."""
+
+    threads: Threads
+
+    def close_server(self, server: ServiceServer) -> None:
+        """End a service."""
+        ...
+
+
+class ServiceServer:
+    """A service that a script serves."""
+
+    def __init__(self, name: str, ros_type: str, handle: Callable[[bytes], bytes], owner: Owner) -> None:
+        self.name, self.ros_type = name, ros_type
+        self._handle, self._owner = handle, owner
+        self._requests: deque[tuple[bytes, Callable[[bytes], None], Callable[[bytes], None]]] = deque()
+        self.queries: QueryServer | None = None
+        self.refusals = Refusals()
+        self.worker: Worker = owner.threads.worker(name, self._work)
+
+    def poll(self) -> None:
+        """Take the queries that have come, in the node's thread."""
+        while self.queries is not None and (query := self.queries.recv()) is not None:
+            if query.key != self.name[1:]:
+                query.refuse(encode(Refusal(reason=f"asked of {query.key[:80]!r}, not of {self.name} alone")))
+                continue
+            self.put(query.payload, query.reply, query.refuse)
+
+    def put(self, payload: bytes, reply: Callable[[bytes], None], refuse: Callable[[bytes], None]) -> None:
+        """Queue one request and what answers it."""
+        self._requests.append((payload, reply, refuse))
+        self.worker.nudge()
+
+    def close(self) -> None:
+        self._owner.close_server(self)
+        self.worker.close()
+
+    def _work(self) -> bool:
+        if not self._requests:
+            return False
+        payload, reply, refuse = self._requests.popleft()
+        try:
+            answer = self._handle(payload)
+        except ServiceRefused as error:
+            refuse(encode(Refusal(reason=str(error))))
+        except Exception as error:  # noqa: BLE001 - the caller gets the reason, and the node goes on
+            traceback.print_exc()
+            refuse(encode(Refusal(reason=f"error processing request: {error}")))
+        else:
+            reply(answer)
+        return True
+
+
+def read_answer(name: str, replies: Sequence[Reply]) -> bytes:
+    """The payload of the one answer; raises ServiceUnavailable, ServiceRefused."""
+    answers = [each for each in replies if each.payload != TIMEOUT or each.ok]
+    for each in answers:
+        if each.ok:
+            return each.payload
+    if not answers:
+        late = ": it did not answer in time" if replies else ""
+        raise ServiceUnavailable(f"service [{name}] unavailable{late}")
+    raise ServiceRefused(read_reason(answers[0].payload))
+
+
+def read_reason(payload: bytes) -> str:
+    """The text of a refusal."""
+    try:
+        return _read_refusal(payload).reason
+    except WrongPayload:
+        return f"refused without a reason that can be read: {payload[:80]!r}"

@@ -1,0 +1,187 @@
+"""What the node of a script does at the ticks of lockstep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
+from typing import Any, Protocol
+from weakref import WeakSet
+
+from messages.topics import Quality
+from services.runtime.node import Node
+from services.runtime.publisher import Publisher
+from services.runtime.transport.api import TIMEOUT, Reply
+from services.script.api import Origin, ScriptStopped
+from services.script.clock import ScriptClock
+from services.script.lockstep_calls import LockstepCalls
+from services.script.lockstep_network import ENDS, SCRIPT, End, LockstepNetwork, tell
+from services.script.network import Network
+from services.script.services import ServiceServer
+from services.script.topics import ForeignSubscriber, SubscriberFollower, TopicOutput, TopicReader
+from services.script.turns import TurnThreads
+
+
+class SteppingKernel(Protocol):
+    """What the steps need of the script's kernel: its clock and rate, and what the script has declared."""
+
+    clock: ScriptClock
+    lock_node: AbstractContextManager[Any]
+    rate: float
+
+    @property
+    def network(self) -> Network:
+        """The nodes on the network, as last seen."""
+        ...
+
+    @property
+    def readers(self) -> Mapping[str, TopicReader]:
+        """What the script subscribes to, by topic."""
+        ...
+
+    @property
+    def outputs(self) -> Sequence[TopicOutput]:
+        """What it publishes."""
+        ...
+
+    @property
+    def servers(self) -> Sequence[ServiceServer]:
+        """What it serves."""
+        ...
+
+    @property
+    def followers(self) -> Mapping[str, SubscriberFollower]:
+        """Its publications that are told who reads them."""
+        ...
+
+    def spin(self) -> None:
+        """Answer requests and follow the network."""
+        ...
+
+    def publish(self, publisher: Publisher[Any], payload: bytes) -> None:
+        """Send a payload on one of the script's publications."""
+        ...
+
+
+class SteppingNode:
+    """What a script's node does at the ticks of lockstep."""
+
+    def __init__(self, kernel: SteppingKernel, node: Node, turns: TurnThreads) -> None:
+        network = kernel.network
+        assert isinstance(network, LockstepNetwork)
+        self.turns, self.clock, self.lock_node = turns, kernel.clock, kernel.lock_node
+        self.simulated, self.rate, self.spin = True, kernel.rate, kernel.spin
+        self.calls = LockstepCalls(node, kernel.publish)
+        self._kernel, self._node, self._network = kernel, node, network
+        self._ends = ForeignSubscriber(ENDS, node.transport)
+        node.attach(self._ends)
+        self._told = node.advertise(ENDS)
+        self._last: tuple[End, ...] | None = None
+        self._early: list[tuple[Publisher[Any], bytes]] = []
+        self._own: list[tuple[Publisher[Any], bytes]] = []
+        self._own_latched: dict[str, tuple[Publisher[Any], bytes]] = {}
+        self._readers: WeakSet[TopicReader] = WeakSet()
+        """Those that have had what this script latched before them."""
+
+    def roster_seen(self, roster: tuple[str, ...]) -> bool:
+        """Whether all that these nodes declared before they were ready is known."""
+        return set(roster) <= self._network.steppers()
+
+    def publish(self, publisher: Publisher[Any], payload: bytes) -> None:
+        """Send a payload, before the first tick at that tick: whether all others are linked yet differs between runs.
+
+        A latched one reaches all of them whenever they are.
+        """
+        if self._network.begun or publisher.topic.quality is Quality.LATCHED:
+            publisher.publish_encoded(payload)
+            self.sent(publisher, payload)
+        else:
+            self._early.append((publisher, payload))
+
+    def send_early(self) -> None:
+        """Send what was published before the first tick."""
+        self._network.begun = True
+        early, self._early = self._early, []
+        for publisher, payload in early:
+            self.publish(publisher, payload)
+
+    def sent(self, publisher: Publisher[Any], payload: bytes) -> None:
+        """The script has published; what it reads itself reaches it at the next tick, as it does the others."""
+        if publisher.name in self._kernel.readers:
+            self._own.append((publisher, payload))
+        if publisher.topic.quality is Quality.LATCHED:
+            self._own_latched[publisher.name] = publisher, payload
+
+    def admit(self, reset: bool) -> None:
+        """Hand the messages, calls and changes of this tick to the threads that they are for."""
+        for payload, _ in self._ends.messages:
+            self._network.take(payload)
+        self._ends.messages = []
+        self._network.freeze()
+        own, self._own = self._own, []
+        for reader in self._kernel.readers.values():
+            reader.take(reset)
+            if reader not in self._readers:
+                self._readers.add(reader)
+                latched = self._own_latched.get(reader.name)
+                own += [latched] if latched is not None and latched not in own else []
+        for publisher, payload in own if not reset else ():
+            if (own_reader := self._kernel.readers.get(publisher.name)) is not None:
+                origin = Origin(self._node.identity.node, publisher.topic.quality is Quality.LATCHED)
+                own_reader.put(payload, origin, publisher.publisher)
+        for reader in self._kernel.readers.values():
+            if reader.queue:
+                reader.worker.nudge()
+        self.calls.admit()
+        for follower in self._kernel.followers.values():
+            follower.worker.nudge()
+        self.send_early()
+
+    def idle_until(self) -> int:
+        """The time [ns] before which there is nothing to do unless a message comes; 0 if there may be at any tick."""
+        new = any(each not in self._readers for each in self._kernel.readers.values())
+        if new or self._own or self._early or self._kernel.followers:
+            return 0
+        return self.turns.idle_until()
+
+    def announce(self, final: bool = False) -> None:
+        """Tell the other scripts what this one publishes, reads and serves, if that has changed."""
+        kernel = self._kernel
+        ends = [End("pub", each.name, each.ros_type, each.latched) for each in kernel.outputs]
+        ends += [End("sub", each.name, each.ros_type or "*") for each in kernel.readers.values()]
+        ends += [End("srv", each.name, each.ros_type) for each in kernel.servers]
+        told = () if final else tuple(dict.fromkeys([*ends, End("node", self._node.identity.node, SCRIPT)]))
+        if told != self._last:
+            self._last = told
+            self._told.publish_encoded(tell(self._node.identity.node, self._node.transport.session, told))
+
+    def call(self, name: str, payload: bytes, timeout: float | None) -> list[Reply] | None:
+        """Call a service of this script or of another; None for one of a node that answers within the tick."""
+        own = next((each for each in self._kernel.servers if each.name == name), None)
+        if own is not None:
+            return self._call_own(own, payload, timeout)
+        server = self._network.server(name)
+        if server is None or not self._network.told(server.session):
+            return None
+        with self.lock_node:
+            number = self.calls.ask(name, payload)
+        try:
+            self.turns.wait_until(
+                lambda: self.calls.answer(number) is not None or self._network.server(name) is None, timeout
+            )
+            answer = self.calls.answer(number)
+        finally:
+            self.calls.forget(number)
+        return self._outcome(name, answer)
+
+    def _call_own(self, server: ServiceServer, payload: bytes, timeout: float | None) -> list[Reply]:
+        answers: list[Reply] = []
+        server.put(
+            payload, lambda text: answers.append(Reply(True, text)), lambda text: answers.append(Reply(False, text))
+        )
+        self.turns.wait_until(lambda: bool(answers), timeout)
+        return self._outcome(server.name, answers[0] if answers else None)
+
+    def _outcome(self, name: str, answer: Reply | None) -> list[Reply]:
+        if answer is None and self.turns.stopped:
+            raise ScriptStopped(f"the process was asked to end while it waited for {name}")
+        return [answer if answer is not None else Reply(False, TIMEOUT)]

@@ -1,0 +1,111 @@
+"""Requests of scripts to a service of this project that steps with them in lockstep.
+
+A query would race with the ticks. So such a service takes the requests of scripts from topics, as scripts do among
+themselves, and tells them what it has. Queries, of the command line for one, are answered as ever.
+
+In real time they wait for the next tick, as those of turtlesim do for its next update: a program that calls, and then
+uses what its callbacks were told, has heard from them.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from messages.base import DECODE_ERRORS, Message, decoder, encode
+from messages.requests import Refusal, Request
+from services.runtime.context import Context
+from services.runtime.errors import EleaError
+from services.runtime.requests import DeferredReply
+from services.script.lockstep_calls import CallReply, call_topic, read_request
+from services.script.lockstep_network import ENDS, End, tell
+from services.script.topics import ForeignSubscriber
+
+Q = TypeVar("Q", bound=Message)
+R = TypeVar("R", bound=Message)
+
+HELD_S = 0.05
+"""Wall time [s] after which a request is answered without a tick: simulation time may stand still."""
+
+
+class SteppingServices:
+    """The requests that a service serves, by queries and, in lockstep, by topics; ``update`` belongs into each tick."""
+
+    def __init__(self, ctx: Context[Any]) -> None:
+        self._ctx, self._node = ctx, ctx.node
+        self._served: dict[str, tuple[str, ForeignSubscriber, Callable[[bytes], bytes]]] = {}
+        self._hidden: set[str] = set()
+        """Services that there are not at present: those of a turtle that is gone."""
+        self._told: tuple[End, ...] | None = None
+        self._held: deque[tuple[float, Callable[[], None]]] = deque()
+        """In real time, since when requests wait [s], and what answers them."""
+
+    def serve(self, request: Request[Q, R], handler: Callable[[Q], R], name: str) -> None:
+        """Serve a request under a name; ``handler`` raises BadInput to refuse it. One that was ended is there again."""
+        absolute = self._node.identity.resolve(name)
+        self._hidden.discard(absolute)
+        if absolute in self._served:
+            self._node.declare_server(absolute, request.request_type.ROS_TYPE)
+            return
+        if self._ctx.lockstep:
+            self._node.serve(request, handler, name)
+        else:
+            self._node.serve(request, lambda asked: self._hold(handler, asked), name)
+        read = decoder(request.request_type)
+        requests = ForeignSubscriber(call_topic(absolute, "request"), self._node.transport)
+        self._served[absolute] = request.request_type.ROS_TYPE, requests, lambda payload: encode(handler(read(payload)))
+        if self._ctx.lockstep:
+            self._node.attach(requests)
+            self._node.advertise(call_topic(absolute, "reply"))
+
+    def end(self, request: Request[Q, R], name: str) -> None:
+        """Show a request no more; the handler refuses what still comes."""
+        absolute = self._node.identity.resolve(name)
+        self._hidden.add(absolute)
+        self._node.withdraw_server(absolute, request.request_type.ROS_TYPE)
+
+    def update(self) -> None:
+        """Answer the requests of this tick, in lockstep in the order of the services."""
+        if not self._ctx.lockstep:
+            while self._held:
+                self._held.popleft()[1]()
+            return
+        for name, (_, requests, answer) in list(self._served.items()):
+            for payload, _ in requests.messages:
+                self._answer(name, requests, answer, payload)
+        self._tell()
+
+    def answer_late(self) -> None:
+        """Answer what has waited for a tick for long; between ticks."""
+        while self._held and time.monotonic() - self._held[0][0] > HELD_S:
+            self._held.popleft()[1]()
+
+    def _hold(self, handler: Callable[[Q], R], asked: Q) -> DeferredReply[R]:
+        reply: DeferredReply[R] = DeferredReply()
+        self._held.append((time.monotonic(), lambda: reply.answer(lambda: handler(asked))))
+        return reply
+
+    def _answer(self, name: str, requests: ForeignSubscriber, answer: Callable[[bytes], bytes], payload: bytes) -> None:
+        try:
+            asked = read_request(payload)
+        except DECODE_ERRORS as error:
+            requests.reject(str(error))
+            return
+        try:
+            reply = CallReply(asked.caller, asked.number, True, answer(asked.payload))
+        except (EleaError, ValueError) as error:
+            reply = CallReply(asked.caller, asked.number, False, encode(Refusal(reason=str(error))))
+        self._node.advertise(call_topic(name, "reply")).publish_encoded(encode(reply))
+
+    def _tell(self) -> None:
+        """Tell the scripts what this node publishes, reads and serves, if that has changed."""
+        node = self._node
+        ends = [End("pub", each.name, each.topic.record.ROS_TYPE) for each in node.publishers]
+        ends += [End("sub", each.name, each.topic.record.ROS_TYPE) for each in node.subscribers]
+        ends += [End("srv", name, kind) for name, (kind, *_) in self._served.items() if name not in self._hidden]
+        told = tuple(each for each in ends if "/_" not in each.name)
+        if told != self._told:
+            self._told = told
+            node.advertise(ENDS).publish_encoded(tell(node.identity.node, node.transport.session, told))

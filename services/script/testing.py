@@ -1,0 +1,34 @@
+"""Test a client library without a process: a kernel on a network in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from services.runtime.transport.memory import MemoryBus, MemoryTransport
+from services.script.kernel import KernelOptions, ScriptKernel
+from services.script.process import set_kernel
+
+
+@contextmanager
+def memory_kernel(
+    bus: MemoryBus | None = None, simulated: bool = False, install: bool = True
+) -> Iterator[ScriptKernel]:
+    """A kernel in real time on a network in memory, which ``process.kernel()`` returns meanwhile.
+
+    Args:
+        bus: the network, to connect several kernels; one of its own by default.
+        simulated: whether time is that of ``kernel.clock.set``; wall time by default.
+        install: whether ``process.kernel()`` returns it.
+    """
+    shared = bus or MemoryBus()
+    made = ScriptKernel(lambda: MemoryTransport(shared), KernelOptions(simulated=simulated))
+    if install:
+        set_kernel(made)
+    try:
+        yield made
+    finally:
+        made.shut_down("the test is over")
+        made.close()
+        if install:
+            set_kernel(None)

@@ -1,0 +1,221 @@
+"""The threads of a script and what they wait for, behind one Protocol; here as they are in real time."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from typing import Any, Protocol
+
+from services.runtime.transport.api import ThreadedSubscriber
+from services.script.api import ScriptStopped, TimeMovedBackwards
+from services.script.budget import PUBLISH
+from services.script.clock import ScriptClock
+
+LOOKS = 200
+"""Points (looks at time or state) that a thread spends in real time before it is slowed down, unless it waits."""
+SHARE = 0.36
+"""Share of a core that a loop without waits gets in real time, so that physics and the other nodes have theirs."""
+MOST_PUBLISHED = 2000.0
+"""Messages a second that a loop without waits publishes in real time: more than any robot's loop, and a rate at which
+a busy reader loses none."""
+_LEAST_NAP_S, _LONGEST_NAP_S = 0.0005, 0.02
+_LONGEST_WAIT_S = 0.1
+"""Wall time [s] after which a sleeper looks at the time again, whatever was notified."""
+
+
+class Worker(Protocol):
+    """A thread that does the work of one topic, service or timer as it comes."""
+
+    def nudge(self) -> None:
+        """There may be work; from any thread."""
+        ...
+
+    def follow(self, samples: ThreadedSubscriber) -> None:
+        """Work whenever samples come, too."""
+        ...
+
+    def close(self) -> None:
+        """End the thread once its present work is done."""
+        ...
+
+
+class Threads(Protocol):
+    """The threads of a script: they sleep, wait, and are started here."""
+
+    def sleep_until(self, time_ns: int) -> None:
+        """As the kernel's."""
+        ...
+
+    def wait_until(self, ready: Callable[[], bool], timeout: float | None, by_messages: bool = False) -> bool:
+        """As the kernel's."""
+        ...
+
+    def wake(self) -> None:
+        """As the kernel's."""
+        ...
+
+    def point(self, cost: float) -> None:
+        """As the kernel's."""
+        ...
+
+    def rest(self, seconds: float) -> None:
+        """Sleep in wall time."""
+        ...
+
+    def spawn(self, target: Callable[[], None], name: str) -> threading.Thread:
+        """As the kernel's."""
+        ...
+
+    def lock(self) -> Any:
+        """As the kernel's."""
+        ...
+
+    def worker(self, name: str, work: Callable[[], bool]) -> Worker:
+        """A thread that calls ``work`` after each nudge until it returns False: there is nothing left to do."""
+        ...
+
+    def stop(self) -> None:
+        """End all waits: the process was asked to end, and its hooks have run."""
+        ...
+
+
+def report_exception(where: str) -> None:
+    """Print the traceback of the exception that is handled, which ends the thread or callback alone."""
+    sys.stderr.write(f"exception in {where}:\n{traceback.format_exc()}")
+
+
+class FreeThreads:
+    """Threads that run beside each other, as in ROS. Loops that never wait are slowed down."""
+
+    def __init__(self, clock: ScriptClock) -> None:
+        self._clock = clock
+        self._changed = threading.Condition()
+        self._generation = 0
+        self._stopped = False
+        self._spent = _Spent()
+        clock.on_change = self.wake
+
+    def sleep_until(self, time_ns: int) -> None:
+        clock, epoch = self._clock, self._clock.epoch
+        self._spent.points, self._spent.published = 0.0, 0
+        while (now := clock.now()) < time_ns or not clock.started:
+            if self._stopped:
+                if clock.simulated:
+                    raise ScriptStopped("the process was asked to end")
+                return
+            with self._changed:
+                self._changed.wait(min(clock.wall_until(time_ns, now), _LONGEST_WAIT_S))
+            if clock.epoch != epoch:
+                raise TimeMovedBackwards("simulation time was reset")
+        self._spent.began = time.thread_time()
+
+    def wait_until(self, ready: Callable[[], bool], timeout: float | None, by_messages: bool = False) -> bool:
+        deadline = None if timeout is None else time.monotonic() + timeout
+        self._spent.points, self._spent.published = 0.0, 0
+        while True:
+            seen = self._generation
+            if ready():
+                return True
+            left = _LONGEST_WAIT_S if deadline is None else deadline - time.monotonic()
+            if self._stopped or left <= 0:
+                return False
+            with self._changed:
+                if self._generation == seen:
+                    self._changed.wait(min(left, _LONGEST_WAIT_S))
+
+    def wake(self) -> None:
+        with self._changed:
+            self._generation += 1
+            self._changed.notify_all()
+
+    def point(self, cost: float) -> None:
+        spent = self._spent
+        spent.points += cost
+        spent.published += cost == PUBLISH
+        if spent.points < LOOKS:
+            return
+        now = time.thread_time()
+        nap = max((now - spent.began) * (1.0 / SHARE - 1.0), spent.published / MOST_PUBLISHED)
+        spent.points, spent.published = 0.0, 0
+        time.sleep(min(max(nap, _LEAST_NAP_S), _LONGEST_NAP_S))
+        spent.began = now
+
+    def rest(self, seconds: float) -> None:
+        time.sleep(seconds)
+        self._spent.points, self._spent.published, self._spent.began = 0.0, 0, time.thread_time()
+
+    def spawn(self, target: Callable[[], None], name: str) -> threading.Thread:
+        def run() -> None:
+            try:
+                target()
+            except ScriptStopped:
+                pass
+            except Exception:  # noqa: BLE001 - whatever the script raises ends this thread alone
+                report_exception(f"thread {name}")
+
+        thread = threading.Thread(target=run, name=name, daemon=True)
+        thread.start()
+        return thread
+
+    def lock(self) -> Any:
+        return threading.RLock()
+
+    def worker(self, name: str, work: Callable[[], bool]) -> Worker:
+        made = FreeWorker(name, work)
+        made.start()
+        return made
+
+    def stop(self) -> None:
+        self._stopped = True
+        self.wake()
+
+
+class FreeWorker:
+    """A thread that sleeps between two nudges."""
+
+    def __init__(self, name: str, work: Callable[[], bool]) -> None:
+        self._nudged = threading.Event()
+        self._samples: ThreadedSubscriber | None = None
+        self._open = True
+        self._work = work
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def nudge(self) -> None:
+        self._nudged.set()
+        if (samples := self._samples) is not None:
+            samples.wake()
+
+    def follow(self, samples: ThreadedSubscriber) -> None:
+        self._samples = samples
+        self._nudged.set()
+
+    def close(self) -> None:
+        self._open = False
+        self.nudge()
+
+    def _run(self) -> None:
+        while self._open and self._wait():
+            self._nudged.clear()
+            while self._open and self._work():
+                pass
+
+    def _wait(self) -> bool:
+        """Wait for a nudge or a sample; False when no sample will come any more."""
+        if self._nudged.is_set():
+            return True
+        return self._samples.wait() if self._samples is not None else self._nudged.wait()
+
+
+class _Spent(threading.local):
+    """What a thread has spent since it waited last: points, messages, and its processor time [s] at that moment."""
+
+    points = 0.0
+    published = 0
+    began = 0.0

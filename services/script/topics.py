@@ -1,0 +1,278 @@
+"""The topics of a script: publications and subscriptions of any type, payloads in and out."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from functools import cache
+from types import new_class
+from typing import Any, Protocol
+
+from messages.base import Message
+from messages.topics import TOPICS, Quality, Topic
+from services.runtime.log import Log
+from services.runtime.node import Node
+from services.runtime.publisher import Publisher
+from services.runtime.subscriber import Subscriber
+from services.runtime.transport.api import Transport
+from services.runtime.transport.wire import MEMBER_BYTES, SampleInfo, member_id
+from services.runtime.transport.zenoh_config import LARGEST_MESSAGE
+from services.script.api import Origin
+from services.script.budget import PUBLISH
+from services.script.threads import Threads, Worker, report_exception
+
+QUEUE_SIZE, LARGE_QUEUE_SIZE = 1024, 64
+"""Samples that wait for a slow callback, and of types that are large."""
+LARGE_TYPES = frozenset({"Image", "CompressedImage", "PointCloud2", "PointCloud", "OccupancyGrid", "MarkerArray"})
+NEW_PUBLISHER_S = 0.3
+"""Wall time [s] in which the token of a publisher should follow its first sample."""
+MOST_UNKNOWN = 64
+"""Publishers without a token that a topic is patient with, and keeps the last sample of: more are made up."""
+ANY_TYPE = "-"
+"""How a token states a subscription to every type."""
+
+
+@cache
+def record_of(ros_type: str) -> type[Message]:
+    """A record that stands for a type known by its name alone; its messages are never decoded here."""
+    fields = {"ROS_TYPE": ros_type, "__doc__": f"A message of the type {ros_type}.", "__module__": __name__}
+    return new_class("ForeignMessage", (Message,), {"frozen": True, "kw_only": True}, lambda body: body.update(fields))
+
+
+def known_topic(name: str) -> Topic[Any] | None:
+    """This project's topic of an absolute name, in whatever namespace."""
+    for topic in TOPICS:
+        if name == topic.name or (topic.name[0] not in "/~" and name.endswith(f"/{topic.name}")):
+            return topic
+    return None
+
+
+def topic_of(name: str, ros_type: str, latched: bool = False) -> Topic[Any]:
+    """The topic that a script publishes or reads: with the quality that this project gives it, if it is one of ours."""
+    quality, known = Quality.LATCHED if latched else Quality.EVENT, known_topic(name)
+    if known is not None and ros_type == known.record.ROS_TYPE and not (latched and known.quality is Quality.SENSOR):
+        quality = known.quality
+    return Topic(name, record_of(ANY_TYPE if ros_type in ("", "*") else ros_type), 0, quality, "", LARGEST_MESSAGE)
+
+
+class Sources(Protocol):
+    """Knows the publishers on the network."""
+
+    def origin(self, publisher: bytes) -> Origin:
+        """Where the samples of a publisher come from."""
+        ...
+
+
+class ForeignSubscriber(Subscriber[bytes]):  # type: ignore[type-var]
+    """A subscription to payloads of a type, or of any type, with the last samples of latched publishers."""
+
+    def __init__(self, topic: Topic[Any], transport: Transport, threaded: bool = False) -> None:
+        self._any = topic.record.ROS_TYPE == ANY_TYPE
+        large = topic.record.ROS_TYPE.rpartition("/")[2] in LARGE_TYPES
+        super().__init__(
+            topic,
+            topic.name,
+            topic.name[1:],
+            transport,
+            bytes,
+            LARGE_QUEUE_SIZE if large else QUEUE_SIZE,
+            latched=True,
+            threaded=threaded,
+        )
+
+    def _accept(self, source: Any, origin: SampleInfo | None) -> bool:
+        return self._any or super()._accept(source, origin)
+
+
+class TopicOutput:
+    """A publication of a script."""
+
+    def __init__(self, name: str, ros_type: str, latched: bool, bus: Bus) -> None:
+        self.name, self.ros_type, self.latched = name, ros_type, latched
+        self._bus = bus
+        self._sending = threading.Lock()
+        self._publisher: Publisher[Any] | None = None
+
+    def bind(self, node: Node) -> None:
+        """Declare it, once the node has its name."""
+        self._publisher = node.advertise(topic_of(self.name, self.ros_type, self.latched))
+
+    def publish(self, payload: bytes) -> None:
+        self._bus.threads.point(PUBLISH)
+        if (publisher := self._publisher) is None:
+            return
+        with self._sending:
+            self._bus.publish(publisher, payload)
+
+    def subscribers(self) -> list[str]:
+        return self._bus.ends("sub", self.name)
+
+    def close(self) -> None:
+        self._bus.close_output(self, self._publisher)
+        self._publisher = None
+
+
+class Bus(Protocol):
+    """What topics need of the kernel that owns them."""
+
+    threads: Threads
+
+    def publish(self, publisher: Publisher[Any], payload: bytes) -> None:
+        """Send a payload."""
+        ...
+
+    def ends(self, kind: str, name: str) -> list[str]:
+        """The nodes with an end of this kind."""
+        ...
+
+    def close_output(self, output: TopicOutput, publisher: Publisher[Any] | None) -> None:
+        """End a publication."""
+        ...
+
+    def close_input(self, given: TopicInput) -> None:
+        """End a subscription."""
+        ...
+
+
+class TopicInput:
+    """One subscription of a script to a topic."""
+
+    def __init__(
+        self, name: str, ros_type: str, receive: Callable[[bytes, Origin], None], queue_size: int | None, bus: Bus
+    ) -> None:
+        self.name, self.ros_type, self.receive, self.queue_size = name, ros_type, receive, queue_size
+        self._bus = bus
+
+    def publishers(self) -> list[str]:
+        return self._bus.ends("pub", self.name)
+
+    def close(self) -> None:
+        self._bus.close_input(self)
+
+
+class TopicReader:
+    """A topic that a script reads: one subscription, one worker, and all receivers in the order of their addition."""
+
+    def __init__(self, name: str, ros_type: str, threads: Threads, sources: Sources) -> None:
+        self.name, self.ros_type = name, ros_type
+        self.inputs: list[TopicInput] = []
+        self.queue: deque[tuple[bytes, Origin, TopicInput | None]] = deque()
+        self.subscriber: ForeignSubscriber | None = None
+        self.worker: Worker = threads.worker(name, self._work)
+        self._threads, self._sources = threads, sources
+        self._log: Log | None = None
+        self._latched: dict[bytes, tuple[bytes, Origin]] = {}
+        self._own = b""
+        self._live = False
+
+    def bind(self, node: Node, live: bool) -> None:
+        """Subscribe, once the node has its name; ``live`` reads each sample as it arrives."""
+        topic = topic_of(self.name, self.ros_type)
+        self._live, self._log = live, node.log
+        self._own = member_id(node.identity.node, node.transport.session)
+        self.subscriber = ForeignSubscriber(topic, node.transport, live)
+        node.attach(self.subscriber)
+        if live:
+            self.worker.follow(self.subscriber.raw)  # type: ignore[arg-type]
+        self.worker.nudge()
+
+    def add(self, given: TopicInput) -> None:
+        """One more receiver; it gets the last messages of latched publishers at once."""
+        self.inputs = [*self.inputs, given]
+        for publisher, (payload, origin) in list(self._latched.items()):
+            known = origin if origin.node else self._sources.origin(publisher)
+            if known.latched:
+                self.queue.append((payload, known, given))
+        self.worker.nudge()
+
+    def remove(self, given: TopicInput) -> None:
+        """One receiver less."""
+        self.inputs = [each for each in self.inputs if each is not given]
+
+    def take(self, reset: bool = False) -> None:
+        """Queue what the subscription has, after its update; after a ``reset`` of time, latched messages alone.
+
+        In lockstep, own samples have gone a shorter way.
+        """
+        assert self.subscriber is not None
+        self._warn_refused(self.subscriber)
+        for payload, info in self.subscriber.messages:
+            publisher = b"" if info is None else info.publisher
+            if not self._live and publisher[:MEMBER_BYTES] == self._own:
+                continue
+            origin = self._origin(publisher)
+            if not reset or origin.latched:
+                self.put(payload, origin, publisher)
+        self.subscriber.messages = []
+
+    def _origin(self, publisher: bytes) -> Origin:
+        """Where a sample comes from; in real time one of a new publisher may be here before its token, for a moment."""
+        origin = self._sources.origin(publisher)
+        patient = self._live and publisher and publisher not in self._latched and len(self._latched) < MOST_UNKNOWN
+        if not origin.node and patient:
+            self._threads.wait_until(lambda: bool(self._sources.origin(publisher).node), NEW_PUBLISHER_S)
+            origin = self._sources.origin(publisher)
+        return origin
+
+    def put(self, payload: bytes, origin: Origin, publisher: bytes) -> None:
+        """Queue one sample."""
+        # A sample may come before it is known who publishes.
+        if origin.latched or (not origin.node and (publisher in self._latched or len(self._latched) < MOST_UNKNOWN)):
+            self._latched[publisher] = payload, origin
+        self.queue.append((payload, origin, None))
+        self._trim()
+
+    def _trim(self) -> None:
+        """Drop the oldest of too many: as many as the most patient receiver wants may wait."""
+        sizes = [each.queue_size for each in self.inputs]
+        most = QUEUE_SIZE if None in sizes or not sizes else min(max(each or 1 for each in sizes), QUEUE_SIZE)
+        while len(self.queue) > most:
+            self.queue.popleft()
+
+    def _work(self) -> bool:
+        """Call the receivers with the oldest message; False when none waits."""
+        if self._live and (subscriber := self.subscriber) is not None:
+            subscriber.update()
+            self.take()
+        if not self.queue:
+            return False
+        payload, origin, only = self.queue.popleft()
+        for each in self.inputs:
+            if only is None or only is each:
+                try:
+                    each.receive(payload, origin)
+                except Exception:  # noqa: BLE001 - a callback that fails is logged and survived, as in ROS
+                    report_exception(f"a callback of {self.name}")
+        return True
+
+    def _warn_refused(self, subscriber: ForeignSubscriber) -> None:
+        if subscriber.refused and self._log is not None:
+            self._log.warn(f"messages on {self.name} are refused: {subscriber.reason}", every=10.0)
+
+
+class SubscriberFollower:
+    """Tells a publication which nodes begin and cease to read it."""
+
+    def __init__(
+        self,
+        output: TopicOutput,
+        joined: Callable[[str], bytes | None] | None,
+        left: Callable[[str], None] | None,
+        threads: Threads,
+    ) -> None:
+        self._output, self._joined, self._left = output, joined, left
+        self._known: set[str] = set()
+        self.worker = threads.worker(f"{output.name} subscribers", self._work)
+
+    def _work(self) -> bool:
+        there = set(self._output.subscribers())
+        for node in sorted(there - self._known):
+            self._known.add(node)
+            if self._joined is not None and (payload := self._joined(node)) is not None:
+                self._output.publish(payload)
+        for node in sorted(self._known - there):
+            self._known.discard(node)
+            if self._left is not None:
+                self._left(node)
+        return False

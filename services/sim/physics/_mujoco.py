@@ -1,0 +1,31 @@
+"""MuJoCo, imported without its OpenGL: that starts a process and takes a tenth of a second, for pictures alone."""
+
+from __future__ import annotations
+
+import os
+import sys
+
+__all__ = ["mujoco"]
+
+_GL = "MUJOCO_GL"
+
+_chosen = os.environ.get(_GL)
+os.environ[_GL] = "disable"
+try:
+    import mujoco
+finally:
+    if _chosen is None:
+        del os.environ[_GL]
+    else:
+        os.environ[_GL] = _chosen
+
+
+def _tell(warning: str) -> None:
+    sys.stderr.write(f"MuJoCo warns: {warning}\n")
+
+
+# By itself it writes warnings and errors into MUJOCO_LOG.TXT in the current folder. Its errors are exceptions here.
+_logging = mujoco.MjLogConfig.get()
+_logging.logto_file = False
+_logging.set()
+mujoco.set_mju_user_warning(_tell)

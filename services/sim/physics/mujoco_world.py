@@ -1,0 +1,649 @@
+"""The world in MuJoCo, whose state is in arrays that bodies share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from math import inf
+from types import TracebackType
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from messages.se3 import Pose3, Vector, quaternion_multiply, rotate, rotate_inverse, rotated_axes
+from models.world import WorldBody, WorldDescription
+from services.runtime.errors import BadInput, unknown_name
+from services.sim.physics._mujoco import mujoco
+from services.sim.physics.mujoco_body import ROOT_POSITIONS, ROOT_VELOCITIES, MujocoBody, orientation_of
+from services.sim.physics.mujoco_camera import MujocoCamera
+from services.sim.physics.mujoco_overlaps import OverlapChecker
+from services.sim.physics.mujoco_rays import RayModel, own_hits
+from services.sim.physics.mujoco_robot import read_tree
+from services.sim.physics.mujoco_scene import SEEN_GROUPS, PlacedRobot, Scene, build_scene, movable_bodies, wxyz
+from services.sim.physics.world import (
+    SLIDING_SHARE,
+    Body,
+    BodyState,
+    CameraModel,
+    Configuration,
+    Contact,
+    JointReadings,
+)
+
+SECOND = 1_000_000_000
+Floats = NDArray[np.float64]
+
+STANDING = 0.7
+"""Least vertical part of a contact's normal on a ramp or height map, the cosine of 45 degrees, that is no collision."""
+_SKY = 1e4
+"""m; nothing is farther."""
+_SMOOTH = 0.1
+"""The most friction of what slides on whatever happens in a step, as a caster."""
+_LIFT = 0.002
+"""m/s; a contact that sliding lifts by less is not looked at again."""
+_LEAST_FRICTION: float = mujoco.mjMINMU
+"""Without any, the engine lets a contact give way: what stands on it would sink into the ground."""
+_AROUND = 12
+"""Directions in which the ground about a place is looked at."""
+
+
+class _Sliding(NamedTuple):
+    """Contacts by their rows among the constraints, shape (n,): their friction along both tangents, shape (n, 2), and
+    the normal acceleration [m/s2] that they ask for without sliding."""
+
+    rows: NDArray[np.int32]
+    friction: Floats
+    motion: Floats
+
+
+class MujocoWorld:
+    """Implements ``World``. Opened by ``with``; bodies, obstacles and ground follow ``description``.
+
+    The model is compiled when it is needed and not current: a hundred robots are spawned as fast as one. Bodies are
+    kept in the order of their spawning, which is that of the engine's arrays.
+    """
+
+    def __init__(self, description: WorldDescription, step_ns: int) -> None:
+        self.description, self._step_ns = description, step_ns
+        self._bodies: dict[str, MujocoBody] = {}
+
+    def __enter__(self) -> Self:
+        self._bodies.clear()
+        self._world_bodies = {body.name: MujocoWorldBody(self, body) for body in movable_bodies(self.description)}
+        self._moving = [each for each in self._world_bodies.values() if each.body.kind == "moving"]
+        self._obstacles = {body.name for body in self.description.all_bodies}
+        self._checker = OverlapChecker(self.description)
+        self._scene: Scene | None = None
+        self._rays: RayModel | None = None
+        self._camera: MujocoCamera | None = None
+        self._steps, self._pushed, self._fresh = 0, False, False
+        self._velocity = np.zeros(6)
+        self._touching: tuple[Contact, ...] | None = ()
+        # What is wrong with the world is told before anything is spawned.
+        self._current()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def step_ns(self) -> int:
+        """Simulation time of one step, ns."""
+        return self._step_ns
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All bodies, in the order of their spawning."""
+        return tuple(self._bodies)
+
+    def body(self, name: str) -> MujocoBody:
+        if (body := self._bodies.get(name)) is None:
+            raise unknown_name("body", name, self._bodies)
+        return body
+
+    @property
+    def world_bodies(self) -> tuple[str, ...]:
+        """The world's movable and moving bodies."""
+        return tuple(self._world_bodies)
+
+    def world_body_state(self, name: str) -> BodyState:
+        return self._world_body(name).state()
+
+    def overlaps_at_start(self) -> tuple[str, ...]:
+        """Movable bodies that the world's file puts into something else: the first step throws them out."""
+        found = []
+        for name, each in self._world_bodies.items():
+            if each.body.kind == "movable":
+                try:
+                    self._checker.check_world_body(name, each.body.pose, {}, {})
+                except BadInput as error:
+                    found.append(str(error))
+        return tuple(found)
+
+    def ground_height(self, x: float, y: float, radius: float) -> float:
+        """The highest ground within ``radius`` of a place, m: that of ramps, height maps and floors, or 0."""
+        highest = 0.0
+        if self._checker.has_grounds:
+            for step in range(_AROUND * 3):
+                reach, turn = radius * (step // _AROUND) / 2, 2 * math.pi * (step % _AROUND) / _AROUND
+                place = x + reach * math.cos(turn), y + reach * math.sin(turn)
+                highest = max(highest, self._checker.ground_height(*place, self._places()) or 0.0)
+        return highest
+
+    def spawn(self, body: Body) -> MujocoBody:
+        """Add a body; raises BadInput for a taken name, an overlap, or a URDF without a motor's joint."""
+        if body.name in self._bodies:
+            raise BadInput(f"a body named {body.name!r} is already in the world; delete it first")
+        if body.name in self._obstacles:
+            raise BadInput(f"{body.name!r} is an obstacle of this world; take another name")
+        added = MujocoBody(self, body, read_tree(body.urdf))
+        self._checker.check(added.placed, added.configuration, self._others(body.name), self._places())
+        self._bodies[body.name] = added
+        self._change_bodies()
+        return added
+
+    def delete(self, name: str) -> None:
+        """Take a body out."""
+        self.body(name)
+        self._change_bodies()
+        del self._bodies[name]
+        self._touching = tuple(each for each in self.contacts() if name not in each)
+
+    def reset(self) -> None:
+        """Put everything where it was at first, and forget what the solver knows: bit for bit a fresh start."""
+        self._current()
+        mujoco.mj_resetData(self._model, self._data)
+        self._touching, self._steps = (), 0
+        for each in self._world_bodies.values():
+            each.start()
+        for body in self._bodies.values():
+            body.start()
+        self.positions_changed()
+
+    def step(self) -> None:
+        """Advance by ``step_ns``, in the stages of ``mj_step``.
+
+        Between them the friction of contacts becomes the product of that of what touches, and the motors get their
+        speeds.
+        """
+        self._current()
+        model, data, seconds = self._model, self._data, self._step_ns / SECOND
+        for each in self._moving:
+            each.follow_path(self._steps * seconds, seconds)
+            self._fresh = False
+        self._steps += 1
+        self.refresh()
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_makeM(model, data)
+        mujoco.mj_factorM(model, data)
+        mujoco.mj_collision(model, data)
+        if data.ncon:
+            self._set_contact_friction()
+        mujoco.mj_makeConstraint(model, data)
+        mujoco.mj_island(model, data)
+        mujoco.mj_projectConstraint(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        driven = np.flatnonzero(model.dof_frictionloss)
+        data.efc_aref[: len(driven)] += data.efc_KBIP[: len(driven), 1] * self._targets[driven]
+        sliding = self._set_contact_motion() if data.ncon else None
+        mujoco.mj_fwdAcceleration(model, data)
+        mujoco.mj_fwdConstraint(model, data)
+        if sliding is not None:
+            self._solve_again(sliding)
+        mujoco.mj_implicit(model, data)
+        self._motor_efforts[:] = 0.0
+        self._motor_efforts[driven] = data.efc_force[: len(driven)]
+        data.qfrc_applied[:] = 0.0
+        if self._pushed:
+            data.xfrc_applied[:] = 0.0
+            self._pushed = False
+        self._fresh, self._touching = False, None
+
+    def set_state(self, name: str, state: BodyState) -> None:
+        """Move a body, or a movable one of the world; raises BadInput where it would overlap."""
+        pose = Pose3(state.position, state.orientation)
+        if name in self._world_bodies:
+            self._set_world_body_state(name, state)
+            return
+        body = self.body(name)
+        self._check(body, Configuration(pose, body.configuration.joints))
+        body.place(pose)
+        body.set_velocity(state.linear, state.angular)
+
+    def set_joints(self, name: str, positions: Mapping[str, float]) -> None:
+        """Put joints at positions, at rest; raises BadInput where the body would overlap then."""
+        body = self.body(name)
+        pose, joints = body.configuration
+        for joint in positions:
+            body.rate_index(joint)
+        self._check(body, Configuration(pose, {**joints, **positions}))
+        body.set_joints(positions)
+
+    def states(self) -> list[BodyState]:
+        self._current()
+        if not self._free_in_order:
+            return [body.state() for body in self._bodies.values()]
+        place, rates = self._data.qpos[self._root_positions], self._data.qvel[self._root_rates]
+        w, x, y, z = place[:, 3:].T
+        turn: Any = rates[:, 3:].T  # in the axes of the root
+        angular = rotate((x, y, z, w), turn)
+        rows = np.column_stack((place[:, :3], x, y, z, w, rates[:, :3], *angular)).tolist()
+        return [
+            BodyState((a, b, c), (i, j, k, n), (d, e, f), (p, q, r)) for a, b, c, i, j, k, n, d, e, f, p, q, r in rows
+        ]
+
+    def joint_readings(self) -> list[JointReadings]:
+        self._current()
+        positions = self._data.qpos[self._joint_positions].tolist()
+        velocities = self._data.qvel[self._joint_rates].tolist()
+        efforts = self._motor_efforts[self._joint_rates].tolist()
+        return [
+            JointReadings(tuple(positions[at:end]), tuple(velocities[at:end]), tuple(efforts[at:end]))
+            for at, end in self._joint_spans
+        ]
+
+    def link_poses(self, links: Sequence[tuple[str, str]]) -> list[Pose3]:
+        return [self.body(body).link_pose(link) for body, link in links]
+
+    def contacts(self) -> tuple[Contact, ...]:
+        """The pairs that touched in the last step; who stands on a ramp, say, does not touch it."""
+        if self._touching is None:
+            self._touching = self._find_contacts()
+        return self._touching
+
+    def cast_rays(self, origins: Floats, ends: Floats) -> Floats:
+        """How far rays get, as a fraction of their length; inf where nothing is hit.
+
+        Rays with one origin that follow each other are cast together.
+        """
+        self.refresh()
+        vectors = ends - origins
+        fractions = np.empty(len(origins))
+        starts = np.flatnonzero(np.any(origins[1:] != origins[:-1], axis=1)) + 1
+        hit, distance = np.empty(len(origins), np.int32), np.empty(len(origins))
+        for at, end in zip([0, *starts.tolist()], [*starts.tolist(), len(origins)], strict=True):
+            count = end - at
+            self._cast_together(origins[at], vectors[at:end], hit[:count], distance[:count])
+            fractions[at:end] = distance[:count]
+        fractions[(fractions < 0) | (fractions > 1)] = inf
+        return fractions
+
+    def cast_fans(
+        self, links: Sequence[tuple[str, str]], mount: Pose3, rays: Floats, near: float, far: float
+    ) -> Floats:
+        """How far the rays of equal sensors get, all of one together; a third of the time of as many single ones.
+
+        The part that carries the sensor is left out: what rays meet of it is always the same, and known.
+        """
+        self.refresh()
+        seen = self._seen_by_rays()
+        found, hit = np.empty((len(links), len(rays))), np.empty(len(rays), np.int32)
+        eyes = [self.body(name).link_pose(link) @ mount for name, link in links]
+        origins = np.array([eye.position for eye in eyes]).reshape(-1, 3)
+        near_bodies = seen.near(self._data, origins, far)
+        for row, (name, link), eye, origin, bodies in zip(found, links, eyes, origins, near_bodies, strict=True):
+            body = self.body(name)
+            directions = rays @ np.array(rotated_axes(eye.orientation))
+            carrier = self._first_parts[name] + body.link_place(link)[0]
+            seen.keep(bodies)
+            self._cast_together(origin, directions, hit, row, carrier, far)
+            for ray in np.flatnonzero((row >= 0) & (row < near)).tolist():
+                start = origin + near * directions[ray]
+                row[ray] = self._cast_on(start, directions[ray], carrier, near)
+            row[(row < 0) | (row > far)] = inf
+            np.minimum(row, own_hits(body.tree, link, mount, rays, near, far), out=row)
+        seen.keep_all()
+        return found
+
+    def _seen_by_rays(self) -> RayModel:
+        if self._rays is None:
+            self._rays = RayModel(self._model)
+        return self._rays
+
+    def _cast_on(self, start: Floats, direction: Floats, carrier: int, near: float) -> float:
+        hit = np.zeros(1, np.int32)
+        distance: float = mujoco.mj_ray(self._model, self._data, start, direction, SEEN_GROUPS, 1, carrier, hit)
+        return near + distance if distance >= 0 else inf
+
+    def render(self, eye: Pose3, camera: CameraModel) -> bytes:
+        """A picture, drawn by OpenGL; raises BadInput where there is no library for it."""
+        self.refresh()
+        if self._camera is None:
+            self._camera = MujocoCamera(self.description, tuple(body.placed for body in self._bodies.values()))
+        return self._camera.render(self._data, eye, camera)
+
+    def close(self) -> None:
+        """End the world."""
+        self._checker.close()
+        self._close_camera()
+
+    def positions_changed(self) -> None:
+        """Positions were set: what follows from them is out of date."""
+        self._fresh = False
+
+    def refresh(self) -> None:
+        """Bring the places of all parts up to date."""
+        self._current()
+        if self._fresh:
+            return
+        for index, body in enumerate(self._held):
+            self._data.mocap_pos[index] = body.arrays.base[:3]
+            self._data.mocap_quat[index] = body.arrays.base[3:]
+        mujoco.mj_kinematics(self._model, self._data)
+        self._fresh = True
+
+    def part_pose(self, body: str, part: int) -> Pose3:
+        """Where the frame of a part is."""
+        self.refresh()
+        number = self._first_parts[body] + part
+        x, y, z = self._data.xpos[number].tolist()
+        return Pose3((x, y, z), orientation_of(self._data.xquat[number].tolist()))
+
+    def part_state(self, body: str, part: int) -> BodyState:
+        """How the frame of a part moves."""
+        pose = self.part_pose(body, part)
+        self._compute_velocities()
+        wx, wy, wz, vx, vy, vz = self._part_velocity(self._first_parts[body] + part)
+        return BodyState(*pose, (vx, vy, vz), (wx, wy, wz))
+
+    def link_states(self, links: Sequence[tuple[str, str]]) -> Floats:
+        self.refresh()
+        self._compute_velocities()
+        roots = dict(zip(self.names, self.states(), strict=True))
+        places, moves = list[tuple[float, ...]](), list[tuple[float, ...]]()
+        for name, link in links:
+            part, place = self.body(name).link_place(link)
+            places.append((*place.position, *place.orientation))
+            if part == 0:
+                root = roots[name]
+                moves.append((*root.position, *root.orientation, *root.linear, *root.angular))
+            else:
+                number = self._first_parts[name] + part
+                turn, velocity = self._data.xquat[number].tolist(), self._part_velocity(number)
+                moves.append((*self._data.xpos[number].tolist(), *orientation_of(turn), *velocity[3:], *velocity[:3]))
+        inner, outer = np.array(places).reshape(-1, 7).T, np.array(moves).reshape(-1, 13).T
+        position, orientation, linear, angular = outer[:3], outer[3:7], outer[7:10], outer[10:]
+        x, y, z = arm = rotate(tuple(orientation), tuple(inner[:3]))
+        turned = quaternion_multiply(tuple(orientation), tuple(inner[3:]))
+        (vx, vy, vz), (wx, wy, wz) = linear, angular
+        moved = vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
+        return np.column_stack((*(position + np.array(arm)), *turned, *moved, *angular))
+
+    def _compute_velocities(self) -> None:
+        mujoco.mj_comPos(self._model, self._data)
+        mujoco.mj_comVel(self._model, self._data)
+
+    def _part_velocity(self, number: int) -> tuple[float, ...]:
+        """Turn rate and velocity of the frame of a part."""
+        mujoco.mj_objectVelocity(self._model, self._data, mujoco.mjtObj.mjOBJ_XBODY, number, self._velocity, 0)
+        return tuple(self._velocity.tolist())
+
+    def joint_inertias(self, body: str) -> Floats:
+        """The inertia about each of the joints of a body, in the order of its rates."""
+        self.refresh()
+        model, data = self._model, self._data
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_makeM(model, data)
+        found: Floats = data.M[model.M_rowadr + model.M_rownnz - 1][self._rates[body]]
+        return found
+
+    def push(self, body: str, part: int, force: Vector, torque: Vector, point: Vector) -> None:
+        """Act on a part in the next step."""
+        self.refresh()
+        number = self._first_parts[body] + part
+        mujoco.mj_comPos(self._model, self._data)
+        x, y, z = (a - b for a, b in zip(point, self._data.xipos[number].tolist(), strict=True))
+        fx, fy, fz = force
+        about = torque[0] + y * fz - z * fy, torque[1] + z * fx - x * fz, torque[2] + x * fy - y * fx
+        self._data.xfrc_applied[number] += (*force, *about)
+        self._pushed = True
+
+    def _world_body(self, name: str) -> MujocoWorldBody:
+        if (handle := self._world_bodies.get(name)) is None:
+            raise unknown_name("movable body", name, self._world_bodies)
+        return handle
+
+    def _set_world_body_state(self, name: str, state: BodyState) -> None:
+        handle = self._world_bodies[name]
+        if handle.body.kind == "moving":
+            raise BadInput(f"{name!r} follows its path: nothing else moves it")
+        places = {other: pose for other, pose in self._places().items() if other != name}
+        pose = Pose3(state.position, state.orientation)
+        self._checker.check_world_body(name, pose, self._others(name), places)
+        handle.set_state(state)
+
+    def _check(self, body: MujocoBody, configuration: Configuration) -> None:
+        self._checker.check(body.placed, configuration, self._others(body.description.name), self._places())
+
+    def _others(self, name: str) -> dict[str, tuple[PlacedRobot, Configuration]]:
+        return {other: (body.placed, body.configuration) for other, body in self._bodies.items() if other != name}
+
+    def _places(self) -> dict[str, Pose3]:
+        """Where the world's movable and moving bodies are."""
+        return {name: each.pose for name, each in self._world_bodies.items()}
+
+    def _change_bodies(self) -> None:
+        """The model no longer has what is in the world; what touched in the last step is noted before it goes."""
+        self._touching = self.contacts()
+        self._scene = None
+        self._close_camera()
+
+    def _close_camera(self) -> None:
+        if self._camera is not None:
+            self._camera.close()
+            self._camera = None
+
+    def _current(self) -> None:
+        """Compile what is in the world now, unless the model has it already."""
+        if self._scene is None:
+            self._compile()
+
+    def _compile(self) -> None:
+        """Compile the model; every body takes its state along."""
+        placed = [body.placed for body in self._bodies.values()]
+        scene = self._scene = build_scene(self.description, placed, self._step_ns / SECOND)
+        model = self._model = scene.model
+        self._rays = None
+        data = self._data = mujoco.MjData(model)
+        self._targets, self._motor_efforts = np.zeros(model.nv), np.zeros(model.nv)
+        self._first_parts: dict[str, int] = {}
+        self._rates: dict[str, slice] = {}
+        position = rate = 0
+        for each in self._world_bodies.values():
+            count, rates = len(each.positions), len(each.velocities)
+            each.bind(data.qpos[position : position + count], data.qvel[rate : rate + rates])
+            position, rate = position + count, rate + rates
+        part = 1 + len(self.description.all_bodies)
+        roots, root_rates, joints, joint_rates, spans, joint = [], [], [], [], [], 0
+        for name, body in self._bodies.items():
+            arrays, at = body.arrays, slice(rate, rate + len(body.arrays.velocities))
+            arrays.positions = _moved(arrays.positions, data.qpos[position : position + len(arrays.positions)])
+            arrays.velocities = _moved(arrays.velocities, data.qvel[at])
+            arrays.warmstart = _moved(arrays.warmstart, data.qacc_warmstart[at])
+            arrays.targets = _moved(arrays.targets, self._targets[at])
+            arrays.limits = _moved(arrays.limits, model.dof_frictionloss[at])
+            arrays.damping = _moved(arrays.damping, model.dof_damping[at])
+            arrays.applied = _moved(arrays.applied, data.qfrc_applied[at])
+            arrays.motor_efforts = _moved(arrays.motor_efforts, self._motor_efforts[at])
+            self._first_parts[name], self._rates[name] = part, at
+            roots.append(position + np.arange(ROOT_POSITIONS))
+            root_rates.append(rate + np.arange(ROOT_VELOCITIES))
+            joints.append(position + body.joint_positions)
+            joint_rates.append(rate + body.joint_rates)
+            spans.append((joint, joint + len(body.joint_rates)))
+            joint += len(body.joint_rates)
+            position, rate = position + len(arrays.positions), rate + len(arrays.velocities)
+            part += len(body.tree.parts)
+        self._held = [body for body in self._bodies.values() if body.fixed]
+        self._free_in_order = bool(self._bodies) and not self._held
+        self._root_positions, self._root_rates = np.array(roots, np.intp), np.array(root_rates, np.intp)
+        none: list[NDArray[np.intp]] = [np.zeros(0, np.intp)]
+        self._joint_positions, self._joint_rates = np.concatenate(joints or none), np.concatenate(joint_rates or none)
+        self._joint_spans = spans
+        self._fresh = False
+
+    def _set_contact_friction(self) -> None:
+        """Friction as Coulomb's law of two materials has it here: the product of both, in all directions alike, but
+        for links that slide along an axis."""
+        scene, contact = self._scene, self._data.contact
+        assert scene is not None
+        pairs = contact.geom
+        product = np.maximum(scene.friction[pairs[:, 0]] * scene.friction[pairs[:, 1]], _LEAST_FRICTION)
+        contact.friction[:, :2] = product[:, None]
+        if scene.slides:
+            for side in (0, 1):
+                axes = scene.slide[pairs[:, side]]
+                for index in np.flatnonzero(axes.any(axis=1)).tolist():
+                    self._let_slide(index, int(pairs[index, side]), axes[index], float(product[index]))
+
+    def _let_slide(self, index: int, shape: int, axis: Floats, friction: float) -> None:
+        """Turn the frame of a contact so that its second tangent is along an axis of the part of ``shape``."""
+        contact = self._data.contact
+        along = self._data.xmat[self._model.geom_bodyid[shape]].reshape(3, 3) @ axis
+        frame = contact.frame[index]
+        normal = frame[:3]
+        along = along - (along @ normal) * normal
+        length = math.sqrt(along @ along)
+        if length > 0.1:
+            along /= length
+            frame[3:6], frame[6:9] = np.cross(along, normal), along
+            contact.friction[index, :2] = friction, SLIDING_SHARE * friction
+
+    def _set_contact_motion(self) -> _Sliding | None:
+        """Tell the solver what contacts are to do in this step; returns those whose sliding is to be looked at again.
+
+        Those that have depth lose a quarter of it and all of their approach; what is still apart may come together. The
+        engine's friction is the convex one, with which a contact that slides with v lifts by mu v: that is taken away,
+        since casters would hop and a burger drive 1 % short. Whether one with much friction slides on is known when the
+        step is solved.
+        """
+        data, seconds = self._data, self._step_ns / SECOND
+        contact = data.contact
+        rows, friction, distance = contact.efc_address, contact.friction, contact.dist
+        if rows.min() < 0:
+            kept = np.flatnonzero(rows >= 0)
+            rows, friction, distance = rows[kept], friction[kept], distance[kept]
+        speed, gains = data.efc_vel, data.efc_KBIP
+        lift = np.hypot(friction[:, 0] * speed[rows + 1], friction[:, 1] * speed[rows + 2])
+        stiffness = np.where(distance > 0, gains[rows, 1] / seconds, gains[rows, 0])
+        motion = -gains[rows, 1] * speed[rows] - stiffness * distance
+        data.efc_aref[rows] = motion - gains[rows + 1, 1] * lift
+        rough = (lift > _LIFT) & (friction[:, 0] > _SMOOTH)
+        return _Sliding(rows[rough], friction[rough], motion[rough]) if rough.any() else None
+
+    def _solve_again(self, sliding: _Sliding) -> None:
+        """Solve the step for the sliding that the first solution has."""
+        data = self._data
+        left = np.zeros(data.nefc)
+        mujoco.mj_mulJacVec(self._model, data, left, data.qacc)
+        left -= data.efc_aref
+        rows, friction, motion = sliding
+        lift = np.hypot(friction[:, 0] * left[rows + 1], friction[:, 1] * left[rows + 2])
+        wanted = motion - lift
+        stopped = wanted - data.efc_aref[rows] > _LIFT / (self._step_ns / SECOND)
+        if stopped.any():
+            data.efc_aref[rows[stopped]] = wanted[stopped]
+            mujoco.mj_fwdConstraint(self._model, data)
+
+    def _find_contacts(self) -> tuple[Contact, ...]:
+        scene, data = self._scene, self._data
+        if scene is None or not data.ncon:
+            return ()
+        pairs = data.contact.geom
+        owners = scene.owner[pairs]
+        counts = (owners[:, 0] >= 0) & (owners[:, 1] >= 0) & (owners[:, 0] != owners[:, 1])
+        counts &= ~(scene.ground[pairs].any(axis=1) & (np.abs(data.contact.frame[:, 2]) > STANDING))
+        # What is near is listed, too; a touch has depth or transmits a force.
+        rows = data.contact.efc_address
+        counts &= (data.contact.dist <= 0) | ((rows >= 0) & (data.efc_force[np.maximum(rows, 0)] > 0))
+        found = set()
+        for one, other in owners[counts].tolist():
+            first, second = sorted((scene.owners[one], scene.owners[other]))
+            if first in self._bodies:
+                found.add(Contact(first, second))
+            elif second in self._bodies:
+                found.add(Contact(second, first))
+        return tuple(sorted(found))
+
+    def _cast_together(
+        self,
+        origin: Floats,
+        vectors: Floats,
+        hit: NDArray[np.int32],
+        distance: Floats,
+        exclude: int = -1,
+        far: float = _SKY,
+    ) -> None:
+        """How far rays get from one origin, in lengths of ``vectors``; -1 where nothing is hit."""
+        model, data, count = self._seen_by_rays().model, self._data, len(vectors)
+        if count == 1:
+            distance[0] = mujoco.mj_ray(model, data, origin, vectors[0], SEEN_GROUPS, 1, exclude, hit[:1])
+            return
+        flat = np.ascontiguousarray(vectors).ravel()
+        mujoco.mj_multiRay(model, data, origin, flat, SEEN_GROUPS, 1, exclude, hit, distance, None, count, far)
+
+
+class MujocoWorldBody:
+    """A movable or moving body of the world."""
+
+    def __init__(self, world: MujocoWorld, body: WorldBody) -> None:
+        self.body, self._world = body, world
+        movable = body.kind == "movable"
+        self.positions, self.velocities = np.zeros(7 if movable else 3), np.zeros(6 if movable else 3)
+        self.start()
+
+    def start(self) -> None:
+        """Put it where the world's file has it, at rest."""
+        self.velocities[:] = 0.0
+        if self.body.path is not None:
+            self.positions[:] = 0.0
+        else:
+            self.place(self.body.pose)
+
+    def bind(self, positions: Floats, velocities: Floats) -> None:
+        """Go on in the arrays of a new model."""
+        self.positions, self.velocities = _moved(self.positions, positions), _moved(self.velocities, velocities)
+
+    @property
+    def pose(self) -> Pose3:
+        """Where it is."""
+        if self.body.path is not None:
+            x, y, z = (a + b for a, b in zip(self.body.pose.position, self.positions.tolist(), strict=True))
+            return Pose3((x, y, z), self.body.pose.orientation)
+        x, y, z, *quaternion = self.positions.tolist()
+        return Pose3((x, y, z), orientation_of(quaternion))
+
+    def state(self) -> BodyState:
+        """Pose and velocity of its frame."""
+        pose = self.pose
+        vx, vy, vz, *turn = self.velocities.tolist()
+        angular = rotate(pose.orientation, (turn[0], turn[1], turn[2])) if turn else (0.0, 0.0, 0.0)
+        return BodyState(*pose, (vx, vy, vz), angular)
+
+    def place(self, pose: Pose3) -> None:
+        """Move it, unchecked."""
+        self.positions[:] = (*pose.position, *wxyz(pose.orientation))
+        self._world.positions_changed()
+
+    def set_state(self, state: BodyState) -> None:
+        """Move it, unchecked, and set how it moves."""
+        self.place(Pose3(state.position, state.orientation))
+        self.velocities[:] = (*state.linear, *rotate_inverse(state.orientation, state.angular))
+
+    def follow_path(self, seconds: float, step: float) -> None:
+        """Put a moving body where its path is at a time [s], with the speed that takes it along in the next step."""
+        path = self.body.path
+        assert path is not None
+        here, there = path.position_at(seconds), path.position_at(seconds + step)
+        for axis, origin in enumerate(self.body.pose.position):
+            self.positions[axis] = here[axis] - origin
+            self.velocities[axis] = (there[axis] - here[axis]) / step
+
+
+def _moved(old: Floats, new: Floats) -> Floats:
+    """The numbers of one array, in another of the same length."""
+    new[:] = old
+    return new

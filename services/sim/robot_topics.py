@@ -1,0 +1,59 @@
+"""The topics of a robot: their names, and publishers that publish under all of these."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+from messages.base import Message, encode
+from messages.names import join
+from messages.topics import Topic
+from models.model import RobotModel
+from services.runtime.node import Node
+from services.runtime.publisher import Publisher
+from services.runtime.step import STEP_NS
+
+
+def topic_names(topic: Topic[Any], model: RobotModel, namespace: str) -> list[str]:
+    """What a topic of a robot is called: by its name here, and by the one that the robot's tags give it.
+
+    The second one is relative to the robot's namespace, also where the tag begins it with a slash or with the
+    namespace itself: tags are written for the one robot of a network.
+    """
+    names = [join(namespace, topic.name)]
+    if other := model.topics.get(topic.name):
+        names.append(join(namespace, f"/{other}".removeprefix(namespace.rstrip("/") + "/").strip("/")))
+    return list(dict.fromkeys(names))
+
+
+class RobotPublisher:
+    """A topic of a robot, published under each of its names."""
+
+    def __init__(self, node: Node, topic: Topic[Any], names: list[str]) -> None:
+        self.record: type[Message] = topic.record
+        self.ends: list[Publisher[Any]] = [node.advertise(topic, name) for name in names]
+
+    @property
+    def has_subscribers(self) -> bool:
+        """Whether anybody reads any of them."""
+        for each in self.ends:  # noqa: SIM110 - asked at each tick, and a generator takes four times as long
+            if each.has_subscribers:
+                return True
+        return False
+
+    def publish(self, message: Message) -> None:
+        """Publish under all names; raises TypeError when it is not the topic's record."""
+        if type(message) is not self.record:
+            raise TypeError(f"{self.ends[0].name} carries {self.record.__name__}, not {type(message).__name__}")
+        self.publish_encoded(encode(message))
+
+    def publish_encoded(self, payload: bytes) -> None:
+        """Publish an encoded record of the topic's type under all names."""
+        for each in self.ends:
+            each.publish_encoded(payload)
+
+
+@cache
+def steps_of(rate: float) -> int:
+    """Physics steps between two messages of a topic of this rate [Hz]."""
+    return round(1e9 / rate / STEP_NS)

@@ -1,0 +1,83 @@
+"""The plane and the turtles' trails as markers: all of them for a viewer that comes, then what has changed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Literal
+
+from messages.geometry import Point, Pose, Quaternion, Vector3
+from messages.std import ColorRGBA, Header, Time
+from messages.turtlesim import Color
+from messages.visualization import Marker, MarkerArray
+from services.turtlesim.plane import Plane
+from services.turtlesim.trails import Line
+from services.turtlesim.turtle import PIXELS_PER_METRE, PLANE_M
+
+FRAME = "world"
+BACKGROUND, TRAIL = "background", "trail"
+"""Namespaces of the markers; a trail's is ``trail/turtle1``."""
+DELETEALL: Literal[3] = 3
+"""``Marker.DELETEALL``."""
+THICKNESS_M = 0.02
+RISE_M = 1e-5
+"""Each line lies so much [m] above the one before, so that viewers draw it over that."""
+MAX_POINTS = 2000
+"""Points in one message, about 80 kB."""
+
+
+class PlaneMarkers:
+    """The markers of a plane, and how much of them viewers have."""
+
+    def __init__(self, plane: Plane) -> None:
+        self._plane = plane
+        self._sent = 0
+
+    def messages(self, now: int, everything: bool = False) -> Iterator[MarkerArray]:
+        """What viewers do not have yet, or ``everything``; ``now`` [ns]."""
+        plane, header = self._plane, Header(stamp=Time.of(now), frame_id=FRAME)
+        wiped = self._sent != plane.generation
+        part: list[Marker] = []
+        if wiped or everything:
+            self._sent = plane.generation
+            part = [Marker(header=header, action=DELETEALL), _background(header, plane.background)]
+        yield from _split(part, (line for line in plane.trails.lines.values() if line.changed or part), header)
+
+
+def _split(first: list[Marker], lines: Iterable[Line], header: Header) -> Iterator[MarkerArray]:
+    part, points = first, 0
+    for line in list(lines):
+        line.changed = False
+        part.append(_line(line, header))
+        points += len(line.points)
+        if points > MAX_POINTS:
+            yield MarkerArray(markers=tuple(part))
+            part, points = [], 0
+    if part:
+        yield MarkerArray(markers=tuple(part))
+
+
+def _background(header: Header, colour: Color) -> Marker:
+    return Marker(
+        header=header,
+        ns=BACKGROUND,
+        type=Marker.CUBE,
+        pose=Pose(position=Point(x=PLANE_M / 2, y=PLANE_M / 2, z=-THICKNESS_M / 2), orientation=Quaternion()),
+        scale=Vector3(x=PLANE_M, y=PLANE_M, z=THICKNESS_M),
+        color=_rgba(colour),
+    )
+
+
+def _line(line: Line, header: Header) -> Marker:
+    return Marker(
+        header=header,
+        ns=f"{TRAIL}/{line.turtle}",
+        id=line.number,
+        type=Marker.LINE_STRIP,
+        scale=Vector3(x=line.width / PIXELS_PER_METRE),
+        color=_rgba(line.colour),
+        points=tuple(Point(x=x, y=y, z=line.number * RISE_M) for x, y in line.points),
+    )
+
+
+def _rgba(colour: Color) -> ColorRGBA:
+    return ColorRGBA(r=colour.r / 255, g=colour.g / 255, b=colour.b / 255, a=1.0)

@@ -1,0 +1,99 @@
+"""The plane with its turtles: their names, pens and places, and what has been drawn on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from messages.names import BadName, validate
+from messages.turtlesim import Color
+from services.runtime.errors import BadInput, unknown_name
+from services.turtlesim.canvas import Canvas
+from services.turtlesim.trails import Trails
+from services.turtlesim.turtle import PLANE_M, Turtle
+
+MOST_TURTLES = 200
+LONGEST_NAME = 64
+PEN_COLOUR = Color(r=179, g=184, b=255)
+
+
+@dataclass(frozen=True)
+class Pen:
+    """What a turtle draws with; ``width`` in pixels of ROS's window."""
+
+    colour: Color = PEN_COLOUR
+    width: int = 3
+    down: bool = True
+
+
+@dataclass
+class Resident:
+    """A turtle on the plane, its pen, and the colour that its sensor last saw."""
+
+    turtle: Turtle
+    seen: Color
+    pen: Pen = Pen()
+
+
+class Plane:
+    """The turtles by name; turtle1 is there from the start. ``generation`` grows whenever all drawing is wiped."""
+
+    def __init__(self, background: Color) -> None:
+        self.turtles: dict[str, Resident] = {}
+        self.trails = Trails()
+        self.background, self.generation = background, 0
+        self._canvas, self._count = Canvas(background), 0
+        self.reset(background)
+
+    def reset(self, background: Color) -> None:
+        """Begin again: an empty plane with turtle1 in its middle, looking along x."""
+        self.turtles, self._count = {}, 0
+        self.clear(background)
+        self.spawn("", PLANE_M / 2, PLANE_M / 2, 0.0)
+
+    def clear(self, background: Color) -> None:
+        """Wipe all drawing, and paint the background."""
+        self.background, self.generation = background, self.generation + 1
+        self._canvas.clear(background)
+        self.trails.clear()
+
+    def spawn(self, name: str, x: float, y: float, theta: float) -> str:
+        """Add a turtle at a place [m, m, rad]; returns its name, the next free one for none. Raises BadInput."""
+        counted = False
+        if len(self.turtles) >= MOST_TURTLES:
+            raise BadInput(f"there are {MOST_TURTLES} turtles, more find no room: kill some first")
+        while not name or (counted and name in self.turtles):
+            counted, self._count = True, self._count + 1
+            name = f"turtle{self._count}"
+        try:
+            validate(name, LONGEST_NAME)
+        except BadName as error:
+            raise BadInput(f"no turtle can have this name: {error}") from None
+        if name.startswith(("/", "~")):
+            raise BadInput(f"no turtle can have the name {name!r}: its topics are below it, so it is relative")
+        if name in self.turtles:
+            raise BadInput(f"a turtle {name!r} is there already: give another name, or none")
+        turtle = Turtle(0.0, 0.0, 0.0).placed(x, y, theta)
+        self.turtles[name] = Resident(turtle, self._canvas.colour_at((turtle.x, turtle.y)))
+        return name
+
+    def kill(self, name: str) -> None:
+        """Remove a turtle; what it drew stays. Raises BadInput."""
+        if name not in self.turtles:
+            raise unknown_name("turtle", name, self.turtles)
+        del self.turtles[name]
+        self.trails.lift(name)
+
+    def move(self, name: str, motion: Callable[[Turtle], Turtle]) -> Turtle:
+        """Move a turtle, which draws if its pen is down."""
+        resident = self.turtles[name]
+        before, after = resident.turtle, motion(resident.turtle)
+        start, end, pen = (before.x, before.y), (after.x, after.y), resident.pen
+        resident.turtle = after
+        resident.seen = self._canvas.colour_at(end)
+        if not pen.down:
+            self.trails.lift(name)
+        elif start != end:
+            self._canvas.draw(start, end, pen.colour, pen.width)
+            self.trails.draw(name, start, end, pen.colour, pen.width)
+        return after

@@ -1,0 +1,307 @@
+"""A launch file becomes a fleet: robots of spawns, services of nodes, notes of what is left out."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from deploy.controller_files import gain_values
+from deploy.launch.fleet_of_launch import fleet_of_launch
+from deploy.launch.open_launch import checked_fleet, find_launch, make_fleet
+from deploy.launch.packages import STAND_INS, LaunchPackages
+from deploy.processes import plan_processes
+from deploy.restart_policy import RestartPolicy
+from deploy.service_parameters import RunOptions
+from models import urdf_path
+from services.catalog import is_script
+from services.runtime.errors import BadInput
+from tests.deploy.launch.launch_harness import LaunchWorkspace
+
+WORLD = '<include file="$(find gazebo_ros)/launch/empty_world.launch"><arg name="gui" value="{gui}"/>{more}</include>'
+DESCRIBED = (
+    '<param name="robot_description" command="$(find xacro)/xacro --inorder '
+    "'$(find turtlebot3_description)/urdf/turtlebot3_waffle.urdf.xacro'\"/>"
+)
+SPAWN = '<node name="spawn" pkg="gazebo_ros" type="spawn_model" args="-urdf -param robot_description -model {args}"/>'
+
+
+@pytest.fixture
+def workspace(tmp_path: Path) -> LaunchWorkspace:
+    return LaunchWorkspace(tmp_path)
+
+
+def kinds(table: dict[str, Any]) -> list[str]:
+    return [Path(each["kind"]).name for each in table.get("service", ())]
+
+
+def test_what_is_printed_is_the_fleet_that_runs(workspace: LaunchWorkspace) -> None:
+    text = f"""
+      {WORLD.format(gui="true", more="")} {DESCRIBED} {SPAWN.format(args="rover -x 1.5 -Y 0.5 -z 0.0")}
+      <group ns="talks">
+        <node pkg="talks" type="talker.py" name="talker" args="a:=b '1 2'" respawn="true" respawn_delay="3" cwd="node">
+          <param name="rate" value="10"/> <remap from="chatter" to="/news"/> <env name="A" value="1"/>
+        </node>
+      </group>
+      <node pkg="talks" type="listener" name="listener" required="true" output="screen"/>
+    """
+    made = workspace.fleet(text)
+    assert tomllib.loads(made.toml()) == made.table
+    assert made.has_gazebo
+    fleet = checked_fleet(workspace.source / "talks/launch/test.launch", made)
+    (robot,) = fleet.robot
+    assert (robot.name, robot.model, robot.namespace, robot.frame_prefix) == ("rover", "waffle", "/", "")
+    assert (robot.pose.x, robot.pose.yaw, robot.parameters) == (1.5, 0.5, {"cmd_vel_timeout": 0.0, "odometry": "world"})
+    assert (fleet.world, fleet.run.mode, fleet.run.ends) == ("empty", "real", "never")
+    assert kinds(made.table) == ["logger", "panel", "talker.py", "listener"]
+    talker, listener = fleet.service[2:]
+    assert (talker.namespace, talker.name, talker.args) == ("/talks", "talker", ("a:=b", "1 2"))
+    assert (talker.remap, talker.environment) == ({"chatter": "/news"}, {"A": "1"})
+    assert talker.cwd == str(workspace.source / "talks/scripts")
+    assert isinstance(talker.restart, RestartPolicy)
+    assert (talker.restart.when, talker.restart.first) == ("always", 3)
+    assert (listener.required, listener.restart, listener.cwd, listener.output) == (True, "never", "", "screen")
+    assert talker.output == "log"
+    assert fleet.rosparam == {"use_sim_time": True, "talks": {"talker": {"rate": 10}}}
+    assert any("turtlebot3_waffle.urdf.xacro is Elea's model waffle" in each for each in made.notes)
+
+
+def test_several_robots_have_namespaces_and_frames_of_their_own(workspace: LaunchWorkspace) -> None:
+    one = "".join(
+        f'<group ns="{name}"><param name="tf_prefix" value="{prefix}"/>{DESCRIBED}{SPAWN.format(args=name)}</group>'
+        for name, prefix in (("tb3_0", "tb3_0"), ("tb3_1", "other"))
+    )
+    robots = workspace.table(WORLD.format(gui="false", more="") + one)["robot"]
+    assert [(each["namespace"], each["frame_prefix"]) for each in robots] == [
+        ("/tb3_0", "tb3_0/"),
+        ("/tb3_1", "other/"),
+    ]
+    two = f"{DESCRIBED}{SPAWN.format(args='a')}" + SPAWN.format(args="b -robot_namespace /").replace(
+        '"spawn"', '"again"'
+    )
+    made = workspace.fleet(two)
+    assert [each["namespace"] for each in made.table["robot"]] == ["/", "/b"]
+    assert any("b would share the topics in /" in each for each in made.notes)
+
+
+def test_a_diff_drive_controller_gives_its_name_and_figures(workspace: LaunchWorkspace) -> None:
+    workspace.write(
+        "robots/config/control.yaml",
+        "p3dx_velocity_controller:\n  type: diff_drive_controller/DiffDriveController\n  cmd_vel_timeout: 0.25\n"
+        "  publish_rate: 100\n  wheel_radius : 0.15\n  left_wheel: a\n  linear: {x: {has_velocity_limits: true, "
+        "max_velocity: 0.75, max_acceleration: 0.3}}\n",
+    )
+    table = workspace.table("""<group ns="/p3dx">
+      <param name="robot_description"
+             command="$(find xacro)/xacro.py '$(find p3dx_description)/urdf/pioneer3dx.xacro'"/>
+      <node name="s" pkg="gazebo_ros" type="spawn_model" args="-urdf -param robot_description -model p3dx"/>
+      <rosparam command="load" file="$(find robots)/config/control.yaml"/>
+      <node name="c" pkg="controller_manager" type="spawner" args="--namespace=/p3dx
+        p3dx_velocity_controller --shutdown-timeout 3"/></group>""")
+    (robot,) = table["robot"]
+    assert (robot["model"], robot["namespace"], robot["frame_prefix"]) == ("p3dx", "/p3dx/p3dx_velocity_controller", "")
+    assert robot["parameters"] == {
+        "cmd_vel_timeout": 0.25, "publish_rate": 50.0, "wheel_radius": 0.15, "linear": {"max_velocity": 0.75},
+    }  # fmt: skip
+    assert kinds(table) == []
+
+
+def test_joint_controllers_are_started_from_the_loaded_file(workspace: LaunchWorkspace) -> None:
+    config = workspace.write(
+        "robots/config/joints.yaml",
+        "arm:\n  state:\n    type: joint_state_controller/JointStateController\n  position:\n"
+        "    type: effort_controllers/JointPositionController\n    joint: bear_link\n    pid: {p: 1.0, i: 0.0}\n",
+    )
+    workspace.write("robots/config/states.yaml", "arm:\n  state: {publish_rate: 50}\n")
+    urdf = workspace.write("robots/urdf/mine.urdf", urdf_path("arm").read_text())
+    made = workspace.fleet("""
+      <param name="robot_description" textfile="$(find robots)/urdf/mine.urdf"/>
+      <node name="s" pkg="gazebo_ros" type="spawn_model" args="-urdf -param robot_description -model one"/>
+      <rosparam command="load" file="$(find robots)/config/states.yaml"/>
+      <rosparam command="load" file="$(find robots)/config/joints.yaml"/>
+      <node name="c" pkg="controller_manager" type="spawner" ns="arm" args="state position --timeout 20"/>""")
+    (robot,), (manager,) = made.table["robot"], made.table["service"]
+    assert (robot["model"], robot["namespace"]) == (str(urdf), "/arm")
+    assert (manager["kind"], manager["namespace"]) == ("controller_manager", "/arm")
+    assert manager["parameters"] == {"config": str(config), "robot": "one", "controllers": ["position"]}
+    assert checked_fleet(workspace.source / "talks/launch/test.launch", made).service[0].kind == "controller_manager"
+
+
+def test_joint_controllers_are_started_from_parameters_that_the_launch_file_states(workspace: LaunchWorkspace) -> None:
+    urdf = workspace.write("robots/urdf/mine.urdf", urdf_path("arm").read_text())
+    text = """<node name="s" pkg="gazebo_ros" type="spawn_model" args="-urdf -file {urdf} -model one"/><group ns="arm">
+      <rosparam>
+        position: {{type: effort_controllers/JointPositionController, joint: bear_link, pid: {{p: 1.0, i: 0.0}}}}
+      </rosparam>
+      <node name="c" pkg="controller_manager" type="spawner" args="{names}"/></group>"""
+    made = workspace.fleet(text.format(urdf=urdf, names="position"))
+    (manager,) = made.table["service"]
+    assert json.loads(manager["parameters"]["config"])["arm"]["position"]["joint"] == "bear_link"
+    fleet = checked_fleet(workspace.source / "talks/launch/test.launch", made)
+    assert list(gain_values(fleet.service[0], None)) == ["/arm/position/pid"]
+    left_out = workspace.fleet(text.format(urdf=urdf, names="position velocity"))
+    assert any("no <rosparam> configures position, velocity" in each for each in left_out.notes)
+
+
+def test_what_a_package_that_is_not_here_would_include_is_left_out(workspace: LaunchWorkspace) -> None:
+    include = '<include file="$(find kinect_bringup)/launch/3dsensor.launch"><arg name="x" value="1"/></include>'
+    made = workspace.fleet(f'{include}<node name="t" pkg="talks" type="talker.py"/>')
+    assert kinds(made.table) == ["talker.py"]
+    assert any("3dsensor.launch is left out: there is no package 'kinect_bringup'" in each for each in made.notes)
+    with pytest.raises(BadInput, match=r":2: there is no package 'kinect_bringup'"):
+        workspace.fleet(include)
+
+
+def test_a_program_of_a_package_need_not_use_ros(workspace: LaunchWorkspace) -> None:
+    workspace.write("talks/scripts/plain.py", "import missing_library\n")
+    made = workspace.fleet('<node name="p" pkg="talks" type="plain.py"/>')
+    fleet = checked_fleet(workspace.source / "talks/launch/test.launch", made)
+    assert is_script(fleet.service[0].kind)
+
+
+def test_a_robot_starts_with_its_joints_as_they_are_spawned(workspace: LaunchWorkspace) -> None:
+    urdf = workspace.write("robots/urdf/mine.urdf", urdf_path("arm").read_text())
+    made = workspace.fleet(
+        f"""<node name="s" pkg="gazebo_ros" type="spawn_model" args="-urdf -file {urdf} -model one -R 0.1
+      -J bear_link -0.25 -J elbow 1 -J bear_link_ 9 -x -1 -Y 1e-1 -reference_frame table -unpause"/>"""
+    )
+    (robot,) = made.table["robot"]
+    assert robot["joints"] == {"bear_link": -0.25}
+    assert robot["pose"] == {"x": -1.0, "yaw": 0.1}
+    for text in ("-R 0.1", "-reference_frame table", "-J elbow 1 is left out", "did you mean 'bear_link'"):
+        assert any(text in each for each in made.notes), (text, made.notes)
+    fleet = checked_fleet(workspace.source / "talks/launch/test.launch", made)
+    assert fleet.robot[0].joints == {"bear_link": -0.25}
+
+
+def test_a_robot_and_a_world_of_the_users_own_are_taken(workspace: LaunchWorkspace) -> None:
+    urdf = workspace.write(
+        "robots/urdf/box.urdf",
+        '<robot name="box"><link name="base"><visual><geometry><box size="1 1 1"/></geometry></visual><collision>'
+        '<geometry><box size="1 1 1"/></geometry></collision><inertial><mass value="1"/>'
+        '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link></robot>',
+    )
+    world = workspace.write("robots/worlds/own.world", '<sdf version="1.6"><world name="own"/></sdf>')
+    more = '<arg name="world_name" value="$(find robots)/worlds/own.world"/>'
+    table = workspace.table(
+        WORLD.format(gui="false", more=more)
+        + '<node name="s" pkg="gazebo_ros" type="spawn_model" '
+        + 'args="-urdf -model b -file $(find robots)/urdf/box.urdf"/>'
+    )
+    assert table["world"] == str(world)
+    assert table["robot"] == [{"name": "b", "model": str(urdf), "namespace": "/", "frame_prefix": ""}]
+    for name, ours in {"turtlebot3_house": "house", "turtlebot3_stage_2": "arena", "empty": "empty"}.items():
+        more = f'<arg name="world_name" value="$(find turtlebot3_gazebo)/worlds/{name}.world"/>'
+        assert workspace.table(WORLD.format(gui="false", more=more))["world"] == ours
+    more = '<arg name="world_name" value="$(find robots)/worlds/won.world"/>'
+    with pytest.raises(BadInput, match=r"there is no world .*won\.world; did you mean 'own\.world'"):
+        workspace.table(WORLD.format(gui="false", more=more))
+
+
+def test_well_known_nodes_are_services_of_ours_or_need_none(workspace: LaunchWorkspace) -> None:
+    workspace.write("robots/maps/map.yaml", "image: map.pgm\n")
+    made = workspace.fleet("""
+      <node pkg="rviz" type="rviz" name="rviz"/>  <node pkg="rqt_plot" type="rqt_plot" name="plot"/>
+      <node pkg="tf" type="static_transform_publisher" name="st" args="1 2 3 0.1 0.2 0.3 /base_link /laser 100"/>
+      <node pkg="tf2_ros" type="static_transform_publisher" name="sq" args="1 2 3 0 0 0 1 base_link camera"/>
+      <node pkg="map_server" type="map_server" name="maps" args="$(find robots)/maps/map.yaml"/>
+      <node pkg="turtlesim" type="turtlesim_node" name="sim"/>
+      <node pkg="turtlesim" type="turtle_teleop_key" name="keys"/>
+      <node pkg="talks" type="keys.py" name="own_keys" launch-prefix="xterm -e"/>
+      <node pkg="joy" type="joy_node" name="joy"/>
+    """)
+    by_kind = {each["kind"]: each.get("parameters") for each in made.table["service"]}
+    assert set(by_kind) == {"logger", "panel", "static_transform", "map_server", "turtlesim"}
+    assert by_kind["map_server"] == {"map": str(workspace.source / "robots/maps/map.yaml")}
+    first, second = (each["parameters"] for each in made.table["service"] if each["kind"] == "static_transform")
+    assert (first["yaw"], first["pitch"], first["roll"]) == (0.1, 0.2, 0.3)
+    assert (first["frame_id"], first["child_frame_id"]) == ("base_link", "laser")
+    assert second["quaternion"] == [0.0, 0.0, 0.0, 1.0]
+    assert any("./elea teleop /turtle1" in each for each in made.by_hand)
+    assert any("./elea rosrun talks keys.py" in each for each in made.by_hand)
+    checked_fleet(
+        workspace.source / "talks/launch/test.launch", workspace.fleet('<node pkg="rviz" type="rviz" name="r"/>')
+    )
+
+
+def test_what_cannot_be_run_is_named_and_only_an_error_if_required(workspace: LaunchWorkspace) -> None:
+    cases = {
+        'pkg="talks" type="fast"': "talks has no Python program of this name, and C++ is not run",
+        'pkg="talks" type="tlker.py"': "no Python program of this name; did you mean 'talker.py'",
+        'pkg="tlaks" type="x"': "there is no package 'tlaks'; did you mean 'talks'",
+        'pkg="move_base" type="move_base"': "the navigation stack is not part of Elea",
+        'pkg="gmapping" type="slam_gmapping"': "SLAM is not part of Elea",
+    }
+    for attributes, said in cases.items():
+        made = workspace.fleet(f'<node {attributes} name="n"/>')
+        assert any("test.launch:2: " in each and "is left out" in each and said in each for each in made.notes), (
+            attributes
+        )
+        with pytest.raises(BadInput, match=r"test\.launch:2: .* is required, and cannot be run"):
+            workspace.fleet(f'<node {attributes} name="n" required="true"/>')
+    for attributes, said in {
+        'type="spawn_model" args="-urdf -param robot -model a"': r"there is no parameter /robot",
+        'type="spawn_model" args="-urdf -model a"': r"needs -param, -file or -database",
+        'type="spawn_model" args="-urdf -x one -param p"': r"-x 'one' is no number",
+        'type="spawn_model" args="-urdf -J elbow -param p"': r"-J elbow '-param' is no number",
+        'type="spawn_model" args="-urdf -file /nowhere.urdf -model a"': r"file /nowhere\.urdf does not exist",
+    }.items():
+        with pytest.raises(BadInput, match=rf"test\.launch:2: .*{said}"):
+            workspace.fleet(f'<node pkg="gazebo_ros" name="n" {attributes}/>')
+
+
+def test_stand_ins_of_well_known_packages_are_fleets(workspace: LaunchWorkspace) -> None:
+    packages = workspace.packages()
+    for path in sorted(STAND_INS.rglob("*.launch")):
+        _, made = make_fleet(path, {}, packages)
+        assert checked_fleet(path, made), path
+
+
+def test_a_launch_file_is_found_by_its_package_from_the_workspace(workspace: LaunchWorkspace) -> None:
+    path = workspace.launch_file("")
+    assert find_launch(["talks", "test.launch"], workspace.source.parent)[0] == path
+    assert find_launch([str(path)], Path("/"))[0] == path
+    stand_in, _ = find_launch(["turtlebot3_gazebo", "turtlebot3_world.launch"], workspace.source)
+    assert stand_in.is_relative_to(STAND_INS)
+    errors = {
+        ("talks", "tset.launch"): r"has no launch file tset\.launch; did you mean 'test\.launch'",
+        ("tlaks", "test.launch"): r"there is no package 'tlaks'; did you mean 'talks'",
+        ("talks",): r"there is no launch file talks; a file of a package is named by both: talks FILE\.launch",
+        ("a", "b", "c"): r"name a package and its launch file",
+    }
+    for words, said in errors.items():
+        with pytest.raises(BadInput, match=said):
+            find_launch(list(words), workspace.source)
+
+
+def test_programs_are_found_with_or_without_their_ending(workspace: LaunchWorkspace) -> None:
+    packages: LaunchPackages = workspace.packages()
+    workspace.write("talks/deep/down/here.py", "import rospy\n")
+    assert packages.script("talks", "talker") == workspace.source / "talks/scripts/talker.py"
+    assert packages.script("talks", "listener") == workspace.source / "talks/nodes/listener"
+    assert packages.script("talks", "here.py") == workspace.source / "talks/deep/down/here.py"
+    assert packages.script("talks", "fast") is None
+    assert packages.scripts("talks") == ["here.py", "keys.py", "listener", "talker.py"]
+
+
+def test_a_test_ends_the_run_and_is_left_out_of_roslaunch(workspace: LaunchWorkspace) -> None:
+    text = (
+        '<node pkg="talks" type="listener" name="listener"/>'
+        '<test pkg="talks" type="talker.py" test-name="check" time-limit="7" args="-v">'
+        '<param name="x" value="1"/></test>'
+    )
+    launch = workspace.read(text)
+    assert kinds(fleet_of_launch(launch, workspace.packages()).table) == ["listener"]
+    made = fleet_of_launch(workspace.read(text), workspace.packages(), launch.tests[0])
+    fleet = checked_fleet(workspace.source / "talks/launch/test.launch", made)
+    check = next(each for each in fleet.service if each.name == "check")
+    assert (check.required, check.args, check.restart) == (True, ("-v",), "never")
+    assert (fleet.run.ends, fleet.run.duration, fleet.rosparam["check"]) == ("duration", 7.0, {"x": 1})
+    (process,) = (each for each in plan_processes(fleet, RunOptions(folder=workspace.source)) if each.ends_run)
+    assert process.name == "check"
+    absent = workspace.read('<test pkg="talks" type="fast" test-name="t"/>').tests[0]
+    with pytest.raises(BadInput, match=r"test\.launch:2: the test talks/fast cannot be run"):
+        fleet_of_launch(launch, workspace.packages(), absent)

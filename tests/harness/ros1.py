@@ -1,0 +1,35 @@
+"""Import the ROS 1 libraries in a test, without leaving them behind."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from messages.interfaces import catalogue
+from services.script.interface_finder import install
+from services.script.kernel import ScriptKernel
+from services.script.loader import SITE_PACKAGES
+from services.script.testing import memory_kernel
+
+
+@contextmanager
+def ros1_imports(simulated: bool = False) -> Iterator[ScriptKernel]:
+    """Let ``import rospy`` and its like find Elea's, on a kernel in memory; afterwards they are gone."""
+    known, path, finders = set(sys.modules), list(sys.path), list(sys.meta_path)
+    handlers = list(logging.getLogger("rosout").handlers)
+    sys.path.insert(0, str(SITE_PACKAGES))
+    catalogue.cache_clear()  # what another test added
+    install(catalogue(), lambda name: None)
+    try:
+        with memory_kernel(simulated=simulated) as kernel:
+            yield kernel
+    finally:
+        sys.path[:], sys.meta_path[:] = path, finders
+        logging.getLogger("rosout").handlers[:] = handlers
+        catalogue.cache_clear()
+        for name, module in list(sys.modules.items()):
+            home = getattr(module, "__file__", None) or ""
+            if name not in known and (home.startswith(str(SITE_PACKAGES)) or not home):
+                del sys.modules[name]

@@ -1,0 +1,6 @@
+#!/usr/bin/env python
+import rospy
+
+rospy.init_node("syntax")
+if True
+    print("never")

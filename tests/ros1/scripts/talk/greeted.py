@@ -1,0 +1,12 @@
+#!/usr/bin/env python
+import rospy
+from std_msgs.msg import String
+
+words = []
+rospy.init_node("greeted")
+rospy.sleep(0.5)
+sub = rospy.Subscriber("greetings", String, lambda m: words.append(m.data))
+rospy.sleep(1.0)
+print("words %s" % words)
+sub.unregister()
+rospy.sleep(0.5)

@@ -1,0 +1,91 @@
+"""A workspace of two packages outside the checkout, read-only, by its launch file, whose includes are nested."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.harness.cases import case
+from tests.harness.command_line import CommandLine
+from tests.ros1.script_fleets import HERE, ScriptRun, assert_said, assert_same
+
+SAID = {
+    "west/monitor": ["rooms [('attic', 3), ('hall', 3), ('kitchen', 3)]", "took 0.005, tuple"],
+    "tuned": ["kp 1.25 ki 0.10 x3 from launch mode 0 level 15", "kp 10.00 ki 0.10 x4 twice mode 1 level 4"],
+    "tuner": [
+        "before kp 1.25 ki 0.10",
+        "after kp 3.50 mode 1",
+        "clamped kp 10.00",
+        "repeats 8 enabled True",
+        "seen 1.25 to 10.00",
+        "parameter 10.00",
+    ],
+    "count_server": ["counting"],
+    "countdown_client": [
+        "state 3: done",
+        "updates 4, took about a second: True",
+        "falling True",
+        "state 4: too long",
+        "state 2: preempted",
+    ],
+}
+
+
+def files(folder: Path) -> dict[str, int]:
+    return {str(each): each.stat().st_mtime_ns for each in folder.rglob("*")}
+
+
+def launch(folder: Path, package: Path, mode: str) -> ScriptRun:
+    folder.mkdir()
+    file = str(package / "launch/all.launch")
+    results = folder / "results"
+    ends = ("--mode", mode, "--duration", "8", "--report", str(results), "--no-view", "--no-picture", "--json")
+    ended = CommandLine(folder).run("roslaunch", *ends, file, "words:=a b c d e")
+    assert ended.status == 0, ended.out[-2000:] + ended.err[-4000:]
+    return ScriptRun(json.loads(ended.out), results / "logs")
+
+
+@pytest.mark.timeout(300)
+def test_it_runs_as_it_lies_and_repeats(tmp_path: Path) -> None:
+    workspace = tmp_path / "somewhere"
+    shutil.copytree(HERE / "workspaces/campus", workspace)
+    for each in [workspace, *workspace.rglob("*")]:
+        each.chmod(0o555)
+    before = files(workspace)
+    package = workspace / "src/campus_nodes"
+    first = launch(tmp_path / "first", package, "lockstep")
+    asker = next(each for each in first.processes() if each.startswith("asker"))
+    assert first.lines(asker)[-1] == "a b c d e -> 5"
+    assert_said(first, SAID)
+    assert_same(first, launch(tmp_path / "second", package, "lockstep"), list(SAID))
+    assert_said(launch(tmp_path / "third", package, "real"), SAID)
+    assert files(workspace) == before
+
+
+BAD = {
+    "malformed": ("<launch>\n  <node pkg='x' type='y' name='z'>\n</launch>\n", "bad.launch:3", ""),
+    "loop": ("<launch>\n  <include file='$(dirname)/bad.launch'/>\n</launch>\n", "bad.launch:2", "include"),
+    "substitution": ("<launch>\n\n  <param name='a' value='$(fnid x)'/>\n</launch>\n", "bad.launch:3", "fnid"),
+    "argument": ("<launch>\n  <arg name='a'/>\n  <param name='b' value='$(arg c)'/>\n</launch>\n", "bad.launch", "arg"),
+    "package": ("<launch>\n  <node pkg='no_such' type='y.py' name='z'/>\n</launch>\n", "bad.launch:2", "no_such"),
+    "tag": ("<launch>\n  <nodes pkg='x'/>\n</launch>\n", "bad.launch:2", "nodes"),
+    "machine": (
+        "<launch>\n  <machine name='far' address='10.0.0.2'/>\n"
+        "  <node pkg='x' type='y' name='z' machine='far'/>\n</launch>\n",
+        "bad.launch:",
+        "machine",
+    ),
+}
+
+
+def test_a_bad_launch_file_is_told_with_file_and_line(tmp_path: Path) -> None:
+    for name, (text, place, said) in BAD.items():
+        with case(name):
+            (tmp_path / "bad.launch").write_text(text)
+            ended = CommandLine(tmp_path).run("roslaunch", "--print", str(tmp_path / "bad.launch"))
+            assert place in ended.err + ended.out, ended
+            assert said in ended.err + ended.out
+            assert "Traceback" not in ended.err

@@ -1,0 +1,137 @@
+"""What other nodes publish to be drawn, in a recording: markers, maps, scans, images and turtles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from messages.base import Float32Array
+from messages.geometry import Point, PoseArray, Quaternion, Transform, TransformStamped, Twist, Vector3
+from messages.geometry import Pose as BodyPose
+from messages.nav import MapMetaData, OccupancyGrid
+from messages.se3 import IDENTITY
+from messages.sensor import Image, LaserScan
+from messages.std import ColorRGBA, Duration, Header
+from messages.tf import TFMessage
+from messages.topics import MAP, TURTLE_POSE, Quality, Topic
+from messages.turtlesim import Pose
+from messages.visualization import Marker, MarkerArray
+from services.logger import SERVICE, LoggerParameters
+from services.logger.display_scene import DisplayScene
+from services.logger.rebuild import RecordingBuilder
+from services.logger.recording import Recording
+from services.runtime.testing import run_service
+from tests.services.logger.conftest import EXTENT
+from tests.services.logger.recording_reader import columns, entities
+
+RED, SIZE = ColorRGBA(r=1.0, a=1.0), Vector3(x=0.2, y=0.2, z=0.2)
+ENDS = (Point(), Point(x=2.0))
+
+
+def marker(number: int, kind: int, *points: Point) -> Marker:
+    unset = BodyPose(orientation=Quaternion(w=0.0))
+    return Marker(ns="a", id=number, type=kind, scale=SIZE, color=RED, points=points, text="hello", pose=unset)
+
+
+def test_markers_are_shown_for_their_lifetime(tmp_path: Path) -> None:
+    file, second = tmp_path / "run.rrd", 10**9
+    short, again, lasting = (
+        Marker(ns="a", id=number, type=Marker.CUBE, scale=SIZE, color=RED, lifetime=Duration(sec=sec, nanosec=10**8))
+        for number, sec in ((0, 1), (1, 2), (2, 0))
+    )
+    with Recording(file, [], EXTENT, pytest.fail) as recording:
+        scene = DisplayScene(recording.log_at, lambda _: IDENTITY, pytest.fail)
+        scene.add("/drawn", MarkerArray(markers=(short, again, replace(lasting, lifetime=Duration()))), second)
+        for now in (2 * second, 25 * 10**8):
+            scene.update(now)
+        scene.add("/drawn", again, 3 * second)  # before its end: it lives on
+        scene.update(9 * second)
+    ends = {number: columns(file, f"/displays/drawn/a/{number}", "Clear:is_recursive")[0].tolist() for number in (0, 1)}
+    assert ends == {0: [21 * 10**8], 1: [51 * 10**8]}
+    assert not columns(file, "/displays/drawn/a/2", "Clear:is_recursive")[1]
+
+
+def test_markers_of_all_kinds_are_drawn_and_deleted(tmp_path: Path) -> None:
+    file, warned = tmp_path / "run.rrd", list[str]()
+    every = [marker(kind, kind, *ENDS) for kind in range(10)] + [
+        marker(11, Marker.TRIANGLE_LIST, *ENDS, Point(y=1.0)),
+        marker(12, Marker.POINTS),
+    ]
+    with Recording(file, [], EXTENT, pytest.fail) as recording:
+        scene = DisplayScene(recording.log_at, lambda _: IDENTITY, warned.append)
+        scene.add("/drawn", MarkerArray(markers=tuple(every)), 0)
+        scene.add("/drawn", Marker(ns="a", id=4, action=2), 10**9)
+        scene.add("/goals", PoseArray(poses=(BodyPose(), BodyPose())), 10**9)
+        scene.add("/goals", PoseArray(poses=(BodyPose(),)), 2 * 10**9)
+        grid = OccupancyGrid(info=MapMetaData(resolution=1.0, width=2, height=1), data=(0, 100))
+        scene.add("/map", grid, 10**9)
+        scene.add("/map", grid, 11 * 10**8)
+        scene.update(2 * 10**9)
+        scene.update(3 * 10**9)
+        for step in range(10):
+            scan = LaserScan(range_max=5.0, ranges=Float32Array([1.0, 2.0]))
+            scene.add("/base_scan", scan, step * 50_000_000)
+        pixels = bytes(range(24))
+        scene.add("/picture", Image(width=4, height=2, step=12, data=pixels), 10**9)
+        scene.add("/depth", Image(width=4, height=2, step=8, encoding="16UC1", data=bytes(16)), 10**9)
+        recording.show_images(scene.images)
+        recording.restart()
+        scene.restart()
+    found = {each for each in entities(file) if each.startswith("/displays")}
+    assert {f"/displays/drawn/a/{number}" for number in (*range(10), 11)} <= found
+    assert "/displays/drawn/a/12" not in found
+    assert warned == [
+        "/drawn is not drawn whole: the marker 'a' 12 of the type 8 has no points",
+        "/depth is not drawn whole: an image of the encoding '16UC1' is not shown "
+        "(known: rgb8, bgr8, mono8, rgba8, bgra8)",
+    ]
+    times, _ = columns(file, "/displays/drawn/a/4", "Clear:is_recursive")
+    assert times.tolist() == [10**9]
+    times, _ = columns(file, "/displays/goals/marker/1", "Clear:is_recursive")
+    assert times.tolist() == [2 * 10**9]
+    assert {"/displays/map/marker/0", "/displays/map/marker/1", "/images/picture"} <= set(entities(file))
+    assert columns(file, "/displays/map/marker/1", "Mesh3D:vertex_positions")[0].tolist() == [10**9, 3 * 10**9]
+    times, strips = columns(file, "/displays/drawn/a/5", "LineStrips3D:strips")
+    assert np.array(strips[0]).tolist() == [[[0, 0, 0], [2, 0, 0]]]
+    times, _ = columns(file, "/displays/base_scan/marker/0", "Points3D:positions")
+    assert times.tolist() == [0, 200_000_000, 400_000_000], "five a second"
+    again, _ = columns(file, "/displays/drawn/a/5", "LineStrips3D:strips", "sim_time_2")
+    assert again.tolist() == [0], "after a reset it is still there"
+
+
+def test_the_logger_reads_what_others_publish(tmp_path: Path) -> None:
+    file, topic = tmp_path / "run.rrd", Topic("/drawn", Marker, 0, Quality.EVENT, "")
+    turtle = TURTLE_POSE.named("/turtle1/pose")
+    params = LoggerParameters(file=str(file), serve=False, view="never", window=0.02)
+    with run_service(SERVICE, "/", params) as service:
+        tokens = [service.join(each, "pub") for each in (topic, turtle, MAP)]
+        service.set_time(0.0)
+        for step in range(1, 6):
+            service.publish(turtle, Pose(x=float(step)))
+            service.publish(topic, Marker(header=Header(frame_id="nowhere"), type=Marker.CUBE, scale=SIZE, color=RED))
+            service.set_time(step * 0.2)
+        assert service.reads(MAP.named("/map"))
+        tokens[1].close()
+        service.set_time(1.2)
+        assert not service.reads(turtle)
+    assert columns(file, "/turtles/turtle1", "Clear:is_recursive")[0].tolist() == [1_200_000_000], "it is gone"
+    _, places = columns(file, "/turtles/turtle1/pose", "Transform3D:translation")
+    assert [place[0][0] for place in places] == [1.0, 2.0, 3.0, 4.0, 5.0]
+    assert len(columns(file, "/displays/drawn/marker/0", "Boxes3D:centers")[0]) == 5
+
+
+def test_a_bag_shows_what_was_drawn(tmp_path: Path) -> None:
+    file, warned = tmp_path / "run.rrd", list[str]()
+    mount = TransformStamped(header=Header(frame_id="world"), child_frame_id="map", transform=Transform())
+    with RecordingBuilder(file, [], EXTENT, warned.append) as built:
+        built.add("/tf_static", TFMessage(transforms=(mount,)), 0)
+        built.add("/drawn", MarkerArray(markers=(marker(1, Marker.CUBE),)), 10**9)
+        built.add("/turtle1/pose", Pose(x=2.0), 10**9)
+        built.add("/goal", PoseArray(header=Header(frame_id="map"), poses=(BodyPose(),)), 10**9)
+        built.add("/turtle1/cmd_vel", Twist(), 10**9)
+    assert not warned
+    found = set(entities(file))
+    assert {"/displays/drawn/a/1", "/turtles/turtle1/pose", "/displays/goal/marker/0"} <= found

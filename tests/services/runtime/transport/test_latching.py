@@ -1,0 +1,196 @@
+"""Latched samples of one side reach the other whatever else is asked, and whoever does not answer."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import psutil
+import pytest
+import zenoh
+
+from messages.topics import Quality
+from services.runtime.process import PARENT, ROOT
+from services.runtime.transport.unix_sockets import router_endpoint
+from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh_config import Role, configuration
+from tests.harness.ports import free_port
+from tests.harness.waiting import wait_until
+
+TOPICS, BYTES = 60, 100_000
+"""More than what fits between two processes: 0.4 MB in their sockets and queues."""
+
+PEER = f"""
+import sys
+from messages.topics import Quality
+from services.runtime.transport.zenoh import ZenohTransport
+from services.runtime.transport.zenoh_config import configuration
+
+with ZenohTransport(configuration("direct", (sys.argv[1],), reliable=True)) as transport:
+    kept = [transport.advertise(f"theirs/{{n}}", "test", Quality.LATCHED) for n in range({TOPICS})]
+    for each in kept:
+        each.put(bytes({BYTES}), attachment=b"")
+    print("sent", flush=True)
+    sys.stdin.readline()
+    asked = [transport.subscribe(f"ours/{{n}}", 4, latched=True) for n in range({TOPICS})]
+    print("asked", flush=True)
+    missing = set(asked)
+    while missing:
+        missing = {{each for each in missing if each.recv() is None}}
+    print("complete", flush=True)
+    sys.stdin.readline()
+"""
+
+
+@contextmanager
+def peer(router: str) -> Iterator[subprocess.Popen[str]]:
+    """Another process, as above."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), PARENT: str(os.getpid())}
+    with subprocess.Popen(
+        [sys.executable, "-P", "-c", PEER, router], stdin=-1, stdout=-1, text=True, env=environment
+    ) as process:
+        try:
+            assert _said(process) == "sent"
+            yield process
+        finally:
+            process.kill()
+
+
+def stop(pid: int) -> None:
+    """Stop a process; it does nothing more when this returns."""
+    os.kill(pid, signal.SIGSTOP)
+    wait_until(lambda: psutil.Process(pid).status() == psutil.STATUS_STOPPED, 20.0, "a process that stands still")
+
+
+def _said(process: subprocess.Popen[str]) -> str:
+    assert process.stdout is not None
+    return process.stdout.readline().strip()
+
+
+def _tell(process: subprocess.Popen[str]) -> None:
+    assert process.stdin is not None
+    process.stdin.write("\n")
+    process.stdin.flush()
+
+
+@pytest.fixture
+def router() -> Iterator[str]:
+    endpoint = router_endpoint(free_port())
+    with ZenohTransport(configuration("router", listen=(endpoint,))):
+        yield endpoint
+
+
+def test_two_peers_with_much_for_each_other_ask_at_once(router: str) -> None:
+    with ZenohTransport(configuration("direct", (router,), reliable=True)) as transport, peer(router) as other:
+        ours = [transport.advertise(f"ours/{n}", "test", Quality.LATCHED) for n in range(TOPICS)]
+        for each in ours:
+            each.put(bytes(BYTES), attachment=b"")
+        _tell(other)
+        missing = {transport.subscribe(f"theirs/{n}", 4, latched=True) for n in range(TOPICS)}
+
+        def complete() -> bool:
+            nonlocal missing
+            missing = {each for each in missing if each.recv() is None}
+            return not missing
+
+        wait_until(complete, 20.0, "their samples")
+        assert [_said(other), _said(other)] == ["asked", "complete"]
+
+
+def test_a_publisher_that_hangs_keeps_nobody_elses_samples_back(router: str) -> None:
+    with (
+        ZenohTransport(configuration("direct", (router,), reliable=True)) as transport,
+        ZenohTransport(configuration("direct", (router,), reliable=True)) as third,
+        peer(router) as other,
+    ):
+        kept = third.advertise("theirs/0", "test", Quality.LATCHED)
+        kept.put(b"kept", attachment=b"")
+        wait_until(lambda: len(transport.tokens("theirs/0/@adv/**")) == 2, 20.0, "both publishers")
+        stop(other.pid)
+        try:
+            late = transport.subscribe("theirs/0", 4, latched=True)
+            got: list[bytes] = []
+
+            def has(payload: bytes) -> bool:
+                while (sample := late.recv()) is not None:
+                    got.append(sample[0])
+                return payload in got
+
+            wait_until(lambda: has(b"kept"), 20.0, "what was kept")
+            kept.put(b"new", attachment=b"")
+            wait_until(lambda: has(b"new"), 20.0, "what is sent")
+            assert got == [b"kept", b"new"], "each once, and nothing of the one that hangs"
+        finally:
+            os.kill(other.pid, signal.SIGCONT)
+        wait_until(lambda: has(bytes(BYTES)), 20.0, "what it keeps, as soon as it goes on")
+
+
+@pytest.mark.parametrize("role", ["direct", "star"])
+def test_zenohs_own_latched_programs_understand_ours(router: str, role: Role) -> None:
+    with (
+        ZenohTransport(configuration(role, (router,))) as transport,
+        ZenohTransport(configuration(role, (router,))) as foreign,
+    ):
+        ours = transport.advertise("ours", "test", Quality.LATCHED)
+        ours.put(b"ours", attachment=b"beside")
+        cache = zenoh.ext.CacheConfig(1)
+        theirs = zenoh.ext.declare_advanced_publisher(foreign._zenoh, "theirs", cache=cache, publisher_detection=True)
+        theirs.put(b"theirs")
+
+        heard: list[tuple[bytes, bytes]] = []
+        past = zenoh.ext.HistoryConfig(detect_late_publishers=True)
+        late = zenoh.ext.declare_advanced_subscriber(
+            foreign._zenoh,
+            "ours",
+            lambda sample: heard.append((sample.payload.to_bytes(), sample.attachment.to_bytes())),
+            history=past,
+        )
+        wait_until(lambda: bool(heard), 20.0, "ours")
+        assert heard == [(b"ours", b"beside")]
+        late.undeclare()
+
+        inlet = transport.subscribe("theirs", 4, latched=True)
+        found: list[bytes] = []
+
+        def look() -> bool:
+            while (sample := inlet.recv()) is not None:
+                found.append(sample[0])
+            return bool(found)
+
+        wait_until(look, 20.0, "theirs")
+        assert found == [b"theirs"]
+
+
+def test_what_waits_is_read_in_the_order_of_its_sending(router: str) -> None:
+    """One sample was sent, a later one fetched: they may not change places."""
+    with (
+        ZenohTransport(configuration("direct", (router,))) as transport,
+        ZenohTransport(configuration("direct", (router,))) as foreign,
+    ):
+        arrivals = threading.Semaphore(0)
+        inlet = transport.subscribe("topic", 4, latched=True, notify=arrivals.release)
+        session = foreign._zenoh
+        sender = session.declare_publisher("topic", congestion_control=zenoh.CongestionControl.BLOCK)
+        wait_until(lambda: sender.matching_status.matching, 20.0, "the subscription")
+        sender.put(b"first", attachment=b"", timestamp=session.new_timestamp())
+        assert arrivals.acquire(timeout=20.0)
+        key = f"topic/@adv/pub/{session.zid()}/uhlc/9"
+        stamp = session.new_timestamp()
+
+        def answer(query: zenoh.Query) -> None:
+            with query:
+                query.reply("topic", b"second", attachment=b"", timestamp=stamp)
+
+        session.declare_queryable(key, answer)
+        token = session.liveliness().declare_token(key)
+        assert arrivals.acquire(timeout=20.0)
+        sender.put(b"third", attachment=b"", timestamp=session.new_timestamp())
+        assert arrivals.acquire(timeout=20.0)
+        found = [sample[0] for sample in iter(inlet.recv, None)]
+        assert found == [b"first", b"second", b"third"]
+        token.undeclare()

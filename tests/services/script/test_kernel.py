@@ -1,0 +1,126 @@
+"""The kernel of a script in real time, on a network in memory."""
+
+import time
+
+import pytest
+
+from services.runtime.errors import BadInput
+from services.runtime.transport.memory import MemoryBus
+from services.script.api import Origin, ServiceRefused, ServiceUnavailable
+from services.script.testing import memory_kernel
+
+WITHIN_S = 20.0
+
+
+def test_two_scripts_exchange_messages_and_calls() -> None:
+    bus, got = MemoryBus(), list[tuple[bytes, Origin]]()
+    with memory_kernel(bus) as talker, memory_kernel(bus, install=False) as listener:
+        out = talker.advertise("/chatter", "std_msgs/String")
+        listener.subscribe("/chatter", "std_msgs/String", lambda payload, origin: got.append((payload, origin)))
+        talker.start("/talker", "/", "script")
+        listener.start("/ns/listener", "/ns", "script")
+        assert talker.wait_until(lambda: out.subscribers() == ["/ns/listener"], WITHIN_S)
+        for number in range(3):
+            out.publish(b"%d" % number)
+        assert listener.wait_until(lambda: len(got) == 3, WITHIN_S)
+        assert got == [(b"%d" % number, Origin("/talker", False)) for number in range(3)]
+
+        def handle(payload: bytes) -> bytes:
+            if payload == b"no":
+                raise ServiceRefused("not today")
+            return payload + b"!"
+
+        server = listener.serve("/add", "rospy_tutorials/AddTwoInts", handle)
+        assert talker.wait_until(lambda: talker.service_type("/add") == "rospy_tutorials/AddTwoInts", WITHIN_S)
+        assert talker.call("/add", "rospy_tutorials/AddTwoInts", b"hi") == b"hi!"
+        with pytest.raises(ServiceRefused, match="not today"):
+            talker.call("/add", "rospy_tutorials/AddTwoInts", b"no")
+        with pytest.raises(ServiceUnavailable):
+            talker.call("/missing", "std_srvs/Empty", b"")
+        server.close()
+        assert talker.wait_until(lambda: talker.service_type("/add") is None, WITHIN_S)
+        assert {"/talker", "/ns/listener"} <= set(talker.nodes())
+
+
+def test_a_program_is_asked_to_end_by_another(capfd: pytest.CaptureFixture[str]) -> None:
+    bus, ended = MemoryBus(), list[str]()
+    with memory_kernel(bus) as asking, memory_kernel(bus, install=False) as worker:
+        worker.start("/worker", "/", "script")
+        worker.on_shutdown(lambda: ended.append("hook"))
+        assert asking.wait_until(lambda: "/worker" in asking.nodes(), WITHIN_S)
+        assert not asking.end_node("/other", "user request")
+        assert asking.end_node("/worker", "user request")
+        assert not worker.wait_until(lambda: False)  # the end of the process ends the wait
+        assert (ended, worker.shutting_down) == (["hook"], True)
+    assert "shutdown request: user request" in capfd.readouterr().out
+
+
+def test_a_call_waits_for_time_to_begin() -> None:
+    bus, answers = MemoryBus(), list[bytes]()
+    with memory_kernel(bus, simulated=True) as early, memory_kernel(bus, install=False) as server:
+        server.start("/server", "/", "script")
+        early.start("/early", "/", "script")
+        server.serve("/trigger", "std_srvs/Empty", lambda payload: payload)
+        assert early.wait_until(lambda: early.service_type("/trigger") is not None, WITHIN_S)
+        calling = early.spawn(lambda: answers.append(early.call("/trigger", "std_srvs/Empty", b"x")), "calls")
+        calling.join(0.2)
+        assert not answers
+        early.clock.set(1)
+        calling.join(WITHIN_S)
+        assert answers == [b"x"]
+
+
+def test_latched_messages_reach_every_new_receiver() -> None:
+    bus, got = MemoryBus(), list[tuple[str, bytes, bool]]()
+    with memory_kernel(bus) as talker, memory_kernel(bus, install=False) as listener:
+        talker.start("/talker", "/", "script")
+        listener.start("/listener", "/", "script")
+        talker.advertise("/map", "nav_msgs/MapMetaData", latched=True).publish(b"map")
+        for name in ("first", "second"):
+            listener.subscribe(
+                "/map",
+                "nav_msgs/MapMetaData",
+                lambda payload, origin, name=name: got.append((name, payload, origin.latched)),  # type: ignore[misc]
+            )
+            assert listener.wait_until(lambda name=name: any(each[0] == name for each in got), WITHIN_S)  # type: ignore[misc]
+        assert got == [("first", b"map", True), ("second", b"map", True)]
+
+
+def test_hooks_publish_before_what_waits_is_ended() -> None:
+    bus, got = MemoryBus(), list[bytes]()
+    with memory_kernel(bus) as talker, memory_kernel(bus, install=False) as listener:
+        listener.start("/listener", "/", "script")
+        listener.subscribe("/cmd_vel", "geometry_msgs/Twist", lambda payload, _: got.append(payload))
+        out = talker.advertise("/cmd_vel", "geometry_msgs/Twist")
+        talker.start("/talker", "/", "script")
+        seen = list[bool]()
+
+        def stop() -> None:
+            seen.append(talker.shutting_down)
+            talker.sleep_until(talker.now() + 10_000_000)
+            out.publish(b"stop")
+
+        talker.on_shutdown(stop)
+        talker.shut_down("test")
+        assert (seen, talker.shutting_down) == ([False], True)
+        assert listener.wait_until(lambda: got == [b"stop"], WITHIN_S)
+        assert talker.wait_until(lambda: False) is False
+
+
+def test_a_name_of_another_type_is_refused_to_its_own_node() -> None:
+    with memory_kernel() as kernel:
+        kernel.start("/talker", "/", "script")
+        kernel.advertise("/chatter", "std_msgs/String")
+        with pytest.raises(BadInput, match="carries std_msgs/String from this node already"):
+            kernel.advertise("/chatter", "std_msgs/Int32")
+        with pytest.raises(BadInput, match="is the node /talker already"):
+            kernel.start("/other", "/", "script")
+
+
+def test_a_loop_without_waits_is_slowed_down() -> None:
+    with memory_kernel() as kernel:
+        kernel.start("/busy", "/", "script")
+        began, used = time.monotonic(), time.thread_time()
+        while time.monotonic() - began < 0.5:
+            kernel.point()
+        assert (time.thread_time() - used) / (time.monotonic() - began) < 0.6

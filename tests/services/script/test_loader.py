@@ -1,0 +1,120 @@
+"""A script's own modules, what they import in place of Python's, and imports that are not there."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from services.script.loader import ScriptLoader, loop_pass, python2_builtins
+from services.script.workspace import workspace_of
+
+MISSING = {
+    "moveit_commander": "`moveit_commander` is not part of Elea (import in main.py:2): motion planning",
+    "simple_pid": "`simple_pid` is not installed (import in main.py:2): uv pip install --python",
+    "strange_msgs.msg": "the message package `strange_msgs` is not there (import in main.py:2)",
+    "nowhere_to_be_found": "`nowhere_to_be_found` is not part of Elea, nor in the script's folder or workspace",
+    "strange.cfg": "the package `strange`, whose .cfg this is, is not there (import in main.py:2)",
+    "json.nothing": "`json` has no module `nothing`",
+    "mypkg.lost": "package `mypkg` ",
+}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder that is the script's, first on the path; its modules are forgotten afterwards."""
+    known, finders, main = set(sys.modules), list(sys.meta_path), sys.modules["__main__"]
+    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
+    monkeypatch.setattr(sys, "argv", ["main.py"])
+    yield tmp_path
+    sys.meta_path[:] = finders
+    sys.modules["__main__"] = main
+    for name in set(sys.modules) - known:
+        if getattr(sys.modules[name], "__file__", None) and str(tmp_path) in str(sys.modules[name].__file__):
+            del sys.modules[name]
+
+
+def run(folder: Path, source: str, modules: dict[str, ModuleType] | None = None) -> dict[str, object]:
+    file = folder / "main.py"
+    file.write_text(source)
+    ScriptLoader([folder], modules or {}, python2_builtins(input), workspace_of(file, {})).run(file)
+    return vars(sys.modules["__main__"])
+
+
+def test_own_modules_get_our_time_and_libraries_python_s(folder: Path) -> None:
+    ours = ModuleType("time")
+    ours.sleep = "ours"  # type: ignore[attr-defined]
+    (folder / "own_helper.py").write_text("from time import sleep\nimport threading\nprinted = xrange(2)\n")
+    found = run(folder, "import time, own_helper\nfrom own_helper import sleep\nimport sched\n", {"time": ours})
+    assert found["time"] is ours
+    assert found["sleep"] == "ours"
+    assert vars(sys.modules["sched"])["time"] is not ours
+    assert found["__file__"] == "main.py"
+    assert found["__name__"] == "__main__"
+    assert not (folder / "__pycache__").exists()
+
+
+def test_an_import_that_is_not_there_names_itself_and_its_line(folder: Path) -> None:
+    (folder / "package.xml").write_text("<package><name>mypkg</name></package>")
+    for name, text in MISSING.items():
+        with pytest.raises(ModuleNotFoundError) as raised:
+            run(folder, f"x = 1\nimport {name}\n")
+        assert str(raised.value).startswith(text)
+    (folder / "uses_missing.py").write_text("\n\nimport pandas_of_the_forest\n")
+    with pytest.raises(ModuleNotFoundError, match=r"import in uses_missing.py:3"):
+        run(folder, "import uses_missing\n")
+    assert run(folder, "try:\n    import nowhere_at_all\nexcept ImportError:\n    x = 3\n")["x"] == 3
+
+
+def test_a_module_beside_the_importing_one_is_found_as_by_python_2(folder: Path) -> None:
+    (folder / "kit").mkdir()
+    (folder / "kit/__init__.py").write_text("")
+    (folder / "kit/parts.py").write_text(
+        "import sizes as s\nfrom colours import red\nimport sizes\nboth = s is sizes\n"
+    )
+    (folder / "kit/sizes.py").write_text("")
+    (folder / "kit/colours.py").write_text("red = 3\n")
+    (folder / "kit/broken.py").write_text("import lost\n")
+    found = run(folder, "from kit.parts import both, red\n")
+    assert (found["both"], found["red"]) == (True, 3)
+    assert "kit.sizes" in sys.modules
+    with pytest.raises(ModuleNotFoundError, match=r"import in broken.py:1"):
+        run(folder, "import kit.broken\n")
+
+
+def test_opencv_without_a_display_shows_nothing_and_goes_on(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("DISPLAY", "")
+    monkeypatch.setenv("WAYLAND_DISPLAY", "")
+    (folder / "cv2.py").write_text("def imshow(*_):\n    raise RuntimeError\ndef cvtColor(image):\n    return image\n")
+    waits: list[float] = []
+    ours = ModuleType("time")
+    ours.sleep = waits.append  # type: ignore[attr-defined]
+    source = (
+        "import cv2\nfor _ in range(2):\n    cv2.imshow('w', [])\n    key = cv2.waitKey(30) & 0xFF\n"
+        "cv2.destroyAllWindows()\nsame = cv2.cvtColor(5)\n"
+    )
+    found = run(folder, source, {"time": ours})
+    assert (found["key"], found["same"], waits) == (255, 5, [0.03, 0.03])
+    assert capfd.readouterr().err.count("cv2.imshow: no window can be opened here") == 1
+
+
+def test_modules_of_python_2_are_those_of_today(folder: Path) -> None:
+    found = run(
+        folder, "import Queue, ConfigParser\nfrom StringIO import StringIO\nimport cPickle as pickle, exceptions\n"
+    )
+    assert found["exceptions"].ValueError is ValueError
+    assert found["Queue"] is sys.modules["queue"]
+    assert found["pickle"] is sys.modules["pickle"]
+
+
+def test_a_hundred_passes_make_one_point() -> None:
+    points: list[float] = []
+    passed = loop_pass(points.append)
+    for _ in range(250):
+        passed()
+    assert points == [1.0, 1.0]

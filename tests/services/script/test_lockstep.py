@@ -1,0 +1,257 @@
+"""Scripts in lockstep: the same run whatever the timing, with subscriptions, calls and threads made on the way."""
+
+from __future__ import annotations
+
+import random
+import time
+
+import pytest
+
+from messages.base import decoder
+from messages.std import Float64
+from services.script.api import ServiceRefused, ServiceUnavailable, TimeMovedBackwards
+from services.script.kernel import ScriptKernel
+from services.script.turn_threading import queue_module, threading_module
+from tests.services.script.lockstep_scripts import Body, number, run_scripts
+
+MS = 1_000_000
+read = decoder(Float64)
+END = 400 * MS
+
+
+def talker(kernel: ScriptKernel, written: list[str]) -> None:
+    """Publishes what it hears and where it is, from a callback, a timer's thread and its own loop."""
+    out = kernel.advertise("/chatter", "std_msgs/Float64")
+    latched = kernel.advertise("/latched", "std_msgs/Float64", latched=True)
+    kernel.subscribe("/truth", "std_msgs/Float64", lambda payload, _: out.publish(payload))
+
+    def beat() -> None:
+        while not kernel.shutting_down:
+            kernel.sleep_until(kernel.now() + 70 * MS)
+            latched.publish(number(kernel.now() / MS))
+
+    kernel.spawn(beat, "beat")
+    while kernel.now() < END:
+        out.publish(number(-kernel.now() / MS))
+        kernel.sleep_until(kernel.now() + 30 * MS)
+
+
+def hear(kernel: ScriptKernel, topic: str) -> str:
+    """Who publishes a topic, and up to two of its messages."""
+    got: list[float] = []
+    late = kernel.subscribe(topic, "std_msgs/Float64", lambda payload, _: got.append(read(payload).data))
+    kernel.wait_until(lambda: len(got) > 1, 0.05)
+    publishers = late.publishers()
+    late.close()
+    return f"{publishers} {got}"
+
+
+def listener(kernel: ScriptKernel, written: list[str]) -> None:
+    """Subscribes anew again and again, and serves."""
+
+    def handle(payload: bytes) -> bytes:
+        written.append(f"{kernel.now() // MS} asked {payload!r}")
+        if payload == b"3":
+            raise ServiceRefused("not three")
+        kernel.sleep_until(kernel.now() + 20 * MS)
+        return payload * 2
+
+    kernel.serve("/double", "std_srvs/Trigger", handle)
+    while kernel.now() < END:
+        for topic in ("/truth", "/chatter", "/latched"):
+            got: list[float] = []
+            late = kernel.subscribe(
+                topic, "std_msgs/Float64", lambda payload, _, got=got: got.append(read(payload).data)
+            )  # type: ignore[misc]
+            kernel.wait_until(lambda got=got: len(got) > 1, 0.05)  # type: ignore[misc]
+            written.append(f"{kernel.now() // MS} {topic} {late.publishers()} {got}")
+            late.close()
+
+
+def caller(kernel: ScriptKernel, written: list[str]) -> None:
+    """Calls, burns its budget, and waits for what others declare."""
+    kernel.wait_until(lambda: kernel.service_type("/double") is not None)
+    for count in range(6):
+        try:
+            written.append(f"{kernel.now() // MS} {kernel.call('/double', 'std_srvs/Trigger', b'%d' % count)!r}")
+        except ServiceRefused as error:
+            written.append(f"{kernel.now() // MS} {error}")
+        for _ in range(1300):
+            kernel.point()
+    try:
+        kernel.call("/nobody", "std_srvs/Trigger", b"")
+    except ServiceUnavailable as error:
+        written.append(str(error))
+
+
+@pytest.mark.slow
+def test_a_run_is_the_same_whatever_the_timing() -> None:
+    bodies: dict[str, Body] = {"talker": talker, "listener": listener, "caller": caller}
+    first = run_scripts(bodies, 120, seed=1)
+    assert first == run_scripts(bodies, 120, seed=2)
+    assert first["caller"][:3] == ["0 b'00'", "60 b'11'", "120 b'22'"]
+    assert first["caller"][3].endswith("not three")
+    assert first["caller"][-1] == "service [/nobody] unavailable"
+    topics = [line.split(" ", 1)[1] for line in first["listener"] if "/truth" in line]
+    assert topics[0].startswith("/truth ['/sim'] [")
+    latched = [line for line in first["listener"] if "/latched" in line]
+    assert latched[1] == "220 /latched ['/talker'] [140.0, 210.0]", "subscribed at 170: the last message comes at once"
+
+
+@pytest.mark.slow
+def test_what_several_scripts_ask_of_the_simulation_in_one_step_has_an_order() -> None:
+    """The simulation serves the first requests of all, then the second ones, each time by the scripts' names."""
+
+    def asker(pauses: tuple[int, ...]) -> Body:
+        def ask(kernel: ScriptKernel, written: list[str]) -> None:
+            for pause in pauses:
+                before = read(kernel.call("/count", "std_srvs/Trigger", number(0))).data
+                written.append(f"{kernel.now() // MS} {before}")
+                for _ in range(2):
+                    time.sleep(0.002 * random.random())
+                    if pause:
+                        kernel.sleep_until(kernel.now() + pause * MS)
+
+        return ask
+
+    pauses = {"/a": (0, 0, 10, 10, 0), "/b": (0, 10, 0, 10), "/c": (0, 10, 10)}
+    bodies = {name[1:]: asker(each) for name, each in pauses.items()}
+    bodies["d"] = lambda kernel, _: kernel.sleep_until(60 * MS)
+    first = run_scripts(bodies, 40, seed=1)
+    assert first == run_scripts(bodies, 40, seed=2)
+    assert [first[name][:3] for name in "abc"] == [
+        ["0 0.0", "0 3.0", "0 6.0"],
+        ["0 1.0", "0 4.0", "20 8.0"],
+        ["0 2.0", "0 5.0", "20 9.0"],
+    ]
+
+
+def test_turns_end_at_waits_and_when_the_budget_is_spent() -> None:
+    def busy(kernel: ScriptKernel, written: list[str]) -> None:
+        seen: dict[int, int] = {}
+        while kernel.now() < 50 * MS:
+            kernel.point()
+            seen[kernel.now() // MS] = seen.get(kernel.now() // MS, 0) + 1
+        written.append(str(sorted(set(list(seen.values())[1:-1]))))
+
+    assert run_scripts({"busy": busy}, 20)["busy"] == ["[500]"]
+
+
+def test_what_a_script_tells_itself_comes_at_the_next_tick_while_all_its_threads_sleep() -> None:
+    def body(kernel: ScriptKernel, written: list[str]) -> None:
+        def heard(topic: str) -> None:
+            kernel.subscribe(topic, "std_msgs/Float64", lambda *_: written.append(f"{topic} {kernel.now() // MS}"))
+
+        latched = kernel.advertise("/kept", "std_msgs/Float64", latched=True)
+        out = kernel.advertise("/own", "std_msgs/Float64")
+        heard("/own")
+        latched.publish(number(1.0))
+        kernel.sleep_until(50 * MS)
+        out.publish(number(2.0))
+        kernel.sleep_until(95 * MS)
+        heard("/kept")
+        kernel.sleep_until(150 * MS)
+
+    assert run_scripts({"alone": body}, 40) == {"alone": ["/own 60", "/kept 110"]}
+
+
+def test_sleepers_wake_by_deadline_and_then_by_order() -> None:
+    def sleepers(kernel: ScriptKernel, written: list[str]) -> None:
+        def sleep(name: str, until: int) -> None:
+            kernel.sleep_until(until)
+            written.append(name)
+
+        for name, until in (("late", 40), ("first", 21), ("second", 22), ("third", 22), ("now", 0)):
+            kernel.spawn(lambda name=name, until=until: sleep(name, until * MS), name)  # type: ignore[misc]
+        kernel.sleep_until(100 * MS)
+
+    assert run_scripts({"sleepers": sleepers}, 40)["sleepers"] == ["now", "first", "second", "third", "late"]
+
+
+def test_a_reset_wakes_sleepers_with_an_error() -> None:
+    def body(kernel: ScriptKernel, written: list[str]) -> None:
+        for until in (1000, 50):
+            try:
+                kernel.sleep_until(until * MS)
+                written.append(f"slept until {kernel.now() // MS}")
+            except TimeMovedBackwards:
+                written.append(f"reset at {kernel.now() // MS}")
+
+    assert run_scripts({"body": body}, 60, resets=(20,))["body"] == ["reset at 0", "slept until 50"]
+
+
+@pytest.mark.slow
+def test_threads_and_queues_of_a_script_take_turns() -> None:
+    def body(kernel: ScriptKernel, written: list[str]) -> None:
+        assert kernel.turns is not None
+        threading = threading_module(kernel.turns)
+        import time
+
+        queue = queue_module(threading, time, __import__)
+        full, lock, done = queue.Queue(2), threading.Lock(), threading.Event()
+        condition, allowed = threading.Condition(), threading.Semaphore(0)
+
+        def produce() -> None:
+            for item in range(5):
+                full.put(item)
+                with lock:
+                    kernel.sleep_until(kernel.now() + 10 * MS)
+            done.set()
+            allowed.release()
+            with condition:
+                condition.notify_all()
+
+        def wait() -> None:
+            with condition:
+                condition.wait(5)
+            allowed.acquire()
+            written.append(f"notified at {kernel.now() // MS}")
+
+        producer = threading.Thread(target=produce)
+        waiter = threading.Thread(target=wait, daemon=True)
+        producer.start()
+        waiter.start()
+        threading.Timer(0.025, lambda: written.append(f"timer at {kernel.now() // MS}")).start()
+        for _ in range(5):
+            item = full.get(timeout=1)
+            with lock:
+                written.append(f"{kernel.now() // MS} {item}")
+        assert done.wait(1)
+        producer.join()
+        waiter.join(1)
+        assert not producer.is_alive()
+        assert not waiter.is_alive()
+        try:
+            full.get(timeout=0.05)
+        except queue.Empty:
+            written.append("empty")
+
+    first = run_scripts({"body": body}, 60, seed=3)["body"]
+    assert first == run_scripts({"body": body}, 60, seed=4)["body"]
+    assert [line for line in first if line[-1].isdigit() and "at" not in line] == [
+        line for line in first if line.endswith((" 0", " 1", " 2", " 3", " 4"))
+    ]
+    assert first[-1] == "empty"
+    assert any(line.startswith("timer at 30") for line in first)
+    assert any(line.startswith("notified at") for line in first)
+
+
+def test_others_go_on_while_a_thread_waits_for_something_outside() -> None:
+    def body(kernel: ScriptKernel, written: list[str]) -> None:
+        import threading
+
+        pressed = threading.Event()
+
+        def other() -> None:
+            kernel.sleep_until(kernel.now() + 50 * MS)
+            written.append(f"other at {kernel.now() // MS}")
+            pressed.set()
+
+        kernel.spawn(other, "other")
+        with kernel.outside("standard input"):
+            assert pressed.wait(30)
+        written.append("key")
+        assert kernel.node is not None
+        assert "/checks" in [each.name for each in kernel.node.publishers]
+
+    assert run_scripts({"body": body}, 40)["body"][1:] == ["key"]

@@ -1,0 +1,61 @@
+"""What is read of all bodies at once is what each of them says by itself, bit for bit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from messages.base import encode
+from messages.std import Time
+from models.model import read_model
+from models.world import Box, WorldDescription
+from services.sim.moment import Moment
+from services.sim.noise import noise_generator
+from services.sim.physics.bullet import MOST_RAYS
+from services.sim.sensors import laser_ranges
+from tests.services.sim.physics.driven_robot import NewWorld, placement_at, robot_body
+
+WALL = Box(name="wall", size=(0.2, 8.0, 1.0), position=(2.1, 0.0, 0.5))
+
+
+def test_all_bodies_at_once(new_world: NewWorld) -> None:
+    laser = read_model("burger").laser
+    assert laser is not None
+    with new_world(WorldDescription(boxes=(WALL,))) as world:
+        for place in range(3):
+            world.spawn(robot_body(f"tb3_{place}", "burger", placement_at(0.6 * place, 0.2 * place, 0.9 * place)))
+        for _ in range(100):
+            for place, name in enumerate(world.names):
+                world.body(name).set_speeds((3.0 + place, 4.0 - place))
+            world.step()
+        names = world.names
+        assert world.states() == [world.body(name).state() for name in names]
+        assert world.joint_readings() == [world.body(name).joint_readings() for name in names]
+        links = [("tb3_2", "base_scan"), ("tb3_0", "imu_link"), ("tb3_1", "base_footprint")]
+        assert world.link_poses(links) == [world.body(body).link_pose(link) for body, link in links]
+
+        links = [(name, link) for name in names for link in world.body(name).links]
+        assert [tuple(row) for row in world.link_states(links).tolist()] == [
+            (*each.position, *each.orientation, *each.linear, *each.angular)
+            for each in (world.body(name).link_state(link) for name, link in links)
+        ]
+
+        every, single = Moment(world, 5, 1), Moment(world, 5, 1)
+        every.read_states(names)
+        every.read_joints(names)
+        single.read_states(names[:1])
+        for name in names:
+            assert (every.state(name), every.joints(name)) == (single.state(name), single.joints(name))
+        assert every.stamp == single.stamp == encode(Time.of(5))
+
+        together = laser_ranges(world, names, laser, [noise_generator(1, name, "scan", 40) for name in names])
+        for name, row in zip(names, together, strict=True):
+            alone = laser_ranges(world, [name], laser, [noise_generator(1, name, "scan", 40)])
+            assert row.tobytes() == alone.tobytes()
+        assert np.isfinite(together).any()
+
+        starts = np.tile((-1.0, 0.0, 0.5), (MOST_RAYS + 2, 1))
+        ends = starts + np.linspace(1.0, 9.0, len(starts))[:, None] * (1.0, 0.0, 0.0)
+        fractions = world.cast_rays(starts, ends)
+        assert fractions.shape == (MOST_RAYS + 2,)
+        assert fractions[-3:].tolist() == world.cast_rays(starts[-3:], ends[-3:]).tolist()
+        assert np.isinf(fractions[0])

@@ -1,0 +1,36 @@
+"""What nobody reads is not made; who reads gets every sample from then on."""
+
+from __future__ import annotations
+
+from messages.topics import IMU, JOINT_STATES, ODOM, ROBOT_DESCRIPTION, SCAN, TF
+from services.runtime.subscriber import Subscriber
+from tests.services.sim.drive.simulation_harness import NAME, run_simulation
+
+
+def test_a_reader_gets_every_sample_from_when_it_began_and_before_that_none_is_made() -> None:
+    with run_simulation("burger") as world:
+        sent = {each.name: each for each in world.node.publishers}
+        world.run(1.0)
+        for topic in (JOINT_STATES, IMU, SCAN):
+            assert sent[f"/{NAME}/{topic.name}"].sent == 0, topic.name
+        assert sent["/tf"].sent == 0
+        assert sent[f"/{NAME}/odom"].sent == 25
+        for topic in (JOINT_STATES, IMU, SCAN):
+            world.subscribe(topic)
+        frames = Subscriber(TF, "/tf", "tf", world.node.transport)
+        world.run(1.0)
+        world.publish_state()
+        # An inertial unit measures from one look to the next: the first one gives nothing.
+        for topic, count in ((JOINT_STATES, 26), (IMU, 100), (SCAN, 6), (ODOM, 51)):
+            stamps = [each.header.stamp.ns for each in world.received(topic)]
+            assert len(stamps) == count, topic.name
+            assert stamps == sorted(set(stamps))
+            assert stamps[-1] == 2_000_000_000
+        frames.update()
+        assert len(frames.messages) == 26
+        assert {each.child_frame_id.rpartition("/")[2] for each in frames.messages[0][0].transforms} == {
+            "base_footprint",
+            "wheel_left_link",
+            "wheel_right_link",
+        }, "odometry that was due before is there from the first message on"
+        assert sent[f"/{NAME}/{ROBOT_DESCRIPTION.name}"].sent == 1
