@@ -152,9 +152,11 @@ class Subscriber(Generic[M]):
         self._sequences = SequenceTracker()
         self._last, self._stamps = self._sequences.last, self._sequences.stamps
         self._gaps: dict[tuple[bytes, int], int] = {}
-        """Of the samples just read, by publisher and number, how many were missing before."""
-        self._deferred: dict[bytes, deque[tuple[M, SampleInfo]]] = {}
-        """By publisher, samples that its member has not reported yet, in the order of their numbers."""
+        """Of the samples just read, by publisher and number, how many were missing before; a sum, where one came twice."""
+        self._deferred: dict[bytes, deque[tuple[M, SampleInfo, int]]] = {}
+        """By publisher, samples that its member has not reported yet, in the order of their numbers; with how many were
+        missing before each.
+        """
         self._topic_bytes = publisher_id("", "", key)[MEMBER_BYTES:]
 
     def update(self, marks: Watermarks | None = None, patience: WaitBudget | None = None) -> None:
@@ -164,7 +166,7 @@ class Subscriber(Generic[M]):
         fresh = self._drain() if self._stirred else []
         if marks is None:
             if self._deferred:
-                fresh = [*(entry for held in self._deferred.values() for entry in held), *fresh]
+                fresh = [*(entry[:2] for held in self._deferred.values() for entry in held), *fresh]
                 self._deferred.clear()
             self.messages = fresh
             return
@@ -178,6 +180,9 @@ class Subscriber(Generic[M]):
         reached = marks.admitted_upto.get(self.key, {})
         ready: list[tuple[M, SampleInfo | None]] = []
         if self._deferred:
+            for _, origin in fresh:
+                if origin is not None:
+                    self._drop_replaced(origin)
             self._admit_deferred(marks, reached, ready)
         for entry in fresh:
             origin = entry[1]
@@ -287,8 +292,10 @@ class Subscriber(Generic[M]):
             self.reject(f"number {origin.sequence} after {last}: at most {MAX_GAP} may be missing; is it forged?")
             return False
         if verdict is Verdict.GAP:
-            self._gaps[origin.publisher, origin.sequence] = origin.sequence - last - 1
-            self.lost = saturating_add(self.lost, origin.sequence - last - 1)
+            missing = origin.sequence - last - 1
+            at = origin.publisher, origin.sequence
+            self._gaps[at] = self._gaps.get(at, 0) + missing
+            self.lost = saturating_add(self.lost, missing)
         elif verdict is Verdict.RESYNCED:
             self.resynced += 1
         self._sequences.accept(origin)
@@ -346,9 +353,10 @@ class Subscriber(Generic[M]):
         for publisher, held in list(self._deferred.items()):
             last = reached.get(publisher, 0) if publisher[:MEMBER_BYTES] in marks.members else held[-1][1].sequence
             while held and held[0][1].sequence <= last:
-                ready.append(held.popleft())
+                ready.append(held.popleft()[:2])
             if held and marks.epoch_changed:
-                self._retract(len(held), "a member's number that it had not reported before the reset: is it forged?")
+                for *_, missing in held:
+                    self._retract(missing, "a member's number that it had not reported before the reset: is it forged?")
                 held.clear()
             if not held:
                 del self._deferred[publisher]
@@ -356,24 +364,29 @@ class Subscriber(Generic[M]):
     def _defer(self, message: M, origin: SampleInfo, last: int) -> None:
         """Defer a member's sample until its number is reported; ``last`` is the last reported one."""
         publisher, number = origin.publisher, origin.sequence
+        missing = self._gaps.pop((publisher, number), 0)
         if publisher[MEMBER_BYTES:] != self._topic_bytes:
-            self._retract(1, "under the id of a lockstep member, which does not publish this topic")
-            self.lost -= self._gaps.pop((publisher, number), 0)
+            self._retract(missing, "under the id of a lockstep member, which does not publish this topic")
         elif number > last + self._capacity:
-            self._retract(1, f"number {number} of a lockstep member that has reported {last}: is it forged?")
-            self.lost -= self._gaps.pop((publisher, number), 0)
+            self._retract(missing, f"number {number} of a lockstep member that has reported {last}: is it forged?")
         else:
-            held = self._deferred.setdefault(publisher, deque())
-            while held and held[-1][1].sequence >= number:  # its true numbers go on below forged ones
-                held.pop()
-                self._retract(1, f"number {number} came again from a lockstep member: was one forged?")
-            held.append((message, origin))
+            self._drop_replaced(origin)
+            self._deferred.setdefault(publisher, deque()).append((message, origin, missing))
 
-    def _retract(self, count: int, reason: str) -> None:
-        """Count samples as refused that were accepted before."""
-        self.received -= count
+    def _drop_replaced(self, origin: SampleInfo) -> None:
+        """Refuse deferred samples of the same publisher with this number or a higher one: its true numbers go on below
+        forged ones.
+        """
+        held = self._deferred.get(origin.publisher)
+        while held and held[-1][1].sequence >= origin.sequence:
+            missing = held.pop()[2]
+            self._retract(missing, f"number {origin.sequence} came again from a lockstep member: was one forged?")
+
+    def _retract(self, missing: int, reason: str) -> None:
+        """Count a sample as refused that was accepted before, and what was missing before it as not lost."""
+        self.received -= 1
+        self.lost -= missing
         self.reject(reason)
-        self.refused += count - 1
 
 
 def _order(entry: tuple[Message, SampleInfo | None]) -> tuple[bytes, bytes, int]:

@@ -211,11 +211,11 @@ def test_what_no_member_told_of_is_held_within_bounds_and_never_blocks_its_true_
     assert source.received + source.refused == 5 * QUEUE_SIZE // 2 - 1
     assert "has reported 0" in source.reason
     other = MemoryTransport(bus).advertise(KEY, TWIST, Quality.COMMAND)
-    for number in (1, 2, 10**6):
+    for number in (1, 2, 10**6) * 3:  # each time later than before, as if the publisher had begun again
         other.put(encode(Twist.planar(9, 0)), attachment=pack_attachment(number, member.id[:10] + b"forged"))
     refused, lost = source.refused, source.lost
     source.update(marks)
-    assert (source.refused, source.lost, "does not publish this topic" in source.reason) == (refused + 3, lost, True)
+    assert (source.refused, source.lost, "does not publish this topic" in source.reason) == (refused + 9, lost, True)
     marks.epoch_changed = True
     source.update(marks)
     marks.clear_required()
@@ -241,6 +241,22 @@ def test_numbers_that_fall_back_take_the_place_of_those_held(source: Subscriber[
     marks.advance({}, {KEY: {id_: 6}})
     source.update(marks)
     assert _speeds(source) == [6.0]
+
+
+def test_what_a_forged_number_left_out_is_not_lost(bus: MemoryBus, source: Subscriber[Twist]) -> None:
+    member = Sender(bus, "/member")
+    marks = Watermarks()
+    marks.members = {member.id[:10]}
+    member.twist(1, 1)
+    marks.advance({KEY: {member.id: 1}})
+    source.update(marks)
+    forger = MemoryTransport(bus).advertise(KEY, TWIST, Quality.COMMAND)
+    forger.put(encode(Twist.planar(9, 0)), attachment=pack_attachment(5, member.id))
+    source.update(marks)
+    member.twist(2, 2)
+    marks.advance({KEY: {member.id: 2}})
+    source.update(marks)
+    assert (_speeds(source), source.received, source.refused, source.lost) == ([2.0], 2, 1, 0)
 
 
 def test_all_inputs_of_a_tick_share_one_patience_and_the_heart_beats_meanwhile(
