@@ -152,7 +152,7 @@ class Subscriber(Generic[M]):
         self._sequences = SequenceTracker()
         self._last, self._stamps = self._sequences.last, self._sequences.stamps
         self._gaps: dict[tuple[bytes, int], int] = {}
-        """Of the samples just read, by publisher and number, how many were missing before; a sum, where one came twice."""
+        """Of the samples just read, by publisher and number, how many were missing before: the sum of repeated ones."""
         self._deferred: dict[bytes, deque[tuple[M, SampleInfo, int]]] = {}
         """By publisher, samples that its member has not reported yet, in the order of their numbers; with how many were
         missing before each.
