@@ -6,7 +6,11 @@ import math
 import re
 import struct
 from collections.abc import Callable, Sequence
-from typing import Generic, TypeVar
+from itertools import accumulate
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from messages.base import Message, encode
 from messages.std import Time
@@ -35,13 +39,15 @@ class Template(Generic[M]):
         payload, stamp = encode(record), encode(_STAMP)
         if (stamps := payload.count(stamp)) != stamped:
             raise ValueError(f"{self.record.__name__} has its stamp in {stamps} places, not in {int(stamped)}")
-        self._head, rest = payload.split(stamp) if stamped else (b"", payload)
+        self.head, rest = payload.split(stamp) if stamped else (b"", payload)
         found: dict[int, list[int]] = {}
         for each in _MARK.finditer(rest):
             found.setdefault(int.from_bytes(each[0], "big") - _FIRST, []).append(each.start())
         if sorted(found) != list(range(count)) or any(len(places) > 1 for places in found.values()):
             raise ValueError(f"a number of {self.record.__name__} has to stand in one place, after the stamp")
-        places = [found[number][0] for number in range(count)]
+        self.rest, self.places = rest, [found[number][0] for number in range(count)]
+        """The bytes after the stamp, and where in them each number is."""
+        places = self.places
         self._order = None if places == sorted(places) else sorted(range(count), key=places.__getitem__)
         parts, end = list[bytes](), 0
         for place in sorted(places):
@@ -55,7 +61,25 @@ class Template(Generic[M]):
     def encode(self, stamp: bytes, numbers: Sequence[float]) -> bytes:
         """The record as bytes; ``stamp`` is that of ``encode_stamp``."""
         self._fields[1::2] = numbers if self._order is None else [numbers[place] for place in self._order]
-        return self._head + stamp + self._pack(*self._fields)
+        return self.head + stamp + self._pack(*self._fields)
+
+
+class TemplateGroup:
+    """Templates of equally many numbers, which are filled all at once: a message takes a fifth of the time."""
+
+    def __init__(self, templates: Sequence[Template[Any]]) -> None:
+        self._heads = [each.head for each in templates]
+        ends = list(accumulate((len(each.rest) for each in templates), initial=0))
+        self._parts = list(map(slice, ends[:-1], ends[1:]))
+        self._bytes = np.frombuffer(b"".join(each.rest for each in templates), np.uint8).copy()
+        places = [[start + place for place in each.places] for start, each in zip(ends, templates, strict=False)]
+        self._places = (np.array(places, np.intp)[..., None] + np.arange(8)).ravel()
+
+    def encode(self, stamp: bytes, numbers: NDArray[np.float64]) -> list[bytes]:
+        """What each template makes of its row of ``numbers``, shape (templates, count)."""
+        self._bytes[self._places] = np.ascontiguousarray(numbers, ">f8").view(np.uint8).ravel()
+        rests = self._bytes.tobytes()
+        return [head + stamp + rests[part] for head, part in zip(self._heads, self._parts, strict=True)]
 
 
 def encode_stamp(nanoseconds: int) -> bytes:

@@ -5,8 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
 from messages.template import encode_stamp
 from services.sim.physics.world import BodyState, JointReadings, World
+
+Floats = NDArray[np.float64]
 
 MANY = 0.5
 """Share of the bodies from which on all are read at once."""
@@ -18,6 +23,9 @@ class Moment:
     def __init__(self, world: World, now: int, tick: int) -> None:
         self.now, self.tick = now, tick
         self._world = world
+        self._rows: Floats | None = None
+        """Of all bodies, where they are read together."""
+        self._places: dict[str, int] = {}
         self._states: dict[str, BodyState] = {}
         self._joints: dict[str, JointReadings] = {}
 
@@ -28,8 +36,16 @@ class Moment:
 
     def read_states(self, names: Sequence[str]) -> None:
         """Read what ``state`` will be asked for."""
-        if not self._states and len(names) > MANY * len(self._world.names):
-            self._states = dict(zip(self._world.names, self._world.states(), strict=True))
+        if self._rows is None and len(names) > MANY * len(self._world.names):
+            self._rows = self._world.states()
+            self._places = {name: place for place, name in enumerate(self._world.names)}
+
+    def states(self, names: Sequence[str]) -> Floats:
+        """Pose and velocity of the roots of bodies, shape (n, 13), as ``World.states`` has them."""
+        self.read_states(names)
+        if self._rows is None:
+            return np.array([self.state(name).numbers for name in names]).reshape(-1, 13)
+        return self._rows[[self._places[name] for name in names]]
 
     def read_joints(self, names: Sequence[str]) -> None:
         """Read what ``joints`` will be asked for."""
@@ -39,7 +55,11 @@ class Moment:
     def state(self, name: str) -> BodyState:
         """Pose and velocity of the root of a body."""
         if (state := self._states.get(name)) is None:
-            state = self._states[name] = self._world.body(name).state()
+            if self._rows is None:
+                state = self._world.body(name).state()
+            else:
+                state = BodyState.of_numbers(self._rows[self._places[name]].tolist())
+            self._states[name] = state
         return state
 
     def joints(self, name: str) -> JointReadings:

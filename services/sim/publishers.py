@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from messages.base import Packed36
 from messages.elea import BaseStatus
 from messages.gazebo import LinkStates, ModelStates, WorldStates
 from messages.geometry import Twist, TwistStamped
 from messages.std import Header, String, Time
-from messages.template import Template
+from messages.template import Template, TemplateGroup
 from messages.topics import (
     BASE_STATUS,
     CMD_VEL_OUT,
@@ -95,8 +98,6 @@ class RobotPublishers:
         self.odometer.reset()
         self.odometry: tuple[bytes, OdometrySample] | None = None
         """The last odometry that was due, and its stamp."""
-        for each in self.sensors:
-            each.reset()
 
     def frame_id(self, link: str) -> str:
         """The frame of a link, with the robot's frame prefix."""
@@ -207,21 +208,16 @@ class GazeboStatesPublisher:
         """Publish them as they are now."""
         world = self._world
         if self._models.has_subscribers:
-            moment.read_states(world.names)
-            states = [moment.state(name) for name in world.names]
-            states += [world.world_body_state(name) for name in world.world_bodies]
-            payload = self._model_encoder.encode(
-                (*world.names, *world.world_bodies),
-                [number for each in states for part in each[:2] for number in part],
-                [number for each in states for part in each[2:] for number in part],
-            )
+            rows = moment.states(world.names)
+            if world.world_bodies:
+                others = [world.world_body_state(name).numbers for name in world.world_bodies]
+                rows = np.concatenate((rows, others))
+            payload = self._model_encoder.encode((*world.names, *world.world_bodies), rows)
             self._models.publish_encoded(payload)
         if self._links.has_subscribers:
             links = [(name, link) for name in world.names for link in world.body(name).links]
             rows = world.link_states(links)
-            payload = self._link_encoder.encode(
-                tuple(map("::".join, links)), rows[:, :7].ravel().tolist(), rows[:, 7:].ravel().tolist()
-            )
+            payload = self._link_encoder.encode(tuple(map("::".join, links)), rows)
             self._links.publish_encoded(payload)
 
 
@@ -232,12 +228,13 @@ class _StatesEncoder:
         self._record = record
         self._names: tuple[str, ...] | None = None
 
-    def encode(self, names: tuple[str, ...], poses: list[float], twists: list[float]) -> bytes:
-        """The record of things of these names, from 7 numbers of each one's pose and then 6 of its velocity."""
+    def encode(self, names: tuple[str, ...], states: NDArray[np.float64]) -> bytes:
+        """The record of things of these names, from their states, shape (n, 13)."""
         if names != self._names:
             self._names = names
-            self._template = Template(self._message, 13 * len(names), stamped=False)
-        return self._template.encode(b"", [*poses, *twists])
+            self._template = TemplateGroup([Template(self._message, 13 * len(names), stamped=False)])
+        (payload,) = self._template.encode(b"", np.concatenate((states[:, :7].ravel(), states[:, 7:].ravel()))[None])
+        return payload
 
     def _message(self, _: Time, numbers: Sequence[float]) -> ModelStates | LinkStates:
         names = self._names or ()

@@ -5,24 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
-from messages.se3 import quaternion_conjugate, quaternion_multiply, rotate_inverse
+import numpy as np
+from numpy.typing import NDArray
+
+from messages.se3 import Pose3
 from messages.std import Header, Time
-from messages.template import Template
+from messages.template import Template, TemplateGroup
 from messages.topics import CAMERA_INFO, IMAGE, IMU, RANGE, SCAN, SONAR, Topic
 from models.model import ON_LINK, CameraConfig, ImuConfig, LaserConfig, RobotModel, SonarConfig
 from services.runtime.errors import BadInput
 from services.runtime.step import STEP_NS
 from services.sim.moment import Moment
-from services.sim.noise import NoiseSource
-from services.sim.physics.world import BodyState, World
+from services.sim.noise import BLOCK, noise_block, noise_generator
+from services.sim.physics.world import World
 from services.sim.robot_topics import RobotPublisher, steps_of
 from services.sim.sensors import (
     camera_image,
     camera_info,
     imu_message,
-    imu_reading,
+    imu_readings,
     laser_ranges,
     laser_scan,
     range_messages,
@@ -31,11 +34,10 @@ from services.sim.sensors import (
     sonar_ring,
 )
 
+Floats = NDArray[np.float64]
+
 SENSOR_STEPS = 2
 """Physics steps between two looks at the sensors: none is faster than 100 Hz."""
-
-ALIGNED = 1 - 1e-9
-"""Cosine of half the angle up to which an inertial unit has the axes of its body."""
 
 
 @dataclass(frozen=True)
@@ -55,9 +57,9 @@ class SensorMount:
     noisy: Callable[[], bool]
     warn: Callable[[str], None]
 
-    def noise(self, sensor: str, steps: int) -> NoiseSource:
-        """The noise of a sensor that is read every ``steps`` physics steps."""
-        return NoiseSource(self.seed, self.robot, sensor, steps)
+    def noise(self, sensor: str, tick: int) -> np.random.Generator | None:
+        """The generator of a sensor's noise at a tick; None without noise."""
+        return noise_generator(self.seed, self.robot, sensor, tick) if self.noisy() else None
 
 
 class Sensor(Protocol):
@@ -69,44 +71,90 @@ class Sensor(Protocol):
         """Publish a reading, if anybody reads it."""
         ...
 
-    def reset(self) -> None:
-        """Start over from where the body is."""
-        ...
-
 
 class ImuSensor:
-    """An inertial unit: it measures over the time since the look before, so that the first look gives nothing."""
+    """An inertial unit. Units of one kind are read together by ``ImuGroup``."""
 
     def __init__(self, mount: SensorMount, unit: ImuConfig) -> None:
-        self.steps, self.robot = steps_of(unit.rate), mount.robot
-        self._mount, self._unit, self._body = mount, unit, mount.world.body(mount.robot)
-        self.publisher, self._noise = mount.publisher(IMU), mount.noise("imu", self.steps)
+        self.steps, self.unit, self.robot = steps_of(unit.rate), unit, mount.robot
+        self.publisher, self._mount = mount.publisher(IMU), mount
         frame = mount.frame_id(unit.mount.frame or unit.link)
-        self._period = math.lcm(self.steps, SENSOR_STEPS) * STEP_NS
-        self._template = Template(
+        self.template = Template(
             lambda stamp, numbers: imu_message(unit, Header(stamp=stamp, frame_id=frame), numbers), 10
         )
+
+    @property
+    def noisy(self) -> bool:
+        """Whether its readings have noise now."""
+        return self._mount.noisy()
+
+    def noise_block(self, block: int) -> Floats:
+        """The normal numbers of the noise of BLOCK readings, shape (BLOCK, 6)."""
+        return noise_block(self._mount.seed, self.robot, "imu", block, 6)
+
+
+class _ImuLook(NamedTuple):
+    """Units that were read together at ``now`` [ns], and the states of their bodies then, shape (n, 13)."""
+
+    now: int
+    units: list[ImuSensor]
+    states: Floats
+
+
+class _ImuBlock(NamedTuple):
+    """The noise of units in a block of readings, shape (n, BLOCK, 6), and the templates of their messages."""
+
+    units: list[ImuSensor]
+    block: int
+    noise: Floats
+    templates: TemplateGroup
+
+
+class ImuGroup:
+    """Inertial units of one kind. They measure over the time since the look before: the first one gives nothing."""
+
+    def __init__(self, world: World, unit: ImuConfig) -> None:
+        self.units: list[ImuSensor] = []
+        self.steps = steps_of(unit.rate)
+        self._world, self._unit = world, unit
+        self._period = math.lcm(self.steps, SENSOR_STEPS) * STEP_NS
+        self._block: _ImuBlock | None = None
         self.reset()
 
     def reset(self) -> None:
-        self._before: tuple[int, BodyState] | None = None
+        """Start over from where the bodies are."""
+        self._look: _ImuLook | None = None
 
     def publish(self, moment: Moment) -> None:
-        """Publish a reading, whether anybody reads it or not."""
-        now, state, before = moment.now, moment.state(self.robot), self._before
-        self._before = now, state
-        if before is None or now - before[0] != self._period:
+        """Publish a reading of each unit that is read by anybody."""
+        units = [each for each in self.units if each.publisher.has_subscribers]
+        states = moment.states([each.robot for each in units])
+        before, self._look = self._look, _ImuLook(moment.now, units, states)
+        if before is None or moment.now - before.now != self._period:
             return
-        unit = self._unit
-        pose = self._body.link_pose(unit.link)
-        pose = pose if unit.mount == ON_LINK else pose @ unit.mount.pose
-        (x, y, z), (a, b, c) = pose.position, state.position
-        offset, dt = rotate_inverse(state.orientation, (x - a, y - b, z - c)), (now - before[0]) / 1e9
-        turned = abs(quaternion_multiply(quaternion_conjugate(state.orientation), pose.orientation)[3]) < ALIGNED
-        noise = self._noise.at(moment.tick) if self._mount.noisy() else None
-        reading = imu_reading(unit, offset, before[1], state, dt, noise, pose.orientation if turned else None)
-        numbers = (*reading.orientation, *reading.rate, *reading.force)
-        self.publisher.publish_encoded(self._template.encode(moment.stamp, numbers))
+        earlier = before.states
+        if before.units != units:
+            places = {each: place for place, each in enumerate(before.units)}
+            states = states[[each in places for each in units]]
+            units = [each for each in units if each in places]
+            earlier = earlier[[places[each] for each in units]]
+        if units:
+            self._publish(moment, units, earlier, states)
+
+    def _publish(self, moment: Moment, units: list[ImuSensor], before: Floats, states: Floats) -> None:
+        poses = self._world.link_poses([(each.robot, self._unit.link) for each in units])
+        if self._unit.mount != ON_LINK:
+            places: Any = poses.T
+            poses = np.concatenate(Pose3(places[:3], places[3:]) @ self._unit.mount.pose).T
+        block, place = divmod(moment.tick // self.steps, BLOCK)
+        if self._block is None or self._block.block != block or self._block.units != units:
+            noise = np.stack([each.noise_block(block) for each in units])
+            self._block = _ImuBlock(units, block, noise, TemplateGroup([each.template for each in units]))
+        noisy = np.array([each.noisy for each in units])
+        errors = np.where(noisy[:, None], self._block.noise[:, place], 0.0) if noisy.any() else None
+        readings = imu_readings(self._unit, poses, before, states, self._period / 1e9, errors)
+        for each, payload in zip(units, self._block.templates.encode(moment.stamp, readings), strict=True):
+            each.publisher.publish_encoded(payload)
 
 
 class LaserSensor:
@@ -115,14 +163,11 @@ class LaserSensor:
     def __init__(self, mount: SensorMount, laser: LaserConfig) -> None:
         self.steps, self.laser, self.robot = steps_of(laser.rate), laser, mount.robot
         self.publisher, self.frame = mount.publisher(SCAN), mount.frame_id(laser.mount.frame or laser.link)
-        self._mount, self._noise = mount, mount.noise("scan", self.steps)
+        self._mount = mount
 
-    def noise(self, tick: int) -> Any:
+    def noise(self, tick: int) -> np.random.Generator | None:
         """The generator of the noise at a tick; None without noise."""
-        return self._noise.at(tick) if self._mount.noisy() else None
-
-    def reset(self) -> None:
-        pass
+        return self._mount.noise("scan", tick)
 
 
 def publish_scans(world: World, lasers: Iterable[LaserSensor], moment: Moment) -> None:
@@ -144,7 +189,7 @@ class SonarSensor:
 
     def __init__(self, mount: SensorMount, sonar: SonarConfig) -> None:
         self.steps, self._mount = steps_of(sonar.rate), mount
-        self._ring, self._noise = sonar_ring(mount.model, sonar), mount.noise("sonar", self.steps)
+        self._ring = sonar_ring(mount.model, sonar)
         self._every, self._single = mount.publisher(SONAR), mount.publisher(RANGE)
 
     def publish(self, moment: Moment) -> None:
@@ -152,8 +197,7 @@ class SonarSensor:
         if not (every or single):
             return
         mount = self._mount
-        noise = self._noise.at(moment.tick) if mount.noisy() else None
-        echoes = sonar_ranges(mount.world, mount.robot, ring, noise)
+        echoes = sonar_ranges(mount.world, mount.robot, ring, mount.noise("sonar", moment.tick))
         stamp = Time.of(moment.now)
         if every:
             header = Header(stamp=stamp, frame_id=mount.frame_id(ring.config.link))
@@ -162,9 +206,6 @@ class SonarSensor:
             headers = [Header(stamp=stamp, frame_id=mount.frame_id(link)) for link in ring.config.links]
             for each in range_messages(ring, echoes, headers):
                 self._single.publish(each)
-
-    def reset(self) -> None:
-        pass
 
 
 class CameraSensor:
@@ -190,13 +231,13 @@ class CameraSensor:
         self._infos.publish(camera_info(self._camera, header))
         self._images.publish(image)
 
-    def reset(self) -> None:
-        pass
+
+AnySensor = Sensor | ImuSensor | LaserSensor
 
 
-def robot_sensors(mount: SensorMount, model: RobotModel) -> list[Sensor | LaserSensor]:
+def robot_sensors(mount: SensorMount, model: RobotModel) -> list[AnySensor]:
     """The sensors of a robot."""
-    sensors: list[Sensor | LaserSensor] = []
+    sensors: list[AnySensor] = []
     if model.imu is not None:
         sensors.append(ImuSensor(mount, model.imu))
     if model.laser is not None:
@@ -213,32 +254,38 @@ class SensorSchedule:
 
     def __init__(self, world: World) -> None:
         self._world = world
+        self._imus: dict[ImuConfig, ImuGroup] = {}
         self.replace(())
 
-    def replace(self, sensors: Iterable[Sensor | LaserSensor]) -> None:
+    def replace(self, sensors: Iterable[AnySensor]) -> None:
         """From now on these are the sensors."""
-        self._imus: dict[int, list[ImuSensor]] = {}
+        for group in self._imus.values():
+            group.units = []
         self._lasers: dict[int, list[LaserSensor]] = {}
         self._others: dict[int, list[Sensor]] = {}
         for each in sensors:
             if isinstance(each, ImuSensor):
-                self._imus.setdefault(each.steps, []).append(each)
+                if each.unit not in self._imus:
+                    self._imus[each.unit] = ImuGroup(self._world, each.unit)
+                self._imus[each.unit].units.append(each)
             elif isinstance(each, LaserSensor):
                 self._lasers.setdefault(each.steps, []).append(each)
             else:
                 self._others.setdefault(each.steps, []).append(each)
+
+    def reset(self) -> None:
+        """Start over from where the bodies are."""
+        for group in self._imus.values():
+            group.reset()
 
     def publish(self, moment: Moment) -> None:
         """Publish what is due at this moment."""
         tick = moment.tick
         if tick % SENSOR_STEPS:
             return
-        for steps, imus in self._imus.items():
-            if tick % steps == 0:
-                wanted = [each for each in imus if each.publisher.has_subscribers]
-                moment.read_states([each.robot for each in wanted])
-                for imu in wanted:
-                    imu.publish(moment)
+        for group in self._imus.values():
+            if tick % group.steps == 0:
+                group.publish(moment)
         for steps, lasers in self._lasers.items():
             if tick % steps == 0:
                 publish_scans(self._world, lasers, moment)

@@ -6,19 +6,27 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from messages.base import Float32Array
 from messages.geometry import Point32, Quaternion, Vector3
-from messages.se3 import Pose3, Rotation, Vector, rotate, rotate_inverse, rotated_axes
+from messages.se3 import (
+    Pose3,
+    Vector,
+    quaternion_conjugate,
+    quaternion_multiply,
+    rotate,
+    rotate_inverse,
+    rotated_axes,
+)
 from messages.sensor import CameraInfo, ChannelFloat32, Image, Imu, JointState, LaserScan, PointCloud, Range
 from messages.std import Header
-from models.model import ON_LINK, CameraConfig, ImuConfig, LaserConfig, SonarConfig
+from models.model import CameraConfig, ImuConfig, LaserConfig, SonarConfig
 from models.urdf import read_joints
-from services.sim.physics.world import GRAVITY, BodyState, CameraModel, JointReadings, World
+from services.sim.physics.world import GRAVITY, CameraModel, JointReadings, World
 
 Floats = NDArray[np.float64]
 
@@ -61,58 +69,58 @@ def laser_scan(laser: LaserConfig, ranges: Floats, header: Header) -> LaserScan:
     )
 
 
-def _sensor_poses(world: World, robots: Sequence[str], sensor: LaserConfig | CameraConfig) -> list[Pose3]:
-    poses = world.link_poses([(robot, sensor.link) for robot in robots])
-    return poses if sensor.mount == ON_LINK else [pose @ sensor.mount.pose for pose in poses]
-
-
 @cache
 def _ray_directions(laser: LaserConfig) -> NDArray[np.float64]:
     angles = laser.angle_min + np.arange(laser.samples) * laser.increment
     return np.stack((np.cos(angles), np.sin(angles), np.zeros(laser.samples)), axis=1)
 
 
-def point_velocity(state: BodyState, offset: Vector) -> Vector:
-    """The world velocity [m/s] of the point ``offset`` [m, body axes] of a body: v + w x R r."""
-    rx, ry, rz = rotate(state.orientation, offset)
-    (vx, vy, vz), (wx, wy, wz) = state.linear, state.angular
-    return vx + wy * rz - wz * ry, vy + wz * rx - wx * rz, vz + wx * ry - wy * rx
+ALIGNED = 1 - 1e-9
+"""Cosine of half the angle up to which an inertial unit has the axes of its body."""
 
 
-class ImuReading(NamedTuple):
-    """What an inertial unit measures: its orientation in the world, turn rate [rad/s] and specific force [m/s2] in its
-    own axes."""
+def imu_readings(
+    unit: ImuConfig, poses: Floats, before: Floats, now: Floats, dt: float, noise: Floats | None = None
+) -> Floats:
+    """What alike inertial units measure over the last ``dt`` [s], each on a body of its own.
 
-    orientation: Rotation
-    rate: Vector
-    force: Vector
+    The specific force is R^T (dv/dt + g e_z), with dv the change of the unit's own velocity: turning off the centre
+    shows up, and a unit at rest measures +g upward.
 
+    Args:
+        unit: Its noise.
+        poses: Where the units are, shape (n, 7).
+        before: The states of the bodies ``dt`` ago, shape (n, 13).
+        now: The states now.
+        dt: How long it took them [s].
+        noise: Normal numbers, shape (n, 6); none without noise.
 
-def imu_reading(
-    unit: ImuConfig,
-    offset: Vector,
-    before: BodyState,
-    now: BodyState,
-    dt: float,
-    noise: np.random.Generator | None = None,
-    axes: Rotation | None = None,
-) -> ImuReading:
-    """What an inertial unit at ``offset`` [m] of a body measures over the last ``dt`` [s].
-
-    It has the axes of the orientation ``axes``, or the body's where that is None.
-
-    The specific force is R^T (dv/dt + g e_z), with dv the change of the unit's own velocity from ``before`` to ``now``:
-    turning off the centre shows up, and a unit at rest measures +g upward.
+    Returns:
+        Shape (n, 10): the orientation in the world, the turn rate [rad/s] and the specific force [m/s2] in the unit's
+        own axes.
     """
-    old, new = point_velocity(before, offset), point_velocity(now, offset)
-    turn = now.orientation if axes is None else axes
-    force = rotate_inverse(turn, ((new[0] - old[0]) / dt, (new[1] - old[1]) / dt, (new[2] - old[2]) / dt + GRAVITY))
-    rate = rotate_inverse(turn, now.angular)
+    pose: Any = poses.T
+    old: Any = before.T
+    new: Any = now.T
+    body = new[3:7]
+    axes, spin = pose[3:], new[10:]
+    offset = rotate_inverse(body, pose[:3] - new[:3])
+    aligned = np.abs(quaternion_multiply(quaternion_conjugate(body), axes)[3]) >= ALIGNED
+    turn: Any = np.where(aligned, body, axes)
+    change: Any = (np.array(_point_velocity(new, offset)) - np.array(_point_velocity(old, offset))) / dt
+    change[2] += GRAVITY
+    rate, force = rotate_inverse(turn, spin), rotate_inverse(turn, change)
+    readings = np.concatenate((turn, rate, force)).T
     if noise is not None:
-        errors = noise.standard_normal(6)
-        rate = _add_noise(rate, (errors[:3] * unit.gyro_noise).tolist())
-        force = _add_noise(force, (errors[3:] * unit.acceleration_noise).tolist())
-    return ImuReading(turn, rate, force)
+        readings[:, 4:] += noise * np.repeat((unit.gyro_noise, unit.acceleration_noise), 3)
+    return readings
+
+
+def _point_velocity(states: Any, offset: Any) -> Vector:
+    """The world velocity [m/s] of the points ``offset`` [m, body axes] of bodies: v + w x R r; of arrays."""
+    x, y, z = rotate(states[3:7], offset)
+    vx, vy, vz, wx, wy, wz = states[7:]
+    return vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
 
 
 def imu_message(unit: ImuConfig, header: Header, numbers: Sequence[float]) -> Imu:
@@ -139,10 +147,6 @@ def joint_state(names: Sequence[str], readings: JointReadings, header: Header) -
     )
 
 
-def _add_noise(vector: Vector, errors: Sequence[float]) -> Vector:
-    return vector[0] + errors[0], vector[1] + errors[1], vector[2] + errors[2]
-
-
 def _isotropic(deviation: float) -> tuple[float, ...]:
     variance = deviation * deviation
     return (variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance)
@@ -155,7 +159,7 @@ TO_OPTICAL = Pose3((0.0, 0.0, 0.0), (-0.5, 0.5, -0.5, 0.5))
 def camera_image(world: World, robot: str, camera: CameraConfig, header: Header) -> Image:
     """What the robot's camera sees, ``rgb8``; the header's frame should be the camera's optical one."""
     lens = CameraModel(camera.width, camera.height, camera.fov, camera.near, camera.far)
-    (eye,) = _sensor_poses(world, (robot,), camera)
+    eye = world.body(robot).link_pose(camera.link) @ camera.mount.pose
     pixels = world.render(eye if camera.optical else eye @ TO_OPTICAL, lens)
     return Image(
         header=header,

@@ -152,6 +152,7 @@ class Simulation:
             self.epoch += 1
         for robot in self.robots:
             robot.reset()
+        self._sensors.reset()
         self.publish_static_tf()
 
     def publish(self) -> None:

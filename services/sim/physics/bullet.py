@@ -162,18 +162,19 @@ class BulletWorld:
         self._check(name, Configuration(pose, {**joints, **positions}))
         body.set_joints(positions)
 
-    def states(self) -> list[BodyState]:
-        return [body.state() for body in self._bodies.values()]
+    def states(self) -> NDArray[np.float64]:
+        return np.array([body.state().numbers for body in self._bodies.values()]).reshape(-1, 13)
 
     def joint_readings(self) -> list[JointReadings]:
         return [body.joint_readings() for body in self._bodies.values()]
 
-    def link_poses(self, links: Sequence[tuple[str, str]]) -> list[Pose3]:
-        return [self.body(body).link_pose(link) for body, link in links]
+    def link_poses(self, links: Sequence[tuple[str, str]]) -> NDArray[np.float64]:
+        poses = [self.body(body).link_pose(link) for body, link in links]
+        return np.array([(*each.position, *each.orientation) for each in poses]).reshape(-1, 7)
 
     def link_states(self, links: Sequence[tuple[str, str]]) -> NDArray[np.float64]:
         rows = [
-            (*each.position, *each.orientation, *each.linear, *each.angular)
+            each.numbers
             for body, own in groupby(links, itemgetter(0))
             for each in self.body(body).link_states([link for _, link in own])
         ]
@@ -211,7 +212,7 @@ class BulletWorld:
         self, links: Sequence[tuple[str, str]], mount: Pose3, rays: NDArray[np.float64], near: float, far: float
     ) -> NDArray[np.float64]:
         """How far the rays of equal sensors get; those of one with 360 take about 1 ms."""
-        poses = self.link_poses(links)
+        poses = [self.body(body).link_pose(link) for body, link in links]
         eyes = poses if mount == IDENTITY else [pose @ mount for pose in poses]
         turned = rays @ np.array([rotated_axes(each.orientation) for each in eyes])
         origins = np.array([each.position for each in eyes])[:, None, :]

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from messages.se3 import Pose3, Vector, quaternion_multiply, rotate, rotate_inverse, rotated_axes
+from messages.se3 import Pose3, Vector, rotate, rotate_inverse, rotated_axes
 from models.world import WorldBody, WorldDescription
 from services.runtime.errors import BadInput, unknown_name
 from services.sim.physics._mujoco import mujoco
@@ -55,6 +55,16 @@ class _Sliding(NamedTuple):
     rows: NDArray[np.int32]
     friction: Floats
     motion: Floats
+
+
+class _LinkPlan(NamedTuple):
+    """Where the numbers of links are: their places in their parts (of arrays); which of them are ``at_root``, the rows
+    of the bodies of these, and the numbers of the parts of the others."""
+
+    places: Pose3
+    at_root: NDArray[np.bool_]
+    roots: NDArray[np.intp]
+    parts: NDArray[np.intp]
 
 
 class MujocoWorld:
@@ -222,18 +232,15 @@ class MujocoWorld:
         self._check(body, Configuration(pose, {**joints, **positions}))
         body.set_joints(positions)
 
-    def states(self) -> list[BodyState]:
+    def states(self) -> Floats:
         self._current()
         if not self._free_in_order:
-            return [body.state() for body in self._bodies.values()]
-        place, rates = self._data.qpos[self._root_positions], self._data.qvel[self._root_rates]
-        w, x, y, z = place[:, 3:].T
-        turn: Any = rates[:, 3:].T  # in the axes of the root
-        angular = rotate((x, y, z, w), turn)
-        rows = np.column_stack((place[:, :3], x, y, z, w, rates[:, :3], *angular)).tolist()
-        return [
-            BodyState((a, b, c), (i, j, k, n), (d, e, f), (p, q, r)) for a, b, c, i, j, k, n, d, e, f, p, q, r in rows
-        ]
+            return np.array([body.state().numbers for body in self._bodies.values()]).reshape(-1, 13)
+        place: Any = self._data.qpos[self._root_positions].T
+        rates: Any = self._data.qvel[self._root_rates].T
+        orientation = place[[4, 5, 6, 3]]
+        angular = rotate(orientation, rates[3:])  # in the axes of the root
+        return np.concatenate((place[:3], orientation, rates[:3], angular)).T
 
     def joint_readings(self) -> list[JointReadings]:
         self._current()
@@ -245,8 +252,9 @@ class MujocoWorld:
             for at, end in self._joint_spans
         ]
 
-    def link_poses(self, links: Sequence[tuple[str, str]]) -> list[Pose3]:
-        return [self.body(body).link_pose(link) for body, link in links]
+    def link_poses(self, links: Sequence[tuple[str, str]]) -> Floats:
+        plan = self._plan(links)
+        return np.concatenate(self._frames(plan) @ plan.places).T
 
     def contacts(self) -> tuple[Contact, ...]:
         """The pairs that touched in the last step; who stands on a ramp, say, does not touch it."""
@@ -281,12 +289,14 @@ class MujocoWorld:
         self.refresh()
         seen = self._seen_by_rays()
         found, hit = np.empty((len(links), len(rays))), np.empty(len(rays), np.int32)
-        eyes = [self.body(name).link_pose(link) @ mount for name, link in links]
-        origins = np.array([eye.position for eye in eyes]).reshape(-1, 3)
+        places: Any = self.link_poses(links).T
+        eyes = Pose3(places[:3], places[3:]) @ mount
+        origins, axes = np.ascontiguousarray(np.transpose(eyes.position)), rotated_axes(eyes.orientation)
+        turns = np.moveaxis(np.array(axes), 2, 0)
         near_bodies = seen.near(self._data, origins, far)
-        for row, (name, link), eye, origin, bodies in zip(found, links, eyes, origins, near_bodies, strict=True):
+        for row, (name, link), turn, origin, bodies in zip(found, links, turns, origins, near_bodies, strict=True):
             body = self.body(name)
-            directions = rays @ np.array(rotated_axes(eye.orientation))
+            directions = rays @ turn
             carrier = self._first_parts[name] + body.link_place(link)[0]
             seen.keep(bodies)
             self._cast_together(origin, directions, hit, row, carrier, far)
@@ -350,27 +360,45 @@ class MujocoWorld:
         return BodyState(*pose, (vx, vy, vz), (wx, wy, wz))
 
     def link_states(self, links: Sequence[tuple[str, str]]) -> Floats:
+        plan, data = self._plan(links), self._data
         self.refresh()
         self._compute_velocities()
-        roots = dict(zip(self.names, self.states(), strict=True))
-        places, moves = list[tuple[float, ...]](), list[tuple[float, ...]]()
-        for name, link in links:
-            part, place = self.body(name).link_place(link)
-            places.append((*place.position, *place.orientation))
-            if part == 0:
-                root = roots[name]
-                moves.append((*root.position, *root.orientation, *root.linear, *root.angular))
-            else:
-                number = self._first_parts[name] + part
-                turn, velocity = self._data.xquat[number].tolist(), self._part_velocity(number)
-                moves.append((*self._data.xpos[number].tolist(), *orientation_of(turn), *velocity[3:], *velocity[:3]))
-        inner, outer = np.array(places).reshape(-1, 7).T, np.array(moves).reshape(-1, 13).T
-        position, orientation, linear, angular = outer[:3], outer[3:7], outer[7:10], outer[10:]
-        x, y, z = arm = rotate(tuple(orientation), tuple(inner[:3]))
-        turned = quaternion_multiply(tuple(orientation), tuple(inner[3:]))
-        (vx, vy, vz), (wx, wy, wz) = linear, angular
+        frames, moves = self._frames(plan), np.empty((6, len(links)))
+        moves[:, plan.at_root] = self.states()[plan.roots, 7:].T
+        # As mj_objectVelocity computes it: the engine keeps the velocity of the whole body's centre of mass.
+        parts, trees = plan.parts, self._model.body_rootid[plan.parts]
+        a, b, c = (data.xpos[parts] - data.subtree_com[trees]).T
+        i, j, k, u, v, w = data.cvel[parts].T
+        moves[:, ~plan.at_root] = u - (b * k - c * j), v - (c * i - a * k), w - (a * j - b * i), i, j, k
+        x, y, z = rotate(frames.orientation, plan.places.position)
+        vx, vy, vz, wx, wy, wz = moves
         moved = vx + wy * z - wz * y, vy + wz * x - wx * z, vz + wx * y - wy * x
-        return np.column_stack((*(position + np.array(arm)), *turned, *moved, *angular))
+        return np.concatenate((*(frames @ plan.places), moved, moves[3:])).T
+
+    def _plan(self, links: Sequence[tuple[str, str]]) -> _LinkPlan:
+        self._current()
+        if (plan := self._plans.get(links := tuple(links))) is None:
+            rows = {name: row for row, name in enumerate(self.names)}
+            found = [(name, *self.body(name).link_place(link)) for name, link in links]
+            places: Any = np.array([(*place.position, *place.orientation) for _, _, place in found]).reshape(-1, 7).T
+            plan = self._plans[links] = _LinkPlan(
+                Pose3(places[:3], places[3:]),
+                np.array([part == 0 for _, part, _ in found], bool),
+                np.array([rows[name] for name, part, _ in found if part == 0], np.intp),
+                np.array([self._first_parts[name] + part for name, part, _ in found if part], np.intp),
+            )
+        return plan
+
+    def _frames(self, plan: _LinkPlan) -> Pose3:
+        """Where the parts of the links are; of arrays."""
+        frames: Any = np.empty((7, len(plan.at_root)))
+        if len(plan.roots):
+            frames[:, plan.at_root] = self.states()[plan.roots, :7].T
+        if len(plan.parts):
+            self.refresh()
+            frames[:3, ~plan.at_root] = self._data.xpos[plan.parts].T
+            frames[3:, ~plan.at_root] = self._data.xquat[plan.parts].T[[1, 2, 3, 0]]
+        return Pose3(frames[:3], frames[3:])
 
     def _compute_velocities(self) -> None:
         mujoco.mj_comPos(self._model, self._data)
@@ -449,6 +477,7 @@ class MujocoWorld:
         self._rays = None
         data = self._data = mujoco.MjData(model)
         self._targets, self._motor_efforts = np.zeros(model.nv), np.zeros(model.nv)
+        self._plans: dict[tuple[tuple[str, str], ...], _LinkPlan] = {}
         self._first_parts: dict[str, int] = {}
         self._rates: dict[str, slice] = {}
         position = rate = 0

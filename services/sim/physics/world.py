@@ -39,6 +39,17 @@ class BodyState(NamedTuple):
     linear: Vector
     angular: Vector
 
+    @classmethod
+    def of_numbers(cls, numbers: Sequence[float]) -> BodyState:
+        """The state of the thirteen numbers of a row of ``World.states``."""
+        x, y, z, i, j, k, w, vx, vy, vz, wx, wy, wz = numbers
+        return cls((x, y, z), (i, j, k, w), (vx, vy, vz), (wx, wy, wz))
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Its thirteen numbers, in this order."""
+        return *self.position, *self.orientation, *self.linear, *self.angular
+
 
 class Inertia(NamedTuple):
     """A link's mass [kg], where its centre of mass is in its own frame and how its principal axes lie, its moments
@@ -231,14 +242,15 @@ class World(Protocol):
     def set_joints(self, name: str, positions: Mapping[str, float]) -> None:
         """Put joints at positions, at rest; the others stay as they are. Refused where the body would overlap then."""
 
-    def states(self) -> list[BodyState]:
-        """Pose and velocity of the root frames of all bodies, in the order of ``names``."""
+    def states(self) -> NDArray[np.float64]:
+        """How the root frames of all bodies move, in the order of ``names``; rows as those of ``link_states``."""
 
     def joint_readings(self) -> list[JointReadings]:
         """The joints of all bodies, in the order of ``names``."""
 
-    def link_poses(self, links: Sequence[tuple[str, str]]) -> list[Pose3]:
-        """Where the frames of links are, each given by its body and its own name."""
+    def link_poses(self, links: Sequence[tuple[str, str]]) -> NDArray[np.float64]:
+        """Where the frames of links are, each given by its body and its own name, shape (n, 7): position [m],
+        orientation (x, y, z, w)."""
 
     def link_states(self, links: Sequence[tuple[str, str]]) -> NDArray[np.float64]:
         """Where these are and how they move in the world, shape (n, 13): position [m], orientation (x, y, z, w),

@@ -11,6 +11,7 @@ from models.world import Box, WorldDescription
 from services.sim.moment import Moment
 from services.sim.noise import noise_generator
 from services.sim.physics.bullet import MOST_RAYS
+from services.sim.physics.world import BodyState
 from services.sim.sensors import laser_ranges
 from tests.services.sim.physics.driven_robot import NewWorld, placement_at, robot_body
 
@@ -28,15 +29,17 @@ def test_all_bodies_at_once(new_world: NewWorld) -> None:
                 world.body(name).set_speeds((3.0 + place, 4.0 - place))
             world.step()
         names = world.names
-        assert world.states() == [world.body(name).state() for name in names]
+        assert [BodyState.of_numbers(row) for row in world.states().tolist()] == [
+            world.body(name).state() for name in names
+        ]
         assert world.joint_readings() == [world.body(name).joint_readings() for name in names]
         links = [("tb3_2", "base_scan"), ("tb3_0", "imu_link"), ("tb3_1", "base_footprint")]
-        assert world.link_poses(links) == [world.body(body).link_pose(link) for body, link in links]
+        poses = [world.body(body).link_pose(link) for body, link in links]
+        assert [(tuple(row[:3]), tuple(row[3:])) for row in world.link_poses(links).tolist()] == poses
 
         links = [(name, link) for name in names for link in world.body(name).links]
         assert [tuple(row) for row in world.link_states(links).tolist()] == [
-            (*each.position, *each.orientation, *each.linear, *each.angular)
-            for each in (world.body(name).link_state(link) for name, link in links)
+            world.body(name).link_state(link).numbers for name, link in links
         ]
 
         every, single = Moment(world, 5, 1), Moment(world, 5, 1)
@@ -45,6 +48,8 @@ def test_all_bodies_at_once(new_world: NewWorld) -> None:
         single.read_states(names[:1])
         for name in names:
             assert (every.state(name), every.joints(name)) == (single.state(name), single.joints(name))
+        assert every.states(names[1:]).tolist() == [list(each.numbers) for each in map(single.state, names[1:])]
+        assert single.states(names[:1]).tolist() == every.states(names[:1]).tolist()
         assert every.stamp == single.stamp == encode(Time.of(5))
 
         together = laser_ranges(world, names, laser, [noise_generator(1, name, "scan", 40) for name in names])

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from messages.se3 import Pose3
 from messages.sensor import LaserScan
 from messages.std import Header
 from models import WHEELED
 from models.model import LaserConfig, read_model
 from models.world import Box, WorldDescription
 from services.sim.noise import noise_generator
-from services.sim.physics.world import World
-from services.sim.sensors import camera_image, camera_info, imu_reading, joint_state, laser_ranges, laser_scan
+from services.sim.physics.world import BodyState, World
+from services.sim.sensors import camera_image, camera_info, imu_readings, joint_state, laser_ranges, laser_scan
 from tests.services.sim.physics.driven_robot import DT, NewWorld, Spawner, drive_robots, placement_at, robot_body
 
 WALL = Box(name="wall", size=(0.2, 8.0, 1.0), position=(2.1, 0.0, 0.5), colour=(1.0, 0.0, 0.0, 1.0))
@@ -121,19 +124,23 @@ def test_an_inertial_unit_feels_gravity_the_ramp_and_the_turn(spawn: Spawner, wo
     unit = read_model("burger").imu
     assert unit is not None
     robot = spawn()
-    offset = (-0.032, 0.0, 0.078)
-    rest = drive_robots([robot], 0.0, 0.0, 0.5)
-    still = imu_reading(unit, offset, rest[-3], rest[-1], 2 * DT)
-    assert still.force[2] == pytest.approx(9.81, abs=0.02)
-    assert abs(still.force[0]) < 0.02
-    ramp = drive_robots([robot], 0.22, 0.0, 0.15)
-    feels = [imu_reading(unit, offset, a, b, 2 * DT).force[0] for a, b in zip(ramp, ramp[2:], strict=False)]
+    offset = Pose3((-0.032, 0.0, 0.078))
+
+    def readings(states: Sequence[BodyState]) -> NDArray[np.float64]:
+        """Turn rate and specific force, two steps after each but the last two of the states."""
+        poses = [Pose3(each.position, each.orientation) @ offset for each in states[2:]]
+        before, now = (np.array([each.numbers for each in part]) for part in (states[:-2], states[2:]))
+        return imu_readings(unit, np.array([(*p, *q) for p, q in poses]), before, now, 2 * DT)[:, 4:]
+
+    still = readings(drive_robots([robot], 0.0, 0.0, 0.5))[-1]
+    assert still[5] == pytest.approx(9.81, abs=0.02)
+    assert abs(still[3]) < 0.02
+    feels = readings(drive_robots([robot], 0.22, 0.0, 0.15))[:, 3]
     assert np.mean(feels) == pytest.approx(1.0, rel=0.1)
     drive_robots([robot], 0.0, 2.0, 2.0)
-    spin = drive_robots([robot], 0.0, 2.0, 1.0)
-    turning = imu_reading(unit, offset, spin[-3], spin[-1], 2 * DT)
-    assert turning.rate[2] == pytest.approx(2.0, rel=0.004)
-    assert turning.force[0] == pytest.approx(2.0**2 * 0.032, rel=0.1), "toward the centre"
+    turning = readings(drive_robots([robot], 0.0, 2.0, 1.0))[-1]
+    assert turning[2] == pytest.approx(2.0, rel=0.004)
+    assert turning[3] == pytest.approx(2.0**2 * 0.032, rel=0.1), "toward the centre"
 
 
 def test_joint_states_carry_names_and_readings(spawn: Spawner, world: World) -> None:
