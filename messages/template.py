@@ -6,11 +6,7 @@ import math
 import re
 import struct
 from collections.abc import Callable, Sequence
-from itertools import accumulate
-from typing import Any, Generic, TypeVar
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Generic, TypeVar
 
 from messages.base import Message, encode
 from messages.std import Time
@@ -62,24 +58,6 @@ class Template(Generic[M]):
         """The record as bytes; ``stamp`` is that of ``encode_stamp``."""
         self._fields[1::2] = numbers if self._order is None else [numbers[place] for place in self._order]
         return self.head + stamp + self._pack(*self._fields)
-
-
-class TemplateGroup:
-    """Templates of equally many numbers, which are filled all at once: a message takes a fifth of the time."""
-
-    def __init__(self, templates: Sequence[Template[Any]]) -> None:
-        self._heads = [each.head for each in templates]
-        ends = list(accumulate((len(each.rest) for each in templates), initial=0))
-        self._parts = list(map(slice, ends[:-1], ends[1:]))
-        self._bytes = np.frombuffer(b"".join(each.rest for each in templates), np.uint8).copy()
-        places = [[start + place for place in each.places] for start, each in zip(ends, templates, strict=False)]
-        self._places = (np.array(places, np.intp)[..., None] + np.arange(8)).ravel()
-
-    def encode(self, stamp: bytes, numbers: NDArray[np.float64]) -> list[bytes]:
-        """What each template makes of its row of ``numbers``, shape (templates, count)."""
-        self._bytes[self._places] = np.ascontiguousarray(numbers, ">f8").view(np.uint8).ravel()
-        rests = self._bytes.tobytes()
-        return [head + stamp + rests[part] for head, part in zip(self._heads, self._parts, strict=True)]
 
 
 def encode_stamp(nanoseconds: int) -> bytes:

@@ -7,8 +7,8 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
-BLOCK = 128
-"""Readings of a fast sensor whose noise is drawn at once: a generator takes 30 us to seed, and six numbers take 0.1."""
+BLOCK = 2880
+"""Numbers that are drawn at once: to seed a generator takes 30 us, as long as to draw these."""
 
 
 def noise_generator(seed: int, robot: str, sensor: str, tick: int) -> np.random.Generator:
@@ -16,6 +16,18 @@ def noise_generator(seed: int, robot: str, sensor: str, tick: int) -> np.random.
     return np.random.default_rng((seed, zlib.crc32(robot.encode()), zlib.crc32(sensor.encode()), tick))
 
 
-def noise_block(seed: int, robot: str, sensor: str, block: int, count: int) -> NDArray[np.float64]:
-    """Normal numbers with deviation 1 for the readings from ``block * BLOCK`` on, shape (BLOCK, count)."""
-    return noise_generator(seed, robot, sensor, block).standard_normal((BLOCK, count))
+class NoiseSource:
+    """The noise of a sensor that is read every ``steps`` ticks, ``count`` numbers each time; drawn in blocks."""
+
+    def __init__(self, seed: int, robot: str, sensor: str, steps: int, count: int) -> None:
+        self._key, self._steps = (seed, robot, sensor), steps
+        self._shape = max(1, BLOCK // count), count
+        self._block, self._numbers = -1, np.empty(self._shape)
+
+    def at(self, tick: int) -> NDArray[np.float64]:
+        """The normal numbers, of deviation 1, of the reading at ``tick``, shape (count,)."""
+        block, place = divmod(tick // self._steps, self._shape[0])
+        if block != self._block:
+            self._block, self._numbers = block, noise_generator(*self._key, block).standard_normal(self._shape)
+        numbers: NDArray[np.float64] = self._numbers[place]
+        return numbers

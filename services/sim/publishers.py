@@ -13,7 +13,7 @@ from messages.elea import BaseStatus
 from messages.gazebo import LinkStates, ModelStates, WorldStates
 from messages.geometry import Twist, TwistStamped
 from messages.std import Header, String, Time
-from messages.template import Template, TemplateGroup
+from messages.template import Template
 from messages.topics import (
     BASE_STATUS,
     CMD_VEL_OUT,
@@ -32,7 +32,13 @@ from models.model import RobotModel
 from services.runtime.node import Node
 from services.runtime.publisher import Publisher
 from services.sim.actuation import Actuation
-from services.sim.drive.odometry import ZERO_COVARIANCE, OdometrySample, odometry_message, world_motion
+from services.sim.drive.odometry import (
+    ZERO_COVARIANCE,
+    OdometrySample,
+    odometry_message,
+    odometry_motions,
+    world_motions,
+)
 from services.sim.entities import pose_and_twist
 from services.sim.joints.motors import JointMotors
 from services.sim.moment import Moment
@@ -42,6 +48,7 @@ from services.sim.robot_names import robot_frame_prefix
 from services.sim.robot_topics import RobotPublisher, steps_of, topic_names
 from services.sim.sensor_publishers import SensorMount, robot_sensors
 from services.sim.sensors import joint_state
+from services.sim.template_groups import GroupEncoder, TemplateGroup
 
 
 class RobotPublishers:
@@ -59,16 +66,16 @@ class RobotPublishers:
         motors: JointMotors,
     ) -> None:
         self._node, self._model, self._namespace = node, model, namespace
-        self._actuation, self.odometer, self._name = actuation, actuation.odometer, entry.name
+        self._actuation, self.odometer, self.name = actuation, actuation.odometer, entry.name
         self._motors, self._joints = motors, world.body(entry.name).joints
         self._frame_prefix = robot_frame_prefix(entry)
         self._base_frame = self.frame_id(model.base_frame)
         self.joint_state_steps = max(1, steps_of(entry.joint_state_rate or model.joint_rate or model.odometry_rate))
         self._truth_steps = steps_of(model.odometry_rate)
         self._publishers: list[RobotPublisher] = []
-        self._truth, self._joint_states = self._publisher(GROUND_TRUTH), self._publisher(JOINT_STATES)
+        self.truth, self._joint_states = self._publisher(GROUND_TRUTH), self._publisher(JOINT_STATES)
         self._publisher(ROBOT_DESCRIPTION).publish(String(data=urdf_path(entry.model).read_text(encoding="utf-8")))
-        self._odometry = None if model.fixed_base else self._publisher(ODOM)
+        self.odometry_publisher = None if model.fixed_base else self._publisher(ODOM)
         extra = {topic: self._publisher(topic) for topic in actuation.extra_topics}
         self._status, self._commanded = extra.get(BASE_STATUS), extra.get(CMD_VEL_OUT)
         self._feedback: RobotPublisher | None = None
@@ -83,9 +90,9 @@ class RobotPublishers:
             node.log.warn,
         )
         self.sensors = robot_sensors(mount, model)
-        self._truth_template = self._odometry_template("world", ZERO_COVARIANCE, ZERO_COVARIANCE)
+        self.truth_template = self._odometry_template("world", ZERO_COVARIANCE, ZERO_COVARIANCE)
         self._odometry_template_of: tuple[Packed36, Packed36, Template[Any]] | None = None
-        self._joint_template = Template(self._joint_state, 3 * len(self._joints))
+        self.joint_template = Template(self._joint_state, 3 * len(self._joints))
         self._command_template = Template(self._command, 2)
         self.reset()
 
@@ -103,40 +110,48 @@ class RobotPublishers:
         """The frame of a link, with the robot's frame prefix."""
         return f"{self._frame_prefix}{link}"
 
-    def publish_joint_states(self, moment: Moment) -> None:
-        """Publish the joints if they are due, and to a controller manager always."""
+    def joint_readings(self, moment: Moment) -> tuple[float, ...] | None:
+        """Angles, speeds and efforts of the joints if they are due: to a controller manager always."""
         motors = self._motors
-        due = moment.tick % self.joint_state_steps == 0 and self._joints and self._joint_states.has_subscribers
-        if not due and not motors.commanded:
-            return
-        position, velocity, effort = motors.readings(self._actuation.with_efforts(moment.joints(self._name)))
-        payload = self._joint_template.encode(moment.stamp, (*position, *velocity, *effort))
-        if due:
+        if not (motors.commanded or self._joint_states_due(moment)):
+            return None
+        position, velocity, effort = motors.readings(self._actuation.with_efforts(moment.joints(self.name)))
+        return *position, *velocity, *effort
+
+    def publish_joint_states(self, moment: Moment, payload: bytes) -> None:
+        """Publish these readings."""
+        if self._joint_states_due(moment):
             self._joint_states.publish_encoded(payload)
-        if motors.commanded:
+        if self._motors.commanded:
             if self._feedback is None:
                 self._feedback = self._publisher(JOINT_FEEDBACK)
             self._feedback.publish_encoded(payload)
 
+    def _joint_states_due(self, moment: Moment) -> bool:
+        due = moment.tick % self.joint_state_steps == 0 and bool(self._joints)
+        return due and self._joint_states.has_subscribers
+
     def needs_state(self, moment: Moment) -> bool:
         """Whether what is due at this control tick tells where the body is."""
-        return moment.tick % self._truth_steps == 0 and (self._truth.has_subscribers or self.odometer.state is None)
+        return moment.tick % self._truth_steps == 0 and (self.truth.has_subscribers or self.odometer.state is None)
 
-    def publish_motion(self, moment: Moment) -> None:
-        """At a control tick, publish what is due of ground truth, odometry and the limited command."""
+    def truth_due(self, moment: Moment) -> bool:
+        """Whether somebody reads the ground truth, and it is due."""
+        return moment.tick % self._truth_steps == 0 and self.truth.has_subscribers
+
+    def publish_command(self, moment: Moment) -> None:
+        """Publish the limited command, where somebody reads it."""
         if self._commanded is not None and self._commanded.has_subscribers:
             velocity = self._actuation.commanded_velocity
             self._commanded.publish_encoded(self._command_template.encode(moment.stamp, velocity))
-        truth = None
-        if moment.tick % self._truth_steps == 0 and self._truth.has_subscribers:
-            truth = world_motion(moment.state(self._name))
-            self._truth.publish_encoded(self._truth_template.encode(moment.stamp, truth))
-        if self._odometry is not None and self.odometer.due(moment.now, self._actuation.odometry_rate):
-            sample = self.odometer.sample(moment)
-            self.odometry = moment.stamp, sample
-            if self._odometry.has_subscribers:
-                numbers = truth if truth is not None and self.odometer.state is None else sample.motion
-                self._odometry.publish_encoded(self._template_of_odometry().encode(moment.stamp, numbers))
+
+    def sample_odometry(self, moment: Moment) -> OdometrySample | None:
+        """Take odometry, if it is due; None if it is not, or nobody reads it."""
+        if self.odometry_publisher is None or not self.odometer.due(moment.now, self._actuation.odometry_rate):
+            return None
+        sample = self.odometer.sample(moment)
+        self.odometry = moment.stamp, sample
+        return sample if self.odometry_publisher.has_subscribers else None
 
     def publish_status(self, status: BaseStatus) -> None:
         """Publish the state of the base."""
@@ -157,7 +172,8 @@ class RobotPublishers:
         linear, angular = numbers
         return TwistStamped(header=Header(stamp=stamp, frame_id=self._base_frame), twist=Twist.planar(linear, angular))
 
-    def _template_of_odometry(self) -> Template[Any]:
+    @property
+    def odometry_template(self) -> Template[Any]:
         """That with the covariances that odometry has now."""
         pose, twist, of = self.odometer.pose_covariance, self.odometer.twist_covariance, self._odometry_template_of
         if of is None or of[0] is not pose or of[1] is not twist:
@@ -172,6 +188,43 @@ class RobotPublishers:
             ),
             13,
         )
+
+
+class MotionPublisher:
+    """Publishes how all robots move: what is due at once is computed and encoded at once."""
+
+    def __init__(self) -> None:
+        self._truth, self._odometry = GroupEncoder(), GroupEncoder()
+        self._joints: dict[int, GroupEncoder] = {}
+        """By the count of numbers."""
+
+    def publish_joint_states(self, moment: Moment, robots: Sequence[RobotPublishers]) -> None:
+        """Publish the joints that are due."""
+        found = [(each, readings) for each in robots if (readings := each.joint_readings(moment)) is not None]
+        for count in {len(readings): None for _, readings in found}:
+            alike = [(each, readings) for each, readings in found if len(readings) == count]
+            encoder = self._joints.setdefault(count, GroupEncoder())
+            rows = np.array([readings for _, readings in alike])
+            payloads = encoder.encode([each.joint_template for each, _ in alike], moment.stamp, rows)
+            for (each, _), payload in zip(alike, payloads, strict=True):
+                each.publish_joint_states(moment, payload)
+
+    def publish(self, moment: Moment, robots: Sequence[RobotPublishers]) -> None:
+        """At a control tick, publish what is due of limited commands, ground truth and odometry."""
+        moment.read_states([each.name for each in robots if each.needs_state(moment)])
+        for each in robots:
+            each.publish_command(moment)
+        if shown := [each for each in robots if each.truth_due(moment)]:
+            motions = world_motions(moment.states([each.name for each in shown]))
+            payloads = self._truth.encode([each.truth_template for each in shown], moment.stamp, motions)
+            for each, payload in zip(shown, payloads, strict=True):
+                each.truth.publish_encoded(payload)
+        if sampled := [(each, sample) for each in robots if (sample := each.sample_odometry(moment)) is not None]:
+            motions = odometry_motions([sample for _, sample in sampled])
+            payloads = self._odometry.encode([each.odometry_template for each, _ in sampled], moment.stamp, motions)
+            for (each, _), payload in zip(sampled, payloads, strict=True):
+                assert each.odometry_publisher is not None
+                each.odometry_publisher.publish_encoded(payload)
 
 
 class WorldStatesPublisher:

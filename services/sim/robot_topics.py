@@ -37,7 +37,7 @@ class RobotPublisher:
     def has_subscribers(self) -> bool:
         """Whether anybody reads any of them."""
         for each in self.ends:  # noqa: SIM110 - asked at each tick, and a generator takes four times as long
-            if each.has_subscribers:
+            if each.announced or each.has_subscribers:
                 return True
         return False
 

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from messages.se3 import Pose3
 from messages.std import Header, Time
-from messages.template import Template, TemplateGroup
+from messages.template import Template
 from messages.topics import CAMERA_INFO, IMAGE, IMU, RANGE, SCAN, SONAR, Topic
 from models.model import ON_LINK, CameraConfig, ImuConfig, LaserConfig, RobotModel, SonarConfig
 from services.runtime.errors import BadInput
 from services.runtime.step import STEP_NS
 from services.sim.moment import Moment
-from services.sim.noise import BLOCK, noise_block, noise_generator
+from services.sim.noise import NoiseSource
 from services.sim.physics.world import World
 from services.sim.robot_topics import RobotPublisher, steps_of
 from services.sim.sensors import (
@@ -33,11 +33,17 @@ from services.sim.sensors import (
     sonar_ranges,
     sonar_ring,
 )
+from services.sim.template_groups import GroupEncoder
 
 Floats = NDArray[np.float64]
 
 SENSOR_STEPS = 2
 """Physics steps between two looks at the sensors: none is faster than 100 Hz."""
+
+
+_IMU_ERRORS = 6
+"""Numbers of the noise of an inertial unit: three of the turn rate, three of the force."""
+_EXACT = np.zeros(_IMU_ERRORS)
 
 
 @dataclass(frozen=True)
@@ -57,9 +63,9 @@ class SensorMount:
     noisy: Callable[[], bool]
     warn: Callable[[str], None]
 
-    def noise(self, sensor: str, tick: int) -> np.random.Generator | None:
-        """The generator of a sensor's noise at a tick; None without noise."""
-        return noise_generator(self.seed, self.robot, sensor, tick) if self.noisy() else None
+    def noise(self, sensor: str, steps: int, count: int) -> NoiseSource:
+        """The noise of a sensor that is read every ``steps`` physics steps, ``count`` numbers each time."""
+        return NoiseSource(self.seed, self.robot, sensor, steps, count)
 
 
 class Sensor(Protocol):
@@ -78,19 +84,15 @@ class ImuSensor:
     def __init__(self, mount: SensorMount, unit: ImuConfig) -> None:
         self.steps, self.unit, self.robot = steps_of(unit.rate), unit, mount.robot
         self.publisher, self._mount = mount.publisher(IMU), mount
+        self._noise = mount.noise("imu", self.steps, _IMU_ERRORS)
         frame = mount.frame_id(unit.mount.frame or unit.link)
         self.template = Template(
             lambda stamp, numbers: imu_message(unit, Header(stamp=stamp, frame_id=frame), numbers), 10
         )
 
-    @property
-    def noisy(self) -> bool:
-        """Whether its readings have noise now."""
-        return self._mount.noisy()
-
-    def noise_block(self, block: int) -> Floats:
-        """The normal numbers of the noise of BLOCK readings, shape (BLOCK, 6)."""
-        return noise_block(self._mount.seed, self.robot, "imu", block, 6)
+    def noise(self, tick: int) -> Floats:
+        """The numbers of the noise at a tick; zeros without noise."""
+        return self._noise.at(tick) if self._mount.noisy() else _EXACT
 
 
 class _ImuLook(NamedTuple):
@@ -101,15 +103,6 @@ class _ImuLook(NamedTuple):
     states: Floats
 
 
-class _ImuBlock(NamedTuple):
-    """The noise of units in a block of readings, shape (n, BLOCK, 6), and the templates of their messages."""
-
-    units: list[ImuSensor]
-    block: int
-    noise: Floats
-    templates: TemplateGroup
-
-
 class ImuGroup:
     """Inertial units of one kind. They measure over the time since the look before: the first one gives nothing."""
 
@@ -118,7 +111,7 @@ class ImuGroup:
         self.steps = steps_of(unit.rate)
         self._world, self._unit = world, unit
         self._period = math.lcm(self.steps, SENSOR_STEPS) * STEP_NS
-        self._block: _ImuBlock | None = None
+        self._encoder = GroupEncoder()
         self.reset()
 
     def reset(self) -> None:
@@ -146,14 +139,10 @@ class ImuGroup:
         if self._unit.mount != ON_LINK:
             places: Any = poses.T
             poses = np.concatenate(Pose3(places[:3], places[3:]) @ self._unit.mount.pose).T
-        block, place = divmod(moment.tick // self.steps, BLOCK)
-        if self._block is None or self._block.block != block or self._block.units != units:
-            noise = np.stack([each.noise_block(block) for each in units])
-            self._block = _ImuBlock(units, block, noise, TemplateGroup([each.template for each in units]))
-        noisy = np.array([each.noisy for each in units])
-        errors = np.where(noisy[:, None], self._block.noise[:, place], 0.0) if noisy.any() else None
-        readings = imu_readings(self._unit, poses, before, states, self._period / 1e9, errors)
-        for each, payload in zip(units, self._block.templates.encode(moment.stamp, readings), strict=True):
+        noise = np.array([each.noise(moment.tick) for each in units])
+        readings = imu_readings(self._unit, poses, before, states, self._period / 1e9, noise)
+        payloads = self._encoder.encode([each.template for each in units], moment.stamp, readings)
+        for each, payload in zip(units, payloads, strict=True):
             each.publisher.publish_encoded(payload)
 
 
@@ -163,11 +152,11 @@ class LaserSensor:
     def __init__(self, mount: SensorMount, laser: LaserConfig) -> None:
         self.steps, self.laser, self.robot = steps_of(laser.rate), laser, mount.robot
         self.publisher, self.frame = mount.publisher(SCAN), mount.frame_id(laser.mount.frame or laser.link)
-        self._mount = mount
+        self._mount, self._noise = mount, mount.noise("scan", self.steps, laser.samples)
 
-    def noise(self, tick: int) -> np.random.Generator | None:
-        """The generator of the noise at a tick; None without noise."""
-        return self._mount.noise("scan", tick)
+    def noise(self, tick: int) -> Floats | None:
+        """The numbers of the noise at a tick; None without noise."""
+        return self._noise.at(tick) if self._mount.noisy() else None
 
 
 def publish_scans(world: World, lasers: Iterable[LaserSensor], moment: Moment) -> None:
@@ -189,7 +178,7 @@ class SonarSensor:
 
     def __init__(self, mount: SensorMount, sonar: SonarConfig) -> None:
         self.steps, self._mount = steps_of(sonar.rate), mount
-        self._ring = sonar_ring(mount.model, sonar)
+        self._ring, self._noise = sonar_ring(mount.model, sonar), mount.noise("sonar", self.steps, len(sonar.links))
         self._every, self._single = mount.publisher(SONAR), mount.publisher(RANGE)
 
     def publish(self, moment: Moment) -> None:
@@ -197,7 +186,8 @@ class SonarSensor:
         if not (every or single):
             return
         mount = self._mount
-        echoes = sonar_ranges(mount.world, mount.robot, ring, mount.noise("sonar", moment.tick))
+        noise = self._noise.at(moment.tick) if mount.noisy() else None
+        echoes = sonar_ranges(mount.world, mount.robot, ring, noise)
         stamp = Time.of(moment.now)
         if every:
             header = Header(stamp=stamp, frame_id=mount.frame_id(ring.config.link))

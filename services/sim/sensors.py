@@ -31,14 +31,12 @@ from services.sim.physics.world import GRAVITY, CameraModel, JointReadings, Worl
 Floats = NDArray[np.float64]
 
 
-def laser_ranges(
-    world: World, robots: Sequence[str], laser: LaserConfig, noise: Sequence[np.random.Generator | None]
-) -> Floats:
+def laser_ranges(world: World, robots: Sequence[str], laser: LaserConfig, noise: Sequence[Floats | None]) -> Floats:
     """One turn of the same laser on each robot, shape (robots, samples), m, all rays at the same instant.
 
     They go counter-clockwise in the link's plane. A ray without an echo up to ``range_max`` gives inf, one that meets
     something nearer than ``range_min`` gives -inf (REP 117). The rays start outside the laser's housing, so that they
-    cannot see it. 360 rays take about 1 ms.
+    cannot see it. 360 rays take about 1 ms. ``noise`` has normal numbers for each robot, shape (samples,), or None.
     """
     ranges = world.cast_fans(
         [(robot, laser.link) for robot in robots],
@@ -47,9 +45,9 @@ def laser_ranges(
         laser.clearance,
         laser.range_max,
     )
-    for row, generator in enumerate(noise):
-        if generator is not None:
-            ranges[row] += generator.normal(0.0, laser.noise, laser.samples)
+    for row, errors in enumerate(noise):
+        if errors is not None:
+            ranges[row] += laser.noise * errors
             ranges[row] = np.where(np.isinf(ranges[row]), np.inf, np.minimum(ranges[row], laser.range_max))
     ranges[ranges < laser.range_min] = -np.inf
     return ranges
@@ -79,9 +77,7 @@ ALIGNED = 1 - 1e-9
 """Cosine of half the angle up to which an inertial unit has the axes of its body."""
 
 
-def imu_readings(
-    unit: ImuConfig, poses: Floats, before: Floats, now: Floats, dt: float, noise: Floats | None = None
-) -> Floats:
+def imu_readings(unit: ImuConfig, poses: Floats, before: Floats, now: Floats, dt: float, noise: Floats) -> Floats:
     """What alike inertial units measure over the last ``dt`` [s], each on a body of its own.
 
     The specific force is R^T (dv/dt + g e_z), with dv the change of the unit's own velocity: turning off the centre
@@ -93,7 +89,7 @@ def imu_readings(
         before: The states of the bodies ``dt`` ago, shape (n, 13).
         now: The states now.
         dt: How long it took them [s].
-        noise: Normal numbers, shape (n, 6); none without noise.
+        noise: Normal numbers, shape (n, 6); zeros without noise.
 
     Returns:
         Shape (n, 10): the orientation in the world, the turn rate [rad/s] and the specific force [m/s2] in the unit's
@@ -111,8 +107,7 @@ def imu_readings(
     change[2] += GRAVITY
     rate, force = rotate_inverse(turn, spin), rotate_inverse(turn, change)
     readings = np.concatenate((turn, rate, force)).T
-    if noise is not None:
-        readings[:, 4:] += noise * np.repeat((unit.gyro_noise, unit.acceleration_noise), 3)
+    readings[:, 4:] += noise * np.repeat((unit.gyro_noise, unit.acceleration_noise), 3)
     return readings
 
 
@@ -232,7 +227,7 @@ def cone_rays(angle: float) -> Floats:
     return np.array(vectors)
 
 
-def sonar_ranges(world: World, robot: str, ring: SonarRing, noise: np.random.Generator | None = None) -> Floats:
+def sonar_ranges(world: World, robot: str, ring: SonarRing, noise: Floats | None = None) -> Floats:
     """How far each sonar's nearest echo is, m, shape (n,); all at the same instant.
 
     inf without an echo up to ``range_max``, -inf for one nearer than ``range_min`` (REP 117). Whatever stands in the
@@ -250,8 +245,7 @@ def sonar_ranges(world: World, robot: str, ring: SonarRing, noise: np.random.Gen
     ranges: Floats = (reach * fractions).min(axis=1)
     if noise is not None:
         heard = np.isfinite(ranges)
-        errors = noise.normal(0.0, figures.noise, len(ranges))
-        ranges[heard] = np.minimum(ranges + errors, figures.range_max)[heard]
+        ranges[heard] = np.minimum(ranges + figures.noise * noise, figures.range_max)[heard]
     ranges[ranges < figures.range_min] = -np.inf
     return ranges
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -29,12 +28,12 @@ from services.sim.joints.wrenches import LinkWrenches
 from services.sim.moment import Moment
 from services.sim.parameters import RobotEntry
 from services.sim.physics.world import World
-from services.sim.publishers import GazeboStatesPublisher, WorldStatesPublisher
+from services.sim.publishers import GazeboStatesPublisher, MotionPublisher, WorldStatesPublisher
 from services.sim.robot import Robot
 from services.sim.robot_loader import on_the_ground
 from services.sim.robot_names import check_robot_names
 from services.sim.sensor_publishers import SensorSchedule
-from services.sim.tf import RobotTransforms, static_transforms
+from services.sim.tf import MovingTransforms, static_transforms
 from services.sim.transit_delay import TransitDelayEstimator
 
 CONTROL_STEPS = 4
@@ -83,7 +82,8 @@ class Simulation:
         self._sensors = SensorSchedule(world)
         self._joint_states: dict[int, list[Robot]] = {}
         """The robots by the physics steps between two of their joint states."""
-        self._transforms: list[RobotTransforms] = []
+        self._transforms = MovingTransforms((), world)
+        self._motion = MotionPublisher()
         self._steppers: list[Callable[[int], None]] = []
 
     @property
@@ -170,8 +170,7 @@ class Simulation:
     def _publish_joint_states(self, moment: Moment) -> None:
         for steps, robots in self._joint_states.items():
             if moment.tick % steps == 0:
-                for robot in robots:
-                    robot.publishers.publish_joint_states(moment)
+                self._motion.publish_joint_states(moment, [robot.publishers for robot in robots])
 
     def _publish_motion(self, moment: Moment) -> None:
         robots, tick = self.robots, moment.tick
@@ -180,9 +179,7 @@ class Simulation:
         moment.read_joints([robot.name for robot in counting])
         for robot in counting:
             robot.publishers.odometer.update_from_encoders(moment.now, moment.joints(robot.name).position)
-        moment.read_states([robot.name for robot in robots if robot.publishers.needs_state(moment)])
-        for robot in robots:
-            robot.publishers.publish_motion(moment)
+        self._motion.publish(moment, [robot.publishers for robot in robots])
         if tick % STATUS_STEPS == 0:
             for robot in robots:
                 robot.publish_status(moment.now)
@@ -191,8 +188,7 @@ class Simulation:
             self._gazebo_states.publish(moment)
             if self._tf_publisher.has_subscribers:
                 moment.read_joints(self.world.names)
-                transforms = chain.from_iterable(each.encode(moment) for each in self._transforms)
-                for payload in split_encoded(transforms):
+                for payload in split_encoded(self._transforms.encode(moment)):
                     self._tf_publisher.publish_encoded(payload)
 
     def publish_static_tf(self) -> None:
@@ -289,7 +285,7 @@ class Simulation:
             steps = 1 if robot.motors.commanded else robot.publishers.joint_state_steps
             self._joint_states.setdefault(steps, []).append(robot)
         self._steppers = [each for robot in self.robots for each in robot.steppers]
-        self._transforms = [RobotTransforms(robot, self.world.body(robot.name).joints) for robot in self.robots]
+        self._transforms = MovingTransforms(self.robots, self.world)
         rates = [robot.publishers.joint_state_steps for robot in self.robots if not robot.model.has_base]
         rates += [1 for robot in self.robots if robot.motors.commanded]
         self.input_steps = min([CONTROL_STEPS, *rates]) if self._real_time else CONTROL_STEPS

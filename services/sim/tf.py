@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from messages import se2
 from messages.geometry import TransformStamped
-from messages.se3 import IDENTITY, Pose3
+from messages.se3 import IDENTITY, Pose3, quaternion_multiply, rotate
 from messages.std import Header, Time
 from messages.template import Template
 from messages.tf import EncodedTransform, TFMessage, transform_size
 from models.urdf import Joint, read_joints
+from services.sim.drive.odometry import OdometrySample
 from services.sim.moment import Moment
+from services.sim.physics.world import World
 from services.sim.robot import Robot
 from services.sim.robot_names import WORLD_FRAME
+from services.sim.template_groups import GroupEncoder
 
 
 def static_transforms(robots: Iterable[tuple[Robot, Pose3]], now: int) -> TFMessage:
@@ -42,46 +49,94 @@ class _TransformTemplate:
     """The transform between two frames, but for its stamp and its seven numbers."""
 
     def __init__(self, frame: str, child: str) -> None:
-        self._template = Template(lambda stamp, numbers: _of_numbers(stamp, frame, child, numbers), 7)
-        self._size = transform_size(frame, child)
-
-    def encode(self, stamp: bytes, numbers: Sequence[float]) -> EncodedTransform:
-        return EncodedTransform(self._template.encode(stamp, numbers), self._size)
+        self.template = Template(lambda stamp, numbers: _of_numbers(stamp, frame, child, numbers), 7)
+        self.size = transform_size(frame, child)
 
 
-class _MovingJoint(NamedTuple):
-    """A joint that moves, its place among the joints of the body, and its transform."""
-
-    joint: Joint
-    place: int
-    template: _TransformTemplate
-
-
-class RobotTransforms:
-    """Where a base is in its odometry, and how its joints stand."""
+class _RobotFrames:
+    """The frames of a robot that move: that of its base, and those of its joints with their places in the readings."""
 
     def __init__(self, robot: Robot, joints: Sequence[str]) -> None:
-        self._robot, prefix = robot, robot.frame_prefix
+        self.robot, prefix = robot, robot.frame_prefix
         places = {name: place for place, name in enumerate(joints)}
-        self._joints = [
-            _MovingJoint(each, places[each.name], _TransformTemplate(prefix + each.parent, prefix + each.child))
-            for each in read_joints(robot.entry.model)
-            if each.name in places
-        ]
-        self._base = _TransformTemplate(prefix + robot.model.odom_frame, prefix + robot.model.base_frame)
+        self.joints = [each for each in read_joints(robot.entry.model) if each.name in places]
+        self.places = [places[each.name] for each in self.joints]
+        self.of_joints = [_TransformTemplate(prefix + each.parent, prefix + each.child) for each in self.joints]
+        self.of_base = _TransformTemplate(prefix + robot.model.odom_frame, prefix + robot.model.base_frame)
+
+    @property
+    def odometry(self) -> tuple[bytes, OdometrySample] | None:
+        """What was published last, and its stamp; None where the base is no transform."""
+        return self.robot.publishers.odometry if self.robot.actuation.publishes_odom_tf else None
+
+    @property
+    def tells_joints(self) -> bool:
+        """Whether its joints are transforms."""
+        return bool(self.joints) and self.robot.actuation.publishes_link_tf
+
+
+class MovingTransforms:
+    """Where the bases of all robots are in their odometry, and how their joints stand."""
+
+    def __init__(self, robots: Iterable[Robot], world: World) -> None:
+        self._frames = [_RobotFrames(robot, world.body(robot.name).joints) for robot in robots]
+        self._bases, self._links = GroupEncoder(), GroupEncoder()
+        self._jointed: list[_RobotFrames] = []
+        self._joints = JointTransforms(())
 
     def encode(self, moment: Moment) -> Iterator[EncodedTransform]:
-        """The transforms as they are now; that of the base is as old as the odometry that was published last."""
-        robot = self._robot
-        odometry, actuation = robot.publishers.odometry, robot.actuation
-        if odometry is not None and actuation.publishes_odom_tf:
-            stamp, sample = odometry
-            yield self._base.encode(stamp, sample.pose)
-        if self._joints and actuation.publishes_link_tf:
-            angles = moment.joints(robot.name).position
-            for joint, place, template in self._joints:
-                position, turn = joint.transform(angles[place])
-                yield template.encode(moment.stamp, (*position, *turn))
+        """The transforms as they are now; that of a base is as old as the odometry that was published last."""
+        bases, links = self._encode_bases(), self._encode_joints(moment)
+        for each in self._frames:
+            if (base := bases.get(each)) is not None:
+                yield EncodedTransform(base, each.of_base.size)
+            for link in each.of_joints if each.tells_joints else ():
+                yield EncodedTransform(next(links), link.size)
+
+    def _encode_bases(self) -> dict[_RobotFrames, bytes]:
+        found: dict[bytes, list[tuple[_RobotFrames, OdometrySample]]] = {}
+        for each in self._frames:
+            if (odometry := each.odometry) is not None:
+                found.setdefault(odometry[0], []).append((each, odometry[1]))
+        encoded: dict[_RobotFrames, bytes] = {}
+        for stamp, alike in found.items():
+            poses = np.array([sample.pose for _, sample in alike])
+            payloads = self._bases.encode([each.of_base.template for each, _ in alike], stamp, poses)
+            encoded.update(zip((each for each, _ in alike), payloads, strict=True))
+        return encoded
+
+    def _encode_joints(self, moment: Moment) -> Iterator[bytes]:
+        jointed = [each for each in self._frames if each.tells_joints]
+        if jointed != self._jointed:
+            self._jointed = jointed
+            self._joints = JointTransforms([joint for each in jointed for joint in each.joints])
+        positions = list[float]()
+        for each in jointed:
+            readings = moment.joints(each.robot.name).position
+            positions += [readings[place] for place in each.places]
+        templates = [link.template for each in jointed for link in each.of_joints]
+        return iter(self._links.encode(templates, moment.stamp, self._joints.poses(positions)))
+
+
+class JointTransforms:
+    """``Joint.transform`` of many joints at once."""
+
+    def __init__(self, joints: Sequence[Joint]) -> None:
+        self._xyz = np.array([joint.xyz for joint in joints]).reshape(-1, 3).T
+        mounts: Any = np.array([joint.rotation() for joint in joints]).reshape(-1, 4).T
+        axes: Any = np.array([joint.axis for joint in joints]).reshape(-1, 3).T
+        slides = np.array([joint.kind == "prismatic" for joint in joints], bool)
+        self._axes, self._slides = np.where(slides, 0.0, axes), np.where(slides, rotate(mounts, axes), 0.0)
+        self._mounts = mounts
+
+    def poses(self, positions: Sequence[float]) -> NDArray[np.float64]:
+        """The poses of the children in the parents, shape (n, 7): position [m], orientation (x, y, z, w)."""
+        # Python's sine and cosine: those of numpy differ in the last place from one processor to another.
+        sine = np.array([math.sin(each / 2) for each in positions])
+        cosine = np.array([math.cos(each / 2) for each in positions])
+        turn = (*(sine * self._axes), np.where(self._axes.any(axis=0), cosine, 1.0))
+        place = self._xyz + np.array(positions) * self._slides
+        return np.concatenate((place, quaternion_multiply(self._mounts, turn))).T
 
 
 def _published_joints(robot: Robot) -> tuple[Joint, ...]:

@@ -6,7 +6,6 @@ import math
 import random
 from collections.abc import Sequence
 
-import numpy as np
 import pytest
 
 from messages.base import covariance, encode
@@ -14,7 +13,7 @@ from messages.geometry import Point, Pose, PoseWithCovariance, Quaternion, Trans
 from messages.nav import Odometry
 from messages.sensor import JointState
 from messages.std import Header, Time
-from messages.template import Template, TemplateGroup, encode_stamp
+from messages.template import Template, encode_stamp
 from messages.tf import EncodedTransform, split, split_encoded, transform_size
 
 AWKWARD = (0.0, -0.0, math.inf, -math.inf, math.nan, 5e-324, 1e12, -1e308)
@@ -49,19 +48,6 @@ def test_a_template_gives_the_bytes_of_the_codec() -> None:
             assert template.encode(encode_stamp(stamp), numbers) == encode(make(Time.of(stamp), numbers))
     without = Template(lambda _, numbers: Point(x=numbers[0], z=numbers[1]), 2, stamped=False)
     assert without.encode(b"", AWKWARD[:2]) == encode(Point(x=AWKWARD[0], z=AWKWARD[1]))
-
-
-def test_a_group_gives_what_its_templates_give() -> None:
-    dice = random.Random(5)
-    templates = [Template(make, 4) for make in (_odometry, _joints, _odometry)]
-    group = TemplateGroup(templates)
-    for stamp in (*STAMPS, *(dice.randrange(2**60) for _ in range(20))):
-        rows = [[dice.choice((*AWKWARD, dice.gauss(0, 1))) for _ in range(4)] for _ in templates]
-        encoded = encode_stamp(stamp)
-        expected = [each.encode(encoded, row) for each, row in zip(templates, rows, strict=True)]
-        assert group.encode(encoded, np.array(rows)) == expected
-        assert group.encode(encoded, np.asfortranarray(rows)) == expected
-    assert TemplateGroup([]).encode(encoded, np.empty((0, 4))) == []
 
 
 def test_every_number_has_one_place_of_its_own() -> None:

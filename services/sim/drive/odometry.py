@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from messages.base import Packed36, covariance
 from messages.geometry import (
@@ -128,13 +131,15 @@ Motion = tuple[float, ...]
 """Thirteen numbers of an ``Odometry``: position [m], orientation, velocity [m/s] and turn rate [rad/s]."""
 
 
-def world_motion(state: BodyState) -> Motion:
-    """The true motion of a base: pose in the world, twist in its own axes.
+def world_motions(states: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The true motion of bases, shape (n, 13), from their states of the same shape: pose in the world, twist in its own
+    axes.
 
     With ``PLANAR_COVARIANCE`` it is what the TurtleBot3's plugin calls odometry: not relative to the place of spawning.
     """
-    turn = state.orientation
-    return *state.position, *turn, *rotate_inverse(turn, state.linear), *rotate_inverse(turn, state.angular)
+    rows: Any = states.T
+    turn = rows[3:7]
+    return np.concatenate((rows[:7], rotate_inverse(turn, rows[7:10]), rotate_inverse(turn, rows[10:]))).T
 
 
 def counted_motion(odometry: OdometryState) -> Motion:
@@ -149,16 +154,21 @@ class OdometrySample(NamedTuple):
     state: OdometryState | BodyState
 
     @property
-    def motion(self) -> Motion:
-        """As it is published."""
-        return world_motion(self.state) if isinstance(self.state, BodyState) else counted_motion(self.state)
-
-    @property
     def pose(self) -> tuple[float, ...]:
         """Position and orientation alone, seven numbers."""
         if isinstance(self.state, BodyState):
             return *self.state.position, *self.state.orientation
         return counted_motion(self.state)[:7]
+
+
+def odometry_motions(samples: Sequence[OdometrySample]) -> NDArray[np.float64]:
+    """Odometry as it is published, a row of thirteen numbers each."""
+    states = [each.state for each in samples]
+    in_world = [isinstance(each, BodyState) for each in states]
+    motions = np.array([each.numbers if isinstance(each, BodyState) else counted_motion(each) for each in states])
+    if any(in_world):
+        motions[in_world] = world_motions(motions[in_world])
+    return motions
 
 
 def odometry_message(

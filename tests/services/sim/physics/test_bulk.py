@@ -9,7 +9,7 @@ from messages.std import Time
 from models.model import read_model
 from models.world import Box, WorldDescription
 from services.sim.moment import Moment
-from services.sim.noise import noise_generator
+from services.sim.noise import NoiseSource
 from services.sim.physics.bullet import MOST_RAYS
 from services.sim.physics.world import BodyState
 from services.sim.sensors import laser_ranges
@@ -52,9 +52,10 @@ def test_all_bodies_at_once(new_world: NewWorld) -> None:
         assert single.states(names[:1]).tolist() == every.states(names[:1]).tolist()
         assert every.stamp == single.stamp == encode(Time.of(5))
 
-        together = laser_ranges(world, names, laser, [noise_generator(1, name, "scan", 40) for name in names])
-        for name, row in zip(names, together, strict=True):
-            alone = laser_ranges(world, [name], laser, [noise_generator(1, name, "scan", 40)])
+        noise = [NoiseSource(1, name, "scan", 40, laser.samples).at(40) for name in names]
+        together = laser_ranges(world, names, laser, noise)
+        for name, row, own in zip(names, together, noise, strict=True):
+            alone = laser_ranges(world, [name], laser, [own])
             assert row.tobytes() == alone.tobytes()
         assert np.isfinite(together).any()
 

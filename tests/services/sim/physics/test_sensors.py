@@ -15,7 +15,7 @@ from messages.std import Header
 from models import WHEELED
 from models.model import LaserConfig, read_model
 from models.world import Box, WorldDescription
-from services.sim.noise import noise_generator
+from services.sim.noise import NoiseSource
 from services.sim.physics.world import BodyState, World
 from services.sim.sensors import camera_image, camera_info, imu_readings, joint_state, laser_ranges, laser_scan
 from tests.services.sim.physics.driven_robot import DT, NewWorld, Spawner, drive_robots, placement_at, robot_body
@@ -30,7 +30,7 @@ def laser_of(model: str) -> LaserConfig:
     return laser
 
 
-def scan_of(world: World, robot: str, laser: LaserConfig, noise: np.random.Generator | None = None) -> LaserScan:
+def scan_of(world: World, robot: str, laser: LaserConfig, noise: NDArray[np.float64] | None = None) -> LaserScan:
     """A turn of the laser of one robot."""
     return laser_scan(laser, laser_ranges(world, [robot], laser, [noise])[0], HEADER)
 
@@ -108,8 +108,9 @@ def test_noise_depends_on_seed_robot_and_tick_alone(new_world: NewWorld) -> None
         world.spawn(robot_body("robot", "burger", placement_at(0.0, 0.0)))
         clean = scan_of(world, "robot", laser).ranges.numpy()
 
-        def noisy(*key: object) -> bytes:
-            return scan_of(world, "robot", laser, noise_generator(*key)).ranges.raw  # type: ignore[arg-type]
+        def noisy(seed: int, robot: str, sensor: str, tick: int) -> bytes:
+            noise = NoiseSource(seed, robot, sensor, 40, laser.samples)
+            return scan_of(world, "robot", laser, noise.at(tick)).ranges.raw
 
         first = noisy(1, "robot", "scan", 40)
         assert first == noisy(1, "robot", "scan", 40)
@@ -130,7 +131,8 @@ def test_an_inertial_unit_feels_gravity_the_ramp_and_the_turn(spawn: Spawner, wo
         """Turn rate and specific force, two steps after each but the last two of the states."""
         poses = [Pose3(each.position, each.orientation) @ offset for each in states[2:]]
         before, now = (np.array([each.numbers for each in part]) for part in (states[:-2], states[2:]))
-        return imu_readings(unit, np.array([(*p, *q) for p, q in poses]), before, now, 2 * DT)[:, 4:]
+        exact = np.zeros((len(now), 6))
+        return imu_readings(unit, np.array([(*p, *q) for p, q in poses]), before, now, 2 * DT, exact)[:, 4:]
 
     still = readings(drive_robots([robot], 0.0, 0.0, 0.5))[-1]
     assert still[5] == pytest.approx(9.81, abs=0.02)

@@ -14,7 +14,7 @@ from messages.topics import RANGE, SCAN, SONAR, TF_STATIC
 from models.model import read_model
 from models.world import Box, WorldDescription, read_world
 from services.runtime.transport.memory import MemoryBus
-from services.sim.noise import noise_generator
+from services.sim.noise import NoiseSource
 from services.sim.parameters import BaseParameters, RobotEntry
 from services.sim.sensors import (
     Floats,
@@ -135,8 +135,9 @@ def test_noise_spares_what_is_not_heard_and_repeats(new_world: NewWorld) -> None
     with new_world(WorldDescription(boxes=(wall(),))) as world:
         world.spawn(robot_body("robot", "p3dx", placement_at(0.0, 0.0)))
         clean = sonar_ranges(world, "robot", RING)
-        runs = [sonar_ranges(world, "robot", RING, noise_generator(1, "robot", "sonar", tick)) for tick in range(200)]
-        again = sonar_ranges(world, "robot", RING, noise_generator(1, "robot", "sonar", 7))
+        noise = NoiseSource(1, "robot", "sonar", 20, 16)
+        runs = [sonar_ranges(world, "robot", RING, noise.at(20 * reading)) for reading in range(200)]
+        again = sonar_ranges(world, "robot", RING, noise.at(140))
     assert (again == runs[7]).all()
     errors = np.array([run[3] - clean[3] for run in runs])
     assert np.std(errors) == pytest.approx(RING.config.noise, rel=0.15)

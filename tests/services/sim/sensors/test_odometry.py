@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from messages.std import Header, Time
@@ -13,7 +14,7 @@ from services.sim.drive.odometry import (
     counted_motion,
     initial_odometry,
     odometry_message,
-    world_motion,
+    world_motions,
 )
 from services.sim.physics.world import BodyState
 
@@ -22,7 +23,13 @@ def test_the_twist_of_the_world_is_turned_into_the_body() -> None:
     half = math.pi / 4
     state = BodyState((1.0, 2.0, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)), (0.0, 0.5, 0.0), (0.0, 0.0, 0.3))
     header = Header(stamp=Time.of(123), frame_id="world")
-    odometry = odometry_message(header, "tb3_0/base_footprint", world_motion(state), ZERO_COVARIANCE, ZERO_COVARIANCE)
+    odometry = odometry_message(
+        header,
+        "tb3_0/base_footprint",
+        world_motions(np.array([state.numbers]))[0].tolist(),
+        ZERO_COVARIANCE,
+        ZERO_COVARIANCE,
+    )
     twist = odometry.twist.twist
     assert (twist.linear.x, twist.linear.y, twist.linear.z) == pytest.approx((0.5, 0.0, 0.0), abs=1e-12)
     assert twist.angular.z == pytest.approx(0.3)

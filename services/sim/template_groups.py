@@ -1,0 +1,44 @@
+"""Templates of messages that are filled in groups: a message of many robots takes a fifth of the time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import accumulate
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from messages.template import Template
+
+
+class TemplateGroup:
+    """Templates of equally many numbers, which are filled all at once."""
+
+    def __init__(self, templates: Sequence[Template[Any]]) -> None:
+        self._heads = [each.head for each in templates]
+        ends = list(accumulate((len(each.rest) for each in templates), initial=0))
+        self._parts = list(map(slice, ends[:-1], ends[1:]))
+        self._bytes = np.frombuffer(b"".join(each.rest for each in templates), np.uint8).copy()
+        places = [[start + place for place in each.places] for start, each in zip(ends, templates, strict=False)]
+        self._places = (np.array(places, np.intp)[..., None] + np.arange(8)).ravel()
+
+    def encode(self, stamp: bytes, numbers: NDArray[np.float64]) -> list[bytes]:
+        """What each template makes of its row of ``numbers``, shape (templates, count)."""
+        self._bytes[self._places] = np.ascontiguousarray(numbers, ">f8").view(np.uint8).ravel()
+        rests = self._bytes.tobytes()
+        return [head + stamp + rests[part] for head, part in zip(self._heads, self._parts, strict=True)]
+
+
+class GroupEncoder:
+    """Fills groups of templates that are mostly the same from one time to the next."""
+
+    def __init__(self) -> None:
+        self._templates: list[Template[Any]] = []
+        self._group = TemplateGroup(())
+
+    def encode(self, templates: list[Template[Any]], stamp: bytes, numbers: NDArray[np.float64]) -> list[bytes]:
+        """What each template makes of its row of ``numbers``, as a ``TemplateGroup`` does."""
+        if templates != self._templates:
+            self._templates, self._group = templates, TemplateGroup(templates)
+        return self._group.encode(stamp, numbers)
