@@ -22,12 +22,20 @@ class NoiseSource:
     def __init__(self, seed: int, robot: str, sensor: str, steps: int, count: int) -> None:
         self._key, self._steps = (seed, robot, sensor), steps
         self._shape = max(1, BLOCK // count), count
-        self._block, self._numbers = -1, np.empty(self._shape)
+        self._drawn, self._numbers = -1, np.empty(self._shape)
 
     def at(self, tick: int) -> NDArray[np.float64]:
         """The normal numbers, of deviation 1, of the reading at ``tick``, shape (count,)."""
-        block, place = divmod(tick // self._steps, self._shape[0])
-        if block != self._block:
-            self._block, self._numbers = block, noise_generator(*self._key, block).standard_normal(self._shape)
+        block, place = self.place(tick)
+        if block != self._drawn:
+            self._drawn, self._numbers = block, self.block(block)
         numbers: NDArray[np.float64] = self._numbers[place]
         return numbers
+
+    def place(self, tick: int) -> tuple[int, int]:
+        """The block of the reading at ``tick``, and its place there; the same for all sources of one rate and count."""
+        return divmod(tick // self._steps, self._shape[0])
+
+    def block(self, number: int) -> NDArray[np.float64]:
+        """The numbers of a block, shape (readings, count)."""
+        return noise_generator(*self._key, number).standard_normal(self._shape)

@@ -43,7 +43,6 @@ SENSOR_STEPS = 2
 
 _IMU_ERRORS = 6
 """Numbers of the noise of an inertial unit: three of the turn rate, three of the force."""
-_EXACT = np.zeros(_IMU_ERRORS)
 
 
 @dataclass(frozen=True)
@@ -84,15 +83,16 @@ class ImuSensor:
     def __init__(self, mount: SensorMount, unit: ImuConfig) -> None:
         self.steps, self.unit, self.robot = steps_of(unit.rate), unit, mount.robot
         self.publisher, self._mount = mount.publisher(IMU), mount
-        self._noise = mount.noise("imu", self.steps, _IMU_ERRORS)
+        self.noise = mount.noise("imu", self.steps, _IMU_ERRORS)
         frame = mount.frame_id(unit.mount.frame or unit.link)
         self.template = Template(
             lambda stamp, numbers: imu_message(unit, Header(stamp=stamp, frame_id=frame), numbers), 10
         )
 
-    def noise(self, tick: int) -> Floats:
-        """The numbers of the noise at a tick; zeros without noise."""
-        return self._noise.at(tick) if self._mount.noisy() else _EXACT
+    @property
+    def noisy(self) -> bool:
+        """Whether its readings have noise now."""
+        return self._mount.noisy()
 
 
 class _ImuLook(NamedTuple):
@@ -101,6 +101,14 @@ class _ImuLook(NamedTuple):
     now: int
     units: list[ImuSensor]
     states: Floats
+
+
+class _ImuNoise(NamedTuple):
+    """A block of the noise of units, shape (n, readings, 6)."""
+
+    units: list[ImuSensor]
+    block: int
+    numbers: Floats
 
 
 class ImuGroup:
@@ -112,6 +120,7 @@ class ImuGroup:
         self._world, self._unit = world, unit
         self._period = math.lcm(self.steps, SENSOR_STEPS) * STEP_NS
         self._encoder = GroupEncoder()
+        self._noise: _ImuNoise | None = None
         self.reset()
 
     def reset(self) -> None:
@@ -139,11 +148,18 @@ class ImuGroup:
         if self._unit.mount != ON_LINK:
             places: Any = poses.T
             poses = np.concatenate(Pose3(places[:3], places[3:]) @ self._unit.mount.pose).T
-        noise = np.array([each.noise(moment.tick) for each in units])
-        readings = imu_readings(self._unit, poses, before, states, self._period / 1e9, noise)
+        readings = imu_readings(self._unit, poses, before, states, self._period / 1e9, self._errors(units, moment.tick))
         payloads = self._encoder.encode([each.template for each in units], moment.stamp, readings)
         for each, payload in zip(units, payloads, strict=True):
             each.publisher.publish_encoded(payload)
+
+    def _errors(self, units: list[ImuSensor], tick: int) -> Floats:
+        """The numbers of the noise of each unit, shape (n, 6); zeros for those without noise."""
+        block, place = units[0].noise.place(tick)
+        if self._noise is None or self._noise.block != block or self._noise.units != units:
+            self._noise = _ImuNoise(units, block, np.stack([each.noise.block(block) for each in units]))
+        noisy = np.array([each.noisy for each in units])
+        return np.where(noisy[:, None], self._noise.numbers[:, place], 0.0)
 
 
 class LaserSensor:
