@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,7 @@ TOLD = {
     "wrong_field": ('wrong_field.py", line', "field linear.x must be float type"),
     "free_threads": ("free_threads.py", "the main thread fails"),
 }
+MODES = ("lockstep", "real")
 FLEET = """
 name = "bad"
 [run]
@@ -58,18 +60,14 @@ def test_what_is_wrong_is_told_with_file_and_line_and_the_robot_goes_on(tmp_path
 
 @pytest.mark.timeout(300)
 def test_programs_that_hang_exit_or_print_without_end_do_not_stop_a_fleet(tmp_path: Path) -> None:
-    terminals = {}
-    for mode in ("lockstep", "real"):
+    for mode in MODES:
         (tmp_path / mode).mkdir()
         (tmp_path / mode / "bad.toml").write_text(FLEET.format(mode=mode, bad=BAD))
-        terminals[mode] = CommandLine(tmp_path / mode)
-    started = {
-        mode: each.start_fleet(each.folder / "bad.toml", each.folder / "results", "--json")
-        for mode, each in terminals.items()
-    }
-    for mode, terminal in terminals.items():
-        with case(mode):
-            ended = terminal.finish(started[mode])
+    terminals = [CommandLine(tmp_path / mode) for mode in MODES]
+    with ThreadPoolExecutor() as pool:
+        runs = pool.map(lambda each: each.run_fleet("bad.toml", each.folder / "results", "--json"), terminals)
+    for terminal, ended in zip(terminals, runs, strict=True):
+        with case(terminal.folder.name):
             report = json.loads(ended.out)
             assert report["robots"]["tb3_0"]["points_reached"] == 1
             logs = terminal.folder / "results" / "logs"
