@@ -1,4 +1,4 @@
-"""Programs that take all the processor time they get."""
+"""Programs that take processor time from all others, by fits and starts."""
 
 from __future__ import annotations
 
@@ -7,13 +7,26 @@ import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
+_BUSY = """
+import time
+while True:
+    end = time.monotonic() + {burst_s}
+    while time.monotonic() < end:
+        pass
+    time.sleep({burst_s})
+"""
+BURST_S = 0.05
+"""Wall time for which a process is busy, and then waits: a dozen ticks of a controller."""
+
 
 @contextmanager
 def cpu_load(count: int) -> Iterator[None]:
-    """So many busy processes beside the block, each in a session of its own: Linux shares time out by sessions."""
+    """So many processes beside the block that are busy every other BURST_S, each in a session of its own: Linux shares
+    time out by sessions. A load that comes and goes upsets the order of others more than one that stays.
+    """
     with ExitStack() as stack:
         for _ in range(count):
-            command = [sys.executable, "-c", "while True: pass"]
+            command = [sys.executable, "-c", _BUSY.format(burst_s=BURST_S)]
             hog = stack.enter_context(subprocess.Popen(command, start_new_session=True))
             stack.callback(hog.kill)
         yield

@@ -20,6 +20,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import cache
@@ -28,6 +29,7 @@ from typing import IO, Any
 
 from services.catalog import service_kinds
 from services.runtime.process import PARENT, ROOT
+from services.script import python2
 from tests.harness.fork_children import HASHES, fork_children
 
 STREAMS = (0, 1, 2)
@@ -39,8 +41,10 @@ _LOADED = (
     "deploy.doctor.checks",
     "services.runtime.start",
     "services.script.command_line",
+    "services.script.message_classes",
     "services.script.run",
 )
+_starting = threading.Lock()
 _SINGLE = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 
 
@@ -59,7 +63,8 @@ class ForkedProcess(subprocess.Popen[str]):
         log: IO[Any] | int = subprocess.PIPE,
         start_new_session: bool = False,
     ) -> None:
-        _server()
+        with _starting:  # tests start fleets side by side, from threads
+            _server()
         errors = subprocess.STDOUT if log != subprocess.PIPE else subprocess.PIPE
         super().__init__(
             [module, *arguments],
@@ -151,6 +156,7 @@ def _serve(path: str) -> None:
             importlib.import_module(each.name)
     for name in (*_LOADED, *(f"services.{each}.loop" for each in service_kinds() if each not in _OTHERS)):
         importlib.import_module(name)
+    python2.convert("pass", "")  # it compiles the patterns of its fixes at first use, which takes 0.07 s
     assert len(os.listdir("/proc/self/task")) == 1, "a fork has only one of the threads"
     gc.collect()
     gc.freeze()

@@ -4,18 +4,32 @@ from __future__ import annotations
 
 import json
 import re
+import signal
+import subprocess
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from deploy.supervisor.log_file import log_name
 from tests.harness.cases import case
 from tests.harness.command_line import CommandLine
+from tests.harness.waiting import wait_until
 
 HERE = Path(__file__).parent
 FLEETS = HERE / "fleets"
 WITHIN_S = 200.0
 """Wall time of a run, which takes a tenth of it on an idle machine."""
+AT_A_TIME = 3
+"""Fleets side by side: one in real time mostly waits, and each does while it starts and ends."""
+
+Lines = Mapping[str, Sequence[str]]
+"""What each program writes, by its process."""
+NOTHING: Lines = MappingProxyType({})
 
 _WALL_TIME = re.compile(r"\[\d{10}\.\d+")
 PACE = {"real": {"lag_s"}, "lockstep": set[str]()}
@@ -37,24 +51,88 @@ class ScriptRun:
 
     def lines(self, process: str) -> list[str]:
         """What a program wrote on standard output and standard error, without wall times and places in memory."""
-        text = (self.logs / log_name(process)).read_text(errors="replace")
-        own = (each for each in text.splitlines() if not each.startswith(_SUPERVISOR) and not _OF_NODE.match(each))
-        return [_ADDRESS.sub("0x", _WALL_TIME.sub("[wall", each)) for each in own]
+        return _lines(self.logs, process)
 
     def processes(self) -> list[str]:
         """The names of the logs."""
         return sorted(each.stem.replace(".", "/") for each in self.logs.glob("*.log"))
 
 
-def run_scripts(fleet: str, folder: Path, mode: str, *options: str, flooded: str = "") -> ScriptRun:
-    """Run a fleet of this folder to its end.
+Jobs = dict[str, Callable[[], ScriptRun]]
+"""Runs to be made, by their names."""
+Runs = Mapping[str, Future[ScriptRun]]
+"""Runs under way, by their names."""
 
-    In real time the commands of a ``flooded`` robot, whose program never waits, may be lost, and no other message.
+
+def run_until_said(
+    fleet: str, folder: Path, said: Lines, *options: str, begun: Lines = NOTHING, flooded: str = ""
+) -> ScriptRun:
+    """Run a fleet of this folder in real time until its programs have spoken, then end it by Ctrl-C.
+
+    Args:
+        fleet: Its name.
+        folder: The run's.
+        said: Lines that are waited for.
+        options: Those of the run.
+        begun: Lines of which the first words are enough.
+        flooded: A robot whose program never waits: commands to it may be lost, and no other message.
     """
-    results = folder / "results"
+    terminal = _terminal(folder)
+    started = _start(terminal, fleet, "real", "--set", "run.ends=never", *options)
+    interrupt_when_said(started, folder / "results" / "logs", said, begun)
+    return _finish(terminal, started, "real", flooded)
+
+
+def run_scripts(fleet: str, folder: Path, mode: str, *options: str) -> ScriptRun:
+    """Run a fleet of this folder to its end."""
+    terminal = _terminal(folder)
+    return _finish(terminal, _start(terminal, fleet, mode, *options), mode)
+
+
+def twice_in_lockstep(folder: Path, seconds: Mapping[str, float]) -> Jobs:
+    """Two runs of each fleet, ``FLEET 1`` and ``FLEET 2``, for so much simulation time."""
+    return {
+        f"{fleet} {number}": partial(
+            run_scripts, fleet, folder / f"{fleet}{number}", "lockstep", "--duration", str(end)
+        )
+        for fleet, end in seconds.items()
+        for number in (1, 2)
+    }
+
+
+@contextmanager
+def side_by_side(runs: Jobs) -> Iterator[Runs]:
+    """Run fleets, AT_A_TIME of them, in their order; those in real time, which wait most, come first."""
+    with ThreadPoolExecutor(AT_A_TIME) as pool:
+        yield {name: pool.submit(run) for name, run in runs.items()}
+
+
+def interrupt_when_said(fleet: subprocess.Popen[str], logs: Path, said: Lines, begun: Lines = NOTHING) -> None:
+    """End a fleet by Ctrl-C once its programs have spoken; also if they take too long, or if it ends before."""
+    silent = [*said.items()], [*begun.items()]
+
+    def all_spoke() -> bool:
+        for lines, missing in zip(silent, (missing_lines, missing_words), strict=True):
+            while lines and not missing(lines[-1][1], _said(logs, lines[-1][0])):
+                lines.pop()
+        return not any(silent) or fleet.poll() is not None
+
+    with suppress(AssertionError):  # what is missing is told by those who look for it
+        wait_until(all_spoke, WITHIN_S)
+    fleet.send_signal(signal.SIGINT)
+
+
+def _terminal(folder: Path) -> CommandLine:
     folder.mkdir(exist_ok=True)
-    terminal = CommandLine(folder)
-    started = terminal.start_fleet(FLEETS / f"{fleet}.toml", results, "--mode", mode, "--json", *options)
+    return CommandLine(folder)
+
+
+def _start(terminal: CommandLine, fleet: str, mode: str, *options: str) -> subprocess.Popen[str]:
+    path, results = FLEETS / f"{fleet}.toml", terminal.folder / "results"
+    return terminal.start_fleet(path, results, "--mode", mode, "--json", *options)
+
+
+def _finish(terminal: CommandLine, started: subprocess.Popen[str], mode: str, flooded: str = "") -> ScriptRun:
     ended = terminal.finish(started, WITHIN_S)
     report = json.loads(ended.out)
     assert ended.status == (0 if report["ok"] else 1), ended.err
@@ -62,42 +140,60 @@ def run_scripts(fleet: str, folder: Path, mode: str, *options: str, flooded: str
     if flooded and report["run"]["messages_lost"] == report["robots"][flooded]["messages_lost"]:
         missed.discard("messages_lost")
     assert not missed, f"{missed}\n{ended.err}"
-    return ScriptRun(report, results / "logs")
+    return ScriptRun(report, terminal.folder / "results" / "logs")
 
 
-def assert_said(run: ScriptRun, expected: dict[str, list[str]]) -> None:
+def assert_said(run: ScriptRun, expected: Lines) -> None:
     """Each program wrote its lines in their order, perhaps others between them."""
-    for process, wanted in expected.items():
-        with case(process):
-            said = [_LOGGED.sub("", each) for each in run.lines(process)]
-            _assert_in_order(wanted, said, said)
+    _assert_none(missing_lines, run, expected)
 
 
-def assert_began(run: ScriptRun, expected: dict[str, list[str]]) -> None:
+def assert_began(run: ScriptRun, expected: Lines) -> None:
     """Each program wrote lines that begin with the words of those expected, in their order.
 
     For real time, where a machine that lets a program wait changes what it measures, but not what it does.
     """
+    _assert_none(missing_words, run, expected)
+
+
+def missing_lines(wanted: Sequence[str], said: Sequence[str]) -> list[str]:
+    """The lines that were not said in their order."""
+    rest = iter(said)
+    return [each for each in wanted if each not in rest]
+
+
+def missing_words(wanted: Sequence[str], said: Sequence[str]) -> list[str]:
+    """The first words of lines with which no line began in their order."""
+    return missing_lines([each.split()[0] for each in wanted], [each.partition(" ")[0] for each in said])
+
+
+def _assert_none(missing: Callable[[Sequence[str], Sequence[str]], list[str]], run: ScriptRun, expected: Lines) -> None:
     for process, wanted in expected.items():
         with case(process):
-            said = [_LOGGED.sub("", each) for each in run.lines(process)]
-            _assert_in_order([each.split()[0] for each in wanted], [each.partition(" ")[0] for each in said], said)
+            said = _said(run.logs, process)
+            absent = missing(wanted, said)
+            assert not absent, "\n".join([f"missing: {absent}", "of:", *said[-40:]])
 
 
-def _assert_in_order(wanted: list[str], found: list[str], said: list[str]) -> None:
-    rest = iter(found)
-    missing = [each for each in wanted if each not in rest]
-    assert not missing, "\n".join([f"missing: {missing}", "of:", *said[-40:]])
+def _said(logs: Path, process: str) -> list[str]:
+    return [_LOGGED.sub("", each) for each in _lines(logs, process)]
 
 
-def assert_same(first: ScriptRun, second: ScriptRun, scripts: list[str]) -> None:
-    """Two runs in lockstep left the same trajectories and the same words.
+def _lines(logs: Path, process: str) -> list[str]:
+    log = logs / log_name(process)
+    text = log.read_text(errors="replace") if log.exists() else ""
+    own = (each for each in text.splitlines() if not each.startswith(_SUPERVISOR) and not _OF_NODE.match(each))
+    return [_ADDRESS.sub("0x", _WALL_TIME.sub("[wall", each)) for each in own]
+
+
+def assert_same(first: ScriptRun, second: ScriptRun, scripts: Sequence[str], silent: Sequence[str] = ()) -> None:
+    """Two runs in lockstep left the same trajectories and the same words, of which ``silent`` programs may have none.
 
     Behind the end of the run, simulation goes on until the processes have ended, in one run longer than in the other.
     """
     assert first.report["run"]["trajectory_hash"] == second.report["run"]["trajectory_hash"]
-    for process in scripts:
+    for process in (*scripts, *silent):
         with case(process):
             both = list(zip(first.lines(process), second.lines(process), strict=False))
-            assert both
+            assert both or process in silent
             assert [one for one, _ in both] == [other for _, other in both]

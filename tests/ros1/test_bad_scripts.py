@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,7 @@ TOLD = {
     "wrong_field": ('wrong_field.py", line', "field linear.x must be float type"),
     "free_threads": ("free_threads.py", "the main thread fails"),
 }
+MODES = ("lockstep", "real")
 FLEET = """
 name = "bad"
 [run]
@@ -46,9 +48,10 @@ kind = "{bad}/chatty.py"
 
 def test_what_is_wrong_is_told_with_file_and_line_and_the_robot_goes_on(tmp_path: Path) -> None:
     with background_fleet(tmp_path) as fleet:
+        started = {name: fleet.command_line.start("run", str(BAD / f"{name}.py")) for name in TOLD}
         for name, told in TOLD.items():
             with case(name):
-                ended = fleet.command_line.run("run", str(BAD / f"{name}.py"))
+                ended = fleet.command_line.finish(started[name])
                 assert ended.status in (1, 2), ended
                 for each in told:
                     assert each in ended.err
@@ -57,15 +60,17 @@ def test_what_is_wrong_is_told_with_file_and_line_and_the_robot_goes_on(tmp_path
 
 @pytest.mark.timeout(300)
 def test_programs_that_hang_exit_or_print_without_end_do_not_stop_a_fleet(tmp_path: Path) -> None:
-    for mode in ("lockstep", "real"):
-        with case(mode):
-            (tmp_path / mode).mkdir()
-            path = tmp_path / mode / "bad.toml"
-            path.write_text(FLEET.format(mode=mode, bad=BAD))
-            ended = CommandLine(tmp_path / mode).run_fleet(path, tmp_path / mode / "results", "--json")
+    for mode in MODES:
+        (tmp_path / mode).mkdir()
+        (tmp_path / mode / "bad.toml").write_text(FLEET.format(mode=mode, bad=BAD))
+    terminals = [CommandLine(tmp_path / mode) for mode in MODES]
+    with ThreadPoolExecutor() as pool:
+        runs = pool.map(lambda each: each.run_fleet("bad.toml", each.folder / "results", "--json"), terminals)
+    for terminal, ended in zip(terminals, runs, strict=True):
+        with case(terminal.folder.name):
             report = json.loads(ended.out)
             assert report["robots"]["tb3_0"]["points_reached"] == 1
-            logs = tmp_path / mode / "results" / "logs"
+            logs = terminal.folder / "results" / "logs"
             assert "main goes on" in (logs / "endless_callback.log").read_text()
             assert "status 7" in (logs / "exits.log").read_text() + ended.err
             assert (logs / "chatty.log").read_text().count("x" * 1000) == 3000

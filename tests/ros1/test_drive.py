@@ -2,41 +2,63 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Iterator
+from functools import partial
 
 import pytest
 
 from tests.harness.cases import case
-from tests.ros1.script_fleets import ScriptRun, assert_began, assert_said, assert_same, run_scripts
+from tests.ros1.script_fleets import (
+    NOTHING,
+    Jobs,
+    Runs,
+    ScriptRun,
+    assert_began,
+    assert_said,
+    assert_same,
+    run_until_said,
+    side_by_side,
+    twice_in_lockstep,
+)
 
 SAID = {
-    "tf_out_and_back": ["home True facing True"],
-    "pose_printer": [
-        "frames odom base_footprint, yaw 0",
-        "imu True, joints ['wheel_left_joint', 'wheel_right_joint']",
-        "0.0 36 tuple",
-    ],
-    "lights/start_stop": ["changes 6"],
-    "square/timed_square": ["square done", "Stop Drawing Squares"],
-    "odom_square": ["Square completed!", "sides 4, home within 0.5 m True, logged True"],
-    "once/publish_once": ["legs done"],
-    "back/out_and_back": ["out and back", "Stopping the robot..."],
-    "point/goto_point": ["arrived within True"],
-    "wander/turtlebot_scan": ["turned True, kept True"],
-    "wander/range_ahead": ["range ahead: 1 of 360", "nearest ahead: 1 tuple"],
-    "wall/wall_follower": ["states [0, 1, 2], beside the wall True"],
-    "heading/pid_heading": ["tracked True with rows True"],
-    "mover/move_client": ["Done!", "moved 40 steps", "took 4 s"],
-    "keys/key_script": ["keys sent"],
-    "formation": ["1", "2", "3"],
-    "patrol/patrol_client": [
-        "at 0.6 0.0: state 3",
-        "at 0.6 0.5: state 3",
-        "moved True",
-        "control_msgs/FollowJointTrajectoryAction",
-    ],
+    "drive": {
+        "tf_out_and_back": ["home True facing True"],
+        "pose_printer": [
+            "frames odom base_footprint, yaw 0",
+            "imu True, joints ['wheel_left_joint', 'wheel_right_joint']",
+            "0.0 36 tuple",
+        ],
+        "lights/start_stop": ["changes 6"],
+        "square/timed_square": ["square done", "Stop Drawing Squares"],
+        "odom_square": ["Square completed!", "sides 4, home within 0.5 m True, logged True"],
+        "once/publish_once": ["legs done"],
+        "back/out_and_back": ["out and back", "Stopping the robot..."],
+        "point/goto_point": ["arrived within True"],
+    },
+    "tasks": {
+        "wander/turtlebot_scan": ["turned True, kept True"],
+        "wander/range_ahead": ["range ahead: 1 of 360", "nearest ahead: 1 tuple"],
+        "wall/wall_follower": ["states [0, 1, 2], beside the wall True"],
+        "heading/pid_heading": ["tracked True with rows True"],
+        "mover/move_client": ["Done!", "moved 40 steps", "took 4 s"],
+        "keys/key_script": ["keys sent"],
+        "formation": ["1", "2", "3"],
+        "patrol/patrol_client": [
+            "at 0.6 0.0: state 3",
+            "at 0.6 0.5: state 3",
+            "moved True",
+            "control_msgs/FollowJointTrajectoryAction",
+        ],
+    },
 }
-SILENT = ["keys/key_driver", "mover/move_service", "repeat", "patrol/patrol_server"]
+"""What the programs of each fleet say."""
+SILENT: dict[str, list[str]] = {
+    "drive": [],
+    "tasks": ["keys/key_driver", "mover/move_service", "repeat", "patrol/patrol_server"],
+}
+LOCKSTEP_S = {"drive": 15, "tasks": 16}
+FLOODED = {"drive": "", "tasks": "tb3_1"}
 DRIVEN_M = {
     "solo": (0.55, 0.75),
     "lights": (1.2, 1.3),
@@ -59,37 +81,44 @@ program wait lengthens what it drives by the clock; in lockstep time waits for t
 """
 
 
-FLEETS = ("drive", "tasks")
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Runs]:
+    folder = tmp_path_factory.mktemp("drive")
+    real: Jobs = {
+        f"{fleet} real": partial(
+            *(run_until_said, fleet, folder / f"{fleet}0", NOTHING, "--factor", "2"), begun=said, flooded=FLOODED[fleet]
+        )
+        for fleet, said in SAID.items()
+    }
+    with side_by_side(real | twice_in_lockstep(folder, LOCKSTEP_S)) as runs:
+        yield runs
 
 
-def assert_drove(run: ScriptRun) -> list[str]:
-    """Each program of the fleet came to its end and drove, in lockstep with its figures; all programs of the fleet."""
-    here, exact = set(run.processes()), run.report["run"]["mode"] == "lockstep"
-    expected = {process: lines for process, lines in SAID.items() if process in here}
-    if exact:
-        assert_said(run, expected)
-    else:
-        assert_began(run, expected)
+@pytest.mark.timeout(420)
+def test_each_program_drives_its_way_in_real_time(runs: Runs) -> None:
+    for fleet, said in SAID.items():
+        with case(fleet):
+            run = runs[f"{fleet} real"].result()
+            assert {*said, *SILENT[fleet]} <= {*run.processes()}
+            assert_began(run, said)
+            assert_drove(run, 0.5)
+
+
+@pytest.mark.timeout(420)
+def test_in_lockstep_they_drive_the_same_way_twice(runs: Runs) -> None:
+    for fleet, said in SAID.items():
+        with case(fleet):
+            first = runs[f"{fleet} 1"].result()
+            assert_said(first, said)
+            assert_drove(first)
+            for robot, found in first.report["robots"].items():
+                assert found["path_length_m"] <= DRIVEN_M[robot][1]
+            assert_same(first, runs[f"{fleet} 2"].result(), [*said], SILENT[fleet])
+
+
+def assert_drove(run: ScriptRun, share: float = 1.0) -> None:
+    """Each robot drove a share of the least path, and met nobody."""
     for robot, found in run.report["robots"].items():
         with case(robot):
-            least, most = DRIVEN_M[robot]
-            if exact:
-                assert least <= found["path_length_m"] <= most
-            assert found["path_length_m"] >= least / 2
+            assert found["path_length_m"] >= share * DRIVEN_M[robot][0]
             assert found["collisions"] == 0
-    return [each for each in (*SAID, *SILENT) if each in here]
-
-
-@pytest.mark.timeout(420)
-def test_each_program_drives_its_way_in_real_time(tmp_path: Path) -> None:
-    flooded = {"drive": "", "tasks": "tb3_1"}
-    runs = [run_scripts(fleet, tmp_path / fleet, "real", "--factor", "2", flooded=flooded[fleet]) for fleet in FLEETS]
-    assert {each for run in runs for each in assert_drove(run)} == {*SAID, *SILENT}
-
-
-@pytest.mark.timeout(420)
-def test_in_lockstep_they_drive_the_same_way_twice(tmp_path: Path) -> None:
-    for fleet, seconds in {"drive": "15", "tasks": "16"}.items():
-        first = run_scripts(fleet, tmp_path / f"{fleet}1", "lockstep", "--duration", seconds)
-        second = run_scripts(fleet, tmp_path / f"{fleet}2", "lockstep", "--duration", seconds)
-        assert_same(first, second, assert_drove(first))

@@ -2,162 +2,177 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
+from collections.abc import Iterator
+from functools import partial
 
 import pytest
 
-from tests.ros1.script_fleets import ScriptRun, assert_said, assert_same, run_scripts
+from tests.harness.cases import case
+from tests.ros1.script_fleets import (
+    Jobs,
+    Runs,
+    assert_said,
+    assert_same,
+    run_until_said,
+    side_by_side,
+    twice_in_lockstep,
+)
 
 REFUSED = "service [/services/{}] responded with an error: b'{}'"
 SAID = {
-    "array_listener": ["ndarray of float32, mean 2.650", "tuple 4", "rows 2.0"],
-    "bad_callback": ["RuntimeError: odd 1", "good [0, 2, 4]", "refused: field data must be an integer type"],
-    "bag_round": [
-        "sum 45",
-        "words 105.5 hello",
-        "cmd_vel 107.25 0.25",
-        "window [2, 3, 4]",
-        "12 messages, types ['geometry_msgs/Twist', 'std_msgs/Int32', 'std_msgs/String']",
-    ],
-    "busy": ["first: reading", "went round True", "waited"],
-    "cloud": ["8 points of 16 bytes, far (3.0, 1.0, 0.5)", "plain 2"],
-    "command_line": ["4 times red on /paints, remapped True", "stopping 'command_line' at 4"],
-    "doubler": ["more than ten: 12", "more than ten: 14"],
-    "durations": [
-        "13 750000000 2.50",
-        "True True -0.75",
-        "rospy.Time[1000000005] 12500000000",
-        "times do not add",
-        "a second: True",
-        "late: True",
-        "half: True",
-    ],
-    "fibonacci": ["/fibonacci: order 6", "/fibonacci: Preempted", "/fibonacci: Preempted", "/fibonacci: order 3"],
-    "fibonacci_client": [
-        "in time: True",
-        "state 3, result [0, 1, 1, 2, 3, 5, 8]",
-        "['active', 'done 3 [0, 1, 1, 2, 3, 5]'] [3, 4, 5, 6]",
-        "in time: False",
-        "cancelled: True",
-        "status 3",
-    ],
-    "frames_listener": [
-        "lamp at [1.0, 0.0, 0.5], yaw 1.5708",
-        "fly at distance 1.000",
-        "point 1.00 1.00 0.50",
-        "unknown: True",
-        "not yet",
-        "frames [False, True, False]",
-    ],
-    "frames_tf2": [
-        "desk in shelf: 2.00 0.00",
-        "pose 2.00 -1.00 in shelf",
-        "InvalidArgumentException",
-        "cart at 0.9",
-    ],
-    "graph_tool": [
-        "chatter is std_msgs/String",
-        "nodes [True, True, False]",
-        "std_msgs/String /chatter",
-        "online True",
-        "not found: no_such_package",
-    ],
-    "greeted": ["words ['welcome']"],
-    "header_listener": ["seq rises by [1, 1, 1, 1, 1]", "mean gap 0.2 s in desk"],
-    "headers": ["std_msgs/String by /headers, latching 1", "colour green", "asked by /headers", "peers 1 32"],
-    "hooks": ["first hook, down: False", "second hook", "down: True"],
-    "joints": ["header: ", "  - elbow", "position: [0.23924932921398198, 0.5]", "velocity: []"],
-    "last_words": ["good bye", "timeout exceeded while waiting for message on topic silence"],
-    "listener": ["steps [1, 1, 1, 1] from /chatter"],
-    "logs": ["2 info 1", "4 warn", "8 error", "16 fatal", "2 once", "4 throttled"],
-    "map_reader": ["map 20x10, 20 walls, 180 unknown, tuple"],
-    "markers": ["5 points, type 4, last 16.0", "[0, 1, 2]"],
-    "mission": ["beats True", "done at level 120 with [0, 1, 2, 3, 4]"],
-    "number_sink": ["reached 12"],
-    "own_signals": ["mine: True", "beats 8"],
-    "parameter_reader": [
-        "lamps 7",
-        "kitchen {'lamps': 2} heights [2.5, 3.0]",
-        "private 0.5 [1, 2] True",
-        "of another node 0.25",
-        "default fallback",
-        "has True False",
-        "found /gain",
-        "left ['kitchen']",
-        "KeyError '/house/cellar'",
-        "nothing to delete",
-        "mine ['/house/heights', '/house/ready', '/house/rooms/kitchen/lamps']",
-    ],
-    "python2": ["hall: 2", "caught old style", "0 1 2 ", "2 rooms 1", "493 10 [1, 2]"],
-    "red_finder": ["32x24 bgr8, grown by [1, 1, 1]"],
-    "rotations": [
-        "euler [0.1, -0.2, 1.3]",
-        "w 0.788097 of a ndarray",
-        "matrix [1.0, 2.0, 3.0]",
-        "identity True",
-        "half way 0.5000",
-        "sum 0.7500",
-        "back -0.7500",
-        "rotation [[0, -1], [1, 0]]",
-        "from matrix True",
-        "zero True",
-        "axis 0.3000",
-        "euler by matrix [0.2, 0.3, 0.4]",
-    ],
-    "services_client": [
-        "on off on",
-        "True from a dict",
-        "from a list",
-        "failing: " + REFUSED.format("failing", "error processing request: no such luck"),
-        "nothing: " + REFUSED.format("nothing", "service cannot process request: service handler returned None"),
-        "missing: service [/services/missing] unavailable",
-        "wait: timeout exceeded while waiting for service /services/missing",
-    ],
-    "subscribe_notify": ["a peer subscribed to /greetings", "a peer left, 0 remain"],
-    "sum_client": ["3 + 4 = (7, 7, 7)"],
-    "sum_server": ["Ready to add.", "Returning [3 + 4 = 7]"],
-    "synchronized": ["equal pairs True", "cache holds True"],
-    "timers": ["once, with last_real None", "five ticks, then none", "ticks at the end: 5"],
-    "two_inputs": ["mixed 20"],
-    "user_data": ["each callback got 4 and both saw the same: True"],
-    "workers": ["total 15, sent 15, sum 1530"],
-    "lab/desk/names": [
-        "name /lab/desk/names namespace /lab/desk/",
-        "/lab/desk/a /a /lab/desk/names/a",
-        "remapped /lab/desk/after",
-        "/lab/desk/inner/deep/number /lab/desk/names/number /lab/desk/after",
-        "7",
-        "private 0.5 [1, True] 'red'",
-        "args ['plain']",
-    ],
+    "topics": {
+        "busy": ["first: reading", "went round True", "waited"],
+        "command_line": ["4 times red on /paints, remapped True", "stopping 'command_line' at 4"],
+        "doubler": ["more than ten: 12", "more than ten: 14"],
+        "graph_tool": [
+            "chatter is std_msgs/String",
+            "nodes [True, True, False]",
+            "std_msgs/String /chatter",
+            "online True",
+            "not found: no_such_package",
+        ],
+        "header_listener": ["seq rises by [1, 1, 1, 1, 1]", "mean gap 0.2 s in desk"],
+        "lab/desk/names": [
+            "name /lab/desk/names namespace /lab/desk/",
+            "/lab/desk/a /a /lab/desk/names/a",
+            "remapped /lab/desk/after",
+            "/lab/desk/inner/deep/number /lab/desk/names/number /lab/desk/after",
+            "7",
+            "private 0.5 [1, True] 'red'",
+            "args ['plain']",
+        ],
+        "listener": ["steps [1, 1, 1, 1] from /chatter"],
+        "number_sink": ["reached 12"],
+        "two_inputs": ["mixed 20"],
+        "user_data": ["each callback got 4 and both saw the same: True"],
+    },
+    "calls": {
+        "durations": [
+            "13 750000000 2.50",
+            "True True -0.75",
+            "rospy.Time[1000000005] 12500000000",
+            "times do not add",
+            "a second: True",
+            "late: True",
+            "half: True",
+        ],
+        "fibonacci": ["/fibonacci: order 6", "/fibonacci: Preempted", "/fibonacci: Preempted", "/fibonacci: order 3"],
+        "fibonacci_client": [
+            "in time: True",
+            "state 3, result [0, 1, 1, 2, 3, 5, 8]",
+            "['active', 'done 3 [0, 1, 1, 2, 3, 5]'] [3, 4, 5, 6]",
+            "in time: False",
+            "cancelled: True",
+            "status 3",
+        ],
+        "mission": ["beats True", "done at level 120 with [0, 1, 2, 3, 4]"],
+        "parameter_reader": [
+            "lamps 7",
+            "kitchen {'lamps': 2} heights [2.5, 3.0]",
+            "private 0.5 [1, 2] True",
+            "of another node 0.25",
+            "default fallback",
+            "has True False",
+            "found /gain",
+            "left ['kitchen']",
+            "KeyError '/house/cellar'",
+            "nothing to delete",
+            "mine ['/house/heights', '/house/ready', '/house/rooms/kitchen/lamps']",
+        ],
+        "python2": ["hall: 2", "caught old style", "0 1 2 ", "2 rooms 1", "493 10 [1, 2]"],
+        "services_client": [
+            "on off on",
+            "True from a dict",
+            "from a list",
+            "failing: " + REFUSED.format("failing", "error processing request: no such luck"),
+            "nothing: " + REFUSED.format("nothing", "service cannot process request: service handler returned None"),
+            "missing: service [/services/missing] unavailable",
+            "wait: timeout exceeded while waiting for service /services/missing",
+        ],
+        "sum_client": ["3 + 4 = (7, 7, 7)"],
+        "sum_server": ["Ready to add.", "Returning [3 + 4 = 7]"],
+        "timers": ["once, with last_real None", "five ticks, then none", "ticks at the end: 5"],
+        "workers": ["total 15, sent 15, sum 1530"],
+    },
+    "data": {
+        "cloud": ["8 points of 16 bytes, far (3.0, 1.0, 0.5)", "plain 2"],
+        "frames_listener": [
+            "lamp at [1.0, 0.0, 0.5], yaw 1.5708",
+            "fly at distance 1.000",
+            "point 1.00 1.00 0.50",
+            "unknown: True",
+            "not yet",
+            "frames [False, True, False]",
+        ],
+        "frames_tf2": [
+            "desk in shelf: 2.00 0.00",
+            "pose 2.00 -1.00 in shelf",
+            "InvalidArgumentException",
+            "cart at 0.9",
+        ],
+        "map_reader": ["map 20x10, 20 walls, 180 unknown, tuple"],
+        "markers": ["5 points, type 4, last 16.0", "[0, 1, 2]"],
+        "red_finder": ["32x24 bgr8, grown by [1, 1, 1]"],
+        "rotations": [
+            "euler [0.1, -0.2, 1.3]",
+            "w 0.788097 of a ndarray",
+            "matrix [1.0, 2.0, 3.0]",
+            "identity True",
+            "half way 0.5000",
+            "sum 0.7500",
+            "back -0.7500",
+            "rotation [[0, -1], [1, 0]]",
+            "from matrix True",
+            "zero True",
+            "axis 0.3000",
+            "euler by matrix [0.2, 0.3, 0.4]",
+        ],
+        "synchronized": ["equal pairs True", "cache holds True"],
+    },
+    "nodes": {
+        "array_listener": ["ndarray of float32, mean 2.650", "tuple 4", "rows 2.0"],
+        "bad_callback": ["RuntimeError: odd 1", "good [0, 2, 4]", "refused: field data must be an integer type"],
+        "bag_round": [
+            "sum 45",
+            "words 105.5 hello",
+            "cmd_vel 107.25 0.25",
+            "window [2, 3, 4]",
+            "12 messages, types ['geometry_msgs/Twist', 'std_msgs/Int32', 'std_msgs/String']",
+        ],
+        "greeted": ["words ['welcome']"],
+        "headers": ["std_msgs/String by /headers, latching 1", "colour green", "asked by /headers", "peers 1 32"],
+        "hooks": ["first hook, down: False", "second hook", "down: True"],
+        "joints": ["header: ", "  - elbow", "position: [0.23924932921398198, 0.5]", "velocity: []"],
+        "last_words": ["good bye", "timeout exceeded while waiting for message on topic silence"],
+        "logs": ["2 info 1", "4 warn", "8 error", "16 fatal", "2 once", "4 throttled"],
+        "own_signals": ["mine: True", "beats 8"],
+        "subscribe_notify": ["a peer subscribed to /greetings", "a peer left, 0 remain"],
+    },
 }
+"""What the programs of each fleet say."""
+LOCKSTEP_S = 4
+"""Simulated time in which all is said where no program is late."""
 
 
-FLEETS = ("topics", "calls", "data", "nodes")
-LOCKSTEP = ("--duration", "4")
-"""Simulated time [s] in which all is said where no program is late; in real time some are on a busy machine."""
-
-
-def of_fleet(run: ScriptRun) -> dict[str, list[str]]:
-    return {process: lines for process, lines in SAID.items() if process in run.processes()}
-
-
-@pytest.mark.timeout(420)
-def test_programs_say_in_real_time_what_they_say_under_ros(tmp_path: Path) -> None:
-    """Two fleets at a time: most of it is waiting."""
-    seen: set[str] = set()
-    with ThreadPoolExecutor(2) as pool:
-        for run in pool.map(lambda fleet: run_scripts(fleet, tmp_path / fleet, "real"), FLEETS):
-            assert_said(run, of_fleet(run))
-            seen |= of_fleet(run).keys()
-    assert seen == SAID.keys()
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Runs]:
+    folder = tmp_path_factory.mktemp("talk")
+    real: Jobs = {f"{fleet} real": partial(run_until_said, fleet, folder / f"{fleet}0", SAID[fleet]) for fleet in SAID}
+    with side_by_side(real | twice_in_lockstep(folder, dict.fromkeys(SAID, LOCKSTEP_S))) as runs:
+        yield runs
 
 
 @pytest.mark.timeout(420)
-def test_in_lockstep_they_say_the_same_twice(tmp_path: Path) -> None:
-    for fleet in FLEETS:
-        first = run_scripts(fleet, tmp_path / f"{fleet}1", "lockstep", *LOCKSTEP)
-        assert_said(first, of_fleet(first))
-        second = run_scripts(fleet, tmp_path / f"{fleet}2", "lockstep", *LOCKSTEP)
-        assert_same(first, second, [*of_fleet(first)])
+def test_programs_say_in_real_time_what_they_say_under_ros(runs: Runs) -> None:
+    for fleet, said in SAID.items():
+        with case(fleet):
+            assert_said(runs[f"{fleet} real"].result(), said)
+
+
+@pytest.mark.timeout(420)
+def test_in_lockstep_they_say_the_same_twice(runs: Runs) -> None:
+    for fleet, said in SAID.items():
+        with case(fleet):
+            first = runs[f"{fleet} 1"].result()
+            assert_said(first, said)
+            assert_same(first, runs[f"{fleet} 2"].result(), [*said])

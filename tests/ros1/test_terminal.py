@@ -36,17 +36,19 @@ def test_keys_drive_a_robot_and_answers_send_a_turtle(tmp_path: Path) -> None:
             pose = json.loads(fleet.run("topic", "echo", "/odom", "--once", "--json").out)["pose"]["pose"]
             return {"x": pose["position"]["x"], "turn": abs(pose["orientation"]["z"])}
 
-        with PseudoTerminal([*run, str(HERE / "scripts/drive/teleop_keys.py"), "_speed:=0.15"], environment) as keys:
+        with (
+            PseudoTerminal([*run, str(HERE / "scripts/turtles/goto_goal.py")], environment) as terminal,
+            PseudoTerminal([*run, str(HERE / "scripts/drive/teleop_keys.py"), "_speed:=0.15"], environment) as keys,
+        ):
+            for question, answer in (("x goal", "7"), ("y goal", "6.5"), ("tolerance", "0.5")):
+                _wait_for(terminal, question)
+                terminal.type(f"{answer}\n")
             _wait_for(keys, "w/x: forward and back")
             _hold(keys, "w", lambda: "currently: speed 0.15" in keys.text)
             wait_until(lambda: odometry()["x"] > 0.1, WITHIN_S, "the robot forward")
             _hold(keys, "a", lambda: odometry()["turn"] > 0.2)
             _hold(keys, "q", lambda: keys.ended)
             assert keys.wait() == 0, keys.text
-        with PseudoTerminal([*run, str(HERE / "scripts/turtles/goto_goal.py")], environment) as terminal:
-            for question, answer in (("x goal", "7"), ("y goal", "6.5"), ("tolerance", "0.5")):
-                _wait_for(terminal, question)
-                terminal.type(f"{answer}\n")
             _wait_for(terminal, "reached True")
             assert terminal.wait() == 0, terminal.text
 

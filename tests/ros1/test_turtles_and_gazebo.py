@@ -2,77 +2,106 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
+from collections.abc import Iterator
+from functools import partial
 
 import pytest
 
-from tests.ros1.script_fleets import assert_said, assert_same, run_scripts
+from tests.ros1.script_fleets import (
+    NOTHING,
+    Jobs,
+    Runs,
+    assert_said,
+    assert_same,
+    run_until_said,
+    side_by_side,
+    twice_in_lockstep,
+)
 
-TURTLES = {
-    "mover": [
-        "from 5.54 5.54",
-        "moved 2.0, turned 1.6",
-        "slots ['x', 'y', 'theta', 'linear_velocity', 'angular_velocity']",
-    ],
-    "spiral": [
-        "cleaner",
-        "wide True",
-        "at 1.0 2.0 0.5",
-        "then 2.0 2.0 0.0",
-        "no second one",
-        "red 69",
-    ],
-    "follower": ["came nearer: True"],
+SAID = {
+    "gazebo": {
+        "model_state": [
+            "ball True at 3.0",
+            "set True, now 1.5",
+            "nobody: False",
+            "by topic 1.9",
+        ],
+        "goal_box": ["there True", "deleted True", "there True", "deleted True", "gone True"],
+        "true_odom": ["published True, links burger"],
+        "arm_exercise": ["step reached 30", "swings from -20 to 20"],
+    },
+    "turtles": {
+        "mover": [
+            "from 5.54 5.54",
+            "moved 2.0, turned 1.6",
+            "slots ['x', 'y', 'theta', 'linear_velocity', 'angular_velocity']",
+        ],
+        "spiral": [
+            "cleaner",
+            "wide True",
+            "at 1.0 2.0 0.5",
+            "then 2.0 2.0 0.0",
+            "no second one",
+            "red 69",
+        ],
+        "follower": ["came nearer: True"],
+    },
+    "resets": {
+        "environment": [
+            "episode 0: 360 rays, drove True, done False",
+            "episode 1: 360 rays, drove True, done False",
+        ],
+    },
 }
-GAZEBO = {
-    "model_state": [
-        "ball True at 3.0",
-        "set True, now 1.5",
-        "nobody: False",
-        "by topic 1.9",
-    ],
-    "goal_box": ["there True", "deleted True", "there True", "deleted True", "gone True"],
-    "true_odom": ["published True, links burger"],
-    "arm_exercise": ["step reached 30", "swings from -20 to 20"],
+"""What the programs of each fleet say."""
+BEGUN = {"gazebo": {"arm_exercise": SAID["gazebo"]["arm_exercise"]}}
+"""In real time the arm's angles follow from the delays of the machine; in lockstep from the program alone."""
+REAL = {
+    fleet: {name: lines for name, lines in said.items() if name not in BEGUN.get(fleet, {})}
+    for fleet, said in SAID.items()
 }
-RESETS = {
-    "environment": [
-        "episode 0: 360 rays, drove True, done False",
-        "episode 1: 360 rays, drove True, done False",
-    ],
-}
+LOCKSTEP_S = {"gazebo": 13, "turtles": 12, "resets": 5}
 
 
-def test_turtles_follow_programs_in_real_time(tmp_path: Path) -> None:
-    assert_said(run_scripts("turtles", tmp_path, "real"), TURTLES)
-
-
-def test_turtles_follow_programs_in_lockstep_twice(tmp_path: Path) -> None:
-    first = run_scripts("turtles", tmp_path / "first", "lockstep", "--duration", "12")
-    assert_said(first, TURTLES)
-    assert_same(first, run_scripts("turtles", tmp_path / "second", "lockstep", "--duration", "12"), list(TURTLES))
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Runs]:
+    folder = tmp_path_factory.mktemp("gazebo")
+    real: Jobs = {
+        f"{fleet} real": partial(run_until_said, fleet, folder / f"{fleet}0", said, begun=BEGUN.get(fleet, NOTHING))
+        for fleet, said in REAL.items()
+    }
+    with side_by_side(real | twice_in_lockstep(folder, LOCKSTEP_S)) as runs:
+        yield runs
 
 
 @pytest.mark.timeout(420)
-def test_gazebos_names_work_in_real_time(tmp_path: Path) -> None:
-    with ThreadPoolExecutor(2) as pool:
-        run, resets = pool.map(lambda fleet: run_scripts(fleet, tmp_path / fleet, "real"), ("gazebo", "resets"))
-    assert_said(run, {name: lines for name, lines in GAZEBO.items() if name != "arm_exercise"})
-    # Where the arm is follows from the delays of the machine; in lockstep from the program alone.
+def test_turtles_follow_programs_in_real_time(runs: Runs) -> None:
+    assert_said(runs["turtles real"].result(), REAL["turtles"])
+
+
+@pytest.mark.timeout(420)
+def test_gazebos_names_work_in_real_time(runs: Runs) -> None:
+    run = runs["gazebo real"].result()
+    assert_said(run, REAL["gazebo"])
     said = [each.partition(" ")[0] for each in run.lines("arm_exercise")]
     assert [each for each in said if each in ("step", "swings")] == ["step", "swings"]
-    assert_said(resets, RESETS)
+    assert_said(runs["resets real"].result(), REAL["resets"])
 
 
 @pytest.mark.timeout(420)
-def test_gazebos_names_work_in_lockstep_twice(tmp_path: Path) -> None:
-    for fleet, said, seconds in (("gazebo", GAZEBO, "13"), ("resets", RESETS, "5")):
-        first = run_scripts(fleet, tmp_path / f"{fleet}1", "lockstep", "--duration", seconds)
-        assert_said(first, said)
-        second = run_scripts(fleet, tmp_path / f"{fleet}2", "lockstep", "--duration", seconds)
-        assert_said(second, said)
-        assert_same(first, second, list(said))
+def test_turtles_follow_programs_in_lockstep_twice(runs: Runs) -> None:
+    first = runs["turtles 1"].result()
+    assert_said(first, SAID["turtles"])
+    assert_same(first, runs["turtles 2"].result(), list(SAID["turtles"]))
+
+
+@pytest.mark.timeout(420)
+def test_gazebos_names_work_in_lockstep_twice(runs: Runs) -> None:
+    for fleet in ("gazebo", "resets"):
+        first, second = (runs[f"{fleet} {number}"].result() for number in (1, 2))
+        assert_said(first, SAID[fleet])
+        assert_said(second, SAID[fleet])
+        assert_same(first, second, list(SAID[fleet]))
         if (arm := first.report["robots"].get("arm")) is not None:
             assert arm == second.report["robots"]["arm"]
             assert arm["step_final_deg"] == pytest.approx(29.7, abs=0.2), "measured by the reference's topic"

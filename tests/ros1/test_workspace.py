@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import shutil
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from tests.harness.cases import case
 from tests.harness.command_line import CommandLine
-from tests.ros1.script_fleets import HERE, ScriptRun, assert_said, assert_same
+from tests.ros1.script_fleets import HERE, ScriptRun, assert_said, assert_same, interrupt_when_said, side_by_side
 
 SAID = {
     "west/monitor": ["rooms [('attic', 3), ('hall', 3), ('kitchen', 3)]", "took 0.005, tuple"],
@@ -39,11 +40,15 @@ def files(folder: Path) -> dict[str, int]:
 
 
 def launch(folder: Path, package: Path, mode: str) -> ScriptRun:
+    """In lockstep for some simulated seconds, in real time until all has been said."""
     folder.mkdir()
-    file = str(package / "launch/all.launch")
-    results = folder / "results"
-    ends = ("--mode", mode, "--duration", "8", "--report", str(results), "--no-view", "--no-picture", "--json")
-    ended = CommandLine(folder).run("roslaunch", *ends, file, "words:=a b c d e")
+    file, results, terminal = str(package / "launch/all.launch"), folder / "results", CommandLine(folder)
+    ends = ("--duration", "8") if mode == "lockstep" else ()
+    options = ("--mode", mode, *ends, "--report", str(results), "--no-view", "--no-picture", "--json")
+    started = terminal.start("roslaunch", *options, "--port", str(terminal.port), file, "words:=a b c d e")
+    if not ends:
+        interrupt_when_said(started, results / "logs", SAID)
+    ended = terminal.finish(started)
     assert ended.status == 0, ended.out[-2000:] + ended.err[-4000:]
     return ScriptRun(json.loads(ended.out), results / "logs")
 
@@ -56,12 +61,14 @@ def test_it_runs_as_it_lies_and_repeats(tmp_path: Path) -> None:
         each.chmod(0o555)
     before = files(workspace)
     package = workspace / "src/campus_nodes"
-    first = launch(tmp_path / "first", package, "lockstep")
+    modes = {"real": "real", "first": "lockstep", "second": "lockstep"}
+    with side_by_side({each: partial(launch, tmp_path / each, package, mode) for each, mode in modes.items()}) as runs:
+        first, second, real = runs["first"].result(), runs["second"].result(), runs["real"].result()
     asker = next(each for each in first.processes() if each.startswith("asker"))
     assert first.lines(asker)[-1] == "a b c d e -> 5"
     assert_said(first, SAID)
-    assert_same(first, launch(tmp_path / "second", package, "lockstep"), list(SAID))
-    assert_said(launch(tmp_path / "third", package, "real"), SAID)
+    assert_same(first, second, list(SAID))
+    assert_said(real, SAID)
     assert files(workspace) == before
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -12,31 +14,54 @@ import pytest
 
 from deploy.fleet_file import find_fleet
 from deploy.report.record import SCHEMA_FILE
+from tests.harness.cases import case
 from tests.harness.command_line import CommandLine, CommandResult
 
 BRIEF = (("at = 4\n", "at = 2.5\n"), ("at = 20.2 ", "at = 8 "), ("at = 22\n", "at = 9\n"))
 """What makes the fleets' exercise a brief one."""
 
 
-class Run:
-    """A fleet's run to its report."""
+LAWS = {"arm": ("default", 200), "arm_tutorial": ("tutorial", 50)}
+"""Of other fleets than the first: the law and the rate [Hz] that they get, by the fleet that they are made from."""
 
-    def __init__(self, terminal: CommandLine, fleet: str | Path, name: str) -> None:
-        self.results = terminal.folder / name
-        self.ended: CommandResult = terminal.run_fleet(fleet, self.results, "--json", picture=name == "first")
+
+class Run:
+    """A fleet's run to its report, in a folder of its own."""
+
+    def __init__(self, folder: Path, fleet: str | Path) -> None:
+        self.results = folder / "results"
+        terminal, picture = CommandLine(folder), folder.name == "first"
+        self.ended: CommandResult = terminal.run_fleet(fleet, self.results, "--json", picture=picture)
         assert self.ended.out, self.ended.err
         self.report: dict[str, Any] = json.loads(self.ended.out)
         self.arm: dict[str, Any] = self.report["robots"]["arm"]
 
 
 @pytest.fixture(scope="module")
-def terminal(tmp_path_factory: pytest.TempPathFactory) -> CommandLine:
-    return CommandLine(tmp_path_factory.mktemp("arm"))
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, Future[Run]]]:
+    """All side by side: each mostly waits while it starts and ends."""
+    folder = tmp_path_factory.mktemp("arm")
+    for name in ("first", *LAWS):
+        (folder / name).mkdir()
+    fleets = {"first": "arm", **{name: brief(folder / name / "brief.toml", name) for name in LAWS}}
+    with ThreadPoolExecutor(len(fleets)) as pool:
+        yield {name: pool.submit(Run, folder / name, fleet) for name, fleet in fleets.items()}
+
+
+def brief(path: Path, fleet: str) -> Path:
+    """A fleet with a brief exercise, and with its law and rate of LAWS."""
+    text, (law, rate) = find_fleet(fleet).read_text(), LAWS[fleet]
+    own = '{ kind = "arm", parameters = { law = "tutorial" } }' if law == "tutorial" else '{ kind = "arm" }'
+    for old, new in (*BRIEF, (own, f'{{ kind = "arm", parameters = {{ law = "{law}", rate = {rate} }} }}')):
+        assert old in text
+        text = text.replace(old, new)
+    path.write_text(text)
+    return path
 
 
 @pytest.fixture(scope="module")
-def first(terminal: CommandLine) -> Run:
-    return Run(terminal, "arm", "first")
+def first(runs: Mapping[str, Future[Run]]) -> Run:
+    return runs["first"].result()
 
 
 def holds(run: Run, end: float = 23) -> None:
@@ -66,22 +91,14 @@ def test_its_report_fits_the_schema_and_has_a_picture(first: Run) -> None:
     assert matplotlib.image.imread(first.results / "report.png").shape[1] >= 1200
 
 
-@pytest.mark.parametrize(("fleet", "rate"), [("arm", 200), ("arm_tutorial", 50)])
-def test_other_rates_and_the_tutorials_laws(terminal: CommandLine, first: Run, fleet: str, rate: int) -> None:
+def test_other_rates_and_the_tutorials_laws(runs: Mapping[str, Future[Run]], first: Run) -> None:
     """The tutorial's laws are no better than the default; tests/services/arm compares both at every rate."""
-    text = find_fleet(fleet).read_text()
-    own = '{ kind = "arm", parameters = { law = "tutorial" } }' if fleet == "arm_tutorial" else '{ kind = "arm" }'
-    law = fleet.removeprefix("arm_") if fleet != "arm" else "default"
-    assert own in text
-    assert all(old in text for old, _ in BRIEF)
-    for old, new in (*BRIEF, (own, f'{{ kind = "arm", parameters = {{ law = "{law}", rate = {rate} }} }}')):
-        text = text.replace(old, new)
-    path = terminal.folder / f"{fleet}_{rate}.toml"
-    path.write_text(text)
-    other = Run(terminal, path, path.stem)
-    holds(other, end=10)
-    assert other.arm["control_gap_s"] == pytest.approx(1 / rate)
-    if law == "tutorial":
-        assert first.arm["step_steady_error_deg"] <= other.arm["step_steady_error_deg"] + 0.001
-        assert first.arm["tracking_rms_deg"] <= other.arm["tracking_rms_deg"] + 0.002
-        assert first.arm["effort_rms_nm"] <= other.arm["effort_rms_nm"] + 0.1
+    for fleet, (law, rate) in LAWS.items():
+        with case(fleet):
+            other = runs[fleet].result()
+            holds(other, end=10)
+            assert other.arm["control_gap_s"] == pytest.approx(1 / rate)
+            if law == "tutorial":
+                assert first.arm["step_steady_error_deg"] <= other.arm["step_steady_error_deg"] + 0.001
+                assert first.arm["tracking_rms_deg"] <= other.arm["tracking_rms_deg"] + 0.002
+                assert first.arm["effort_rms_nm"] <= other.arm["effort_rms_nm"] + 0.1

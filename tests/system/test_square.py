@@ -6,7 +6,8 @@ import csv
 import json
 import math
 import signal
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from messages.topics import CMD_VEL, ODOM, STATUS
 from services.runtime.node import Node
 from services.square import LOG_FILE
 from services.square.csv_log import COLUMNS
+from tests.harness.cases import case
 from tests.harness.command_line import CommandLine, CommandResult
 from tests.harness.message_recorder import WITHIN_S, GroundTruthRecorder, MessageRecorder, distance, speed, time_of
 from tests.harness.processes import Network, Process
@@ -33,11 +35,13 @@ PATIENCE_S = 5.0
 
 
 class Run:
-    """A fleet's run to its report."""
+    """A fleet's run to its report, in a folder of its own."""
 
-    def __init__(self, terminal: CommandLine, fleet: str, name: str, *options: str) -> None:
-        self.results = terminal.folder / name
-        self.ended: CommandResult = terminal.run_fleet(fleet, self.results, "--json", *options, picture=name == "first")
+    def __init__(self, folder: Path, fleet: str, *options: str) -> None:
+        self.results = folder / "results"
+        folder.mkdir()
+        terminal, picture = CommandLine(folder), folder.name == "first"
+        self.ended: CommandResult = terminal.run_fleet(fleet, self.results, "--json", *options, picture=picture)
         assert self.ended.out, self.ended.err
         self.report: dict[str, Any] = json.loads(self.ended.out)
         self.robot: dict[str, Any] = self.report["robots"]["RosAria"]
@@ -49,18 +53,22 @@ class Run:
 
 
 @pytest.fixture(scope="module")
-def terminal(tmp_path_factory: pytest.TempPathFactory) -> CommandLine:
-    return CommandLine(tmp_path_factory.mktemp("square"))
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mapping[str, Future[Run]]]:
+    """All side by side: each mostly waits while it starts and ends."""
+    folder = tmp_path_factory.mktemp("square")
+    fleets = {"first": ("square",), "mujoco": ("square", "--engine", "mujoco"), "tutorial": ("square_tutorial",)}
+    with ThreadPoolExecutor(len(fleets)) as pool:
+        yield {name: pool.submit(Run, folder / name, *fleet) for name, fleet in fleets.items()}
 
 
 @pytest.fixture(scope="module")
-def square(terminal: CommandLine) -> Run:
-    return Run(terminal, "square", "first")
+def square(runs: Mapping[str, Future[Run]]) -> Run:
+    return runs["first"].result()
 
 
 @pytest.fixture(scope="module")
-def tutorial(terminal: CommandLine) -> Run:
-    return Run(terminal, "square_tutorial", "tutorial")
+def tutorial(runs: Mapping[str, Future[Run]]) -> Run:
+    return runs["tutorial"].result()
 
 
 def test_it_closes_on_ground_truth(square: Run) -> None:
@@ -79,8 +87,8 @@ def test_it_closes_on_ground_truth(square: Run) -> None:
     assert 3.9 < robot["path_length_m"] < 4.1
 
 
-def test_it_closes_in_mujoco_as_well(terminal: CommandLine) -> None:
-    run = Run(terminal, "square", "mujoco", "--engine", "mujoco")
+def test_it_closes_in_mujoco_as_well(runs: Mapping[str, Future[Run]]) -> None:
+    run = runs["mujoco"].result()
     assert run.report["run"]["engine"] == "mujoco"
     test_it_closes_on_ground_truth(run)
 
@@ -230,11 +238,12 @@ def test_without_odometry_from_the_start_it_waits(tmp_path: Path) -> None:
         assert square.status is None
 
 
-@pytest.mark.parametrize("log", ["missing/square.csv", "."])
-def test_a_log_that_cannot_be_written_is_told_before_anything_moves(tmp_path: Path, log: str) -> None:
+def test_a_log_that_cannot_be_written_is_told_before_anything_moves(tmp_path: Path) -> None:
     with Network(tmp_path) as network:
-        square = network.start("square", "--param", f"log={tmp_path / log}")
-        assert square.wait(20.0) == 2
-        assert f"the log {tmp_path / log}".removesuffix("/.") in square.text
-        assert "choose another path with the parameter log" in square.text
-        assert "Traceback" not in square.text
+        for log in ("missing/square.csv", "."):
+            with case(log):
+                square = network.start("square", "--param", f"log={tmp_path / log}")
+                assert square.wait(20.0) == 2
+                assert f"the log {tmp_path / log}".removesuffix("/.") in square.text
+                assert "choose another path with the parameter log" in square.text
+                assert "Traceback" not in square.text
