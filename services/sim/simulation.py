@@ -83,7 +83,7 @@ class Simulation:
         self._sensors = SensorSchedule(world)
         self._joint_states: dict[int, list[Robot]] = {}
         """The robots by the physics steps between two of their joint states."""
-        self._transforms: list[RobotTransforms] = []
+        self._transforms: dict[str, RobotTransforms] = {}
         self._steppers: list[Callable[[int], None]] = []
 
     @property
@@ -121,6 +121,7 @@ class Simulation:
         pose, notes = on_the_ground(entry.model, pose, ground), read_notes(entry.model)
         robot = Robot(self._node, self.world, entry, pose, self._seed, self._command_sources, self._delays, wait)
         self._robots[entry.name] = robot, pose
+        self._transforms[entry.name] = RobotTransforms(robot, self.world.body(entry.name).joints)
         robot.stop(self.stops.holders(entry.name))
         limited = ", ".join(
             f"{joint} {most:.3g}" for joint, most in self.world.body(entry.name).limited_damping.items()
@@ -138,6 +139,7 @@ class Simulation:
         self.find(name).close()
         self.wrenches.remove_body(name)
         del self._robots[name]
+        del self._transforms[name]
         self.stops.remove_robot(name)
         self._save_stops()
         self._regroup()
@@ -190,7 +192,7 @@ class Simulation:
             self._gazebo_states.publish(moment)
             if self._tf_publisher.has_subscribers:
                 moment.read_joints(self.world.names)
-                transforms = chain.from_iterable(each.encode(moment) for each in self._transforms)
+                transforms = chain.from_iterable(each.encode(moment) for each in self._transforms.values())
                 for payload in split_encoded(transforms):
                     self._tf_publisher.publish_encoded(payload)
 
@@ -288,7 +290,6 @@ class Simulation:
             steps = 1 if robot.motors.commanded else robot.publishers.joint_state_steps
             self._joint_states.setdefault(steps, []).append(robot)
         self._steppers = [each for robot in self.robots for each in robot.steppers]
-        self._transforms = [RobotTransforms(robot, self.world.body(robot.name).joints) for robot in self.robots]
         rates = [robot.publishers.joint_state_steps for robot in self.robots if not robot.model.has_base]
         rates += [1 for robot in self.robots if robot.motors.commanded]
         self.input_steps = min([CONTROL_STEPS, *rates]) if self._real_time else CONTROL_STEPS
