@@ -33,7 +33,7 @@ class BenchFleet:
 
     def __init__(self, name: str, folder: Path, port: int, *options: str) -> None:
         self._command = [sys.executable, "-P", "-m", "deploy", "up", name, "--report", str(folder), "--port", str(port)]
-        self._command += ["--no-view", "--no-saved", *options]
+        self._command += ["--no-view", "--no-picture", "--no-saved", *options]
         self.endpoint = router_endpoint(port)
         self.folder = folder
 

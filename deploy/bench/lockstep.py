@@ -28,6 +28,9 @@ from services.sim.engines import default_engine, open_world
 from services.sim.parameters import BaseParameters
 from services.sim.physics.world import Body, Motor
 
+FLEET = "lab"
+"""The name or the file of the fleet that is measured; it has a robot on wheels by the name of WATCHED_ROBOT."""
+
 
 class Span(NamedTuple):
     """The simulation time that is timed, s."""
@@ -53,9 +56,9 @@ class ActuatorSchedule(NamedTuple):
     efforts: dict[str, list[dict[str, float]]]
 
 
-def lab_robots() -> tuple[RobotConfig, ...]:
-    """The robots of ``lab``."""
-    return read_fleet(find_fleet("lab")).robot
+def fleet_robots() -> tuple[RobotConfig, ...]:
+    """The robots of the fleet."""
+    return read_fleet(find_fleet(FLEET)).robot
 
 
 def has_wheels(robot: RobotConfig) -> bool:
@@ -72,7 +75,7 @@ def wheel_motors(robot: RobotConfig) -> tuple[Motor, ...]:
 
 
 def drive_settings(robot: RobotConfig) -> DriveConfig:
-    """The drive of a robot of ``lab``."""
+    """The drive of a robot."""
     settings = robot_config(robot.model, build(BaseParameters, robot.parameters)).drive_config
     assert settings is not None
     return settings
@@ -86,7 +89,7 @@ def build_schedule(commands: dict[str, list[Any]], span: Span) -> ActuatorSchedu
     last = span.steps.stop
     steps: dict[int, list[tuple[str, tuple[float, float]]]] = {}
     efforts: dict[str, list[dict[str, float]]] = {}
-    for robot in lab_robots():
+    for robot in fleet_robots():
         series = commands[robot.name]
         if not has_wheels(robot):
             jobs = [{each.joint_name: each.effort} for each in series]
@@ -103,9 +106,9 @@ def build_schedule(commands: dict[str, list[Any]], span: Span) -> ActuatorSchedu
 
 def raw_factor(steps: ActuatorSchedule, span: Span, hold: Callable[[int], None] | None = None) -> float:
     """Simulated seconds per wall-clock second of the raw loop; ``hold`` is called with the number of each step."""
-    engine = read_fleet(find_fleet("lab")).run.engine or default_engine()
+    engine = read_fleet(find_fleet(FLEET)).run.engine or default_engine()
     with open_world(engine, read_world("empty"), STEP_NS) as world:
-        for robot in lab_robots():
+        for robot in fleet_robots():
             place = Pose3.planar(robot.pose.x, robot.pose.y, robot.pose.yaw)
             fixed = read_model(robot.model).fixed_base
             world.spawn(Body(robot.name, physics_urdf_path(robot.model), place, wheel_motors(robot), fixed))
@@ -127,7 +130,7 @@ SPAN = Span(2.0, 42.0)
 
 
 class RecordedRun(NamedTuple):
-    """The untimed data of a run of ``lab``: the commands by robot, the same in every run, and for each lockstep member
+    """The untimed data of a run: the commands by robot, the same in every run, and for each lockstep member
     the physics steps between two of its own.
     """
 
@@ -147,16 +150,16 @@ class TimedRun(NamedTuple):
 
 def record_run(port: int, span: Span) -> RecordedRun:
     """Watch a run up to the end of the span."""
-    with _lab(port, span) as fleet, watch_fleet(fleet) as watch:
-        wanted = {each.name: CMD_VEL if has_wheels(each) else JOINT_EFFORT for each in lab_robots()}
+    with _started_fleet(port, span) as fleet, watch_fleet(fleet) as watch:
+        wanted = {each.name: CMD_VEL if has_wheels(each) else JOINT_EFFORT for each in fleet_robots()}
         commands = watch.record_commands(wanted, span.end)
         found = (Entity.parse(key) for key in watch.node.transport.tokens(token_pattern("step")))
         return RecordedRun(commands, tuple(int(each.detail) // STEP_NS for each in found if each is not None))
 
 
 def time_run(port: int, span: Span) -> TimedRun:
-    """``lab`` with its logger, in lockstep."""
-    with _lab(port, span) as fleet, watch_fleet(fleet) as watch:
+    """The fleet, in lockstep."""
+    with _started_fleet(port, span) as fleet, watch_fleet(fleet) as watch:
         moved = watch.wait_for_motion()
         begun, first = watch.wait_until(span.begin), watch.now
         processes = fleet.services()
@@ -170,11 +173,11 @@ def time_run(port: int, span: Span) -> TimedRun:
 
 
 @contextmanager
-def _lab(port: int, span: Span) -> Iterator[BenchFleet]:
+def _started_fleet(port: int, span: Span) -> Iterator[BenchFleet]:
     duration = str(span.end + 2)
     with (
         tempfile.TemporaryDirectory() as folder,
-        BenchFleet("lab", Path(folder) / "run", port, "--duration", duration) as fleet,
+        BenchFleet(FLEET, Path(folder) / "run", port, "--duration", duration) as fleet,
     ):
         yield fleet
         fleet.finish()

@@ -27,10 +27,10 @@ from services.runtime.transport.unix_sockets import router_in
 TRIPS = 400
 """Round trips of a block."""
 TRIP_TIMEOUT_S = 30.0
-LAP_S = 20.0
-"""Simulation time of a run in lockstep."""
-BUSY_S = 4.0
-"""Wall time over which the loop that never waits is watched."""
+LAP_S, LAP_ROBOTS = 20.0, 4
+"""Simulation time of a run in lockstep, and its number of robots."""
+BUSY_FROM_S, BUSY_S = 2.0, 4.0
+"""Wall time after which the loop that never waits is watched, and over which."""
 START_LIMIT_S = 30.0
 
 LISTENER = """
@@ -118,19 +118,8 @@ seen = 0
 while not rospy.is_shutdown():
     seen += 1
 """
-_ROBOTS = "".join(
-    f'[[robot]]\nname = "tb3_{number}"\nmodel = "burger"\npose = {{ y = {2.0 * number} }}\n' for number in range(4)
-)
-_LAP = f"""
-name = "lap"
-[run]
-mode = "lockstep"
-ends = "duration"
-duration = {LAP_S:g}
-{_ROBOTS}[[every_robot]]
-"""
-OURS = f'{_LAP}kind = "waypoint"\nparameters = {{ goals = [[1, 0], [1, 0.3], [0, 0.3], [0, 0]], laps = 0 }}\n'
-THEIRS = f'{_LAP}kind = "waypoints.py"\n'
+OURS = 'kind = "waypoint"\nparameters = { goals = [[1, 0], [1, 0.3], [0, 0.3], [0, 0]], laps = 0 }\n'
+THEIRS = 'kind = "waypoints.py"\n'
 
 
 def measure_ros1(rounds: int, port: int, say: Callable[[str], None]) -> list[Figure]:
@@ -178,7 +167,7 @@ def _beside_a_fleet(rounds: int, folder: Path, port: int) -> list[Figure]:
                 starts.append(time.perf_counter() - begun)
                 memory.append(psutil.Process(process.pid).memory_info().rss / 2**20)
             with _script(folder / "busy.py", *connect, "--name", f"busy{number}") as process:
-                watch.wait_until(watch.now + 2.0)
+                watch.wait_until(watch.now + BUSY_FROM_S)
                 seen = psutil.Process(process.pid)
                 before, began = sum(seen.cpu_times()[:2]), time.perf_counter()
                 watch.wait_until(watch.now + BUSY_S)
@@ -275,7 +264,7 @@ def _lockstep(rounds: int, folder: Path, port: int) -> list[Figure]:
     (folder / "waypoints.py").write_text(WAYPOINTS)
     factors: dict[str, list[float]] = {"ours": [], "theirs": []}
     for name, text in (("ours", OURS), ("theirs", THEIRS)):
-        (folder / f"{name}.toml").write_text(text)
+        (folder / f"{name}.toml").write_text(_lap_fleet(text))
     for number in range(rounds):
         for name in sorted(factors, reverse=bool(number % 2)):
             results = folder / f"{name}{number}"
@@ -294,3 +283,19 @@ def _lockstep(rounds: int, folder: Path, port: int) -> list[Figure]:
         ),
         Figure("ros1_lockstep_factor", "x", "the same, simulated per wall-clock second", tuple(factors["theirs"])),
     ]
+
+
+def _lap_fleet(controller: str) -> str:
+    """The file of a fleet whose robots drive laps in lockstep, each by a controller."""
+    robots = "".join(
+        f'[[robot]]\nname = "tb3_{number}"\nmodel = "burger"\npose = {{ y = {2.0 * number} }}\n'
+        for number in range(LAP_ROBOTS)
+    )
+    return f"""
+name = "lap"
+[run]
+mode = "lockstep"
+ends = "duration"
+duration = {LAP_S:g}
+{robots}[[every_robot]]
+{controller}"""

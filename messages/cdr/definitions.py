@@ -150,6 +150,7 @@ def _standard() -> Catalogue:
     return Catalogue()
 
 
+@cache
 def fields_of(record: type[Message]) -> dict[str, kinds.Field]:
     """The fields of a record by their names on the wire."""
     info = kinds.type_info(record)

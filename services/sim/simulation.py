@@ -82,7 +82,7 @@ class Simulation:
         self._sensors = SensorSchedule(world)
         self._joint_states: dict[int, list[Robot]] = {}
         """The robots by the physics steps between two of their joint states."""
-        self._transforms = MovingTransforms((), world)
+        self._transforms = MovingTransforms()
         self._motion = MotionPublisher()
         self._steppers: list[Callable[[int], None]] = []
 
@@ -121,6 +121,7 @@ class Simulation:
         pose, notes = on_the_ground(entry.model, pose, ground), read_notes(entry.model)
         robot = Robot(self._node, self.world, entry, pose, self._seed, self._command_sources, self._delays, wait)
         self._robots[entry.name] = robot, pose
+        self._transforms.add(robot, self.world.body(entry.name).joints)
         robot.stop(self.stops.holders(entry.name))
         limited = ", ".join(
             f"{joint} {most:.3g}" for joint, most in self.world.body(entry.name).limited_damping.items()
@@ -138,6 +139,7 @@ class Simulation:
         self.find(name).close()
         self.wrenches.remove_body(name)
         del self._robots[name]
+        self._transforms.remove(name)
         self.stops.remove_robot(name)
         self._save_stops()
         self._regroup()
@@ -285,7 +287,6 @@ class Simulation:
             steps = 1 if robot.motors.commanded else robot.publishers.joint_state_steps
             self._joint_states.setdefault(steps, []).append(robot)
         self._steppers = [each for robot in self.robots for each in robot.steppers]
-        self._transforms = MovingTransforms(self.robots, self.world)
         rates = [robot.publishers.joint_state_steps for robot in self.robots if not robot.model.has_base]
         rates += [1 for robot in self.robots if robot.motors.commanded]
         self.input_steps = min([CONTROL_STEPS, *rates]) if self._real_time else CONTROL_STEPS

@@ -18,7 +18,6 @@ from messages.tf import EncodedTransform, TFMessage, transform_size
 from models.urdf import Joint, read_joints
 from services.sim.drive.odometry import OdometrySample
 from services.sim.moment import Moment
-from services.sim.physics.world import World
 from services.sim.robot import Robot
 from services.sim.robot_names import WORLD_FRAME
 from services.sim.template_groups import GroupEncoder
@@ -78,16 +77,24 @@ class _RobotFrames:
 class MovingTransforms:
     """Where the bases of all robots are in their odometry, and how their joints stand."""
 
-    def __init__(self, robots: Iterable[Robot], world: World) -> None:
-        self._frames = [_RobotFrames(robot, world.body(robot.name).joints) for robot in robots]
+    def __init__(self) -> None:
+        self._frames: dict[str, _RobotFrames] = {}
         self._bases, self._links = GroupEncoder(), GroupEncoder()
         self._jointed: list[_RobotFrames] = []
         self._joints = JointTransforms(())
 
+    def add(self, robot: Robot, joints: Sequence[str]) -> None:
+        """A robot has come, whose body has these joints."""
+        self._frames[robot.name] = _RobotFrames(robot, joints)
+
+    def remove(self, name: str) -> None:
+        """A robot has gone."""
+        del self._frames[name]
+
     def encode(self, moment: Moment) -> Iterator[EncodedTransform]:
         """The transforms as they are now; that of a base is as old as the odometry that was published last."""
         bases, links = self._encode_bases(), self._encode_joints(moment)
-        for each in self._frames:
+        for each in self._frames.values():
             if (base := bases.get(each)) is not None:
                 yield EncodedTransform(base, each.of_base.size)
             for link in each.of_joints if each.tells_joints else ():
@@ -95,7 +102,7 @@ class MovingTransforms:
 
     def _encode_bases(self) -> dict[_RobotFrames, bytes]:
         found: dict[bytes, list[tuple[_RobotFrames, OdometrySample]]] = {}
-        for each in self._frames:
+        for each in self._frames.values():
             if (odometry := each.odometry) is not None:
                 found.setdefault(odometry[0], []).append((each, odometry[1]))
         encoded: dict[_RobotFrames, bytes] = {}
@@ -106,7 +113,7 @@ class MovingTransforms:
         return encoded
 
     def _encode_joints(self, moment: Moment) -> Iterator[bytes]:
-        jointed = [each for each in self._frames if each.tells_joints]
+        jointed = [each for each in self._frames.values() if each.tells_joints]
         if jointed != self._jointed:
             self._jointed = jointed
             self._joints = JointTransforms([joint for each in jointed for joint in each.joints])

@@ -34,7 +34,7 @@ def test_two_people_run_the_same_fleet_at_once(tmp_path: Path) -> None:
     ports = []
     try:
         for each in (anna, ben):
-            started = each.run("up", "own.toml", "--detach", "--json", "--no-view")
+            started = each.run("up", "own.toml", "--detach", "--json", "--no-view", "--no-picture")
             assert started.status == 0, started.err
             assert json.loads(started.out)["folder"].startswith(str(each.folder / "elea/runs"))
             # Every verb finds the fleet of its user without being told.
@@ -49,7 +49,8 @@ def test_two_people_run_the_same_fleet_at_once(tmp_path: Path) -> None:
         assert f"TCP port {port} is held by another program; this fleet takes {ports[1]}" in log
 
         other = free_port()
-        second = ben.run("up", "bare", "--detach", "--no-view", "--no-saved", "--mode", "real", "--port", str(other))
+        bare = ("--detach", "--no-view", "--no-picture", "--no-saved", "--mode", "real", "--port", str(other))
+        second = ben.run("up", "bare", *bare)
         assert second.status == 0, second.err
         unclear = ben.run("node", "list")
         assert (unclear.status, "choose one of --fleet" in unclear.err) == (2, True)

@@ -1,5 +1,6 @@
 """Hypothesis strategies for every record, derived from its annotated field types, and the records as plain values."""
 
+from functools import cache
 from typing import Any
 
 import msgpack
@@ -19,6 +20,7 @@ DETERMINISTIC = settings(
 """The same examples in every run, however busy the machine is."""
 
 
+@cache
 def values(record: type[Message]) -> st.SearchStrategy[Any]:
     """All legal values of a record."""
     fields = {field.name: of_kind(field.type) for field in struct(record).fields}
@@ -27,6 +29,7 @@ def values(record: type[Message]) -> st.SearchStrategy[Any]:
     return st.builds(record, **fields)
 
 
+@cache
 def struct(record: type[Message]) -> kinds.StructType:
     """What msgspec read from the annotations of a record."""
     found = kinds.type_info(record)

@@ -134,7 +134,7 @@ def test_every_message_is_there_once(recorded: Recorded) -> None:
 def test_two_other_readers_find_the_same_in_every_type(recorded: Recorded) -> None:
     wanted = defaultdict(list)
     for entry, message in recorded.messages:
-        if message is not None:
+        if message is not None and len(wanted[entry.channel.topic]) < SAMPLES:
             namespace, _, name = entry.channel.topic.strip("/").rpartition("/")
             if name == ROBOT_DESCRIPTION.name and isinstance(message, String):
                 message = String(data=prefix_links(message.data, f"{namespace}/"))

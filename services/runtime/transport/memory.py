@@ -17,9 +17,13 @@ from services.runtime.transport.api import TICKER_S, TIMEOUT, RawSubscriber, Rep
 from services.runtime.transport.request_queue import Refusals, RequestQueue
 
 
-@lru_cache(1 << 14)
 def matches(pattern: str, key: str) -> bool:
     """Whether ``key`` matches an expression with ``*`` and ``**`` chunks, which match no chunk with a leading @."""
+    return pattern == key or ("*" in pattern and _matches_chunks(pattern, key))
+
+
+@lru_cache(1 << 14)
+def _matches_chunks(pattern: str, key: str) -> bool:
     return _match(pattern.split("/"), key.split("/"))
 
 

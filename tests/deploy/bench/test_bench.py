@@ -15,7 +15,7 @@ import pytest
 import deploy.bench
 from deploy.bench import fleet, lockstep, ros1, scale, wire
 from deploy.bench.figures import FIGURE_PROPERTY, Figure, ratios, read_figures
-from deploy.bench.lockstep import Span, build_schedule, lab_robots, raw_factor
+from deploy.bench.lockstep import Span, build_schedule, fleet_robots, raw_factor
 from messages.geometry import Twist
 from messages.joints import JointEffort
 from services.runtime.process import ROOT
@@ -28,6 +28,24 @@ ROS1 = {
     *("ros1_trip_ratio", "ros1_trip_us", "ros1_lockstep_ratio", "ros1_lockstep_factor"),
 }
 SCALE = ("ratio", "factor", "start_s", "memory_mib", "cpu_ms")
+FLEET = """
+name = "few"
+[run]
+mode = "lockstep"
+latency = 1
+[[robot]]
+name = "tb3_0"
+model = "burger"
+services = [{ kind = "waypoint", parameters = { goals = [[5, 0]] } }]
+[[robot]]
+name = "arm"
+model = "arm"
+pose = { x = -2.0 }
+services = [{ kind = "arm" }, { kind = "reference" }]
+[[service]]
+kind = "logger"
+"""
+"""One of each kind of what ``lab`` has that the figures are about."""
 MEASURED_BY_TESTS = ("help_cpu_s", "panel_cpu_percent", "page_drawings_per_s", "supervisor_cpu_percent")
 
 
@@ -48,7 +66,7 @@ def test_a_span_is_counted_in_steps() -> None:
 def test_the_raw_loop_sets_what_the_commands_come_to_and_calls_at_every_step() -> None:
     commands = {
         each.name: [JointEffort(joint_name="bear_link", effort=1.0)] if each.name == "arm" else [Twist.planar(0.1, 0.0)]
-        for each in lab_robots()
+        for each in fleet_robots()
     }
     steps = build_schedule(commands, SPAN)
     assert len(steps.efforts["arm"]) == SPAN.steps.stop
@@ -60,21 +78,26 @@ def test_the_raw_loop_sets_what_the_commands_come_to_and_calls_at_every_step() -
 
 
 @pytest.fixture
-def short_measurements(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Few messages, little simulation time."""
+def short_measurements(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Few messages and robots, little simulation time."""
+    few = tmp_path / "few.toml"
+    few.write_text(FLEET)
     monkeypatch.setattr(wire, "TRIPS", 50)
     monkeypatch.setattr(wire, "MESSAGES", 500)
     monkeypatch.setattr(wire, "TRIES", 2)
+    monkeypatch.setattr(lockstep, "FLEET", str(few))
     monkeypatch.setattr(lockstep, "SPAN", SPAN)
     monkeypatch.setattr(deploy.bench, "DEFAULT_SIZES", (2,))
     monkeypatch.setattr(scale, "ENGINES", ("mujoco",))
+    monkeypatch.setattr(scale, "FROM_S", 1.0)
     monkeypatch.setattr(scale, "LENGTH_S", 1.0)
     monkeypatch.setattr(fleet, "FROM_S", 1.0)
     monkeypatch.setattr(fleet, "TO_S", 2.0)
     monkeypatch.setattr(ros1, "TRIPS", 20)
+    monkeypatch.setattr(ros1, "BUSY_FROM_S", 0.2)
     monkeypatch.setattr(ros1, "BUSY_S", 0.5)
-    for name in ("OURS", "THEIRS"):
-        monkeypatch.setattr(ros1, name, getattr(ros1, name).replace("duration = 20", "duration = 2"))
+    monkeypatch.setattr(ros1, "LAP_S", 2.0)
+    monkeypatch.setattr(ros1, "LAP_ROBOTS", 1)
 
 
 class ForkedFleet(ForkedProcess):
