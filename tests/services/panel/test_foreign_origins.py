@@ -21,6 +21,7 @@ from services.panel.address import Address
 from tests.harness.cases import case
 from tests.harness.waiting import wait_until
 from tests.services.panel.conftest import ROBOTS, WITHIN_S, PanelFleet
+from tests.services.panel.page_actions import wait_page
 from tests.services.panel.page_client import page_client
 
 SPEAK = """async (address) => {
@@ -113,7 +114,7 @@ def test_a_page_cannot_be_put_into_a_frame_of_another(fleet: PanelFleet, page: P
         page.wait_for_timeout(20)
         return len(page.frames) == 2 and page.frames[1].url.startswith("chrome-error:")
 
-    wait_until(refused, WITHIN_S, "the browser shows its own page of an error")
+    wait_page(refused, WITHIN_S, "the browser shows its own page of an error")
 
 
 def test_without_its_token_the_page_says_what_opens_it(fleet: PanelFleet, browser: Browser) -> None:
@@ -182,7 +183,7 @@ class ClientCrowd:
 def refused(page: Page) -> None:
     """The page is told why it may not come in, tries again more and more seldom, and shows nothing."""
     expect(page.locator("#trouble")).to_have_text("too many pages are open")
-    wait_until(lambda: page.evaluate("window.elea.link.retry") > 1000, WITHIN_S, "it asks more and more seldom")
+    wait_page(lambda: page.evaluate("window.elea.link.retry") > 1000, WITHIN_S, "it asks more and more seldom")
     expect(page.locator("#trouble")).to_have_text("too many pages are open")
     assert page.locator("#clock").inner_text() == "–"
 
