@@ -9,11 +9,11 @@ from typing import TypeVar
 T = TypeVar("T")
 
 
-def wait_until(probe: Callable[[], T], within: float = 10.0, what: str = "") -> T:
-    """The first true value of ``probe``; fails after ``within`` [s]."""
+def wait_until(probe: Callable[[], T], within: float = 10.0, what: str = "", every: float = 0.005) -> T:
+    """The first true value of ``probe``, asked ``every`` so many seconds; fails after ``within`` [s]."""
     deadline = time.monotonic() + within
     while not (value := probe()):
         if time.monotonic() > deadline:
             raise AssertionError(f"not within {within} s: {what or probe}")
-        time.sleep(0.005)
+        time.sleep(every)
     return value

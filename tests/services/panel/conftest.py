@@ -6,9 +6,10 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Self
+from urllib.parse import urlsplit
 
 import pytest
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Error, Page, expect, sync_playwright
 
 from messages.elea import BaseStatus, FleetState, ProcessState
 from messages.geometry import Pose, PoseStamped
@@ -171,37 +172,93 @@ def fleet(tmp_path_factory: pytest.TempPathFactory) -> Iterator[PanelFleet]:
 @pytest.fixture(scope="package")
 def browser() -> Iterator[Browser]:
     expect.set_options(timeout=WITHIN_S * 1000)
+    # Without a graphics card, a process for it only hands on what is drawn.
+    flags = ["--no-sandbox", "--disable-gpu", "--in-process-gpu"]
     with sync_playwright() as play:
-        opened = play.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+        opened = play.chromium.launch(executable_path="/usr/bin/chromium", args=flags)
         yield opened
         opened.close()
 
 
 class PageOpener:
-    """Opens pages of the panel, each in a browser of its own as far as cookies go, and watches for their errors."""
+    """Opens pages at an address, each in a browser of its own as far as cookies go, and watches for their errors.
 
-    def __init__(self, browser: Browser, fleet: PanelFleet) -> None:
-        self._browser, self._fleet = browser, fleet
+    The first is that of the test before, made as new: to load the panel again takes a quarter of the processor time
+    that another browser takes. With ``own`` it is another, for a test that leaves it closed, busy or with keys down.
+    """
+
+    def __init__(self, browser: Browser, url: str, kept: list[Page]) -> None:
+        self._browser, self._url, self._kept = browser, url, kept
+        self._first: Page | None = None
+        self._contexts: list[BrowserContext] = []
         self.errors: list[str] = []
 
-    def open(self, view: str, width: int = 1440, height: int = 900) -> Page:
-        page = self._browser.new_context(viewport={"width": width, "height": height}).new_page()
-        page.set_default_timeout(WITHIN_S * 1000)
-        page.on("pageerror", lambda error: self.errors.append(str(error)))
-        page.on("console", lambda line: self.errors.append(line.text) if line.type == "error" else None)
-        page.goto(self._fleet.address.url)
+    def open(self, view: str, width: int = 1440, height: int = 900, own: bool = False) -> Page:
+        """The panel's page at one of its tabs, connected."""
+        page = self.load(width, height, own)
         page.click(f"#tab-{view}")
         expect(page.locator("#clock")).to_contain_text(":")
         return page
 
+    def load(self, width: int = 1440, height: int = 900, own: bool = False) -> Page:
+        """The panel's page as it is first seen."""
+        if own or self._first:
+            self._contexts.append(self._browser.new_context())
+            page = self._contexts[-1].new_page()
+        else:
+            page = self._first = self._kept.pop() if self._kept else self._browser.new_context().new_page()
+        page.set_viewport_size({"width": width, "height": height})
+        page.set_default_timeout(WITHIN_S * 1000)
+        page.on("pageerror", self._note_error)
+        page.on("console", self._note_line)
+        page.goto(self._url)
+        return page
+
+    def close(self) -> None:
+        """Close all but the page that is kept, which leaves the panel and forgets what it knows of it."""
+        for context in self._contexts:
+            context.close()
+        if (page := self._first) is None:
+            return
+        page.remove_listener("pageerror", self._note_error)
+        page.remove_listener("console", self._note_line)
+        parts = urlsplit(self._url)
+        page.goto(f"{parts.scheme}://{parts.netloc}/static/favicon.svg")  # at another origin its process would end
+        page.evaluate("localStorage.clear()")
+        page.context.clear_cookies()
+        self._kept.append(page)
+
+    def _note_error(self, error: Error) -> None:
+        self.errors.append(str(error))
+
+    def _note_line(self, line: ConsoleMessage) -> None:
+        self.errors += [line.text] if line.type == "error" else []
+
+
+@pytest.fixture(scope="package")
+def kept_pages(browser: Browser) -> Iterator[list[Page]]:
+    """The page that a PageOpener keeps for the next, if there is one."""
+    kept = list[Page]()
+    yield kept
+    for page in kept:
+        page.context.close()
+
+
+@contextmanager
+def page_opener(browser: Browser, url: str, kept: list[Page]) -> Iterator[PageOpener]:
+    """Pages that are closed at the end, none of which may have reported an error."""
+    made = PageOpener(browser, url, kept)
+    try:
+        yield made
+    finally:
+        made.close()
+    assert made.errors == []
+
 
 @pytest.fixture
-def pages(browser: Browser, fleet: PanelFleet) -> Iterator[PageOpener]:
-    made = PageOpener(browser, fleet)
-    yield made
-    for context in browser.contexts:
-        context.close()
-    assert made.errors == []
+def pages(browser: Browser, fleet: PanelFleet, kept_pages: list[Page]) -> Iterator[PageOpener]:
+    with page_opener(browser, fleet.address.url, kept_pages) as made:
+        yield made
 
 
 @pytest.fixture

@@ -2,7 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeVar
+
 from playwright.sync_api import Locator, Page
+
+from tests.harness.waiting import wait_until
+
+T = TypeVar("T")
+ASK_S = 0.05
+"""Wall time between two questions to a page: each takes it and the browser milliseconds of processor time."""
+
+
+def wait_page(probe: Callable[[], T], within: float, what: str) -> T:
+    """The first true value of ``probe``, which asks a page; fails after ``within`` [s]."""
+    return wait_until(probe, within, what, ASK_S)
 
 
 def legend_value(page: Page, line: str) -> float | None:

@@ -32,6 +32,11 @@ class ServerHarness:
     def __init__(self, board: PageRegistry, port: int) -> None:
         self.board, self.port = board, port
 
+    @property
+    def url(self) -> str:
+        """The address that opens its page."""
+        return f"http://127.0.0.1:{self.port}/?token={TOKEN}"
+
     def get(self, path: str, method: str = "GET", **headers: str) -> HttpResponse:
         """Ask for a path as it is written: no client tidies it up."""
         link = HTTPConnection("127.0.0.1", self.port, timeout=WITHIN_S)

@@ -13,7 +13,7 @@ from messages.topics import JOINT_ANGLE
 from services.arm import ArmParameters
 from tests.harness.waiting import wait_until
 from tests.services.panel.conftest import WITHIN_S, PageOpener, PanelFleet
-from tests.services.panel.page_actions import exported_csv, legend_value, parameter_selector, set_slider
+from tests.services.panel.page_actions import exported_csv, legend_value, parameter_selector, set_slider, wait_page
 
 SET, REFERENCE = "/robot_control", 30.0
 ARM = ArmParameters()
@@ -68,7 +68,7 @@ def test_a_slider_changes_the_gain_and_the_plot_shows_it(pages: PageOpener) -> N
     page.fill("input[placeholder='Filter parameters']", "ss_Kp")
     expect(box).to_have_value("37.5")
     assert left(37.5) == pytest.approx(0.374, abs=0.0005), "14.02 N m / 37.5 N m/deg"
-    wait_until(lambda: stands(page, 0.374), WITHIN_S, "the plot holds the error that the usual gain leaves")
+    wait_page(lambda: stands(page, 0.374), WITHIN_S, "the plot holds the error that the usual gain leaves")
 
     unit, pane = (page.locator(each).bounding_box() for each in (f"{gain} .unit", ".pane.parameters"))
     assert unit is not None
@@ -78,19 +78,19 @@ def test_a_slider_changes_the_gain_and_the_plot_shows_it(pages: PageOpener) -> N
     set_slider(page, gain, 0.276)  # the slider is finer at its low end: 1000 N m/deg times the cube of its place
     expect(box).to_have_value("21")
     expect(page.locator(f"{gain} .origin")).to_have_text("run")
-    wait_until(lambda: stands(page, left(21.0)), WITHIN_S, "the plot holds the error that the new gain leaves")
+    wait_page(lambda: stands(page, left(21.0)), WITHIN_S, "the plot holds the error that the new gain leaves")
     assert left(21.0) == pytest.approx(14.02 / 21.0, rel=0.01)
 
     box.fill("1200")
     box.press("Enter")
     expect(page.locator(f"{gain} .reason")).to_contain_text(re.compile(r"ss_Kp.*1200.*0.*1000"))
     expect(box).to_have_value("21")
-    wait_until(lambda: stands(page, left(21.0)), WITHIN_S, "what was refused has moved nothing for good")
+    wait_page(lambda: stands(page, left(21.0)), WITHIN_S, "what was refused has moved nothing for good")
 
     page.click(f"{gain} button[title='Return to the value of the fleet file or the default']")
     expect(box).to_have_value("37.5")
     expect(page.locator(f"{gain} .reason")).to_be_hidden()
-    wait_until(lambda: stands(page, left(37.5)), WITHIN_S, "it is as it was")
+    wait_page(lambda: stands(page, left(37.5)), WITHIN_S, "it is as it was")
 
 
 def test_an_arm_is_stopped_and_reset_as_a_robot_that_drives(fleet: PanelFleet, pages: PageOpener) -> None:

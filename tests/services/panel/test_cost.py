@@ -92,7 +92,7 @@ def test_ten_minutes_of_samples_grow_the_page_by_less_than_20_mb(fleet: PanelFle
           for (let batch = 0; batch < 15000; batch++) {
             for (let id = 1; id <= 8; id++) {
               const t = from + batch * 0.04;
-              window.elea.link.emit("samples", { id, times: [t, t + 0.02], values: [Math.sin(t), Math.cos(t)] });
+              window.elea.link.emit("samples", { id, times: [t, t + 0.02], values: [Math.sin(t), Math.sin(t + 0.02)] });
             }
             if (batch % 500 === 0) await new Promise(requestAnimationFrame);
           }

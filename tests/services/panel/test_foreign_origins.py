@@ -18,8 +18,10 @@ from websockets.sync.client import ClientConnection
 from messages.topics import E_STOP
 from services.panel import PanelParameters
 from services.panel.address import Address
+from tests.harness.cases import case
 from tests.harness.waiting import wait_until
 from tests.services.panel.conftest import ROBOTS, WITHIN_S, PanelFleet
+from tests.services.panel.page_actions import wait_page
 from tests.services.panel.page_client import page_client
 
 SPEAK = """async (address) => {
@@ -61,7 +63,7 @@ def elsewhere() -> Iterator[int]:
         thread.join()
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def context(browser: Browser, fleet: PanelFleet) -> Iterator[BrowserContext]:
     """A browser that has the panel's cookie."""
     with browser.new_context() as made:
@@ -71,6 +73,16 @@ def context(browser: Browser, fleet: PanelFleet) -> Iterator[BrowserContext]:
         expect(page.locator("#clock")).to_contain_text(":")
         page.close()
         yield made
+
+
+@pytest.fixture
+def page(context: BrowserContext) -> Iterator[Page]:
+    """A page of that browser; the cookie is there, whatever the tests before have made of it."""
+    cookies = context.cookies()
+    with context.new_page() as made:
+        yield made
+    context.clear_cookies()
+    context.add_cookies(cookies)  # type: ignore[arg-type]
 
 
 def nobody_is_stopped(fleet: PanelFleet) -> None:
@@ -83,22 +95,17 @@ def nobody_is_stopped(fleet: PanelFleet) -> None:
     assert not any(fleet.base[robot].e_stopped for robot in ROBOTS)
 
 
-@pytest.mark.parametrize("host", ["127.0.0.1", "localhost"])
-def test_a_page_of_another_origin_changes_and_reads_nothing(
-    fleet: PanelFleet, context: BrowserContext, elsewhere: int, host: str
-) -> None:
-    page = context.new_page()
-    page.goto(f"http://{host}:{elsewhere}/")
-    said, read, blind = page.evaluate(SPEAK, f"ws://127.0.0.1:{fleet.address.port}/socket")
-    assert (said, read) == ("refused", "unreadable")
-    assert blind in ("opaque", "blocked")
-    nobody_is_stopped(fleet)
+def test_a_page_of_another_origin_changes_and_reads_nothing(fleet: PanelFleet, page: Page, elsewhere: int) -> None:
+    for host in ("127.0.0.1", "localhost"):
+        with case(host):
+            page.goto(f"http://{host}:{elsewhere}/")
+            said, read, blind = page.evaluate(SPEAK, f"ws://127.0.0.1:{fleet.address.port}/socket")
+            assert (said, read) == ("refused", "unreadable")
+            assert blind in ("opaque", "blocked")
+            nobody_is_stopped(fleet)
 
 
-def test_a_page_cannot_be_put_into_a_frame_of_another(
-    fleet: PanelFleet, context: BrowserContext, elsewhere: int
-) -> None:
-    page = context.new_page()
+def test_a_page_cannot_be_put_into_a_frame_of_another(fleet: PanelFleet, page: Page, elsewhere: int) -> None:
     page.goto(f"http://127.0.0.1:{elsewhere}/")
     page.evaluate("(url) => { document.body.innerHTML = `<iframe src='${url}'></iframe>`; }", fleet.address.url)
     page.wait_for_selector("iframe")
@@ -107,7 +114,7 @@ def test_a_page_cannot_be_put_into_a_frame_of_another(
         page.wait_for_timeout(20)
         return len(page.frames) == 2 and page.frames[1].url.startswith("chrome-error:")
 
-    wait_until(refused, WITHIN_S, "the browser shows its own page of an error")
+    wait_page(refused, WITHIN_S, "the browser shows its own page of an error")
 
 
 def test_without_its_token_the_page_says_what_opens_it(fleet: PanelFleet, browser: Browser) -> None:
@@ -121,8 +128,9 @@ def test_without_its_token_the_page_says_what_opens_it(fleet: PanelFleet, browse
         assert context.cookies() == []
 
 
-def test_a_token_that_no_longer_counts_changes_nothing_and_says_so(fleet: PanelFleet, context: BrowserContext) -> None:
-    page = context.new_page()
+def test_a_token_that_no_longer_counts_changes_nothing_and_says_so(
+    fleet: PanelFleet, context: BrowserContext, page: Page
+) -> None:
     page.goto(f"http://127.0.0.1:{fleet.address.port}/")
     expect(page.locator("#clock")).to_contain_text(":")
     [cookie] = context.cookies()
@@ -175,16 +183,14 @@ class ClientCrowd:
 def refused(page: Page) -> None:
     """The page is told why it may not come in, tries again more and more seldom, and shows nothing."""
     expect(page.locator("#trouble")).to_have_text("too many pages are open")
-    wait_until(lambda: page.evaluate("window.elea.link.retry") > 1000, WITHIN_S, "it asks more and more seldom")
+    wait_page(lambda: page.evaluate("window.elea.link.retry") > 1000, WITHIN_S, "it asks more and more seldom")
     expect(page.locator("#trouble")).to_have_text("too many pages are open")
     assert page.locator("#clock").inner_text() == "–"
 
 
-def test_a_page_too_many_is_told_so_waits_and_comes_in_when_there_is_room(
-    fleet: PanelFleet, context: BrowserContext
-) -> None:
+def test_a_page_too_many_is_told_so_waits_and_comes_in_when_there_is_room(fleet: PanelFleet, page: Page) -> None:
     with ExitStack() as stack:
-        crowd, page = ClientCrowd(stack, fleet.address), context.new_page()
+        crowd = ClientCrowd(stack, fleet.address)
         for last in (False, False, True):
             crowd.fill()
             page.goto(fleet.address.url)

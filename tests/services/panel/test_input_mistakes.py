@@ -13,6 +13,7 @@ from messages.topics import GOAL_POSE, ODOM
 from tests.harness.cases import case
 from tests.harness.waiting import wait_until
 from tests.services.panel.conftest import WITHIN_S, PageOpener, PanelFleet
+from tests.services.panel.page_actions import wait_page
 
 
 @pytest.fixture(autouse=True)
@@ -22,7 +23,7 @@ def anew(fleet: PanelFleet) -> None:
 
 def on_map(page: Page, x: float, y: float) -> tuple[float, float]:
     """Where a point of the world lies on the screen."""
-    wait_until(lambda: page.evaluate("window.elea.map.fitted"), WITHIN_S, "a map")
+    wait_page(lambda: page.evaluate("window.elea.map.fitted"), WITHIN_S, "a map")
     at = page.evaluate("([x, y]) => window.elea.map.camera.toScreen(x, y)", [x, y])
     box = page.locator("canvas.map").bounding_box()
     assert box is not None
@@ -32,7 +33,7 @@ def on_map(page: Page, x: float, y: float) -> tuple[float, float]:
 @pytest.mark.parametrize("slip", ["Shift", "menu", "Meta"])
 def test_a_key_that_slips_leaves_no_robot_driving(fleet: PanelFleet, pages: PageOpener, slip: str) -> None:
     """A comma goes down and a semicolon comes up; a menu or a system key swallows the end of another."""
-    page = pages.open("robots")
+    page = pages.open("robots", own=slip == "menu")
     page.click("[data-robot='/tb3_2']")
     page.keyboard.down(",")
     fleet.wait(lambda: fleet.speed("/tb3_2") < -0.05, what="tb3_2 goes back")
@@ -42,6 +43,8 @@ def test_a_key_that_slips_leaves_no_robot_driving(fleet: PanelFleet, pages: Page
         page.keyboard.down(slip)
         page.keyboard.up(",") if slip == "Shift" else page.keyboard.up(slip)
     fleet.wait(lambda: fleet.is_standing("/tb3_2"), 3.5, "tb3_2 stands")
+    for key in (slip, ",") if slip != "menu" else ():
+        page.keyboard.up(key)
 
 
 def test_the_first_button_alone_sends_a_goal_and_a_drag_says_its_heading(fleet: PanelFleet, pages: PageOpener) -> None:
@@ -106,7 +109,7 @@ def test_a_button_beside_figures_that_change_stays_the_same_button(fleet: PanelF
     sent = page.locator(".fact:has-text('sent')")
     expect(sent).to_have_text(re.compile(r"sent\d+"))
     held, before = button.element_handle(), sent.inner_text()
-    wait_until(lambda: sent.inner_text() != before, WITHIN_S, "other figures")
+    wait_page(lambda: sent.inner_text() != before, WITHIN_S, "other figures")
     assert held is not None
     assert held.evaluate("(each) => each.isConnected")
     button.click()
@@ -159,7 +162,7 @@ def test_what_stops_robots_is_whole_on_every_screen_also_when_they_are_stopped(p
 
 def test_the_first_look_is_at_everything(pages: PageOpener) -> None:
     page = pages.open("robots", 390, 844)
-    wait_until(lambda: page.evaluate("window.elea.map.fitted"), WITHIN_S, "a map")
+    wait_page(lambda: page.evaluate("window.elea.map.fitted"), WITHIN_S, "a map")
     shown = page.evaluate(
         """() => { const { camera, robots, poses } = window.elea.map; return robots.map(({ ns }) => {
           const [x, y] = camera.toScreen(...poses[ns]);
@@ -169,7 +172,7 @@ def test_the_first_look_is_at_everything(pages: PageOpener) -> None:
     scale = page.evaluate("window.elea.map.camera.scale")
     page.locator("canvas.map").hover()
     page.mouse.wheel(0, -200)
-    wait_until(lambda: page.evaluate("window.elea.map.camera.scale") > scale, WITHIN_S, "nearer")
+    wait_page(lambda: page.evaluate("window.elea.map.camera.scale") > scale, WITHIN_S, "nearer")
     near = page.evaluate("window.elea.map.camera.scale")
     page.evaluate("window.elea.map.setRobots(window.elea.map.robots)")
     assert page.evaluate("window.elea.map.camera.scale") == near, "what a hand has moved stays"

@@ -8,7 +8,8 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from deploy.bench.figures import Figure
-from tests.services.panel.server_harness import TOKEN, ServerHarness
+from tests.services.panel.conftest import page_opener
+from tests.services.panel.server_harness import ServerHarness
 
 ROBOTS = 100
 
@@ -50,17 +51,12 @@ DRAW = """() => {
 
 
 @pytest.fixture
-def page(browser: Browser, server: ServerHarness) -> Iterator[Page]:
+def page(browser: Browser, server: ServerHarness, kept_pages: list[Page]) -> Iterator[Page]:
     """The page of a server without a fleet."""
-    context = browser.new_context(viewport={"width": 1440, "height": 900})
-    errors: list[str] = []
-    opened = context.new_page()
-    opened.on("pageerror", lambda error: errors.append(str(error)))
-    opened.goto(f"http://127.0.0.1:{server.port}/?token={TOKEN}")
-    opened.wait_for_function("window.elea?.map")
-    yield opened
-    context.close()
-    assert errors == []
+    with page_opener(browser, server.url, kept_pages) as pages:
+        opened = pages.load()
+        opened.wait_for_function("window.elea?.map")
+        yield opened
 
 
 def test_what_a_drawing_takes_is_bounded_and_names_do_not_overlap(page: Page) -> None:

@@ -7,8 +7,8 @@ import json
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.harness.waiting import wait_until
 from tests.services.panel.conftest import WITHIN_S, PageOpener, PanelFleet
+from tests.services.panel.page_actions import wait_page
 
 pytestmark = pytest.mark.usefixtures("anew")
 
@@ -39,14 +39,14 @@ def emit(page: Page, kind: str, message: object) -> None:
 def test_the_world_of_the_fleet_is_on_the_map_and_its_cart_moves(fleet: PanelFleet, pages: PageOpener) -> None:
     page = pages.open("robots")
     bodies = "window.elea.map.world.bodies?.map(({ name, kind, colour }) => [name, kind, colour])"
-    wait_until(
+    wait_page(
         lambda: page.evaluate(bodies) == [["crate", "fixed", "#cc331aff"], ["cart", "moving", "#999999ff"]],
         WITHIN_S,
         "the bodies of the world",
     )
     cart = "window.elea.map.world.moving.get('cart').outlines[0][0]"
     before = page.evaluate(cart)
-    wait_until(lambda: abs(page.evaluate(cart) - before) > 0.3, WITHIN_S, "the cart has moved")
+    wait_page(lambda: abs(page.evaluate(cart) - before) > 0.3, WITHIN_S, "the cart has moved")
     page.click("button:has-text('Fit')")
     crate = pixel(page, 0.2, 5.3)
     assert crate[0] > crate[2] + 50
@@ -54,7 +54,7 @@ def test_the_world_of_the_fleet_is_on_the_map_and_its_cart_moves(fleet: PanelFle
 
 def test_bodies_are_drawn_in_their_colours_and_what_moves_moves(fleet: PanelFleet, pages: PageOpener) -> None:
     page = pages.open("robots")
-    wait_until(
+    wait_page(
         lambda: page.evaluate("Object.keys(window.elea.map.poses).length === 3"), WITHIN_S, "the robots are there"
     )
     ground = pixel(page, 2.37, 0.63)
@@ -67,7 +67,7 @@ def test_bodies_are_drawn_in_their_colours_and_what_moves_moves(fleet: PanelFlee
     page.evaluate(copies)
     assert pixel(page, 2.37, 0.63) == ground, "what stands is copied from a drawing made once for this view"
     page.evaluate("() => { window.elea.map.camera.pan(1, 0); }")
-    wait_until(lambda: pixel(page, 2.37, 0.63) == red, WITHIN_S, "another view is drawn")
+    wait_page(lambda: pixel(page, 2.37, 0.63) == red, WITHIN_S, "another view is drawn")
     page.evaluate(
         "() => { const { camera } = window.elea.map; camera.zoom(0.9, camera.width / 2, camera.height / 2); }"
     )
@@ -77,7 +77,7 @@ def test_bodies_are_drawn_in_their_colours_and_what_moves_moves(fleet: PanelFlee
     assert pixel(page, -2.37, 0.63) == ground
     assert pixel(page, -2.37, 1.37) == blue
     page.click("#theme")
-    wait_until(lambda: pixel(page, 2.37, 0.63) != red, WITHIN_S, "the theme shines through")
+    wait_page(lambda: pixel(page, 2.37, 0.63) != red, WITHIN_S, "the theme shines through")
     near = "window.elea.map.world.cornersNear([[0, 0]], 2.5).length"
     assert page.evaluate(near) == 8, "a small world is shown whole"
     tower = {"name": "tower", "kind": "fixed", "colour": "#ff0000ff", "outlines": [[90, 0, 91, 0, 91, 1]]}
@@ -89,22 +89,22 @@ def test_the_laser_of_the_chosen_robot_is_shown_while_it_is_wanted(fleet: PanelF
     """The others stand 1 m and 2 m beside it."""
     page = pages.open("robots")
     scan = "window.elea.map.world.scan"
-    wait_until(lambda: page.evaluate(f"{scan}?.ns") == "/tb3_0", WITHIN_S, "what the first robot sees")
+    wait_page(lambda: page.evaluate(f"{scan}?.ns") == "/tb3_0", WITHIN_S, "what the first robot sees")
     points: list[float] = page.evaluate(f"{scan}.points")
     assert len(points) >= 20
     assert all(abs(abs(y) - 1) < 0.25 and abs(x) < 0.25 for x, y in zip(points[::2], points[1::2], strict=True))
     page.click("[data-robot='/tb3_2'] .pick")
-    wait_until(lambda: page.evaluate(f"{scan}?.ns") == "/tb3_2", WITHIN_S, "what the third sees")
+    wait_page(lambda: page.evaluate(f"{scan}?.ns") == "/tb3_2", WITHIN_S, "what the third sees")
     page.click("#laser")
     expect(page.locator("#laser")).to_have_attribute("aria-pressed", "false")
     assert page.evaluate(scan) is None
     page.click("#laser")
-    wait_until(lambda: page.evaluate(f"{scan}?.ns") == "/tb3_2", WITHIN_S, "and again")
+    wait_page(lambda: page.evaluate(f"{scan}?.ns") == "/tb3_2", WITHIN_S, "and again")
 
 
 def test_what_programs_draw_is_on_the_map(fleet: PanelFleet, pages: PageOpener) -> None:
     page = pages.open("robots")
-    wait_until(
+    wait_page(
         lambda: page.evaluate("Object.keys(window.elea.map.poses).length === 3"), WITHIN_S, "the robots are there"
     )
     page.click("button:has-text('Fit')")

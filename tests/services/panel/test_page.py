@@ -10,9 +10,8 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.harness.processes import Process
-from tests.harness.waiting import wait_until
 from tests.services.panel.conftest import WITHIN_S, PageOpener, PanelFleet
-from tests.services.panel.page_actions import exported_csv, legend_value, parameter_selector, set_slider
+from tests.services.panel.page_actions import exported_csv, legend_value, parameter_selector, set_slider, wait_page
 
 pytestmark = pytest.mark.usefixtures("anew")
 
@@ -26,9 +25,9 @@ def test_a_slider_changes_the_speed_and_the_plot_shows_it_on_both_pages(fleet: P
         expect(each.locator(f"{speed} input[type=number]")).to_have_value("0.22")
     with fleet.driving("/tb3_0"):
         fleet.wait(lambda: fleet.speed("/tb3_0") > 0.21, what="tb3_0 at its top speed")
-        wait_until(lambda: (legend_value(page, line) or 0) > 0.21, WITHIN_S, "the plot shows it")
+        wait_page(lambda: (legend_value(page, line) or 0) > 0.21, WITHIN_S, "the plot shows it")
         set_slider(page, speed, 0.1)
-        wait_until(
+        wait_page(
             lambda: abs((legend_value(page, line) or 0) - 0.1) < 0.005, WITHIN_S, "the plot shows the slower drive"
         )
     expect(other.locator(f"{speed} input[type=number]")).to_have_value("0.1")
@@ -80,7 +79,7 @@ def test_a_field_is_chosen_held_and_saved(fleet: PanelFleet, pages: PageOpener) 
     plot = page.locator(".plot").last
     expect(plot.locator(".chip")).to_have_count(2)
     expect(plot.locator(".chip .value").first).to_have_text(re.compile("^(1|0.99999|1.0000)"))
-    wait_until(lambda: plot.locator("canvas").count() == 1, WITHIN_S, "it is drawn")
+    wait_page(lambda: plot.locator("canvas").count() == 1, WITHIN_S, "it is drawn")
     fleet.poll()
     began = fleet.truth["/tb3_1"].header.stamp.ns
     fleet.wait(lambda: fleet.truth["/tb3_1"].header.stamp.ns > began + 2_000_000_000, what="two seconds of samples")
@@ -121,7 +120,7 @@ def test_rates_and_details_of_a_topic(fleet: PanelFleet, pages: PageOpener) -> N
         before = f"{lost} lost · " if lost else ""
         return re.fullmatch(f"{before}2[3-7] Hz", topic.locator("text.num").text_content() or "") is not None
 
-    wait_until(agrees, WITHIN_S, "25 Hz, and what was lost")
+    wait_page(agrees, WITHIN_S, "25 Hz, and what was lost")
     expect(page.locator(".details")).to_contain_text("nav_msgs/Odometry")
     expect(page.locator(".details")).to_contain_text("25 promised")
     expect(page.locator(".details")).to_contain_text("/tb3_0/waypoint")

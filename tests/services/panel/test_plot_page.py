@@ -9,9 +9,8 @@ import pytest
 from playwright.sync_api import Locator, Page, expect
 
 from tests.harness.processes import Process
-from tests.harness.waiting import wait_until
 from tests.services.panel.conftest import WITHIN_S, PageOpener, PanelFleet
-from tests.services.panel.page_actions import exported_csv
+from tests.services.panel.page_actions import exported_csv, wait_page
 
 SHOWN = "() => [...document.querySelectorAll('.plot')].map(each => each.querySelectorAll('.chip').length)"
 
@@ -58,18 +57,18 @@ def test_a_drag_zooms_the_wheel_widens_and_a_double_click_returns(fleet: PanelFl
     page.select_option("#plots-window", "5")
     plot = page.locator(".plot").first
     over = plot.locator(".u-over")
-    wait_until(
+    wait_page(
         lambda: (lambda t: t[1] - t[0] > 6)(times(page, plot)), 2 * WITHIN_S, "more samples than the window shows"
     )
-    wait_until(lambda: dragged(page, over), 2 * WITHIN_S, "a drag over a layout that stands")
+    wait_page(lambda: dragged(page, over), 2 * WITHIN_S, "a drag over a layout that stands")
     first, last = times(page, plot)
     assert 2.0 < last - first <= 2.51, "half of the five seconds"
     over.hover()
     page.mouse.wheel(0, 100)
-    wait_until(lambda: (lambda t: t[1] - t[0] > last - first + 0.2)(times(page, plot)), WITHIN_S, "a wider view")
+    wait_page(lambda: (lambda t: t[1] - t[0] > last - first + 0.2)(times(page, plot)), WITHIN_S, "a wider view")
     over.dblclick()
     expect(page.locator("button:has-text('Follow')")).to_be_disabled()
-    wait_until(lambda: (lambda t: t[1] > last + 2 and t[1] - t[0] > 6)(times(page, plot)), WITHIN_S, "it follows again")
+    wait_page(lambda: (lambda t: t[1] > last + 2 and t[1] - t[0] > 6)(times(page, plot)), WITHIN_S, "it follows again")
 
 
 def test_plots_come_back_but_not_those_of_another_fleet(fleet: PanelFleet, pages: PageOpener) -> None:
@@ -78,10 +77,10 @@ def test_plots_come_back_but_not_those_of_another_fleet(fleet: PanelFleet, pages
     remember = "plots => localStorage.setItem('elea.plots', plots)"
     page.evaluate(remember, json.dumps([[["/tb3_1/odom", "pose.pose.position.y"]], [["/gone", "data"]]]))
     page.reload()
-    wait_until(lambda: page.evaluate(SHOWN) == [1, 1], WITHIN_S, "the plots of last time")
+    wait_page(lambda: page.evaluate(SHOWN) == [1, 1], WITHIN_S, "the plots of last time")
     page.evaluate(remember, json.dumps([[["/robot_control/reference", "data"]]]))
     page.reload()
-    wait_until(lambda: page.evaluate(SHOWN) == [3, 3], WITHIN_S, "those that fit this fleet")
+    wait_page(lambda: page.evaluate(SHOWN) == [3, 3], WITHIN_S, "those that fit this fleet")
 
 
 SCRIPT = """#!/usr/bin/env python
@@ -138,7 +137,7 @@ def test_numbers_that_only_a_script_has_a_type_for_are_drawn(
             page.click(f"button.leaf:has(span:text-is('{field}'))")
         plot = page.locator(".plot").last
         expect(plot.locator(".chip")).to_have_count(len(fields))
-        wait_until(lambda: plot.evaluate(DRAWN) > 20, WITHIN_S, "a curve, which takes many rows of the picture")
+        wait_page(lambda: plot.evaluate(DRAWN) > 20, WITHIN_S, "a curve, which takes many rows of the picture")
         header, *rows = exported_csv(page, plot)
     assert header == ",".join(["time [s]", *(f"/probe/reading {field}" for field in fields)])
     found = [[float(cell) for cell in row.split(",")[1:]] for row in rows if "" not in row.split(",")]

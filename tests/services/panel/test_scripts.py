@@ -9,17 +9,15 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page
 
-from tests.services.panel.conftest import PageOpener, PanelFleet
+from tests.services.panel.conftest import page_opener
+from tests.services.panel.server_harness import ServerHarness
 
 
 @pytest.fixture(scope="module")
-def page(browser: Browser, fleet: PanelFleet) -> Iterator[Page]:
+def page(browser: Browser, server: ServerHarness, kept_pages: list[Page]) -> Iterator[Page]:
     """One for all tests: none of them changes what it shows for good."""
-    pages = PageOpener(browser, fleet)
-    opened = pages.open("log")
-    yield opened
-    opened.context.close()
-    assert pages.errors == []
+    with page_opener(browser, server.url, kept_pages) as pages:
+        yield pages.load()
 
 
 def test_a_history_is_bounded_and_rises(page: Page) -> None:

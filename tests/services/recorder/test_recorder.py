@@ -22,6 +22,7 @@ from services.recorder.bag_recorder import PublishTimes, receive_time
 from services.recorder.subscriptions import TopicFilter
 from services.runtime.errors import BadInput
 from services.runtime.node import Node
+from tests.harness.cases import case
 from tests.harness.command_line import CommandLine
 from tests.harness.processes import Network, Process
 from tests.harness.waiting import wait_until
@@ -58,6 +59,15 @@ duration = 30
 name = "r"
 model = "burger"
 services = [{ kind = "waypoint", parameters = { goals = [[1.5, 0.0]] } }]
+"""
+FLEET_OF_MODE = """
+name = "f"
+[run]
+mode = "{mode}"
+ends = "never"
+[[robot]]
+name = "r"
+model = "burger"
 """
 
 
@@ -190,21 +200,26 @@ def test_a_run_whose_bag_is_not_whole_says_so(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "run" / "report.json").read_text())["ok"] is True
 
 
-@pytest.mark.parametrize("mode", ["real", "lockstep"])
-def test_a_recording_begins_with_the_run(tmp_path: Path, mode: str) -> None:
-    terminal = CommandLine(tmp_path)
-    fleet = tmp_path / "fleet.toml"
-    fleet.write_text(f'name = "f"\n[run]\nmode = "{mode}"\nends = "never"\n[[robot]]\nname = "r"\nmodel = "burger"\n')
-    ended = terminal.run_fleet(fleet, tmp_path / "run", "--record", "--duration", "2")
-    assert ended.status == 0, ended.err
-    found, typed, first = read(tmp_path / "run" / "bag"), MessageDecoder(), {}
-    for each in found:
-        first.setdefault(each.channel.topic, (each.sequence, each.publish_time))
-    for topic in ("/clock", "/tf", "/r/odom", "/r/ground_truth", "/r/joint_states", "/r/scan"):
-        assert first[topic] == (1, 0), topic
-    assert first["/r/imu"] == (1, 10_000_000), "one step is needed for a specific force"
-    clock = next(typed.decode(each) for each in found if each.channel.topic == "/clock")
-    assert clock == Clock()
+def test_a_recording_begins_with_the_run(tmp_path: Path) -> None:
+    begun = {}
+    for mode in ("real", "lockstep"):
+        (folder := tmp_path / mode).mkdir()
+        fleet = folder / "fleet.toml"
+        fleet.write_text(FLEET_OF_MODE.format(mode=mode))
+        line = CommandLine(folder)
+        begun[mode] = line, line.start_fleet(fleet, folder / "run", "--record", "--duration", "2")
+    for mode, (line, process) in begun.items():
+        with case(mode):
+            ended = line.finish(process)
+            assert ended.status == 0, ended.err
+            found, typed, first = read(tmp_path / mode / "run" / "bag"), MessageDecoder(), {}
+            for each in found:
+                first.setdefault(each.channel.topic, (each.sequence, each.publish_time))
+            for topic in ("/clock", "/tf", "/r/odom", "/r/ground_truth", "/r/joint_states", "/r/scan"):
+                assert first[topic] == (1, 0), topic
+            assert first["/r/imu"] == (1, 10_000_000), "one step is needed for a specific force"
+            clock = next(typed.decode(each) for each in found if each.channel.topic == "/clock")
+            assert clock == Clock()
 
 
 def test_which_topics_are_recorded() -> None:

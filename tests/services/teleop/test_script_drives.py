@@ -104,21 +104,22 @@ WAY: tuple[str, dict[str, object]] = ("waypoint", {"goals": [[5, 0]]})
 BACK: tuple[str, dict[str, object]] = ("teleop", {"keys": ",@3-5", "speed": 0.2, "give_way": 0.5})
 
 
-def test_it_wins_over_a_controller_and_gives_way_when_it_falls_silent(tmp_path: Path) -> None:
-    found = driven(tmp_path, "burger", 8.0, WAY, BACK)
-    speeds = found.speeds
+@pytest.fixture(scope="module")
+def interrupted(tmp_path_factory: pytest.TempPathFactory) -> Driven:
+    """A robot that a script drives back on its way."""
+    return driven(tmp_path_factory.mktemp("interrupted"), "burger", 8.0, WAY, BACK)
+
+
+def test_it_wins_over_a_controller_and_gives_way_when_it_falls_silent(interrupted: Driven) -> None:
+    speeds = interrupted.speeds
     assert all(v > 0.2 for now, v in speeds.items() if 1.5 < now < 3.0)
     assert all(v == pytest.approx(-0.2, abs=0.01) for now, v in speeds.items() if 3.6 < now < 4.9)
     assert all(abs(v) < 0.005 for now, v in speeds.items() if 5.4 < now < 5.7)
     assert all(v > 0.15 for now, v in speeds.items() if 6.8 < now < 8.0)
-    obeyed = [each.source for each in found.states if each.source]
+    obeyed = [each.source for each in interrupted.states if each.source]
     changes = [source for index, source in enumerate(obeyed) if index == 0 or source != obeyed[index - 1]]
     assert changes == ["/r/waypoint", "/r/teleop", "/r/waypoint"]
 
 
-def test_a_script_repeats_bit_for_bit(tmp_path: Path) -> None:
-    runs = []
-    for name in ("one", "two"):
-        (tmp_path / name).mkdir()
-        runs.append(driven(tmp_path / name, "burger", 7.0, WAY, BACK))
-    assert runs[0] == runs[1]
+def test_a_script_repeats_bit_for_bit(interrupted: Driven, tmp_path: Path) -> None:
+    assert driven(tmp_path, "burger", 8.0, WAY, BACK) == interrupted
